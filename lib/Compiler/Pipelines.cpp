@@ -11,6 +11,7 @@
 #include "Pipelines.h"
 
 #include "Transforms/Autodiff/Derivation.h"
+#include "Transforms/WrongRewrites.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpDialect.h"
@@ -48,12 +49,10 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
 /// pass made without a configuration, every change has all that is around the
 /// operation looked at again, and long kernels take ten times as long. Regions
 /// are single blocks, so nothing of them is left to be simplified.
-///
-/// LLVM 22 moves a branch that ends the condition of a loop into its body, and
-/// gets it wrong where the condition hands on one result of it twice.
 static std::unique_ptr<Pass>
-createQuickCanonicalizer(SmallVector<std::string> disabledPatterns = {}) {
-  disabledPatterns.push_back("(anonymous namespace)::WhileMoveIfDown");
+createQuickCanonicalizer(ArrayRef<std::string> others = {}) {
+  SmallVector<std::string> disabledPatterns = warp::wrongRewrites();
+  llvm::append_range(disabledPatterns, others);
   return createCanonicalizerPass(
       GreedyRewriteConfig()
           .setUseTopDownTraversal(false)

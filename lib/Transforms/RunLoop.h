@@ -16,6 +16,8 @@
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
+#include "llvm/ADT/Sequence.h"
+
 #include <optional>
 
 namespace warp {
@@ -33,6 +35,12 @@ struct RunLoop {
     return loop.getYieldOp()->getOperand(sources[argument]);
   }
   mlir::Value argument(unsigned i) { return loop.getAfterArguments()[i]; }
+  /// The arguments that an iteration changes, the place among them.
+  llvm::SmallVector<unsigned> changed() {
+    auto all = llvm::seq<unsigned>(0, sources.size());
+    return llvm::to_vector(llvm::make_filter_range(
+        all, [&](unsigned i) { return next(i) != argument(i); }));
+  }
 };
 
 std::optional<RunLoop> findRuns(mlir::scf::WhileOp loop);

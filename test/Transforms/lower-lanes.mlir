@@ -149,3 +149,35 @@ llvm.func @turns(%m: vector<4xi1>, %at: vector<4xi32>, %block: !llvm.ptr)
   %sum = arith.addi %own, %swapped : vector<4xi32>
   llvm.return %sum : vector<4xi32>
 }
+
+// -----
+
+// A branch before the end of a loop's condition, one result of which is handed
+// on twice, stays there: see WrongRewrites.h.
+// CHECK-LABEL: llvm.func @steps
+// CHECK: %[[NEXT:.*]] = scf.if
+// CHECK: scf.condition(%{{.*}}) %[[NEXT]]
+// CHECK: ^bb0(%[[FIRST:.*]]: i32, %{{.*}}: i32):
+// CHECK-NEXT: scf.yield %[[FIRST]]
+llvm.func @steps(%limit: vector<4xi32>, %out: !llvm.ptr) attributes {warp.entry} {
+  %zero = arith.constant 0 : i32
+  %two = arith.constant 2 : i32
+  %other = arith.constant 20 : i32
+  %end:3 = scf.while (%at = %zero) : (i32) -> (i32, i32, i32) {
+    %all = warp.broadcast %at : i32 -> vector<4xi32>
+    %less = arith.cmpi slt, %all, %limit : vector<4xi32>
+    %goes = warp.any %less : vector<4xi1>
+    %next = scf.if %goes -> (i32) {
+      %sum = arith.addi %at, %two : i32
+      scf.yield %sum : i32
+    } else {
+      scf.yield %other : i32
+    }
+    scf.condition(%goes) %next, %next, %at : i32, i32, i32
+  } do {
+  ^bb0(%first: i32, %second: i32, %old: i32):
+    scf.yield %second : i32
+  }
+  llvm.store %end#2, %out : i32, !llvm.ptr
+  llvm.return
+}

@@ -14,6 +14,7 @@
 #include "KernelFunction.h"
 #include "Spread.h"
 #include "Updates/Atomics.h"
+#include "WrongRewrites.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -319,7 +320,8 @@ struct LowerLanes : warp::impl::LowerLanesBase<LowerLanes> {
     for (RegisteredOperationName op : context->getRegisteredOperations())
       if (llvm::is_contained({"arith", "scf"}, op.getDialectNamespace()))
         op.getCanonicalizationPatterns(found, context);
-    patterns = std::make_shared<FrozenRewritePatternSet>(std::move(found));
+    patterns = std::make_shared<FrozenRewritePatternSet>(std::move(found),
+                                                         warp::wrongRewrites());
     return success();
   }
 

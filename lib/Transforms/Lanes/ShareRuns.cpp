@@ -53,14 +53,12 @@ static void share(RunLoop &run) {
   Block *body = run.loop.getAfterBody();
   auto yield = cast<scf::YieldOp>(body->getTerminator());
   // What the runs change; the rest stays in the outer loop.
-  SmallVector<unsigned> changed;
+  SmallVector<unsigned> changed = run.changed();
   SmallVector<Value> inits, next;
-  for (unsigned i = 0; i < body->getNumArguments(); ++i)
-    if (run.next(i) != run.argument(i)) {
-      changed.push_back(i);
-      inits.push_back(run.argument(i));
-      next.push_back(run.next(i));
-    }
+  for (unsigned i : changed) {
+    inits.push_back(run.argument(i));
+    next.push_back(run.next(i));
+  }
   OpBuilder b(body, body->begin());
   Type type = run.argument(run.place).getType();
   inits.push_back(

@@ -77,18 +77,16 @@ scf::ForOp EntryBuilder::findSplitLoop() {
       continue;
     }
     // A loop may hand on arrays, too.
-    if (!llvm::all_of(loop.getResultTypes(),
-                      [](Type type) { return type.isIntOrFloat(); }))
+    auto isWide = [](Type type) {
+      return type.isIntOrFloat() && type.getIntOrFloatBitWidth() % 32 == 0;
+    };
+    if (!llvm::all_of(loop.getResultTypes(), isWide))
       return {};
     int64_t bytes = 0;
     for (Type type : loop.getResultTypes())
       bytes += parts * warp::warpSize * type.getIntOrFloatBitWidth() / 8;
-    auto isWide = [](Type type) {
-      return type.getIntOrFloatBitWidth() % 32 == 0;
-    };
     warp::ThreadVariance variance(kernel);
     bool fits = loop.getNumResults() > 0 && bytes <= mostBytes &&
-                llvm::all_of(loop.getResultTypes(), isWide) &&
                 !loop.getUnsignedCmp() && !isShort(loop) &&
                 matchPattern(loop.getStep(), m_One()) &&
                 isa<IntegerType>(loop.getInductionVar().getType()) &&

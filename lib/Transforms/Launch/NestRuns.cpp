@@ -29,14 +29,13 @@ static void nest(RunLoop &run) {
   Block *body = run.loop.getAfterBody();
   auto yield = cast<scf::YieldOp>(body->getTerminator());
   // What a run changes but its place.
-  SmallVector<unsigned> changed;
+  SmallVector<unsigned> changed = run.changed();
+  llvm::erase(changed, run.place);
   SmallVector<Value> inits, next;
-  for (unsigned i = 0; i < body->getNumArguments(); ++i)
-    if (i != run.place && run.next(i) != run.argument(i)) {
-      changed.push_back(i);
-      inits.push_back(run.argument(i));
-      next.push_back(run.next(i));
-    }
+  for (unsigned i : changed) {
+    inits.push_back(run.argument(i));
+    next.push_back(run.next(i));
+  }
   Value place = run.argument(run.place), end = run.argument(run.end);
   OpBuilder b(body, body->begin());
   Value one =

@@ -1,0 +1,26 @@
+//===- WrongRewrites.h - Rewrites of LLVM that are not used -----*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_TRANSFORMS_WRONGREWRITES_H
+#define WARP_LIB_TRANSFORMS_WRONGREWRITES_H
+
+#include "llvm/ADT/SmallVector.h"
+
+#include <string>
+
+namespace warp {
+
+/// Names of canonicalizations that give wrong code, for whoever runs those of
+/// other dialects. LLVM 22 moves a branch that ends the condition of a loop into
+/// its body, and gets it wrong where the condition hands on one result of it
+/// twice.
+inline llvm::SmallVector<std::string> wrongRewrites() {
+  return {"(anonymous namespace)::WhileMoveIfDown"};
+}
+
+} // namespace warp
+
+#endif // WARP_LIB_TRANSFORMS_WRONGREWRITES_H
