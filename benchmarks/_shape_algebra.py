@@ -158,3 +158,68 @@ def network(data):
         data.real((n, 8), vec8),
     ]
     return Case(network_kernel, n, arrays, [data.out(n, vec8)], n)
+
+
+@differentiable
+def factor_kernel(a: wp.array(dtype=mat66), b: wp.array(dtype=vec6), out: wp.array(dtype=vec6)):
+    i = wp.tid()
+    m = a[i]
+    rhs = b[i]
+    low = mat66()
+    for r in range(6):
+        for c in range(r + 1):
+            s = m[r, c]
+            for k in range(c):
+                s -= low[r, k] * low[c, k]
+            if r == c:
+                low[r, c] = wp.sqrt(s)
+            else:
+                low[r, c] = s / low[c, c]
+    y = vec6()
+    for r in range(6):
+        s = rhs[r]
+        for k in range(r):
+            s -= low[r, k] * y[k]
+        y[r] = s / low[r, r]
+    x = vec6()
+    for q in range(6):
+        r = 5 - q
+        s = y[r]
+        for k in range(r + 1, 6):
+            s -= low[k, r] * x[k]
+        x[r] = s / low[r, r]
+    out[i] = x
+
+
+@case
+def factor(data):
+    """Cholesky's factors and a solve of six unknowns, written as loops over a matrix."""
+    n = data.size(4096, 1 << 18)
+    h = data.random.standard_normal((n, 6, 6))
+    a = (h @ h.transpose(0, 2, 1) / 6.0 + np.eye(6)).astype(np.float32)
+    arrays = [data.given(a, mat66, True), data.real((n, 6), vec6)]
+    return Case(factor_kernel, n, arrays, [data.out(n, vec6)], n, "system")
+
+
+@differentiable
+def polar_part_kernel(
+    f: wp.array(dtype=wp.mat33), r: wp.array(dtype=wp.mat33), e: wp.array(dtype=float)
+):
+    i = wp.tid()
+    a = f[i]
+    q = a
+    for _ in range(6):
+        q = (q + wp.transpose(wp.inverse(q))) * 0.5
+    s = wp.transpose(q) * a
+    r[i] = q
+    d = s - wp.identity(n=3, dtype=float)
+    e[i] = wp.ddot(d, d) + 0.5 * wp.trace(d) * wp.trace(d)
+
+
+@case
+def polar_part(data):
+    """Rotations of deformations by Newton's iteration, and corotated energies."""
+    n = data.size(8192, 1 << 18)
+    f = np.eye(3) + data.random.uniform(-0.2, 0.2, (n, 3, 3))
+    arrays = [data.given(f.astype(np.float32), wp.mat33, True)]
+    return Case(polar_part_kernel, n, arrays, [data.out(n, wp.mat33), data.out(n)], n, "matrix")

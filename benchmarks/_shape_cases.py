@@ -7,6 +7,7 @@ request a case is compiled, and what it computes is written to the folder: outpu
 then gradients of one adjoint launch with random seeds. Gradients are also held against the outputs
 themselves: `slope_error` is how far the squared length of the gradient, relatively, is from the
 central difference along it of the outputs times their seeds. Each request measures times.
+An adjoint launch consumes the seeds, so they are copied before each; the copies are subtracted.
 """
 
 import argparse
@@ -23,13 +24,21 @@ import _shape_bytes  # noqa: F401
 import _shape_chains  # noqa: F401
 import _shape_fields  # noqa: F401
 import _shape_images  # noqa: F401
+import _shape_light  # noqa: F401
 import _shape_locals  # noqa: F401
 import _shape_loops  # noqa: F401
 import _shape_maps  # noqa: F401
+import _shape_networks  # noqa: F401
 import _shape_numbers  # noqa: F401
 import _shape_points  # noqa: F401
+import _shape_queries  # noqa: F401
 import _shape_samples  # noqa: F401
+import _shape_signal  # noqa: F401
+import _shape_solids  # noqa: F401
+import _shape_structs  # noqa: F401
 import _shape_sums  # noqa: F401
+import _shape_text  # noqa: F401
+import _shape_tiles  # noqa: F401
 import warp as wp
 from _shape_data import CASES, Data
 
@@ -55,7 +64,7 @@ def seeds_of(one):
 def slope_error(one, seeds, device):
     """Relative difference of the gradient's squared length and a central difference along it."""
     given = [a for a in one.inputs if getattr(a, "requires_grad", False)]
-    values = [a.numpy() for a in given]
+    values = [a.numpy().copy() for a in given]
     if not one.smooth or any(value.dtype not in STEPS for value in values):
         return None
     slopes = [a.grad.numpy().astype(np.float64) for a in given]
@@ -106,8 +115,11 @@ class Worker:
         arrays = {f"output {k}": flat(out.numpy()) for k, out in enumerate(one.outputs)}
         if one.differentiable:
             seeds = seeds_of(one)
-            for out, seed in zip(one.outputs, seeds, strict=True):
-                out.grad.assign(seed)
+            one.seeds = [
+                wp.array(seed, dtype=out.dtype, device=self.device)
+                for out, seed in zip(one.outputs, seeds, strict=True)
+            ]
+            one.seed_adjoints()
             result["adjoint_first"] = self.first(one.launch_adjoint)
             for k, given in enumerate(one.inputs):
                 if getattr(given, "requires_grad", False):
@@ -137,7 +149,8 @@ class Worker:
             one = self.made[name]
             result |= {"items": one.items, "unit": one.unit, "forward": self.fastest(one.launch)}
             if one.differentiable:
-                result["adjoint"] = self.fastest(one.launch_adjoint)
+                seeding = self.fastest(lambda device: one.seed_adjoints())
+                result["adjoint"] = self.fastest(one.launch_seeded) - seeding
         except Exception as error:  # whatever a package raises is its result
             result = {"error": f"{type(error).__name__}: {error}"[:400]}
         return {"case": name} | result

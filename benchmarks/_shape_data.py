@@ -24,6 +24,9 @@ class Case:
         outputs: arrays that the kernel writes, which are compared.
         items: how many of `unit` one launch handles.
         smooth: whether outputs are smooth enough for central differences.
+        block: threads of a block, for kernels of tiles; the others leave the choice to the package.
+        keep: what the arguments refer to by a number, such as a mesh.
+        seeds: adjoints of the outputs before an adjoint launch.
     """
 
     kernel: object
@@ -33,25 +36,32 @@ class Case:
     items: int
     unit: str = "thread"
     smooth: bool = True
+    block: int = 0
+    keep: object = None
+    seeds: tuple = ()
 
     @property
     def differentiable(self):
         return any(one.requires_grad for one in self.inputs if isinstance(one, wp.array))
 
-    def launch(self, device):
-        wp.launch(self.kernel, self.dim, self.inputs, self.outputs, device=device)
+    def launch(self, device, **options):
+        options |= {"dim": self.dim, "inputs": self.inputs, "outputs": self.outputs}
+        if self.block:
+            wp.launch_tiled(self.kernel, block_dim=self.block, device=device, **options)
+        else:
+            wp.launch(self.kernel, device=device, **options)
 
     def launch_adjoint(self, device):
-        wp.launch(
-            self.kernel,
-            self.dim,
-            self.inputs,
-            self.outputs,
-            adj_inputs=[gradient(one) for one in self.inputs],
-            adj_outputs=[gradient(one) for one in self.outputs],
-            adjoint=True,
-            device=device,
-        )
+        adjoints = [[gradient(one) for one in some] for some in (self.inputs, self.outputs)]
+        self.launch(device, adj_inputs=adjoints[0], adj_outputs=adjoints[1], adjoint=True)
+
+    def seed_adjoints(self):
+        for out, seed in zip(self.outputs, self.seeds, strict=True):
+            wp.copy(out.grad, seed)
+
+    def launch_seeded(self, device):
+        self.seed_adjoints()
+        self.launch_adjoint(device)
 
 
 def gradient(one):

@@ -181,3 +181,53 @@ def ell(data):
     column[data.random.random((m, n)) < 0.2] = -1
     arrays = [data.real((m, n)), data.given(column.astype(np.int32), int), data.real(n)]
     return Case(ell_kernel, n, arrays, [data.out(n)], n * m, "entry")
+
+
+@forward_only
+def congruence_kernel(
+    seeds: wp.array(dtype=wp.uint64), steps: int, out: wp.array(dtype=wp.float64)
+):
+    i = wp.tid()
+    s = seeds[i]
+    total = wp.float64(0.0)
+    for _k in range(steps):
+        s = s * wp.uint64(6364136223846793005) + wp.uint64(1442695040888963407)
+        x = (s >> wp.uint64(18)) ^ s
+        total += wp.float64(x >> wp.uint64(11)) * wp.float64(1.1102230246251565e-16)
+    out[i] = total / wp.float64(steps)
+
+
+@case
+def congruence(data):
+    """Random numbers of 64 bits by a linear recurrence."""
+    n = data.size(1 << 14, 1 << 20)
+    seeds = data.given(data.random.integers(1, 1 << 62, n).astype(np.uint64), wp.uint64)
+    return Case(
+        congruence_kernel, n, [seeds, 32], [data.out(n, wp.float64, False)], n * 32, "number"
+    )
+
+
+@forward_only
+def modular_kernel(
+    base: wp.array(dtype=wp.int64), power: int, modulus: wp.int64, out: wp.array(dtype=wp.int64)
+):
+    i = wp.tid()
+    b = base[i] % modulus
+    r = wp.int64(1)
+    e = power
+    while e > 0:
+        if e % 2 == 1:
+            r = (r * b) % modulus
+        b = (b * b) % modulus
+        e = e // 2
+    out[i] = r
+
+
+@case
+def modular(data):
+    """Powers of whole numbers by a modulus, with 64 bits."""
+    n = data.size(1 << 14, 1 << 21)
+    base = data.integers(n, 0, 1 << 30, wp.int64)
+    return Case(
+        modular_kernel, n, [base, 65537, 1000000007], [data.out(n, wp.int64, False)], n, "power"
+    )

@@ -21,56 +21,12 @@ function(warp_add_objects name)
   if(arg_LLVM)
     target_link_libraries(${name} PUBLIC warp_llvm)
     add_dependencies(${name} WarpDialectHeaders)
-    warp_use_precompiled(${name})
+    warp_precompile_operations()
+    warp_use_precompiled(${name} Operations)
   endif()
   if(arg_DEPENDS)
     add_dependencies(${name} ${arg_DEPENDS})
   endif()
-endfunction()
-
-# warp_use_precompiled(TARGET): sources of TARGET begin with lib/Upstream.h,
-# compiled once: parsing MLIR's headers is three quarters of the time that a
-# source takes. Paths are relative to the build folder, where Ninja runs, and
-# ccache goes by the checksum beside the file, so that clones share objects.
-# A source with COMPILE_OPTIONS of its own goes without.
-function(warp_use_precompiled target)
-  if(NOT WARP_PRECOMPILE)
-    return()
-  endif()
-  set(header "${PROJECT_SOURCE_DIR}/lib/Upstream.h")
-  set(precompiled "${PROJECT_BINARY_DIR}/lib/Upstream.pch")
-  if(NOT TARGET WarpUpstream)
-    string(TOUPPER "${CMAKE_BUILD_TYPE}" type)
-    separate_arguments(flags UNIX_COMMAND
-      "${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_${type}}")
-    list(APPEND flags ${warp_llvm_definitions} -std=c++20 -fPIC
-      -fvisibility=hidden -fvisibility-inlines-hidden)
-    foreach(folder IN LISTS LLVM_INCLUDE_DIRS MLIR_INCLUDE_DIRS)
-      list(APPEND flags -isystem "${folder}")
-    endforeach()
-    add_custom_command(OUTPUT "${precompiled}"
-      COMMAND "${CMAKE_CXX_COMPILER}" ${flags} -Xclang -fno-pch-timestamp
-        -fpch-instantiate-templates -x c++-header "${header}"
-        -o "${precompiled}"
-      DEPENDS "${header}" COMMENT "Precompiling MLIR's headers" VERBATIM)
-    file(SHA256 "${header}" sum)
-    string(SHA256 sum "${sum} ${flags} ${LLVM_PACKAGE_VERSION}")
-    file(WRITE "${precompiled}.sum" "${sum}")
-    set_property(DIRECTORY "${PROJECT_SOURCE_DIR}" APPEND PROPERTY
-      CMAKE_CONFIGURE_DEPENDS "${header}")
-    add_custom_target(WarpUpstream DEPENDS "${precompiled}")
-  endif()
-  add_dependencies(${target} WarpUpstream)
-  get_target_property(sources ${target} SOURCES)
-  foreach(source IN LISTS sources)
-    get_source_file_property(own "${source}" COMPILE_OPTIONS)
-    if(NOT own)
-      set_property(SOURCE "${source}" APPEND PROPERTY COMPILE_OPTIONS
-        -include-pch lib/Upstream.pch)
-      set_property(SOURCE "${source}" APPEND PROPERTY
-        OBJECT_DEPENDS "${precompiled}")
-    endif()
-  endforeach()
 endfunction()
 
 # warp_have_sources(VARIABLE): does the current folder hold any .cpp file?

@@ -2,10 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Precompiled and put before every source that sees MLIR (WarpTargets.cmake).
-// It holds none of our own headers, so that a change of ours never makes it
-// anew; sources include what they use all the same, and build without it
-// (WARP_PRECOMPILE=OFF).
+// Precompiled, the first of two headers put before every source that sees MLIR
+// (WarpPrecompile.cmake). It holds none of our own headers, so that a change of
+// ours never makes it anew; sources include what they use all the same, and
+// build without it (WARP_PRECOMPILE=OFF).
 //
 //===----------------------------------------------------------------------===//
 

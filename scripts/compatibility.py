@@ -75,6 +75,8 @@ class Module:
         for name in names:
             if note_on(notes, "language", module, name):
                 self.same.append(name)
+            elif text := note_on(notes, "differs", module, name):
+                self.differs.setdefault(text, []).append(name)
             elif not is_there(module, name):
                 reason = note_on(notes, "missing", module, name)
                 if reason is None:
@@ -82,8 +84,6 @@ class Module:
                 self.missing.setdefault(reason, []).append(name)
             elif inert(module, name):
                 self.differs.setdefault("can be set and changes nothing", []).append(name)
-            elif text := note_on(notes, "differs", module, name):
-                self.differs.setdefault(text, []).append(name)
             else:
                 self.same.append(name)
 

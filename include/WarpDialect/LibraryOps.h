@@ -35,6 +35,11 @@ inline constexpr llvm::StringLiteral lanesSuffix = "_lanes";
 /// No function: calls with one number give the address of the same memory,
 /// which is the thread's own, though its operands are the same everywhere.
 inline constexpr llvm::StringLiteral threadMemory = "warp_thread_memory";
+/// No function either: 1 in derivatives and in what they repeat of a kernel, 0
+/// elsewhere. For values that only derivatives have to reach in a slower way;
+/// what a kernel computes must not depend on it.
+inline constexpr llvm::StringLiteral isDifferentiated =
+    "warp_is_differentiated";
 
 /// Of both forms; null if the library has no such function.
 const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);

@@ -101,7 +101,8 @@ def ForwardStores : WarpPass<"warp-forward-stores"> {
   let description = [{
     Threads do not see each other's writes between two accesses of the same
     element by one thread. An element that a counted loop updates becomes a
-    value that the loop carries.
+    value that the loop carries. An atomic whose result is used becomes a load
+    and a store where the element belongs to one thread.
 
     ```mlir
     warp.store %x, %y[%i]
@@ -568,7 +569,8 @@ def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
     On a GPU, an update of the scope `lanes`, whose address the threads of a
     warp share in one iteration of a loop or one row of the launch, becomes one
     update by the first lane, of what shuffles have combined, where all lanes come to it
-    together.
+    together. Of an element with several components each lane gets a share, which
+    the first of those that have the same one updates.
 
     ```mlir
     %old = warp.atomic_components add(%x), %row[%i] : ...

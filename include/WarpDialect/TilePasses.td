@@ -84,6 +84,9 @@ def FuseTiles : WarpTilePass<"warp-fuse-tiles"> {
     // ==>
     %c = warp.tile_map(%a) { add of sin and itself } : ...
     ```
+
+    A product that is only added to a tile of 32 or 64 bits adds to it itself:
+    `add(%c, matmul(%a, %b))` is `matmul(%a, %b) add %c`.
   }];
   let dependentDialects = ["::warp::WarpDialect"];
 }

@@ -79,8 +79,9 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     integer that is not negative. `index32`: no array and no launch has 2^31
     elements or more. `flat`: one linear grid axis for all dimensions of a GPU
     launch. `large`: the launch fills the GPU many times over; `under`: it has
-    too few threads to fill it; `narrow`: squares of indices of its last two
-    dimensions would not fill. `disjoint`: no memory that the launch writes
+    too few threads to fill it, or on a CPU fewer than 16 (scalar code, compiled
+    with less effort, where no loop may be long); `narrow`: squares of indices of
+    its last two dimensions would not fill. `disjoint`: no memory that the launch writes
     overlaps another one. `block`: threads of a GPU block. `threads`: those that
     would share a CPU launch. `min_blocks`:
     fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:

@@ -43,6 +43,14 @@ struct HierarchyView {
   std::vector<int32_t> order, levels;
 };
 
+/// Where the caller has built a hierarchy on its device: nodes and blocks, and
+/// the numbers of groups with the nodes that hold them, or 0.
+struct BuiltTree {
+  uint64_t nodes, blocks;
+  size_t nodeBytes, blockBytes;
+  uint64_t groups;
+};
+
 class WARP_API Bvh {
 public:
   /// Arrays of the lower and upper corners of boxes, of three floats each, and
@@ -59,8 +67,9 @@ public:
                BvhConstructor constructor = BvhConstructor::Sah,
                const ArrayDescriptor &groups = {});
   /// Searches nodes and blocks that the caller builds and keeps, where the
-  /// device reads them; it also writes the scale into the slot.
-  void adopt(uint64_t nodes, uint64_t blocks);
+  /// device reads them; it also writes the scale and the number of groups into
+  /// the slot.
+  void adopt(const BuiltTree &built);
   BvhReport report() const;
   HierarchyView view() const;
 

@@ -111,6 +111,11 @@ struct Code {
   CopiedArrays copied;
   /// CPU: the code has atomic instructions, so no exclusive code may run.
   bool atomics = false;
+  /// CPU: so many instructions that compiling them well takes long.
+  bool isLong = false;
+  /// CPU: floating-point numbers have the same bits at every `optLevel`, but
+  /// for the sign and payload of NaNs.
+  bool isExact = false;
   /// Arrays with exact sums, for each of which the parameter block has a
   /// `SumDescriptor` after the arguments; then the others. Empty if there are
   /// no exact sums.
@@ -126,8 +131,8 @@ struct Code {
   /// GPU: such blocks are threads that follow each other in the launch, of any
   /// extents.
   bool ragged = false;
-  /// GPU: bytes of block memory that a launch asks for, because blocks have less
-  /// without being asked.
+  /// GPU: bytes of block memory that a launch asks for, because blocks have
+  /// less without being asked.
   int dynamicBytes = 0;
   /// GPU: maps of arrays that the parameter block has behind everything else.
   std::vector<TensorMap> maps;

@@ -41,6 +41,9 @@ struct KernelOptions {
   bool sameOnDevices = false;
   bool lineinfo = false;
   int optLevel = 2;
+  /// CPU: small launches begin with code that is compiled quickly and get what
+  /// `optLevel` gives when they have run for a while.
+  bool quickFirst = false;
   int blockDim = 256;
   int maxRegisters = 0;
   /// CUDA launch bounds: most threads of a block, and fewest blocks that a
@@ -166,7 +169,7 @@ public:
 
 private:
   struct Impl;
-  std::unique_ptr<Impl> impl;
+  std::shared_ptr<Impl> impl;
 };
 
 } // namespace warp

@@ -50,7 +50,10 @@ public:
   int clear();
 
 private:
-  bool prepare();
+  /// `message` gets what the user is to be told; also of `write`.
+  bool prepare(std::string &message);
+  void write(const std::string &name, const std::string &bytes,
+             std::string &message);
 
   std::string folder;
   bool active = true, prepared = false, writable = false;

@@ -38,12 +38,11 @@ public:
   void refit(const MeshArrays &arrays);
   void rebuild(const MeshArrays &arrays,
                BvhConstructor constructor = BvhConstructor::Sah);
-  /// As if made with `hasWinding`; from the next refit on where kernels have
-  /// changed the hierarchy.
-  void supportWinding(const MeshArrays &arrays, bool byKernels = false);
+  /// As if made with `hasWinding`.
+  void supportWinding(const MeshArrays &arrays);
   /// As that of a Bvh, with the arrays that kernels are to read. Indices are
   /// not checked.
-  void adopt(const MeshArrays &arrays, uint64_t nodes, uint64_t blocks);
+  void adopt(const MeshArrays &arrays, const BuiltTree &built);
   BvhReport report() const;
   HierarchyView view() const;
 

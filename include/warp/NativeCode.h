@@ -36,6 +36,8 @@ struct NativeCode {
   /// What a message about it says: a place in the user's program and its line,
   /// with '%' where the problem comes; empty for the problem alone.
   std::string place;
+  /// Where headers are, for CPUs and for GPUs.
+  std::vector<std::string> cpuFolders = {}, gpuFolders = {};
 };
 
 /// Makes the function `symbol` known to the process.

@@ -15,8 +15,10 @@
 
 #include "warp/Device.h"
 #include "warp/Export.h"
+#include "warp/Memory.h"
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace warp {
@@ -42,6 +44,22 @@ inline int64_t TreeShape::nodes() const {
   return sum;
 }
 
+/// What a build finds among primitives, which the host knows before it ends.
+class TreeFindings {
+public:
+  WARP_API explicit TreeFindings(int device);
+  /// Waits for the first face with a wrong index, or how many there are, and
+  /// how many primitives are never found.
+  WARP_API std::pair<int, int> wait() const;
+
+  int32_t *memory() const { return static_cast<int32_t *>(numbers.data()); }
+  const Event &event() const { return done; }
+
+private:
+  Buffer numbers;
+  Event done;
+};
+
 struct TreeBuild {
   /// Points, of three floats each, or lower corners of boxes; packed.
   const void *first;
@@ -59,6 +77,8 @@ struct TreeBuild {
   /// Gets the first face with a wrong index, or `count`, and how many
   /// primitives are never found.
   int32_t *found;
+  /// Gets the same, if there is one; not while a graph is captured.
+  const TreeFindings *findings = nullptr;
 };
 
 /// CUDA only.

@@ -176,6 +176,8 @@ static void readFacts(func::FuncOp kernel, Derivative &derivative) {
     for (NamedAttribute entry : numbers)
       if (auto number = dyn_cast<IntegerAttr>(entry.getValue()))
         derivative.metrics[entry.getName().str()] = number.getInt();
+  if (auto rank = dyn_cast_or_null<IntegerAttr>(take(warp::attr::maxRank)))
+    derivative.metrics["launch_dimensions"] = rank.getInt();
 }
 
 /// Parts the function with a mark, if there is one, from the adjoint: it is the
@@ -188,6 +190,7 @@ static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
   other->op = module.clone();
   func::FuncOp kernel = findMarked(*other->op, mark);
   kernel->removeAttr(mark);
+  kernel->removeAttr(warp::attr::maxRank);
   for (StringRef rest :
        {StringRef(warp::kernelAttrName), StringRef(warp::attr::augmented),
         StringRef(warp::attr::counting), StringRef(warp::attr::recording)})

@@ -35,6 +35,11 @@ public:
   /// Lowers to phase `launch` and says what is plain to see there.
   std::vector<Choice> describeLaunch();
   void translate();
+  /// Whether LLVM has to keep the bits of every result, of the translated
+  /// module.
+  bool hasExactFloats() const;
+  /// Leaves out what makes code quicker, from now on.
+  void compileQuickly();
   void optimizeModule();
   llvm::SmallVector<char, 0> emitCode(bool asText);
 
@@ -50,7 +55,7 @@ public:
   /// For a launch of few threads that are soon over: compiled quickly, of use
   /// for no other.
   bool isBrief = false;
-  bool exclusive = false, atomics = false;
+  bool exclusive = false, atomics = false, isLong = false;
   int items = 1;
   bool fixedBlock = false, cooperative = false, ragged = false;
   int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
@@ -68,6 +73,10 @@ public:
   std::string fileStem();
 
 private:
+  /// Milliseconds of a clock.
+  static double now();
+  /// The folder that stage texts go to; empty for nowhere.
+  static llvm::StringRef dumpFolder();
   void time(const std::string &phase, double since);
   /// Runs one phase on the module, which is verified after the last one; on
   /// failure throws with all that is known.

@@ -3,10 +3,9 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // One compilation is one `Compilation` object: it clones the module, runs the
-// phases of Pipelines.cpp under the context's lock, translates, and leaves the
-// lock for LLVM's part, which has a context of its own. Every step is timed
-// under the name that `Code::phaseMs` shows, and dumped if WARP_DUMP names a
-// folder.
+// phases of Pipelines.cpp under the context's lock, and leaves it for LLVM's
+// part (Generate.cpp). Every step is timed under the name that `Code::phaseMs`
+// shows, and dumped if WARP_DUMP names a folder.
 //
 // A pass that fails is named in the error, with a file that holds the IR it
 // was given, so that a report of the failure is complete.
@@ -17,38 +16,25 @@
 
 #include "Context.h"
 #include "Pipelines.h"
-#include "Transforms/Emit/LowerLibraryCalls.h"
 #include "Transforms/KernelFunction.h"
-#include "Transforms/Schedule.h"
-#include "Transforms/Tiles/TensorMapAttributes.h"
-#include "Transforms/Updates/CopiedArrays.h"
 #include "Transforms/Variant.h"
-
-#include "warp/NativeCode.h"
-#include "warp/SizeFacts.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
 #include "WarpDialect/TileTypes.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/Dialect/LLVMIR/NVVMDialect.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Dialect/LLVMIR/Transforms/Passes.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Verifier.h"
 #include "mlir/Pass/PassInstrumentation.h"
 #include "mlir/Pass/PassManager.h"
-#include "mlir/Target/LLVMIR/Export.h"
 
-#include "llvm/IR/DiagnosticInfo.h"
-#include "llvm/IR/DiagnosticPrinter.h"
 #include "llvm/IR/LLVMContext.h"
 #include "llvm/IR/Module.h"
-#include "llvm/IR/Verifier.h"
 #include "llvm/Support/FileSystem.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/Target/TargetMachine.h"
-#include "llvm/Transforms/Utils/Cloning.h"
 
 #include <chrono>
 
@@ -105,12 +91,6 @@ struct Phases {
   std::vector<FailureRecorder *> recorders;
 };
 
-double now() {
-  using namespace std::chrono;
-  return duration<double, std::milli>(steady_clock::now().time_since_epoch())
-      .count();
-}
-
 } // namespace
 
 /// Whether a thread may take long: it works on tiles, whose elements are lanes,
@@ -126,8 +106,13 @@ static bool mayTakeLong(ModuleOp module) {
       .wasInterrupted();
 }
 
-/// The folder that stage texts go to; empty for nowhere.
-static StringRef dumpFolder() {
+double Compilation::now() {
+  using namespace std::chrono;
+  return duration<double, std::milli>(steady_clock::now().time_since_epoch())
+      .count();
+}
+
+StringRef Compilation::dumpFolder() {
   const char *folder = getenv("WARP_DUMP");
   return folder ? folder : "";
 }
@@ -271,160 +256,11 @@ void Compilation::lowerTo(Phase last) {
   time("lower", start);
 }
 
-void Compilation::translate() {
-  ContextLock lock;
-  double start = now();
-  collectFacts(*op);
-  Diagnostics diagnostics;
-  llvmContext = std::make_unique<llvm::LLVMContext>();
-  // The default handler ends the process on an error.
-  llvmContext->setDiagnosticHandlerCallBack(
-      [](const llvm::DiagnosticInfo *info, void *errors) {
-        if (info->getSeverity() != llvm::DS_Error)
-          return;
-        llvm::raw_string_ostream stream(*static_cast<std::string *>(errors));
-        llvm::DiagnosticPrinterRawOStream printer(stream);
-        info->print(printer);
-      },
-      &llvmErrors);
-  llvmModule = translateModuleToLLVMIR(*op, *llvmContext, entry);
-  if (!llvmModule)
-    throw diagnostics.toError(Error::Kind::Compile,
-                              "cannot translate the kernel to LLVM IR");
-  std::string malformed;
-  llvm::raw_string_ostream stream(malformed);
-  if (llvm::verifyModule(*llvmModule, &stream))
-    throw Error(Error::Kind::Compile,
-                "the kernel's LLVM IR is malformed: " + malformed);
-  time("translate", start);
-}
-
-/// Whether threads of a block wait for each other.
-static bool waitsForBlock(Operation *op) {
-  auto call = dyn_cast<LLVM::CallIntrinsicOp>(op);
-  return isa<NVVM::Barrier0Op, NVVM::BarrierOp>(op) ||
-         (call && call.getIntrin().starts_with("llvm.nvvm.barrier"));
-}
-
-/// What the LLVM dialect's module says about the code.
-void Compilation::collectFacts(ModuleOp module) {
-  for (auto function : module.getOps<LLVM::LLVMFuncOp>()) {
-    usesPrintf |=
-        function.getName() == "warp_printf" || function.getName() == "vprintf";
-    if (!function->hasAttr(attr::entry))
-      continue;
-    entry = function.getName().str();
-    RecipeAttr recipe = getRecipe(function);
-    exclusive = recipe.getExclusive();
-    items = int(recipe.getItems());
-    rows = int(recipe.getRows());
-    tile = int(recipe.getTile());
-    split = int(recipe.getSplit());
-    sizeFacts = int(recipe.getFacts()) | (isBrief ? underFact : 0);
-    hasLanes = recipe.getLanes() > 1;
-    for (SummedArrayAttr array : recipe.getSummedArrays())
-      sums.push_back({array.getWidth(), array.getDescriptor(),
-                      array.getGradient(), array.getElementSize(),
-                      array.getStrideScale()});
-    copied = readCopied(recipe);
-    atomics = function
-                  .walk([](Operation *op) {
-                    return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
-                               ? WalkResult::interrupt()
-                               : WalkResult::advance();
-                  })
-                  .wasInterrupted();
-    cooperative = function->hasAttr(attr::blockThreads);
-    ragged = function->hasAttr(attr::ragged);
-    if (auto blocks = function->getAttrOfType<IntegerAttr>(attr::leastBlocks))
-      leastBlocks = int(blocks.getInt());
-    if (auto most = function->getAttrOfType<IntegerAttr>(attr::mostRegisters))
-      mostRegisters = int(most.getInt());
-    if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
-      for (auto map : list.getAsRange<DenseI64ArrayAttr>())
-        maps.push_back({map[0], map[1], map[2], map[3], map[4], map[5]});
-    dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
-    fixedBlock = cooperative || function
-                                    .walk([](Operation *op) {
-                                      return waitsForBlock(op)
-                                                 ? WalkResult::interrupt()
-                                                 : WalkResult::advance();
-                                    })
-                                    .wasInterrupted();
-    choices = readChoices(function);
-    auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
-    if (!table)
-      continue;
-    auto primal = function->getAttrOfType<StringAttr>(attr::primal);
-    std::string kernel = primal ? primal.str() : entry;
-    for (auto site : table.getAsRange<ArrayAttr>())
-      sites.push_back({kernel, cast<StringAttr>(site[0]).str(),
-                       cast<StringAttr>(site[3]).str(),
-                       int(cast<IntegerAttr>(site[1]).getInt()),
-                       int(cast<IntegerAttr>(site[2]).getInt())});
-  }
-}
-
-void Compilation::optimizeModule() {
-  double start = now();
-  machine.emplace(MachineLease::get(options));
-  if (isGpu(options))
-    prepareGpuModule(*llvmModule, **machine, options);
-  else
-    prepareCpuModule(*llvmModule, **machine, options);
-  // What the user asks for comes first, and a target takes one of both.
-  if (options.minBlocks == 0 && options.maxRegisters == 0) {
-    llvm::Function *kernel = llvmModule->getFunction(entry);
-    if (leastBlocks)
-      kernel->addFnAttr("nvvm.minctasm", std::to_string(leastBlocks));
-    else if (mostRegisters)
-      kernel->addFnAttr("nvvm.maxnreg", std::to_string(mostRegisters));
-  }
-  time("libraries", start);
-  dump("input.ll");
-  start = now();
-  optimize(*llvmModule, **machine, options, hasLanes, isBrief);
-  time("optimise", start);
-  dump("ll");
-}
-
-SmallVector<char, 0> Compilation::emitCode(bool asText) {
-  if (!dumpFolder().empty()) {
-    // Emission uses a module up.
-    auto copy = llvm::CloneModule(*llvmModule);
-    SmallVector<char, 0> text = emit(*copy, **machine, entry, /*asText=*/true,
-                                     /*brief=*/isBrief);
-    writeStage(isGpu(options) ? "ptx" : "s",
-               StringRef(text.data(), text.size()));
-  }
-  double start = now();
-  SmallVector<char, 0> bytes =
-      emit(*llvmModule, **machine, entry, asText || isGpu(options),
-           /*brief=*/isBrief);
-  if (!llvmErrors.empty())
-    throw Error(Error::Kind::Compile,
-                "the code generator failed: " + llvmErrors);
-  time("codegen", start);
-  StringRef text(bytes.data(), bytes.size());
-  if (isGpu(options) && text.contains(nativeCodePrefix)) {
-    std::string whole = joinNativePtx(text.str(), options.target);
-    bytes.assign(whole.begin(), whole.end());
-  }
-  return bytes;
-}
-
 std::string Compilation::moduleText() {
   ContextLock lock;
   std::string text;
   llvm::raw_string_ostream stream(text);
   op->print(stream);
-  return text;
-}
-
-std::string Compilation::llvmText() {
-  std::string text;
-  llvm::raw_string_ostream stream(text);
-  llvmModule->print(stream, nullptr);
   return text;
 }
 

@@ -8,6 +8,7 @@
 
 #include "Transforms/Variant.h"
 
+#include "warp/FirstCode.h"
 #include "warp/Translation.h"
 #include "warp/Version.h"
 
@@ -24,22 +25,21 @@
 
 #include "llvm/IR/Module.h"
 
+#include <algorithm>
+
 using namespace mlir;
 
-warp::Code warp::compile(const Module &module, const CompileOptions &options) {
-  Compilation run(module, options);
-  run.lowerTo(Phase::LLVM);
-  run.translate();
-  run.optimizeModule();
-  llvm::SmallVector<char, 0> bytes = run.emitCode(/*asText=*/false);
-  Code code;
+/// All that passes found out on the way to LLVM IR.
+static warp::Code describe(warp::Compilation &run) {
+  warp::Code code;
   code.entry = run.entry;
-  code.binary.assign(bytes.begin(), bytes.end());
   code.sites = std::move(run.sites);
   code.cost = run.cost;
   code.usesPrintf = run.usesPrintf;
   code.exclusive = run.exclusive;
   code.atomics = run.atomics;
+  code.isLong = run.isLong;
+  code.isExact = run.hasExactFloats();
   code.copied = std::move(run.copied);
   code.items = run.items;
   code.fixedBlock = run.fixedBlock;
@@ -52,8 +52,48 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   code.split = run.split;
   code.sizeFacts = run.sizeFacts;
   code.sums = std::move(run.sums);
+  return code;
+}
+
+/// From LLVM IR to bytes.
+static warp::Code finish(warp::Compilation &run, warp::Code code) {
+  run.optimizeModule();
+  llvm::SmallVector<char, 0> bytes = run.emitCode(/*asText=*/false);
+  code.binary.assign(bytes.begin(), bytes.end());
   code.phaseMs = std::move(run.phaseMs);
   return code;
+}
+
+warp::Code warp::compile(const Module &module, const CompileOptions &options) {
+  Compilation run(module, options);
+  run.lowerTo(Phase::LLVM);
+  run.translate();
+  return finish(run, describe(run));
+}
+
+/// Operations of the largest launch that begins with quickly compiled code: it
+/// is over before better code would be there.
+static constexpr double mostQuickWork = 4e6;
+
+bool warp::isQuickEnough(const Code &code, int64_t items) {
+  if (!code.isExact)
+    return false;
+  if (code.isLong && !code.exclusive && items != anyItems)
+    return true;
+  return std::max(code.cost, 1.0) * static_cast<double>(items) <= mostQuickWork;
+}
+
+warp::FirstCode warp::compileFirst(const Module &module,
+                                   const CompileOptions &options,
+                                   int64_t items) {
+  Compilation run(module, options);
+  run.lowerTo(Phase::LLVM);
+  run.translate();
+  Code code = describe(run);
+  bool isQuick = isQuickEnough(code, items);
+  if (isQuick)
+    run.compileQuickly();
+  return {finish(run, std::move(code)), isQuick};
 }
 
 std::string warp::emitText(const Module &module, const CompileOptions &options,
@@ -100,8 +140,7 @@ std::string warp::sourceHash(const Module &module) {
   return hashOf(module.text());
 }
 
-warp::SourceHashes warp::sourceHashes(const Module &module,
-                                      std::string *text) {
+warp::SourceHashes warp::sourceHashes(const Module &module, std::string *text) {
   std::string located = module.text(/*locations=*/true);
   SourceHashes hashes{hashOf(module.text()), hashOf(located)};
   if (text)

@@ -36,7 +36,9 @@ std::string warp::Module::text(bool locations) const {
   ContextLock lock;
   std::string text;
   llvm::raw_string_ostream stream(text);
-  OpPrintingFlags flags;
+  // Verified when it was built or parsed; to do it for each print would take
+  // longer than the print.
+  OpPrintingFlags flags = OpPrintingFlags().assumeVerified();
   if (locations)
     flags.enableDebugInfo();
   impl->op->print(stream, flags);

@@ -72,18 +72,20 @@ std::string warp::compileForCpu(const NativeCode &code) {
     llvm::raw_fd_ostream file(source, problem);
     file << code.text;
   }
-  StringRef command[] = {clang,
-                         "-x",
-                         "c++",
-                         "-std=c++17",
-                         "-O2",
-                         "-ffp-contract=off",
-                         "-fno-exceptions",
-                         "-emit-llvm",
-                         "-c",
-                         source,
-                         "-o",
-                         made};
+  llvm::SmallVector<StringRef> command = {clang,
+                                          "-x",
+                                          "c++",
+                                          "-std=c++17",
+                                          "-O2",
+                                          "-ffp-contract=off",
+                                          "-fno-exceptions",
+                                          "-emit-llvm",
+                                          "-c",
+                                          source,
+                                          "-o",
+                                          made};
+  for (const std::string &folder : code.cpuFolders)
+    command.append({"-I", folder});
   std::optional<StringRef> streams[] = {StringRef(), StringRef(),
                                         StringRef(words)};
   std::string failure;
@@ -124,13 +126,12 @@ struct Nvrtc {
       function = reinterpret_cast<Function>(dlsym(handle, name));
       return function != nullptr;
     };
-    bool whole = find(create, "nvrtcCreateProgram") &&
-                 find(compile, "nvrtcCompileProgram") &&
-                 find(sizeOfPtx, "nvrtcGetPTXSize") &&
-                 find(ptx, "nvrtcGetPTX") &&
-                 find(sizeOfLog, "nvrtcGetProgramLogSize") &&
-                 find(log, "nvrtcGetProgramLog") &&
-                 find(destroy, "nvrtcDestroyProgram");
+    bool whole =
+        find(create, "nvrtcCreateProgram") &&
+        find(compile, "nvrtcCompileProgram") &&
+        find(sizeOfPtx, "nvrtcGetPTXSize") && find(ptx, "nvrtcGetPTX") &&
+        find(sizeOfLog, "nvrtcGetProgramLogSize") &&
+        find(log, "nvrtcGetProgramLog") && find(destroy, "nvrtcDestroyProgram");
     if (whole)
       path = library;
     return whole;
@@ -201,10 +202,13 @@ std::string warp::compileForGpu(const NativeCode &code,
   std::string target = "--gpu-architecture=compute_" +
                        StringRef(architecture).substr(strlen("sm_")).str();
   // Functions that no kernel of theirs calls are kept, too.
-  const char *options[] = {target.c_str(), "--std=c++17", "--fmad=false",
-                           "--relocatable-device-code=true",
-                           "--device-as-default-execution-space"};
-  bool refused = nvrtc->compile(program, std::size(options), options) != 0;
+  llvm::SmallVector<const char *> options = {
+      target.c_str(), "--std=c++17", "--fmad=false",
+      "--relocatable-device-code=true", "--device-as-default-execution-space"};
+  for (const std::string &folder : code.gpuFolders)
+    options.append({"-I", folder.c_str()});
+  bool refused =
+      nvrtc->compile(program, int(options.size()), options.data()) != 0;
   auto text = [&](auto sizeOf, auto read) {
     size_t size = 0;
     sizeOf(program, &size);

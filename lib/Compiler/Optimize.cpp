@@ -20,6 +20,7 @@
 #include "llvm/Support/MemoryBuffer.h"
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/Target/TargetMachine.h"
+#include "llvm/Transforms/IPO/AlwaysInliner.h"
 #include "llvm/Transforms/IPO/GlobalDCE.h"
 #include "llvm/Transforms/IPO/InferFunctionAttrs.h"
 #include "llvm/Transforms/IPO/Inliner.h"
@@ -184,9 +185,16 @@ struct Analyses {
 /// is seldom straight-line arithmetic.
 static constexpr unsigned mostJoined = 8000;
 
+/// Accesses of a loop beyond which none of them stays in a register from one
+/// iteration to the next: to look for such ones takes the square of their
+/// number. Where a GPU's loops have more, they are unrolled exchanges by way of
+/// the block's memory (a third of the time that a Cholesky factor takes here).
+static constexpr unsigned mostPromotedOnGpus = 100, mostPromotedOnCpus = 250;
+
 /// What is left to do for code whose calls are inlined and whose loops have the
 /// form they were given on purpose: a third of the standard passes find that.
-static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
+static llvm::FunctionPassManager buildLeanPasses(bool gpu, bool vectorize,
+                                                 bool join) {
   using namespace llvm;
   auto memory = [](LoopPassManager passes) {
     return createFunctionToLoopPassAdaptor(std::move(passes),
@@ -199,12 +207,16 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
       SimplifyCFGPass(SimplifyCFGOptions().convertSwitchRangeToICmp(true)));
   all.addPass(InstCombinePass());
 
+  auto hoisting = [&](bool speculate) {
+    return LICMPass(LICMOptions(
+        100, gpu ? mostPromotedOnGpus : mostPromotedOnCpus, speculate));
+  };
   LoopPassManager rotate;
   rotate.addPass(LoopInstSimplifyPass());
   rotate.addPass(LoopSimplifyCFGPass());
-  rotate.addPass(LICMPass(LICMOptions(100, 250, /*AllowSpeculation=*/false)));
+  rotate.addPass(hoisting(/*speculate=*/false));
   rotate.addPass(LoopRotatePass());
-  rotate.addPass(LICMPass(LICMOptions()));
+  rotate.addPass(hoisting(/*speculate=*/true));
   rotate.addPass(SimpleLoopUnswitchPass());
   all.addPass(memory(std::move(rotate)));
   all.addPass(SimplifyCFGPass());
@@ -236,7 +248,7 @@ static llvm::FunctionPassManager buildLeanPasses(bool vectorize, bool join) {
   all.addPass(LoopUnrollPass());
   all.addPass(InstCombinePass());
   LoopPassManager hoist;
-  hoist.addPass(LICMPass(LICMOptions()));
+  hoist.addPass(hoisting(/*speculate=*/true));
   all.addPass(memory(std::move(hoist)));
   all.addPass(SimplifyCFGPass(SimplifyCFGOptions()
                                   .convertSwitchRangeToICmp(true)
@@ -271,8 +283,9 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
   before.addPass(llvm::InferFunctionAttrsPass());
   before.addPass(llvm::ModuleInlinerWrapperPass(llvm::getInlineParams(2, 0)));
   before.run(module, analyses.modules);
-  llvm::FunctionPassManager usual = buildLeanPasses(vectorize, join);
-  llvm::FunctionPassManager quick = buildLeanPasses(vectorize, /*join=*/false);
+  llvm::FunctionPassManager usual = buildLeanPasses(gpu, vectorize, join);
+  llvm::FunctionPassManager quick =
+      buildLeanPasses(gpu, vectorize, /*join=*/false);
   for (llvm::Function &function : module) {
     if (function.isDeclaration() || (!gpu && function.hasLocalLinkage()))
       continue;
@@ -282,6 +295,17 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
   analyses.modules.clear();
   after.addPass(llvm::GlobalDCEPass());
   after.run(module, analyses.modules);
+}
+
+/// The least that makes generating code quick: values in registers, said once.
+static void optimizeQuickly(llvm::Module &module, Analyses &analyses) {
+  llvm::ModulePassManager passes;
+  passes.addPass(llvm::AlwaysInlinerPass());
+  llvm::FunctionPassManager each;
+  each.addPass(llvm::SROAPass(llvm::SROAOptions::PreserveCFG));
+  each.addPass(llvm::EarlyCSEPass());
+  passes.addPass(llvm::createModuleToFunctionPassAdaptor(std::move(each)));
+  passes.run(module, analyses.modules);
 }
 
 void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
@@ -298,6 +322,8 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   if (options.optLevel >= 2)
     return optimizeLean(module, builder, analyses, gpu,
                         /*vectorize=*/!gpu && !hasLanes, /*join=*/!brief);
+  if (options.optLevel == 0 && !gpu)
+    return optimizeQuickly(module, analyses);
   auto level = options.optLevel == 0   ? llvm::OptimizationLevel::O0
                : options.optLevel == 1 ? llvm::OptimizationLevel::O1
                : options.optLevel == 2 ? llvm::OptimizationLevel::O2

@@ -29,6 +29,7 @@
 #include "mlir/Target/LLVMIR/Dialect/Builtin/BuiltinToLLVMIRTranslation.h"
 #include "mlir/Target/LLVMIR/Dialect/LLVMIR/LLVMToLLVMIRTranslation.h"
 #include "mlir/Target/LLVMIR/Dialect/NVVM/NVVMToLLVMIRTranslation.h"
+#include "mlir/Transforms/GreedyPatternRewriteDriver.h"
 #include "mlir/Transforms/Passes.h"
 
 #include "llvm/ADT/StringSwitch.h"
@@ -45,19 +46,48 @@ std::optional<warp::Phase> warp::parsePhase(StringRef name) {
       .Default(std::nullopt);
 }
 
-/// From uses up to definitions: the other way round, which is the default of a
-/// pass made without a configuration, every change has all that is around the
-/// operation looked at again, and long kernels take ten times as long. Regions
-/// are single blocks, so nothing of them is left to be simplified.
+namespace {
+/// All canonicalizations but some, from uses up to definitions: the other way
+/// round, every change has all that is around the operation looked at again,
+/// and long kernels take ten times as long. Regions are single blocks, so
+/// nothing of them is left to be simplified.
+struct QuickCanonicalizer : PassWrapper<QuickCanonicalizer, OperationPass<>> {
+  MLIR_DEFINE_EXPLICIT_INTERNAL_INLINE_TYPE_ID(QuickCanonicalizer)
+
+  QuickCanonicalizer(ArrayRef<std::string> others = {})
+      : disabled(warp::wrongRewrites()) {
+    llvm::append_range(disabled, others);
+  }
+
+  StringRef getArgument() const override { return "canonicalize"; }
+
+  LogicalResult initialize(MLIRContext *context) override {
+    RewritePatternSet all(context);
+    for (Dialect *dialect : context->getLoadedDialects())
+      dialect->getCanonicalizationPatterns(all);
+    for (RegisteredOperationName op : context->getRegisteredOperations())
+      op.getCanonicalizationPatterns(all, context);
+    warp::addRightRewrites(all);
+    patterns =
+        std::make_shared<FrozenRewritePatternSet>(std::move(all), disabled);
+    return success();
+  }
+
+  void runOnOperation() override {
+    GreedyRewriteConfig config;
+    config.setUseTopDownTraversal(false).setRegionSimplificationLevel(
+        GreedySimplifyRegionLevel::Disabled);
+    (void)applyPatternsGreedily(getOperation(), *patterns, config);
+  }
+
+  SmallVector<std::string> disabled;
+  std::shared_ptr<FrozenRewritePatternSet> patterns;
+};
+} // namespace
+
 static std::unique_ptr<Pass>
 createQuickCanonicalizer(ArrayRef<std::string> others = {}) {
-  SmallVector<std::string> disabledPatterns = warp::wrongRewrites();
-  llvm::append_range(disabledPatterns, others);
-  return createCanonicalizerPass(
-      GreedyRewriteConfig()
-          .setUseTopDownTraversal(false)
-          .setRegionSimplificationLevel(GreedySimplifyRegionLevel::Disabled),
-      disabledPatterns);
+  return std::make_unique<QuickCanonicalizer>(others);
 }
 
 /// Arith's rewrites of a select expect signless integers and make invalid

@@ -9,6 +9,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Crossings.h"
+#include "geometry/Exports.h"
 #include "geometry/Overlap.h"
 #include "geometry/Predicates.h"
 #include "geometry/Search.h"
@@ -21,27 +22,6 @@
 #endif
 
 using namespace warp::geometry;
-
-#define WARP_GEOMETRY                                                          \
-  extern "C" __attribute__((used, noinline, visibility("default"))) void
-
-/// What becomes part of a kernel on GPUs, where results of a call would go
-/// through memory.
-#ifdef __NVPTX__
-#define WARP_GEOMETRY_PART                                                     \
-  extern "C" __attribute__((used, always_inline, visibility("default"))) void
-#else
-#define WARP_GEOMETRY_PART WARP_GEOMETRY
-#endif
-
-/// What becomes part of a GPU's kernel that calls it once: a call would take
-/// registers as long as it lasts, and arguments are often constants.
-#ifdef __NVPTX__
-#define WARP_GEOMETRY_ONCE                                                     \
-  extern "C" __attribute__((used, visibility("default"))) void
-#else
-#define WARP_GEOMETRY_ONCE WARP_GEOMETRY
-#endif
 
 namespace {
 
@@ -292,9 +272,8 @@ WARP_GEOMETRY warp_overlap_share(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
 // Volumes
 //===----------------------------------------------------------------------===//
 
-WARP_GEOMETRY_PART warp_volume_voxel(u64 id, i32 type, i32 i, i32 j, i32 k,
-                                     u64 *result) {
-  *result = findValue(volumeOf(id), u32(type), {i, j, k});
+WARP_GEOMETRY_PART warp_volume_voxel(u64 id, i32 i, i32 j, i32 k, u64 *result) {
+  *result = findValue(volumeOf(id), {i, j, k});
 }
 
 WARP_GEOMETRY_PART warp_volume_cell(u64 id, i32 type, i32 i, i32 j, i32 k,
@@ -334,10 +313,9 @@ WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
 
 #ifndef __NVPTX__
 
-WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, i32 type, const i32 *i,
-                                      const i32 *j, const i32 *k, i32 lanes,
-                                      u64 *result) {
-  findValues(volumeOf(id), u32(type), {i, j, k, u32(lanes)}, result);
+WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, const i32 *i, const i32 *j,
+                                      const i32 *k, i32 lanes, u64 *result) {
+  findValues(volumeOf(id), {i, j, k, u32(lanes)}, result);
 }
 
 WARP_GEOMETRY warp_volume_cell_lanes(u64 id, i32 type, const i32 *i,

@@ -55,22 +55,28 @@ static OpFoldResult getComponent(warp::ConstructOp construct,
   return {};
 }
 
+/// Follows a chain of insertions to the one of this component, or to where none
+/// of them has changed it, in one go: a matrix is many of them.
 OpFoldResult warp::ExtractOp::fold(FoldAdaptor) {
   mlir::Type composite = getSource().getType();
   std::optional<int64_t> position = getPosition(composite, getIndices());
   if (!position)
     return {};
-  if (auto construct = getSource().getDefiningOp<ConstructOp>())
-    return getComponent(construct, *position);
-  auto insert = getSource().getDefiningOp<InsertOp>();
-  if (!insert)
+  mlir::Value source = getSource();
+  while (auto insert = source.getDefiningOp<InsertOp>()) {
+    auto written = getPosition(composite, insert.getIndices());
+    if (!written)
+      break;
+    if (*written == *position)
+      return insert.getValue();
+    source = insert.getTarget();
+  }
+  if (auto construct = source.getDefiningOp<ConstructOp>())
+    if (OpFoldResult component = getComponent(construct, *position))
+      return component;
+  if (source == getSource())
     return {};
-  std::optional<int64_t> written = getPosition(composite, insert.getIndices());
-  if (!written)
-    return {};
-  if (*written == *position)
-    return insert.getValue();
-  getSourceMutable().assign(insert.getTarget());
+  getSourceMutable().assign(source);
   return getResult();
 }
 

@@ -2,8 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The table says what lib/DeviceLib defines: in Geometry.cpp, and for tiles in
-// cpu/Tile*.cpp and gpu/Tile*.cpp. A star stands for several endings.
+// The table says what lib/DeviceLib defines: in Geometry.cpp and
+// HashGrid.cpp, and for tiles in cpu/Tile*.cpp and gpu/Tile*.cpp. A star stands
+// for several endings.
 //
 //===----------------------------------------------------------------------===//
 
@@ -16,6 +17,7 @@ using namespace mlir;
 static constexpr warp::LibraryFunction functions[] = {
     // Number, bytes: the address of memory that each thread has for itself.
     {warp::threadMemory, "ii", "l"},
+    {warp::isDifferentiated, "", "i"},
     // A handle and a kind: the address of its slot, or of one with nothing.
     {"warp_slot", "li", "l"},
     // A point and the largest distance: face, weights of two corners.
@@ -39,14 +41,19 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_overlap_next", "liffffffffiiiill", "iiiiill"},
     // Shape, its seven numbers, which of how many threads: its cursor.
     {"warp_overlap_share", "lifffffffii", "iiiill"},
-    // Type of values and a voxel: its place (geometry/Volume.h), those of the
-    // corners of a cell, z fastest; the address of a leaf's value or 0.
-    {"warp_volume_voxel", "liiii", "l", 0, 2},
+    // A voxel: the place of its value (geometry/Volume.h). Type of values and a
+    // voxel: the places of the corners of a cell, z fastest, in a grid of that
+    // type; the address of a leaf's value or 0.
+    {"warp_volume_voxel", "liii", "l", 0, 1},
     {"warp_volume_cell", "liiii", "llllllll", 0, 2},
     {"warp_volume_place", "liiii", "l"},
     // A voxel: its number or -1; the same of the corners of a cell.
     {"warp_volume_index", "liii", "i", 0, 1},
     {"warp_volume_cell_index", "liii", "iiiiiiii", 0, 1},
+    // Cells per unit of length, the grid's cells; a point and a distance: first
+    // cell and how many along each axis.
+    {"warp_grid_cells_f32", "fiiiffff", "iiiiii", 0, 4},
+    {"warp_grid_cells_f64", "diiidddd", "iiiiii", 0, 4},
     // Three points of a plane, four points of space: which way they turn.
     {"warp_orient2d", "dddddd", "i"},
     {"warp_orient3d", "dddddddddddd", "i"},
@@ -91,6 +98,7 @@ static constexpr warp::LibraryFunction functions[] = {
     // Groups that need not be there.
     {"warp_tile_await_groups", "i", ""},
     // Sums and a number.
+    {"warp_tile_set_f64_*", "ld", ""},
     {"warp_tile_set_*", "lf", ""},
     // Sums, memory; rows and columns.
     {"warp_tile_take_*", "llii", ""},

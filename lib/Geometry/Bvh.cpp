@@ -163,10 +163,8 @@ void Bvh::rebuild(const ArrayDescriptor &lowers, const ArrayDescriptor &uppers,
          });
 }
 
-void Bvh::adopt(uint64_t nodes, uint64_t blocks) {
-  impl->write({0, reinterpret_cast<const Node *>(nodes),
-               reinterpret_cast<const void *>(blocks), 1, int32_t(impl->count)},
-              {}, memoryOf(nodes, blocks, impl->count, false));
+void Bvh::adopt(const BuiltTree &built) {
+  impl->write(treeOf(built, impl->count), extrasOf(built), memoryOf(built));
 }
 
 HierarchyView Bvh::view() const {

@@ -15,7 +15,6 @@
 #include "warp/Bvh.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"
-#include "warp/TreeBuild.h"
 
 #include <cstring>
 
@@ -122,15 +121,18 @@ std::vector<HandleMemory> memoryOf(const Hierarchy<Block> &host,
           {searched.blocks, host.leaves().size() * sizeof(Block)}};
 }
 /// The same of one that kernels build.
-inline std::vector<HandleMemory> memoryOf(uint64_t nodes, uint64_t blocks,
-                                          int64_t count, bool ofTriangles) {
-  if (count == 0)
-    return {};
-  TreeShape shape(count);
-  return {{reinterpret_cast<const void *>(nodes),
-           size_t(shape.nodes() * TreeShape::nodeBytes)},
-          {reinterpret_cast<const void *>(blocks),
-           size_t(shape.blocks * TreeShape::blockBytes(ofTriangles))}};
+inline std::vector<HandleMemory> memoryOf(const BuiltTree &built) {
+  return {{reinterpret_cast<const void *>(built.nodes), built.nodeBytes},
+          {reinterpret_cast<const void *>(built.blocks), built.blockBytes}};
+}
+
+/// What its slot says until kernels write the scale and the number of groups.
+inline Tree treeOf(const BuiltTree &built, int64_t count) {
+  return {0, reinterpret_cast<const Node *>(built.nodes),
+          reinterpret_cast<const void *>(built.blocks), 1, int32_t(count)};
+}
+inline TreeExtras extrasOf(const BuiltTree &built) {
+  return {nullptr, reinterpret_cast<const i32 *>(built.groups), 0, 0};
 }
 
 template <class Block>

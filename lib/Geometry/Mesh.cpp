@@ -137,18 +137,14 @@ void Mesh::rebuild(const MeshArrays &arrays, BvhConstructor constructor) {
          });
 }
 
-void Mesh::supportWinding(const MeshArrays &arrays, bool byKernels) {
+void Mesh::supportWinding(const MeshArrays &arrays) {
   impl->hasWinding = true;
-  if (!byKernels)
-    impl->publish(arrays);
+  impl->publish(arrays);
 }
 
-void Mesh::adopt(const MeshArrays &arrays, uint64_t nodes, uint64_t blocks) {
-  Tree tree{0, reinterpret_cast<const Node *>(nodes),
-            reinterpret_cast<const void *>(blocks), 1,
-            arrays.indices.shape[0] / 3};
-  impl->write(tree, arrays, {},
-              memoryOf(nodes, blocks, arrays.indices.shape[0] / 3, true));
+void Mesh::adopt(const MeshArrays &arrays, const BuiltTree &built) {
+  impl->write(treeOf(built, arrays.indices.shape[0] / 3), arrays,
+              extrasOf(built), memoryOf(built));
 }
 
 HierarchyView Mesh::view() const {

@@ -87,6 +87,7 @@ cuda::PoolHandle warp::memoryPool(int device) {
   if (!state.info.hasMemoryPool)
     return nullptr;
   std::call_once(state.poolOnce, [&] {
+    cuda::RelaxedCaptures relaxed;
     cuda::DeviceHandle handle;
     WARP_CUDA(deviceGet, &handle, state.ordinal);
     WARP_CUDA(deviceGetDefaultMemPool, &state.pool, handle);

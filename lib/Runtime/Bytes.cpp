@@ -22,6 +22,8 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<uint8_t>(code.usesPrintf);
   out.number<uint8_t>(code.exclusive);
   out.number<uint8_t>(code.atomics);
+  out.number<uint8_t>(code.isLong);
+  out.number<uint8_t>(code.isExact);
   out.number<int32_t>(code.copied.list.size());
   for (const CopiedArray &array : code.copied.list)
     out.number(array);
@@ -61,6 +63,8 @@ Code warp::readCode(Reader &in) {
   code.usesPrintf = in.number<uint8_t>();
   code.exclusive = in.number<uint8_t>();
   code.atomics = in.number<uint8_t>();
+  code.isLong = in.number<uint8_t>();
+  code.isExact = in.number<uint8_t>();
   auto copies = in.number<int32_t>();
   for (int32_t i = 0; i < copies && in.ok(); ++i)
     code.copied.list.push_back(in.number<CopiedArray>());

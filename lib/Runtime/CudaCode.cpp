@@ -78,6 +78,21 @@ bool warp::waitsForPredecessor(const Code &code) {
   return !isCubin(code) && text.find("griddepcontrol.wait") != text.npos;
 }
 
+cuda::Result warp::queueKernel(cuda::Function function,
+                               cuda::LaunchConfig config, void **arguments,
+                               bool waits) {
+  static constexpr cuda::LaunchAttribute attribute{
+      cuda::launchProgrammatic, 0, {1}};
+  const auto &grid = config.grid, &block = config.block;
+  if (!waits || !config.stream)
+    return cuda::driver()->launchKernel(
+        function, grid[0], grid[1], grid[2], block[0], block[1], block[2],
+        config.sharedBytes, config.stream, arguments, nullptr);
+  config.attributes = &attribute;
+  config.attributeCount = 1;
+  return cuda::driver()->launchKernelEx(&config, function, arguments, nullptr);
+}
+
 void warp::assembleOnCuda(int device, Code &code) {
   cuda::ContextScope scope(device);
   const cuda::Driver &driver = *cuda::driver();

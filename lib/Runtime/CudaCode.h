@@ -44,6 +44,14 @@ bool isCubin(const Code &code);
 /// be started before that has ended.
 bool waitsForPredecessor(const Code &code);
 
+/// Queues a kernel. One that waits for the kernel before it on its stream is
+/// started while that ends, which saves some of the time between them. Where
+/// the one before is no kernel, or the stream is the legacy one, the driver
+/// waits as ever.
+/// config: all but attributes.
+cuda::Result queueKernel(cuda::Function function, cuda::LaunchConfig config,
+                         void **arguments, bool waits);
+
 /// Turns PTX into machine code for the current context, for files.
 void assembleOnCuda(int device, Code &code);
 

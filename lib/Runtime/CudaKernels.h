@@ -10,6 +10,7 @@
 #ifndef WARP_LIB_RUNTIME_CUDAKERNELS_H
 #define WARP_LIB_RUNTIME_CUDAKERNELS_H
 
+#include "CudaCode.h"
 #include "DeviceState.h"
 #include "warp/Sequences.h"
 
@@ -19,34 +20,46 @@ namespace warp {
 
 inline int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
-/// A kernel of a file by its name; the file is loaded once per device, never
+struct LibraryKernel {
+  cuda::Function function = nullptr;
+  /// Whether it waits for the one before it on its stream.
+  bool waits = false;
+};
+
+/// A kernel of a file by its name; loaded once per device, alone, and never
 /// unloaded.
-cuda::Function kernelOf(int device, const char *code, const std::string &name);
+LibraryKernel kernelOf(int device, const char *file, const std::string &name);
 
 /// Queues a kernel for blocks of `threads`; `Args` are its parameters.
 template <typename... Args>
-void launchKernel(const QueuedWork &work, cuda::Function function,
+void launchKernel(const QueuedWork &work, const LibraryKernel &kernel,
                   int64_t blocks, int64_t rows, int threads, Args... args) {
   void *arguments[] = {&args...};
-  WARP_CUDA(launchKernel, function, blocks, rows, 1, threads, 1, 1, 0,
-            work.stream(), arguments, nullptr);
+  cuda::LaunchConfig config{{unsigned(blocks), unsigned(rows), 1},
+                            {unsigned(threads), 1, 1},
+                            0,
+                            work.stream()};
+  cuda::check(queueKernel(kernel.function, config, arguments, kernel.waits),
+              "launchKernel");
 }
 
 /// The words that a sort works with, zero at first: counts of each pass and
 /// digit, the next tile of each pass, and what each tile publishes.
 class SortState {
 public:
-  SortState(const Pairs &pairs, int beginBit, int endBit);
+  SortState(int device, const Pairs &pairs, int beginBit, int endBit);
 
   int64_t words() const;
   /// Sorts once the digits are counted. Returns whether the result is in the
   /// room behind the pairs.
-  bool move(const QueuedWork &work, int device, uint32_t *state) const;
+  bool move(const QueuedWork &work, uint32_t *state) const;
 
 private:
+  int device;
   Pairs pairs;
   int beginBit, endBit, passes;
   int64_t counts, tiles;
+  bool isShort = false;
 };
 
 } // namespace warp

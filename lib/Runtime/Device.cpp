@@ -242,7 +242,12 @@ void warp::synchronizeDevice(int device) {
 
 void warp::synchronizeAll() {
   // Devices that nobody used have no stream and nothing to wait for.
+  auto isUsed = [](int device) {
+    DeviceState &state = cudaDeviceState(device);
+    std::lock_guard<std::mutex> lock(state.mutex);
+    return state.stream != nullptr;
+  };
   for (int device = 0; device < knownDeviceCount(); ++device)
-    if (cudaDeviceState(device).current.load())
+    if (isUsed(device))
       synchronizeDevice(device);
 }

@@ -51,9 +51,8 @@ struct DeviceState {
   cuda::Context context = nullptr;
 
   std::mutex mutex;
-  /// The current stream, and what the launch path needs of it.
+  /// The current stream.
   std::shared_ptr<Stream> stream;
-  std::atomic<StreamUse *> current{nullptr};
   std::vector<StreamUse *> uses;
 
   /// The stream that frees wait on; see Reclaim.cpp.
@@ -80,8 +79,9 @@ bool arePeersLinked();
 /// The device whose context this is; null if it is none of ours.
 DeviceState *findDeviceState(cuda::Context context);
 
-/// Work about to be queued on a stream, or on the device's current one. Makes
-/// the context current and, at the end, marks the stream as busy.
+/// Work about to be queued on a stream, or on the device's current one, which
+/// other threads may exchange and let go of meanwhile. Makes the context
+/// current and, at the end, marks the stream as busy.
 class QueuedWork {
 public:
   QueuedWork(int device, const Stream *stream);
@@ -92,6 +92,8 @@ public:
   cuda::StreamHandle stream() const { return use->handle; }
 
 private:
+  /// The current stream, if the work is on that.
+  std::shared_ptr<Stream> current;
   StreamUse *use;
   cuda::ContextScope scope;
 };
@@ -113,6 +115,9 @@ void trimPinned();
 StreamUse *retainStream(int device, cuda::StreamHandle handle);
 /// `destroyed`: the caller destroys the stream next.
 void releaseStream(int device, StreamUse *use, bool destroyed);
+/// Events after what was queued on the streams that have had work. They stay
+/// when a stream goes, and later calls record them again.
+std::vector<cuda::EventHandle> eventsOfStreams(int device);
 
 /// Throws what a failed check of a debug-mode kernel says.
 [[noreturn]] void raiseFailedCheck(const ErrorRecord &record,

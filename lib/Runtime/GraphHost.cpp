@@ -2,13 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A CPU graph is a list of steps. A short launch is the entry point of the
-// compiled kernel with a parameter block of its own: replaying it is one call
-// through a pointer. Everything else, launches that are spread over threads or
-// need a look at their result, copies and fills, is a closure. Branches and
-// loops hold a list of their own and run it as long as their flag is set; the
-// flags are steps, too, and belong to one replay, so that a graph may run on
-// two threads at once.
+// A CPU graph is a list of steps. A short launch is the code of the
+// compiled kernel with a parameter block of its own: replaying it is one call.
+// Everything else, launches that are spread over threads or need a look at
+// their result, copies and fills, is a closure. Branches and loops hold a list
+// of their own and run it as long as their flag is set; the flags are steps,
+// too, and belong to one replay, so that a graph may run on two threads at
+// once.
 //
 //===----------------------------------------------------------------------===//
 
@@ -32,7 +32,7 @@ struct Step;
 using Steps = std::vector<Step>;
 
 struct EntryStep {
-  CpuEntry entry;
+  const Kernel::Variant *variant;
   const void *params;
   int64_t items;
 };
@@ -150,7 +150,7 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
   if (Kernel::isShort(plan) && !kernel.options().debug &&
       !variant.code.exclusive && !variant.code.atomics &&
       variant.code.sums.empty() && !variant.code.usesPrintf)
-    return add({EntryStep{variant.cpu, data, plan.items}, kernel.name()});
+    return add({EntryStep{&variant, data, plan.items}, kernel.name()});
   std::function<void()> run = [&kernel, plan, data] { kernel.run(plan, data); };
   if (kernel.options().debug) {
     // The address of the error record is written into the block.
@@ -201,7 +201,7 @@ std::shared_ptr<Graph> HostCapture::end() {
 static void run(const Steps &steps, char *flags) {
   for (const Step &step : steps) {
     if (auto *entry = std::get_if<EntryStep>(&step.what)) {
-      entry->entry(entry->params, 0, entry->items);
+      entry->variant->run(entry->params, 0, entry->items);
     } else if (auto *call = std::get_if<std::function<void()>>(&step.what)) {
       (*call)();
     } else if (auto *flag = std::get_if<FlagStep>(&step.what)) {

@@ -37,7 +37,7 @@ using namespace warp;
 namespace {
 
 constexpr char magic[] = {'W', 'A', 'R', 'P', 'C', 'O', 'D', 'E'};
-constexpr uint32_t formatVersion = 7;
+constexpr uint32_t formatVersion = 8;
 constexpr const char *suffix = ".code";
 constexpr const char *temporaryPrefix = ".writing-";
 /// Leftovers of killed writers are removed after this many seconds.
@@ -163,7 +163,7 @@ bool KernelCache::enabled() const {
 }
 
 /// Makes the folder before the first write. Called with the lock held.
-bool KernelCache::prepare() {
+bool KernelCache::prepare(std::string &message) {
   if (prepared)
     return writable;
   prepared = true;
@@ -171,8 +171,8 @@ bool KernelCache::prepare() {
   if (writable)
     removeLeftovers(folder);
   else
-    notice("kernel cache '" + folder +
-           "' is not writable, compiled kernels are kept in memory only");
+    message = "kernel cache '" + folder +
+              "' is not writable, compiled kernels are kept in memory only";
   return writable;
 }
 
@@ -215,6 +215,15 @@ static std::string temporaryName(const std::string &key) {
 }
 
 void KernelCache::write(const std::string &name, const std::string &bytes) {
+  std::string message;
+  write(name, bytes, message);
+  // Without the lock: who gets it may wait for one that has it.
+  if (!message.empty())
+    notice(message);
+}
+
+void KernelCache::write(const std::string &name, const std::string &bytes,
+                        std::string &message) {
   int reason = 0;
   // A second try covers a folder that somebody removed in the meantime.
   for (int attempt = 0; attempt < 2; ++attempt) {
@@ -222,7 +231,7 @@ void KernelCache::write(const std::string &name, const std::string &bytes) {
     {
       std::lock_guard<std::mutex> lock(cacheMutex);
       prepared = prepared && attempt == 0;
-      if (!active || !prepare())
+      if (!active || !prepare(message))
         return;
       file = folder + "/" + name;
       temporary = folder + "/" + temporaryName(name);
@@ -237,8 +246,8 @@ void KernelCache::write(const std::string &name, const std::string &bytes) {
   }
   std::lock_guard<std::mutex> lock(cacheMutex);
   if (writable)
-    notice("cannot write to kernel cache '" + folder +
-           "': " + std::strerror(reason));
+    message = "cannot write to kernel cache '" + folder +
+              "': " + std::strerror(reason);
   writable = false;
 }
 

@@ -13,6 +13,7 @@
 #include "PrivateCopies.h"
 #include "warp/ThreadPool.h"
 
+#include <chrono>
 #include <new>
 #include <pthread.h>
 #include <shared_mutex>
@@ -44,11 +45,21 @@ static int64_t grainOf(const Code &code) {
   return (static_cast<int64_t>(chunkWork / code.cost) / 64 + 1) * 64;
 }
 
+void Kernel::Variant::run(const void *params, int64_t begin,
+                          int64_t end) const {
+  using namespace std::chrono;
+  if (!isQuick.load(std::memory_order_relaxed))
+    return cpu.load(std::memory_order_acquire)(params, begin, end);
+  steady_clock::time_point start = steady_clock::now();
+  cpu.load(std::memory_order_acquire)(params, begin, end);
+  quick->spend(nanoseconds(steady_clock::now() - start).count());
+}
+
 static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
   PrivateCopies copies(variant.code.copied, params, paramSize);
   auto run = [&](int64_t begin, int64_t end) {
-    variant.cpu(copies.paramsOf(ThreadPool::worker()), begin, end);
+    variant.run(copies.paramsOf(ThreadPool::worker()), begin, end);
   };
   ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
                           &variant.history);
@@ -64,20 +75,21 @@ static void launchAlone(const Kernel::Variant &variant, const void *params,
       chooseUpdates(copied, params, items) == UpdateMode::Copies)
     return launchOnCopies(variant, params, paramSize, items);
   freeIdleCopies();
-  variant.cpu(params, 0, items);
+  variant.run(params, 0, items);
 }
 
 void warp::launchOnCpu(const Kernel::Variant &variant, const void *params,
                        size_t paramSize, int64_t items, bool serial) {
-  CpuEntry entry = variant.cpu;
   if (variant.code.exclusive)
     return launchAlone(variant, params, paramSize, items, serial);
   std::shared_lock<std::shared_mutex> shared;
   if (variant.code.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
   if (serial)
-    return entry(params, 0, items);
-  auto run = [&](int64_t begin, int64_t end) { entry(params, begin, end); };
+    return variant.run(params, 0, items);
+  auto run = [&](int64_t begin, int64_t end) {
+    variant.run(params, begin, end);
+  };
   ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
                           &variant.history);
 }

@@ -179,29 +179,16 @@ static void checkRows(const int32_t *dim, const VariantKey &key,
                   std::to_string(last));
 }
 
-/// A kernel that waits for the one before it on its stream is started while
-/// that ends, which saves some of the time between them. Where the one before
-/// is no kernel, or the stream is the legacy one, the driver waits as ever.
 static cuda::Result queue(const Kernel::Variant &variant, const Shape &shape,
                           cuda::StreamHandle stream, void *params) {
-  static constexpr cuda::LaunchAttribute attribute{
-      cuda::launchProgrammatic, 0, {1}};
   void *arguments[] = {params};
-  unsigned bytes = variant.code.dynamicBytes;
   const Extent &grid = shape.grid, &block = shape.block;
-  if (!variant.programmatic || !stream)
-    return cuda::driver()->launchKernel(variant.function, grid.x, grid.y,
-                                        grid.z, block.x, block.y, block.z,
-                                        bytes, stream, arguments, nullptr);
   cuda::LaunchConfig config{
       {unsigned(grid.x), unsigned(grid.y), unsigned(grid.z)},
       {unsigned(block.x), unsigned(block.y), unsigned(block.z)},
-      bytes,
-      stream,
-      &attribute,
-      1};
-  return cuda::driver()->launchKernelEx(&config, variant.function, arguments,
-                                        nullptr);
+      unsigned(variant.code.dynamicBytes),
+      stream};
+  return queueKernel(variant.function, config, arguments, variant.programmatic);
 }
 
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,

@@ -11,10 +11,12 @@
 #include "CudaDriver.h"
 #include "DeviceState.h"
 #include "WidthPolicy.h"
+#include "warp/FirstCode.h"
 #include "warp/Kernel.h"
 #include "warp/Translation.h"
 
 #include <atomic>
+#include <functional>
 #include <mutex>
 
 namespace warp {
@@ -57,11 +59,30 @@ struct VariantKey {
   }
 };
 
+/// What quickly compiled code is, and how better code comes in its place.
+struct QuickCode {
+  CpuEntry entry = nullptr;
+  /// Of the better code.
+  CompileOptions wanted;
+  /// Nanoseconds that it runs for until better code is asked for.
+  std::atomic<int64_t> patience{1'000'000};
+  std::function<void()> ask;
+  /// Held while better code is made.
+  std::mutex mutex;
+
+  void spend(int64_t nanoseconds);
+};
+
 struct Kernel::Variant {
   VariantKey key;
   /// Without the binary, which the loader has.
   Code code;
-  CpuEntry cpu = nullptr;
+  /// May be exchanged while others run it, for code that does the same.
+  std::atomic<CpuEntry> cpu{nullptr};
+  /// Whether `cpu` was compiled quickly.
+  std::atomic<bool> isQuick{false};
+  /// Stays when better code has come: some may still run it.
+  std::unique_ptr<QuickCode> quick;
   /// What its launches taught the thread pool.
   mutable LoopHistory history;
   CudaCode loaded;
@@ -84,13 +105,15 @@ struct Kernel::Variant {
 
   ~Variant();
 
+  /// On a CPU.
+  void run(const void *params, int64_t begin, int64_t end) const;
   /// Whether launches of this kind may run it.
   bool serves(const VariantKey &asked) const {
     return key.matches(asked, code.sizeFacts);
   }
 };
 
-struct Kernel::Impl {
+struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// None in a kernel of the cache until `source` is called, which alone reads
   /// it; and none in one that has no source.
   Module module;
@@ -128,7 +151,10 @@ struct Kernel::Impl {
   int threadRank();
   void setParameters(std::vector<Param> list);
   Variant *find(const VariantKey &key) const;
-  Variant *make(const VariantKey &key);
+  /// A variant for launches of so many threads.
+  Variant *make(const VariantKey &key, int64_t items);
+  /// Has quickly compiled code replaced, by the calling thread.
+  void improve(Variant &variant);
   Plan plan(int device, const LaunchDim &dim, void *params, int blockDim,
             bool mayMake);
   /// Runs a variant whose parameters are complete.
@@ -159,8 +185,21 @@ struct Kernel::Impl {
   std::pair<const SavedKernel *, const SavedVariant *>
   chooseSaved(const VariantKey &key, int arch) const;
   [[noreturn]] void raiseNotSaved(const VariantKey &key, int arch) const;
-  Code obtain(const CompileOptions &compileOptions);
+  /// `spent` gets the milliseconds of each phase.
+  Code obtain(const CompileOptions &compileOptions,
+              std::map<std::string, double> &spent);
+  /// Code that was compiled quickly, if that does for so many threads.
+  FirstCode obtainFirst(const CompileOptions &wanted, int64_t items);
+  std::unique_ptr<QuickCode> makeQuick(const CompileOptions &wanted,
+                                       Variant &variant);
+  void load(Variant &variant);
 };
+
+/// Whether a launch of so many threads had better wait for better code.
+bool isTooSlow(const Kernel::Variant &variant, int64_t items);
+
+Error launchError(Error::Kind kind, const std::string &kernel,
+                  const std::string &message);
 
 /// "si32", "ui8": a scalar whose last byte has the highest bit.
 bool isIntegerScalar(const Param &param);

@@ -16,13 +16,14 @@
 #include "warp/SavedModule.h"
 
 #include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 
 using namespace warp;
 
 Kernel::Kernel(const SavedKernel &saved)
-    : impl(std::make_unique<Impl>(Module(nullptr))) {
+    : impl(std::make_shared<Impl>(Module(nullptr))) {
   impl->name = saved.name;
   impl->options = saved.options;
   impl->setParameters(saved.params);
@@ -142,7 +143,7 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
   variant.large = key.large;
   variant.disjoint = key.disjoint;
   variant.blockDim = arch == 0 ? 0 : compile.blockDim;
-  variant.code = obtain(compile);
+  variant.code = obtain(compile, times);
   if (key.device != cpuDevice)
     variant.code = assembled(key.device, std::move(variant.code));
   return variant;
@@ -282,5 +283,8 @@ Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
     key.disjoint = true;
   }
   Variant *variant = find(key);
-  return variant ? *variant : *make(key);
+  if (!variant)
+    variant = make(key, anyItems);
+  improve(*variant);
+  return *variant;
 }

@@ -73,17 +73,34 @@ static bool isCapturing(const DeviceState &state) {
   });
 }
 
+/// An event after all that was queued on a stream.
+static EventHandle record(StreamUse &use) {
+  if (!use.event)
+    use.event = makeEvent();
+  WARP_CUDA(eventRecord, use.event, use.handle);
+  return use.event;
+}
+
 /// Lets the reclaim stream wait for a busy stream.
 static void waitFor(DeviceState &state, StreamUse &use) {
   if (!use.busy.exchange(false, std::memory_order_acq_rel))
     return;
   if (!state.reclaim)
     WARP_CUDA(streamCreate, &state.reclaim, cuda::streamDefault, 0);
-  if (!use.event)
-    use.event = makeEvent();
-  WARP_CUDA(eventRecord, use.event, use.handle);
-  WARP_CUDA(streamWaitEvent, state.reclaim, use.event, 0);
+  WARP_CUDA(streamWaitEvent, state.reclaim, record(use), 0);
   state.reclaimPending = true;
+}
+
+std::vector<EventHandle> warp::eventsOfStreams(int device) {
+  DeviceState &state = cudaDeviceState(device);
+  std::lock_guard<std::mutex> lock(state.mutex);
+  std::vector<EventHandle> events;
+  for (StreamUse *use : state.uses)
+    if (use->exists() && use->used) {
+      cuda::ContextScope scope(device);
+      events.push_back(record(*use));
+    }
+  return events;
 }
 
 /// A stream that comes after all work queued so far: the one that did it all,

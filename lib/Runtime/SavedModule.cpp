@@ -25,7 +25,7 @@ using namespace warp;
 
 /// The version goes up when the file, the parameter block or what code calls
 /// changes.
-static constexpr FileFormat format{"WARPSAVE", 11, "saved module",
+static constexpr FileFormat format{"WARPSAVE", 12, "saved module",
                                    "compile it again"};
 
 //===----------------------------------------------------------------------===//

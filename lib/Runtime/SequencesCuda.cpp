@@ -10,15 +10,12 @@
 //===----------------------------------------------------------------------===//
 
 #include "CudaKernels.h"
-#include "GraphDriver.h"
 #include "Sequences.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"
 
 #include <algorithm>
 #include <cstdint>
-#include <map>
-#include <mutex>
 #include <string>
 #include <utility>
 
@@ -38,29 +35,10 @@ static constexpr int radix = 1 << radixBits;
 /// What fits into a count with its two marks.
 static constexpr int64_t mostPairs = (int64_t(1) << 30) - 1;
 
-cuda::Function warp::kernelOf(int device, const char *code,
-                              const std::string &name) {
-  static std::mutex mutex;
-  static auto *modules =
-      new std::map<std::pair<int, const char *>, cuda::ModuleHandle>;
-  static auto *functions =
-      new std::map<std::pair<int, std::string>, cuda::Function>;
-  std::lock_guard<std::mutex> lock(mutex);
-  cuda::Function &function = (*functions)[{device, name}];
-  if (function)
-    return function;
-  cuda::RelaxedCaptures relaxed;
-  cuda::ModuleHandle &module = (*modules)[{device, code}];
-  if (!module)
-    WARP_CUDA(moduleLoadDataEx, &module, code, 0, nullptr, nullptr);
-  WARP_CUDA(moduleGetFunction, &function, module, name.c_str());
-  return function;
-}
-
 template <typename... Args>
-static void launch(const QueuedWork &work, cuda::Function function,
+static void launch(const QueuedWork &work, const LibraryKernel &kernel,
                    int64_t blocks, int64_t rows, Args... args) {
-  launchKernel(work, function, blocks, rows, threads, args...);
+  launchKernel(work, kernel, blocks, rows, threads, args...);
 }
 
 //===----------------------------------------------------------------------===//
@@ -117,20 +95,27 @@ static uint64_t signOf(NumberType kind) {
   return uint64_t(1) << (8 * sizeOf(kind) - 1);
 }
 
-SortState::SortState(const Pairs &pairs, int beginBit, int endBit)
-    : pairs(pairs), beginBit(beginBit), endBit(endBit),
+SortState::SortState(int device, const Pairs &pairs, int beginBit, int endBit)
+    : device(device), pairs(pairs), beginBit(beginBit), endBit(endBit),
       passes(int(ceilDivide(endBit - beginBit, radixBits))),
       counts(int64_t(sizeOf(pairs.kind)) * radix) {
-  int64_t tile = threads * (sizeOf(pairs.kind) + pairs.valueSize > 8 ? 18 : 24);
-  tiles = ceilDivide(pairs.count, tile);
+  bool isWide = sizeOf(pairs.kind) + pairs.valueSize > 8;
+  tiles = ceilDivide(pairs.count, threads * (isWide ? 18 : 24));
+  if (isWide)
+    return;
+  // With shorter tiles multiprocessors have as much to do as each other, as
+  // long as all tiles have room at a time.
+  int64_t shorter = ceilDivide(pairs.count, threads * 16);
+  isShort = shorter <= 2 * deviceInfo(device).smCount;
+  if (isShort)
+    tiles = shorter;
 }
 
 int64_t SortState::words() const {
   return counts + sizeOf(pairs.kind) + passes * tiles * radix;
 }
 
-bool SortState::move(const QueuedWork &work, int device,
-                     uint32_t *state) const {
+bool SortState::move(const QueuedWork &work, uint32_t *state) const {
   int keySize = sizeOf(pairs.kind);
   // Kernels for 32 bits read the lower half.
   uint64_t flip = signOf(pairs.kind);
@@ -143,8 +128,9 @@ bool SortState::move(const QueuedWork &work, int device,
   auto *values = static_cast<char *>(pairs.values);
   char *otherKeys = keys + pairs.count * keySize;
   char *otherValues = values + pairs.count * pairs.valueSize;
-  cuda::Function move =
-      kernelOf(device, warp_cuda_Sort_begin, "sort_move_" + types);
+  LibraryKernel move =
+      kernelOf(device, warp_cuda_Sort_begin,
+               "sort_move_" + types + (isShort ? "_short" : ""));
   uint32_t *heads = state + counts, *published = heads + keySize;
   for (int pass = 0; pass < passes; ++pass) {
     int shift = beginBit + pass * radixBits;
@@ -164,7 +150,7 @@ bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
     throw Error(Error::Kind::Value,
                 "a sort on CUDA takes at most " + std::to_string(mostPairs) +
                     " pairs, but got " + std::to_string(pairs.count));
-  SortState sort(pairs, beginBit, endBit);
+  SortState sort(device, pairs, beginBit, endBit);
   Buffer buffer(device, sort.words() * 4, false, stream);
   auto *state = static_cast<uint32_t *>(buffer.data());
   setMemory(state, device, 0, buffer.size(), stream);
@@ -178,7 +164,7 @@ bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
   launch(work, kernelOf(device, warp_cuda_Sort_begin, "sort_count_" + key),
          counters, 1, pairs.keys, pairs.count, signOf(pairs.kind), beginBit,
          endBit, state);
-  return sort.move(work, device, state);
+  return sort.move(work, state);
 }
 
 //===----------------------------------------------------------------------===//

@@ -23,9 +23,9 @@ static constexpr int threads = 256;
 static constexpr int64_t tileLength = 7 * threads;
 
 template <typename T>
-static void launch(const QueuedWork &work, cuda::Function function,
+static void launch(const QueuedWork &work, const LibraryKernel &kernel,
                    int64_t tiles, const SparseProduct &product, void *sums) {
-  launchKernel(work, function, tiles, 1, threads, product.offsets,
+  launchKernel(work, kernel, tiles, 1, threads, product.offsets,
                product.columns, product.values, int(product.rows), product.x,
                product.y, T(product.alpha), T(product.beta), sums);
 }
@@ -50,9 +50,9 @@ void warp::multiplyRows(int device, const SparseProduct &product,
   Buffer sums(device, tiles * (isWide ? 16 : 8), false, stream);
   setMemory(sums.data(), device, 0, sums.size(), stream);
   QueuedWork work(device, stream);
-  cuda::Function function =
+  LibraryKernel kernel =
       kernelOf(device, warp_cuda_SparseProduct_begin,
                isWide ? "sparse_product_f64" : "sparse_product_f32");
-  isWide ? launch<double>(work, function, tiles, product, sums.data())
-         : launch<float>(work, function, tiles, product, sums.data());
+  isWide ? launch<double>(work, kernel, tiles, product, sums.data())
+         : launch<float>(work, kernel, tiles, product, sums.data());
 }

@@ -187,7 +187,6 @@ std::shared_ptr<Stream> warp::currentStream(int device) {
   if (state.stream)
     return state.stream;
   state.stream = made;
-  state.current = made->use();
   return made;
 }
 
@@ -201,24 +200,21 @@ void warp::setCurrentStream(int device, std::shared_ptr<Stream> stream) {
                     : std::string("none")));
   // The former one is released without the mutex, which that needs.
   std::lock_guard<std::mutex> lock(state.mutex);
-  state.current = stream->use();
   state.stream.swap(stream);
 }
 
-static StreamUse *useOf(int device, const Stream *stream) {
+static const Stream *checked(int device, const Stream *stream) {
   if (stream && stream->device() != device)
     throw Error(Error::Kind::LaunchValue,
                 "expects a stream of '" + deviceInfo(device).alias +
                     "', but got one of '" + deviceInfo(stream->device()).alias +
                     "'");
-  if (stream)
-    return stream->use();
-  StreamUse *use = cudaDeviceState(device).current;
-  return use ? use : currentStream(device)->use();
+  return stream;
 }
 
 QueuedWork::QueuedWork(int device, const Stream *stream)
-    : use(useOf(device, stream)), scope(device) {}
+    : current(checked(device, stream) ? nullptr : currentStream(device)),
+      use((current ? current.get() : stream)->use()), scope(device) {}
 
 void warp::synchronizeBusyStreams() {
   if (cudaDeviceCount() == 0 || cuda::isForked())
@@ -227,18 +223,10 @@ void warp::synchronizeBusyStreams() {
     // Waiting would end a capture; what it recorded does not run yet.
     if (isCapturing(device))
       continue;
-    DeviceState &state = cudaDeviceState(device);
-    std::vector<StreamHandle> handles;
-    {
-      std::lock_guard<std::mutex> lock(state.mutex);
-      for (StreamUse *use : state.uses)
-        if (use->exists() && use->used)
-          handles.push_back(use->handle);
+    // Other threads may queue work meanwhile, or destroy a stream.
+    for (EventHandle event : eventsOfStreams(device)) {
+      cuda::ContextScope scope(device);
+      WARP_CUDA(eventSynchronize, event);
     }
-    if (handles.empty())
-      continue;
-    cuda::ContextScope scope(device);
-    for (StreamHandle handle : handles)
-      WARP_CUDA(streamSynchronize, handle);
   }
 }

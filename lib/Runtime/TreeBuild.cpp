@@ -80,7 +80,7 @@ public:
   void fill(const QueuedWork &work);
 
 private:
-  cuda::Function kernel(const char *name) const;
+  LibraryKernel kernel(const char *name) const;
   template <class T> T *at(size_t offset) const {
     return reinterpret_cast<T *>(memory + offset);
   }
@@ -112,6 +112,14 @@ TreeShape::TreeShape(int64_t count) : blocks(ceilDivide(count, width)) {
     levels.insert(levels.begin(), ceilDivide(levels.front(), width));
 }
 
+TreeFindings::TreeFindings(int device)
+    : numbers(cpuDevice, 2 * sizeof(int32_t), true), done(device) {}
+
+std::pair<int, int> TreeFindings::wait() const {
+  done.synchronize();
+  return {memory()[0], memory()[1]};
+}
+
 Building::Building(int device, const TreeBuild &build, const Stream *stream)
     : device(device), build(build), stream(stream), shape(build.count),
       primitives{build.first, build.second, build.points, build.count,
@@ -120,7 +128,7 @@ Building::Building(int device, const TreeBuild &build, const Stream *stream)
   int64_t count = build.count;
   headAt = parts.add<uint32_t>(headWords);
   if (build.alongCurve) {
-    SortState sort({NumberType::UInt32, nullptr, nullptr, 4, count}, 0,
+    SortState sort(device, {NumberType::UInt32, nullptr, nullptr, 4, count}, 0,
                    3 * bits);
     parts.add<uint32_t>(sort.words(), 1);
   } else {
@@ -144,7 +152,7 @@ Building::Building(int device, const TreeBuild &build, const Stream *stream)
   orderAt = parts.add<int32_t>(2 * count);
 }
 
-cuda::Function Building::kernel(const char *name) const {
+LibraryKernel Building::kernel(const char *name) const {
   std::string_view text = name;
   const char *code =
       text == "tree_fill" || text == "tree_top" ? warp_cuda_TreeFill_begin
@@ -158,8 +166,14 @@ void Building::see(const QueuedWork &work) {
   int64_t blocks = std::min(mostBlocks, ceilDivide(build.count, threads));
   launchKernel(work, kernel("tree_see"), blocks, 1, threads, primitives,
                at<Quad>(centersAt), at<uint32_t>(headAt));
+  const TreeFindings *findings = build.findings;
   launchKernel(work, kernel("tree_report"), 1, 1, 32, at<uint32_t>(headAt),
-               build.count, build.scale, build.found);
+               build.count, build.scale, build.found,
+               findings ? findings->memory() : nullptr);
+  if (findings)
+    WARP_CUDA(eventRecord,
+              static_cast<cuda::EventHandle>(findings->event().handle()),
+              work.stream());
 }
 
 void Building::sort(const QueuedWork &work) {
@@ -169,9 +183,9 @@ void Building::sort(const QueuedWork &work) {
   auto *order = at<int32_t>(orderAt);
   launchKernel(work, kernel("tree_key"), blocks, 1, threads,
                at<Quad>(centersAt), build.count, bits, keys, order, head);
-  SortState sort({NumberType::UInt32, keys, order, 4, build.count}, 0,
+  SortState sort(device, {NumberType::UInt32, keys, order, 4, build.count}, 0,
                  3 * bits);
-  bool isBehind = sort.move(work, device, head + headWords);
+  bool isBehind = sort.move(work, head + headWords);
   ordered = order + (isBehind ? build.count : 0);
 }
 

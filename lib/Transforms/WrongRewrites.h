@@ -7,6 +7,8 @@
 #ifndef WARP_LIB_TRANSFORMS_WRONGREWRITES_H
 #define WARP_LIB_TRANSFORMS_WRONGREWRITES_H
 
+#include "mlir/IR/PatternMatch.h"
+
 #include "llvm/ADT/SmallVector.h"
 
 #include <string>
@@ -20,6 +22,10 @@ namespace warp {
 inline llvm::SmallVector<std::string> wrongRewrites() {
   return {"(anonymous namespace)::WhileMoveIfDown"};
 }
+
+/// Adds what takes their place. Loops over the neighbours of a point have the
+/// form that `findRuns` knows only if such a branch moves.
+void addRightRewrites(mlir::RewritePatternSet &patterns);
 
 } // namespace warp
 

@@ -217,10 +217,14 @@ void bindBuilder(py::module_ &m) {
   m.def(
       "add_native_code",
       [](const std::string &symbol, const std::string &name,
-         const std::string &text, const std::string &place) {
-        addNativeCode(symbol, {name, text, place});
+         const std::string &text, const std::string &place,
+         std::vector<std::string> cpuFolders,
+         std::vector<std::string> gpuFolders) {
+        addNativeCode(symbol, {name, text, place, std::move(cpuFolders),
+                               std::move(gpuFolders)});
       },
       py::arg("symbol"), py::arg("name"), py::arg("text"), py::arg("place"),
+      py::arg("cpu_folders"), py::arg("gpu_folders"),
       "Makes a function in C++ known to kernels.");
   m.def("native_compiler", &nativeCompiler, py::arg("gpu"));
   m.def("set_nvrtc_folders", &setNvrtcFolders, py::arg("folders"));

@@ -15,6 +15,8 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstring>
+#include <memory>
+#include <string>
 
 namespace py = pybind11;
 using namespace warp;
@@ -187,7 +189,23 @@ static void bindStreams(py::module_ &m) {
 /// The Python function that gets notices; guarded by the GIL.
 static PyObject *noticeFunction = nullptr;
 
+static void passNotice(const char *message);
+
+static int passLater(void *message) {
+  std::unique_ptr<std::string> text(static_cast<std::string *>(message));
+  passNotice(text->c_str());
+  return 0;
+}
+
 static void passNotice(const char *message) {
+  // Nobody may have to wait for a thread that is not Python's while it waits
+  // for the lock; the main thread gives the notice when it comes to it.
+  if (!PyGILState_GetThisThreadState()) {
+    std::unique_ptr<std::string> copy(new std::string(message));
+    if (Py_AddPendingCall(&passLater, copy.get()) == 0)
+      copy.release();
+    return;
+  }
   py::gil_scoped_acquire locked;
   if (!noticeFunction)
     return;

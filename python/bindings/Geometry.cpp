@@ -8,6 +8,7 @@
 
 #include "Geometry.h"
 
+#include "warp/Graph.h"
 #include "warp/HashGrid.h"
 #include "warp/Memory.h"
 #include "warp/Mesh.h"
@@ -67,7 +68,11 @@ static void bindBvh(py::module_ &m) {
         });
       }))
       .def_property_readonly("id", &Bvh::id)
-      .def("adopt", &Bvh::adopt)
+      .def("adopt",
+           [](Bvh &self, uint64_t nodes, size_t nodeBytes, uint64_t blocks,
+              size_t blockBytes, uint64_t groups) {
+             self.adopt({nodes, blocks, nodeBytes, blockBytes, groups});
+           })
       .def_property_readonly("report", &Bvh::report)
       .def_property_readonly("view", &Bvh::view)
       .def("refit",
@@ -104,15 +109,17 @@ static void bindMesh(py::module_ &m) {
       .def_property_readonly("id", &Mesh::id)
       .def("adopt",
            [](Mesh &self, py::handle points, py::handle velocities,
-              py::handle indices, uint64_t nodes, uint64_t blocks) {
-             self.adopt(arraysOf(points, velocities, indices), nodes, blocks);
+              py::handle indices, uint64_t nodes, size_t nodeBytes,
+              uint64_t blocks, size_t blockBytes, uint64_t groups) {
+             self.adopt(arraysOf(points, velocities, indices),
+                        {nodes, blocks, nodeBytes, blockBytes, groups});
            })
       .def("support_winding",
            [](Mesh &self, py::handle points, py::handle velocities,
-              py::handle indices, bool byKernels) {
+              py::handle indices) {
              MeshArrays arrays = arraysOf(points, velocities, indices);
              building("mesh", arrays.indices.shape[0], "indices",
-                      [&] { self.supportWinding(arrays, byKernels); });
+                      [&] { self.supportWinding(arrays); });
            })
       .def_property_readonly("report", &Mesh::report)
       .def_property_readonly("view", &Mesh::view)
@@ -205,24 +212,30 @@ static void bindTrees(py::module_ &m) {
   using Handle = py::handle;
   m.def(
       "tree_shape",
-      [](int64_t count, bool ofTriangles) {
+      [](int64_t count) {
         TreeShape shape(count);
-        return py::make_tuple(
-            shape.levels, shape.blocks, TreeShape::nodeBytes * shape.nodes(),
-            TreeShape::blockBytes(ofTriangles) * shape.blocks);
+        return std::pair(shape.levels, shape.blocks);
       },
-      "Nodes of each level, blocks, and bytes of nodes and of blocks.");
+      "Nodes of each level, and blocks.");
   m.def(
       "build_tree",
       [](Handle first, Handle second, bool ofTriangles, bool alongCurve,
-         Handle memory, uint64_t id) {
+         Handle memory, uint64_t id, bool reads) {
         TreeBuild build =
             treeOf(first, second, ofTriangles, alongCurve, memory, id);
         int device = python::asArray(memory.ptr())->device;
+        std::optional<TreeFindings> findings;
+        std::optional<std::pair<int, int>> found;
         py::gil_scoped_release unlocked;
+        if (reads && !isCapturing(device))
+          build.findings = &findings.emplace(device);
         buildTree(device, build);
+        if (findings)
+          found = findings->wait();
+        return found;
       },
-      "Queues the build of a hierarchy on a GPU.");
+      "Queues the build of a hierarchy on a GPU. What `read_tree` gives, if it "
+      "is wanted and no graph is captured; that is there before the end.");
   m.def(
       "refit_tree",
       [](Handle first, Handle second, bool ofTriangles, Handle memory,

@@ -6,6 +6,8 @@
 
 #include "Gil.h"
 
+#include "warp/Background.h"
+
 #include <pthread.h>
 
 #include <atomic>
@@ -35,6 +37,7 @@ static void beginExit() {
   exitingThread = std::this_thread::get_id();
   exiting = true;
   PyThreadState *state = PyEval_SaveThread();
+  warp::stopBackground();
   while (returning != 0)
     std::this_thread::sleep_for(std::chrono::microseconds(50));
   PyEval_RestoreThread(state);
@@ -79,6 +82,10 @@ static void afterForkInChild() {
 
 void warp::python::watchExit(py::module_ &m) {
   pthread_atfork(beforeFork, afterFork, afterForkInChild);
+  m.def("wait_for_background", [] {
+    Unlocked unlocked;
+    warp::waitForBackground();
+  }, "Waits until all better code that was asked for is in use.");
   m.def("begin_exit", &beginExit,
         "Threads that come back from native code wait from now on.");
   py::module_::import("atexit").attr("register")(m.attr("begin_exit"));

@@ -28,21 +28,23 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
   static const char *keywords[] = {
       "module",    "name",      "debug",         "fast_math",   "lineinfo",
       "opt_level", "block_dim", "max_registers", "max_threads", "min_blocks",
-      "deterministic", "same_on_devices", "lanes", nullptr};
+      "deterministic", "same_on_devices", "lanes", "quick_first",
+      nullptr};
   PyObject *module;
   const char *name;
   KernelOptions options;
   int debug = 0, fastMath = 0, lineinfo = 0, deterministic = 0,
-      sameOnDevices = 0;
+      sameOnDevices = 0, quickFirst = 0;
   if (!PyArg_ParseTupleAndKeywords(
-          args, names, "Os|$pppiiiiippi", const_cast<char **>(keywords), &module,
+          args, names, "Os|$pppiiiiippip", const_cast<char **>(keywords), &module,
           &name, &debug, &fastMath, &lineinfo, &options.optLevel,
           &options.blockDim, &options.maxRegisters, &options.maxThreads,
           &options.minBlocks, &deterministic, &sameOnDevices,
-          &options.lanes))
+          &options.lanes, &quickFirst))
     return nullptr;
   options.deterministic = deterministic;
   options.sameOnDevices = sameOnDevices;
+  options.quickFirst = quickFirst;
   options.debug = debug;
   options.fastMath = fastMath;
   options.lineinfo = lineinfo;

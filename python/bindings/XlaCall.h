@@ -39,15 +39,16 @@ inline xla::Error *makeError(const xla::Frame &frame, const char *message) {
   return frame.api->createError(&args);
 }
 
-/// XLA asks for the version before the first call.
-inline bool answerMetadata(const xla::Frame &frame) {
+/// XLA asks for the version before the first call, and whether it may record
+/// calls in graphs of its own.
+inline bool answerMetadata(const xla::Frame &frame, bool recordable = false) {
   for (xla::Extension *item = frame.extensions; item; item = item->next) {
     if (item->type != xla::metadataExtension)
       continue;
     auto *answer = reinterpret_cast<xla::MetadataExtension *>(item)->metadata;
     answer->version.major = 0;
     answer->version.minor = frame.api ? frame.api->version.minor : 1;
-    answer->traits = 0;
+    answer->traits = recordable ? xla::recordableTrait : 0;
     return true;
   }
   return false;

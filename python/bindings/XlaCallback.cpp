@@ -58,8 +58,8 @@ static xla::Error *callOnCpu(xla::Frame *frame) {
   return callPython(*frame, cpuDevice, nullptr);
 }
 
-static xla::Error *callOnCuda(xla::Frame *frame) {
-  if (answerMetadata(*frame) || frame->stage != xla::executeStage)
+template <bool recordable> static xla::Error *callOnCuda(xla::Frame *frame) {
+  if (answerMetadata(*frame, recordable) || frame->stage != xla::executeStage)
     return nullptr;
   CudaPlace place;
   if (xla::Error *error = findPlace(*frame, place))
@@ -80,7 +80,9 @@ void python::bindXlaCallback(py::module_ &m) {
       "xla_callback_handlers",
       [] {
         return py::make_tuple(handlerCapsule(callOnCpu),
-                              handlerCapsule(callOnCuda));
+                              handlerCapsule(callOnCuda<false>),
+                              handlerCapsule(callOnCuda<true>));
       },
-      "The functions that XLA calls: for the CPU, for CUDA.");
+      "The functions that XLA calls: for the CPU, for CUDA, for CUDA where XLA "
+      "may record the call in a graph.");
 }

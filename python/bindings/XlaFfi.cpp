@@ -9,6 +9,9 @@
 // scalar arguments, and which buffer is which array. A call fills in addresses
 // and runs the kernel, without Python and without its lock.
 //
+// On CUDA XLA may record calls in a graph of its own. It does not tell when
+// that goes, so what a recorded launch uses is kept.
+//
 // Buffers with leading extents beyond the expected ones come from `vmap`: the
 // kernel then runs once per batch entry.
 //
@@ -16,6 +19,8 @@
 
 #include "KernelObject.h"
 #include "XlaCall.h"
+
+#include "warp/Graph.h"
 
 #include <cstring>
 #include <memory>
@@ -273,15 +278,29 @@ static xla::Error *runCpu(xla::Frame *frame) {
   return nullptr;
 }
 
+/// Never released, as XLA keeps its programs.
+static void keepRecorded(std::shared_ptr<Graph> graph) {
+  static auto *graphs = new std::vector<std::shared_ptr<Graph>>;
+  std::lock_guard<std::mutex> lock(calls().mutex);
+  graphs->push_back(std::move(graph));
+}
+
 static xla::Error *runCuda(xla::Frame *frame) {
-  if (answerMetadata(*frame) || frame->stage != xla::executeStage)
+  if (answerMetadata(*frame, /*recordable=*/true) ||
+      frame->stage != xla::executeStage)
     return nullptr;
   CudaPlace place;
   if (xla::Error *error = findPlace(*frame, place))
     return error;
   try {
-    Stream stream(place.device, place.stream);
-    runPlan(findPlan(frame->attributes), *frame, place.device, &stream);
+    auto stream = std::make_shared<Stream>(place.device, place.stream);
+    std::unique_ptr<Capture> capture;
+    if (stream->isCapturing())
+      capture = Capture::begin(place.device, stream, CaptureMode::ThreadLocal,
+                               /*external=*/true);
+    runPlan(findPlan(frame->attributes), *frame, place.device, stream.get());
+    if (capture)
+      keepRecorded(capture->end());
   } catch (const std::exception &error) {
     return makeError(*frame, error.what());
   }

@@ -42,6 +42,8 @@ struct MetadataExtension {
   Extension base;
   Metadata *metadata;
 };
+/// A call may be recorded in a graph.
+constexpr uint32_t recordableTrait = 1;
 
 struct ErrorArgs {
   size_t size;

@@ -172,11 +172,12 @@ from warp._src.interop.torch import stream_to_torch as stream_to_torch
 from warp._src.interop.torch import to_torch as to_torch
 from warp._src.kernels.aot import compile_aot_module as compile_aot_module
 from warp._src.kernels.aot import load_aot_module as load_aot_module
+from warp._src.kernels.build_options import ModuleBuildOptions as ModuleBuildOptions
+from warp._src.kernels.decorator import kernel as kernel
 from warp._src.kernels.function import Function as Function
 from warp._src.kernels.function import func as func
 from warp._src.kernels.function import func_native as func_native
 from warp._src.kernels.kernel import Kernel as Kernel
-from warp._src.kernels.kernel import kernel as kernel
 from warp._src.kernels.launch import Launch as Launch
 from warp._src.kernels.launch import launch as launch
 from warp._src.kernels.maps import map as map

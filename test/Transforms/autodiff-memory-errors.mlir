@@ -17,20 +17,21 @@ func.func @race(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // A later iteration may overwrite what the derivative of the product needs, and
 // an earlier one what was there before the launch. The kernel cannot run again to
-// keep it: the atomic would return something else.
+// keep it: the atomic in the loop would return something else.
 func.func @overwritten(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
-                       %n: i32, %p: !warp.array<1 x si32>)
+                       %n: i32, %p: !warp.array<1 x si32>,
+                       %q: !warp.array<1 x si32>)
     attributes {warp.kernel, warp.arg_names = ["x", "y"]} {
   %c0 = arith.constant 0 : i32
   %c1 = arith.constant 1 : i32
   %zero = warp.constant 0 : si32
   %one = warp.constant 1 : si32
-  %old = warp.atomic add %one, %p[%zero] : si32, !warp.array<1 x si32>, si32 -> si32
-  warp.store %old, %p[%one] : si32, !warp.array<1 x si32>, si32
   scf.for %c = %c0 to %n step %c1 : i32 {
     %i = warp.cast %c : i32 to si32
     %k = warp.load %p[%i] : !warp.array<1 x si32>, si32 -> si32
-    // expected-error @+1 {{the derivative needs what 'x' holds here, but the launch overwrites it (line 36); keep the value in a variable, or write to another array}}
+    %old = warp.atomic add %one, %q[%zero] : si32, !warp.array<1 x si32>, si32 -> si32
+    warp.store %old, %q[%one] : si32, !warp.array<1 x si32>, si32
+    // expected-error @+1 {{the derivative needs what 'x' holds here, but the launch overwrites it (line 37); keep the value in a variable, or write to another array}}
     %a = warp.load %x[%k] : !warp.array<1 x f32>, si32 -> f32
     %b = warp.mul(%a, %a) : (f32, f32) -> f32
     warp.store %b, %x[%k] : f32, !warp.array<1 x f32>, si32

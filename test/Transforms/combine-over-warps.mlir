@@ -108,3 +108,41 @@ func.func @debugging(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     : (f32), !warp.array<1 x f32>, i32 -> f32
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
+// Lanes share the components of an element: 4 + 2 + 1 + 1 + 1 exchanges leave each
+// of six components to four lanes, the first of which updates it.
+// CHECK-LABEL: llvm.func ptx_kernelcc @matrices
+// CHECK: scf.if %{{.*}} {
+// CHECK: %[[LANE_INDEX:.*]] = gpu.lane_id
+// CHECK: %[[LANE:.*]] = arith.index_cast %[[LANE_INDEX]] : index to i32
+// CHECK-COUNT-9: gpu.shuffle xor
+// CHECK-NOT: gpu.shuffle
+// CHECK: %[[TOTAL:.*]] = arith.addf {{.*}} fastmath<reassoc>
+// CHECK: %[[NUMBER:.*]] = arith.divui %[[LANE]], %c4_i32
+// CHECK: %[[REST:.*]] = arith.remui %[[LANE]], %c4_i32
+// CHECK: scf.if
+// CHECK: %[[ROW:.*]] = arith.divui %[[AT:.*]], %c3_i32
+// CHECK: %[[COLUMN:.*]] = arith.remui %[[AT]], %c3_i32
+// CHECK: %[[PART:.*]] = warp.component_view %{{.*}}[%[[ROW]], %[[COLUMN]]]
+// CHECK: warp.atomic_components add(%[[TOTAL]]), %[[PART]]
+// CHECK: } else {
+// CHECK: warp.atomic_components add(%{{.*}}, %{{.*}}, %{{.*}}, %{{.*}}, %{{.*}}, %{{.*}}), %
+!m = !warp.mat<2x3 x f32>
+func.func @matrices(%x: !warp.array<1 x f32>, %w: !warp.array<1 x !m>)
+    attributes {warp.kernel, warp.variant = #gpu} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c40 = arith.constant 40 : i32
+  %i = warp.tid : i32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  scf.for %k = %c0 to %c40 step %c1 : i32 {
+    %old:6 = warp.atomic_components add(%v, %v, %v, %v, %v, %v), %w[%k]
+      : (f32, f32, f32, f32, f32, f32), !warp.array<1 x !m>, i32
+        -> f32, f32, f32, f32, f32, f32
+  }
+  return
+}

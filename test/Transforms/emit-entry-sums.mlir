@@ -86,3 +86,32 @@ func.func @one_gradient(%x: !warp.array<1 x f32>, %p: !warp.array<1 x f32>)
   warp.accumulate %v, %g[%zero] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+// Three values of each thread: halves of a warp hand each other values, 2 + 1
+// of them, before lanes with the same one combine theirs; then a thread per value
+// combines what the warps have left, and the first one publishes the totals.
+// GPU-LABEL: llvm.func @vectors(
+// GPU-NOT: nvvm.shfl.sync down
+// GPU-COUNT-6: nvvm.shfl.sync bfly
+// GPU-NOT: nvvm.shfl.sync
+// GPU: llvm.store {{.*}} : f32, !llvm.ptr<3>
+// GPU: nvvm.barrier0
+// GPU: llvm.store {{.*}} : f32, !llvm.ptr<3>
+// GPU: nvvm.barrier0
+// GPU-COUNT-3: llvm.load {{.*}} : !llvm.ptr<3> -> f32
+// GPU: llvm.atomicrmw fadd
+// GPU: red.global.add.v2.f32
+// GPU: llvm.return
+// CHECK-LABEL: llvm.func @vectors(
+func.func @vectors(%x: !warp.array<1 x !warp.vec<3 x f32>>,
+                   %sum: !warp.array<1 x !warp.vec<3 x f32>>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x !warp.vec<3 x f32>>, si32 -> !warp.vec<3 x f32>
+  %zero = warp.constant 0 : si32
+  %old = warp.atomic add %v, %sum[%zero]
+    : !warp.vec<3 x f32>, !warp.array<1 x !warp.vec<3 x f32>>, si32 -> !warp.vec<3 x f32>
+  return
+}

@@ -153,3 +153,34 @@ func.func @once(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
   warp.tile_store %v, %b[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
   return
 }
+
+// -----
+
+// A product adds to the tile that it is added to; of 16 bits it is rounded
+// before, and stays.
+// CHECK-LABEL: func.func @added
+// CHECK: warp.tile_matmul %[[X:.*]], %[[X]] add %[[X]] : {{.*}} -> !warp.tile<8x8 x f32>
+// CHECK-NOT: warp.tile_map
+// CHECK: warp.tile_matmul %[[H:.*]], %[[H]] :
+// CHECK: warp.tile_map
+func.func @added(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f16>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64} {
+  %c0 = warp.constant 0 : si32
+  %x = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f32>, (si32, si32) -> !warp.tile<8x8 x f32>
+  %p = warp.tile_matmul %x, %x : !warp.tile<8x8 x f32>, !warp.tile<8x8 x f32> -> !warp.tile<8x8 x f32>
+  %s = warp.tile_map(%x, %p) {
+  ^bb0(%u: f32, %v: f32):
+    %w = warp.add(%u, %v) : (f32, f32) -> f32
+    warp.tile_yield %w : f32
+  } : (!warp.tile<8x8 x f32>, !warp.tile<8x8 x f32>) -> !warp.tile<8x8 x f32>
+  warp.tile_store %s, %a[%c0, %c0] : !warp.tile<8x8 x f32>, !warp.array<2 x f32>, (si32, si32)
+  %h = warp.tile_load %b[%c0, %c0] : !warp.array<2 x f16>, (si32, si32) -> !warp.tile<8x8 x f16>
+  %q = warp.tile_matmul %h, %h : !warp.tile<8x8 x f16>, !warp.tile<8x8 x f16> -> !warp.tile<8x8 x f16>
+  %t = warp.tile_map(%h, %q) {
+  ^bb0(%u: f16, %v: f16):
+    %w = warp.add(%u, %v) : (f16, f16) -> f16
+    warp.tile_yield %w : f16
+  } : (!warp.tile<8x8 x f16>, !warp.tile<8x8 x f16>) -> !warp.tile<8x8 x f16>
+  warp.tile_store %t, %b[%c0, %c0] : !warp.tile<8x8 x f16>, !warp.array<2 x f16>, (si32, si32)
+  return
+}

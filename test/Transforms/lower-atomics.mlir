@@ -57,3 +57,26 @@ llvm.func @exchange(%block: !llvm.ptr, %i: i32, %v: f32)
     : (f32), !warp.array<1 x f32>, i32 -> f32
   llvm.return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, index32 = false>
+
+// A limit of floats that leaves the element as it is exchanges nothing.
+// CHECK-LABEL: llvm.func @limit
+// CHECK: %[[FIRST:.*]] = llvm.load %{{.*}} atomic syncscope("device") monotonic
+// CHECK: scf.while (%[[HELD:.*]] = %[[FIRST]])
+// CHECK: %[[LEAST:.*]] = arith.minnumf
+// CHECK: %[[MADE:.*]] = llvm.bitcast %[[LEAST]]
+// CHECK: %[[CHANGES:.*]] = arith.cmpi ne, %[[MADE]], %[[HELD]]
+// CHECK: scf.if %[[CHANGES]]
+// CHECK: llvm.cmpxchg %{{.*}}, %[[HELD]], %[[MADE]] syncscope("device")
+// CHECK: else
+// CHECK-NEXT: scf.yield %[[HELD]], %[[CHANGES]]
+llvm.func @limit(%block: !llvm.ptr, %i: i32, %v: f32)
+    attributes {warp.entry, warp.variant = #gpu} {
+  %a = warp.parameter %block[24] : !llvm.ptr -> !warp.array<1 x f32>
+  %0 = warp.atomic_components min(%v), %a[%i]
+    : (f32), !warp.array<1 x f32>, i32 -> f32
+  llvm.return
+}

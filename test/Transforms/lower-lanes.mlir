@@ -152,13 +152,14 @@ llvm.func @turns(%m: vector<4xi1>, %at: vector<4xi32>, %block: !llvm.ptr)
 
 // -----
 
-// A branch before the end of a loop's condition, one result of which is handed
-// on twice, stays there: see WrongRewrites.h.
+// A branch before the end of a loop's condition becomes part of the body, as
+// often as it is handed on: see WrongRewrites.h.
 // CHECK-LABEL: llvm.func @steps
-// CHECK: %[[NEXT:.*]] = scf.if
-// CHECK: scf.condition(%{{.*}}) %[[NEXT]]
-// CHECK: ^bb0(%[[FIRST:.*]]: i32, %{{.*}}: i32):
-// CHECK-NEXT: scf.yield %[[FIRST]]
+// CHECK: scf.while
+// CHECK: scf.condition(%{{.*}}) %[[AT:.*]] : i32
+// CHECK: ^bb0(%[[OLD:.*]]: i32):
+// CHECK-NEXT: %[[NEXT:.*]] = arith.addi %[[OLD]]
+// CHECK-NEXT: scf.yield %[[NEXT]]
 llvm.func @steps(%limit: vector<4xi32>, %out: !llvm.ptr) attributes {warp.entry} {
   %zero = arith.constant 0 : i32
   %two = arith.constant 2 : i32

@@ -74,3 +74,62 @@ func.func @exact(%a: !warp.array<1 x f32>)
   %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+
+// What other threads of the block have stored is loaded behind the barrier that
+// orders both, and before what comes after it.
+// CHECK-LABEL: func.func @behind_barrier
+// CHECK: warp.store
+// CHECK-NOT: warp.load %arg0
+// CHECK: warp.barrier
+// CHECK: warp.store %{{.*}}, %arg1
+// CHECK: warp.load %arg0
+// CHECK: warp.barrier
+// CHECK: warp.store %{{.*}}, %arg0
+func.func @behind_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64,
+                warp.variant = #gpu} {
+  %size = warp.constant 32 : si32
+  %one = warp.constant 1.0 : f32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %size) : (si32, si32) -> si32
+  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<32 x f32>
+  warp.tile_store %t, %a[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
+  warp.barrier
+  warp.tile_store %t, %b[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
+  warp.barrier
+  %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<32 x f32>
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+
+// Also if the place is found out before the barrier.
+// CHECK-LABEL: func.func @place_before_barrier
+// CHECK: warp.store
+// CHECK-NOT: warp.load %arg0
+// CHECK: warp.barrier
+// CHECK: warp.load %arg0
+// CHECK: warp.barrier
+// CHECK: warp.store %{{.*}}, %arg0
+func.func @place_before_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64,
+                warp.variant = #gpu} {
+  %size = warp.constant 32 : si32
+  %one = warp.constant 1.0 : f32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %size) : (si32, si32) -> si32
+  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<32 x f32>
+  warp.tile_store %t, %a[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
+  %again = warp.mul(%i, %size) : (si32, si32) -> si32
+  warp.barrier
+  warp.tile_store %t, %b[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
+  warp.barrier
+  %old = warp.tile_atomic add %t, %a[%again] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<32 x f32>
+  return
+}

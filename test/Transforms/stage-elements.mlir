@@ -131,7 +131,16 @@ func.func @full(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !l>,
   %v = warp.load %x[%i] : !warp.array<1 x !m>, si32 -> !m
   warp.store %v, %x[%zero] : !m, !warp.array<1 x !m>, si32
   %l = warp.load %y[%zero] : !warp.array<1 x !l>, si32 -> !l
-  %old = warp.atomic add %l, %sum[%zero]
+  %old0 = warp.atomic add %l, %sum[%zero]
+    : !l, !warp.array<1 x !l>, si32 -> !l
+  %one = warp.constant 1 : si32
+  %old1 = warp.atomic add %l, %sum[%one]
+    : !l, !warp.array<1 x !l>, si32 -> !l
+  %two = warp.constant 2 : si32
+  %old2 = warp.atomic add %l, %sum[%two]
+    : !l, !warp.array<1 x !l>, si32 -> !l
+  %three = warp.constant 3 : si32
+  %old3 = warp.atomic add %l, %sum[%three]
     : !l, !warp.array<1 x !l>, si32 -> !l
   return
 }

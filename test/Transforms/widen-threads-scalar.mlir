@@ -139,3 +139,32 @@ func.func @noted(%flags: !warp.array<1 x si32>)
   warp.store_components(%c1), %flags[%i] : (i32), !warp.array<1 x si32>, i32
   return
 }
+
+// -----
+
+#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4, deterministic = ordered>
+
+// Threads of a deterministic launch get places in a list in their order, those
+// of both branches.
+// CHECK-LABEL: func.func @places
+// CHECK: scf.if
+func.func @places(%kind: !warp.array<1 x i1>, %used: !warp.array<1 x si32>,
+                  %place: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.variant = #lanes} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c3 = arith.constant 3 : i32
+  %k = warp.load_components %kind[%i] : !warp.array<1 x i1>, i32 -> i1
+  %p = scf.if %k -> (i32) {
+    %a = warp.atomic_components add(%c3), %used[%c0]
+      : (i32), !warp.array<1 x si32>, i32 -> i32
+    scf.yield %a : i32
+  } else {
+    %b = warp.atomic_components add(%c1), %used[%c0]
+      : (i32), !warp.array<1 x si32>, i32 -> i32
+    scf.yield %b : i32
+  }
+  warp.store_components(%p), %place[%i] : (i32), !warp.array<1 x si32>, i32
+  return
+}

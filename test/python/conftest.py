@@ -16,6 +16,7 @@ if "WARP_CACHE_PATH" not in os.environ:
     os.environ["WARP_CACHE_PATH"] = cache.name
 
 import warp as wp  # noqa: E402  (reads WARP_CACHE_PATH)
+from warp import _native  # noqa: E402
 from warp._src.kernels import native_code  # noqa: E402
 
 
@@ -66,9 +67,12 @@ def two_devices():
 def fresh_cache(tmp_path, monkeypatch):
     """An empty kernel cache folder for this test and its child processes."""
     folder = tmp_path / "kernel-cache"
+    # What other tests' kernels have asked for goes elsewhere.
+    _native.wait_for_background()
     monkeypatch.setenv("WARP_CACHE_PATH", str(folder))
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(folder))
-    return folder
+    yield folder
+    _native.wait_for_background()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -64,8 +64,12 @@ Built::Built(tree::Primitives all, bool alongCurve) {
   std::vector<uint32_t> head(8 + 1024);
   gpu::launch(3, 256,
               [&] { order::tree_see(all, centers.data(), head.data()); });
-  gpu::launch(1, 32,
-              [&] { order::tree_report(head.data(), count, &scale, found); });
+  int shown[2];
+  gpu::launch(1, 32, [&] {
+    order::tree_report(head.data(), count, &scale, found, shown);
+  });
+  EXPECT_EQ(shown[0], found[0]);
+  EXPECT_EQ(shown[1], found[1]);
   alongCurve ? sort(centers, head) : halve(centers, head);
   fill(all, ordered.data());
 }

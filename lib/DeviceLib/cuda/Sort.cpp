@@ -84,9 +84,6 @@ namespace {
 
 template <typename Order, typename Value> struct Pass {
   using Key = typename Order::Key;
-  /// Pairs of a thread: what shared memory and registers hold.
-  static constexpr int perThread = sizeof(Key) + sizeof(Value) > 8 ? 18 : 24;
-  static constexpr int tile = threads * perThread;
 
   const Key *keys;
   const Value *values;
@@ -144,12 +141,11 @@ static uint32_t lookBack(const uint32_t *states, int tile) {
   return before;
 }
 
-template <typename Order, typename Value>
+template <int perThread, typename Order, typename Value>
 [[gnu::always_inline]] static inline void
 movePairs(const Pass<Order, Value> &pass) {
   using Key = typename Order::Key;
-  constexpr int perThread = Pass<Order, Value>::perThread;
-  constexpr int tileLength = Pass<Order, Value>::tile;
+  constexpr int tileLength = threads * perThread;
   // The pairs in order: first keys, then values.
   using Wide = decltype(sizeof(Key) > sizeof(Value) ? Key(0) : Value(0));
   WARP_SHARED Wide sorted[tileLength];
@@ -249,34 +245,37 @@ movePairs(const Pass<Order, Value> &pass) {
     countDigits<Order>(keys, count, {flip}, begin, end, counts);               \
   }
 
-#define WARP_MOVE(name, Order, Value, blocks)                                  \
-  WARP_KERNEL(threads, blocks)                                                 \
+#define WARP_MOVE(name, Order, Value, perThread)                               \
+  WARP_KERNEL(threads, 2)                                                      \
   void sort_move_##name(                                                       \
       const Order::Key *keys, const Value *values, Order::Key *outKeys,        \
       Value *outValues, int64_t count, Order::Key flip, int shift, int width,  \
       const uint32_t *starts, uint32_t *next, uint32_t *states) {              \
-    movePairs<Order, Value>({keys,                                             \
-                             values,                                           \
-                             outKeys,                                          \
-                             outValues,                                        \
-                             count,                                            \
-                             {flip},                                           \
-                             shift,                                            \
-                             width,                                            \
-                             starts,                                           \
-                             next,                                             \
-                             states});                                         \
+    movePairs<perThread, Order, Value>({keys,                                  \
+                                        values,                                \
+                                        outKeys,                               \
+                                        outValues,                             \
+                                        count,                                 \
+                                        {flip},                                \
+                                        shift,                                 \
+                                        width,                                 \
+                                        starts,                                \
+                                        next,                                  \
+                                        states});                              \
   }
 
 WARP_COUNT(i32, Integers<uint32_t>)
 WARP_COUNT(i64, Integers<uint64_t>)
 WARP_COUNT(f32, Floats<uint32_t>)
 WARP_COUNT(f64, Floats<uint64_t>)
-WARP_MOVE(i32_32, Integers<uint32_t>, uint32_t, 2)
-WARP_MOVE(i32_64, Integers<uint32_t>, uint64_t, 2)
-WARP_MOVE(i64_32, Integers<uint64_t>, uint32_t, 2)
-WARP_MOVE(i64_64, Integers<uint64_t>, uint64_t, 2)
-WARP_MOVE(f32_32, Floats<uint32_t>, uint32_t, 2)
-WARP_MOVE(f32_64, Floats<uint32_t>, uint64_t, 2)
-WARP_MOVE(f64_32, Floats<uint64_t>, uint32_t, 2)
-WARP_MOVE(f64_64, Floats<uint64_t>, uint64_t, 2)
+// Pairs of a thread: what shared memory and registers hold, or fewer.
+WARP_MOVE(i32_32, Integers<uint32_t>, uint32_t, 24)
+WARP_MOVE(i32_64, Integers<uint32_t>, uint64_t, 18)
+WARP_MOVE(i64_32, Integers<uint64_t>, uint32_t, 18)
+WARP_MOVE(i64_64, Integers<uint64_t>, uint64_t, 18)
+WARP_MOVE(f32_32, Floats<uint32_t>, uint32_t, 24)
+WARP_MOVE(f32_64, Floats<uint32_t>, uint64_t, 18)
+WARP_MOVE(f64_32, Floats<uint64_t>, uint32_t, 18)
+WARP_MOVE(f64_64, Floats<uint64_t>, uint64_t, 18)
+WARP_MOVE(i32_32_short, Integers<uint32_t>, uint32_t, 16)
+WARP_MOVE(f32_32_short, Floats<uint32_t>, uint32_t, 16)

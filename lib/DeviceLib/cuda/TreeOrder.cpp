@@ -82,7 +82,8 @@ static float scaleOf(const float (&low)[3], const float (&high)[3]) {
 /// Writes the scale, the first face with a wrong index, and how many are never
 /// found.
 WARP_KERNEL(32, 1)
-void tree_report(const uint32_t *head, int count, float *scale, int *found) {
+void tree_report(const uint32_t *head, int count, float *scale, int *found,
+                 int *shown) {
   float low[3], high[3];
   bool isThere = readBounds(head, low, high);
   if (thread() != 0)
@@ -90,6 +91,9 @@ void tree_report(const uint32_t *head, int count, float *scale, int *found) {
   *scale = isThere ? scaleOf(low, high) : 1;
   found[0] = count - int(head[wrongAt]);
   found[1] = int(head[skippedAt]);
+  if (shown)
+    for (int i = 0; i < 2; ++i)
+      shown[i] = found[i];
 }
 
 //===----------------------------------------------------------------------===//

@@ -144,11 +144,10 @@ inline u32 crossedBy(Voxel v) {
          u32((v.z & 7) == 7);
 }
 
-/// Where a value is, in numbers of its kind: from the first leaf on, or, for
-/// one that is not in a leaf, from the grid's first byte on. A value of another
-/// type than asked for is nowhere. The kernel language reads them
-/// (python/warp/_src/geometry/volumes/cells.py).
-constexpr u64 outsideLeaves = u64(1) << 63, nowhere = ~u64(0);
+/// Where a value is, in numbers of its kind from the grid's first byte on. The
+/// kernel language reads them (python/warp/_src/geometry/volumes/cells.py).
+/// Tables do not know it of all values.
+constexpr u64 unknown = ~u64(0);
 
 /// The logarithm of the size of the numbers in values of a type.
 inline u32 numberShift(u32 type) {
@@ -159,10 +158,8 @@ inline u32 numberShift(u32 type) {
 }
 
 inline u64 numberAt(const VolumeSlot &volume, VoxelPlace place, Voxel v) {
-  u32 shift = numberShift(volume.type);
-  const u8 *at = valueAt(volume, place, v);
-  return place.isLeaf ? u64(at - volume.leaves) >> shift
-                      : u64(at - volume.grid) >> shift | outsideLeaves;
+  return u64(valueAt(volume, place, v) - volume.grid) >>
+         numberShift(volume.type);
 }
 
 /// The leaves of a cell's corners by the table of leaves, z fastest; false if
@@ -208,6 +205,11 @@ void forCorners(const VolumeSlot &volume, Voxel v, Visit &&visit) {
   }
 }
 
+/// The place at which leaves begin.
+inline u64 firstLeaf(const VolumeSlot &volume, u32 type) {
+  return u64(volume.leaves - volume.grid) >> numberShift(type);
+}
+
 struct CellPlaces {
   u64 at[8];
 };
@@ -230,14 +232,10 @@ WARP_WALK u64 walkValue(const VolumeSlot &volume, Voxel v) {
   return numberAt(volume, findVoxel(volume, v), v);
 }
 
-/// Calls `put(corner, place)` with the places of the values of a cell.
+/// Calls `put(corner, place)` with the places of the values of a cell, whose
+/// type is that of the grid.
 template <class Put>
 void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
-  if (volume.type != type) {
-    for (u32 corner = 0; corner < 8; ++corner)
-      put(corner, nowhere);
-    return;
-  }
   u32 shift = numberShift(type), leaves[8];
 #ifndef __NVPTX__
   // Two of three cells are in one leaf. Threads of a GPU would wait for the
@@ -253,10 +251,10 @@ void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
   }
 #endif
   if (findLeaves(volume, v, leaves)) {
-    u64 size = volume.leafSize >> shift;
+    u64 size = volume.leafSize >> shift, start = firstLeaf(volume, type);
     for (u32 corner = 0; corner < 8; ++corner) {
       u32 n = cornerOf(v, corner).inLeaf();
-      put(corner, leaves[corner] * size +
+      put(corner, start + leaves[corner] * size +
                       ((volume.leafTable + n * volume.valueSize) >> shift));
     }
     return;
@@ -267,9 +265,7 @@ void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
     put(corner, walked.at[corner]);
 }
 
-inline u64 findValue(const VolumeSlot &volume, u32 type, Voxel v) {
-  if (volume.type != type)
-    return nowhere;
+inline u64 findValue(const VolumeSlot &volume, Voxel v) {
   const u8 *leaf = findLeaf(volume, v);
   return leaf ? numberAt(volume, {leaf, true}, v) : walkValue(volume, v);
 }

@@ -53,8 +53,16 @@ WARP_INLINE void fetch(u64 to, const Window &window, const Layout &layout,
   constexpr i32 run = 16 / sizeof(T), size = sizeof(T);
   i32 thread = threadNumber();
   i32 runs = window.columns / run, chunks = window.rows * runs;
-  if (window.columns % run == 0 && threads % runs == 0 &&
-      window.isAligned(size, 16) && window.isInside()) {
+  bool inChunks = window.columns % run == 0 && window.isAligned(size, 16) &&
+                  window.isInside();
+  if (inChunks && threads % runs != 0) {
+    for (i32 i = thread; i < chunks; i += threads) {
+      i32 row = u32(i) / u32(runs), column = u32(i) % u32(runs) * run;
+      copyChunk(to + layout.at(row, column) * size, window.at(row, column));
+    }
+    return;
+  }
+  if (inChunks) {
     // A thread's rows are so many apart.
     i32 rows = threads / runs, whole = chunks / threads;
     i32 row = u32(thread) / u32(runs), column = u32(thread) % u32(runs) * run;
@@ -103,6 +111,7 @@ WARP_INLINE void fetch(u64 to, const Window &window, const Layout &layout,
   }
 WARP_FETCH(b16, u16, Pitched{pitch})
 WARP_FETCH(b32, u32, Pitched{pitch})
+WARP_FETCH(b64, u64, Pitched{pitch})
 WARP_FETCH(swizzled_b16, u16, Swizzled(rows, columns))
 
 /// What was fetched since the last call is a group.

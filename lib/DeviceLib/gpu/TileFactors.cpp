@@ -82,13 +82,11 @@ WARP_INLINE void eliminate(float (&a)[width], const Panel<width> &panel,
   }
 }
 
-template <int width> struct Factor {
+template <int width> struct Factor : Panels<width> {
   Matrix to, from;
-  i32 n;
   Panel<width> panel;
 
-  /// Whether there is a row or column, which is known of whole panels.
-  WARP_INLINE bool has(i32 i) const { return n % width == 0 || i < n; }
+  using Panels<width>::n, Panels<width>::has;
 
   /// A row of the panel that begins at a column, less what is before it. What
   /// is beyond the matrix is a unit matrix, or whatever else: nobody needs it.
@@ -176,11 +174,7 @@ template <int width> struct Factor {
         if (turn == 0)
           meet(threads);
       }
-      // Rows above have zeros there.
-#pragma clang loop unroll(disable)
-      for (i32 e = thread; e < first * width; e += threads)
-        if (has(first + i32(u32(e) % width)))
-          *to.at(u32(e) / width, first + i32(u32(e) % width)) = 0;
+      this->clearAbove(to, first, thread, threads);
       meet(threads);
     }
   }
@@ -193,7 +187,7 @@ template <int width> struct Factor {
       u64 to, i32 toRow, i32 toColumn, u64 from, i32 fromRow, i32 fromColumn,  \
       u64 scratch, i32 n, i32 threads, void *) {                               \
     Factor<width>{                                                             \
-        {to, toRow, toColumn}, {from, fromRow, fromColumn}, n, {scratch}}      \
+        {n}, {to, toRow, toColumn}, {from, fromRow, fromColumn}, {scratch}}    \
         .run(threads);                                                         \
   }
 WARP_FACTOR(8)

@@ -80,6 +80,26 @@ struct Matrix {
   }
 };
 
+/// A square matrix in panels of `width` columns, the last of which may have
+/// fewer.
+template <int width> struct Panels {
+  i32 n;
+
+  /// Whether there is a row or column, which is known of whole panels.
+  WARP_INLINE bool has(i32 i) const { return n % width == 0 || i < n; }
+
+  /// Rows above the panel that begins at a column have zeros there.
+  WARP_INLINE void clearAbove(const Matrix &matrix, i32 first, i32 thread,
+                              i32 threads) const {
+#pragma clang loop unroll(disable)
+    for (i32 e = thread; e < first * width; e += threads) {
+      i32 row = u32(e) / width, column = first + i32(u32(e) % width);
+      if (has(column))
+        *matrix.at(row, column) = 0;
+    }
+  }
+};
+
 } // namespace
 
 #endif // WARP_DEVICELIB_GPU_TILEMATRICES_H

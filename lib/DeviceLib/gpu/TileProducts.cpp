@@ -25,6 +25,7 @@ namespace {
 
 /// Threads that share the rows and columns of a tile.
 template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
+  using Sum = float;
   static constexpr int slots = R * C, run = bAlong ? 1 : 4;
   i32 y, x, rows, columns;
 
@@ -37,6 +38,11 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
                                   : 1;
     i32 high = 32 / wide, across = columns / wide;
     i32 warp = u32(thread) / 32, lane = u32(thread) % 32;
+    if (rows % high != 0) {
+      y = u32(thread) / u32(columns);
+      x = u32(thread) % u32(columns);
+      return;
+    }
     // Runs of 16 bytes are read by half a warp at a time where lanes next to
     // each other, or one apart, have the same: rows take the lowest bit of the
     // lane's number, and columns the next ones.
@@ -55,25 +61,6 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
   WARP_INLINE i32 runColumn(int slot) const { return column(slot % C); }
 };
 
-template <int R, int C> struct Warps {
-  static constexpr int slots = R * C / 32, run = 2;
-  i32 firstRow, firstColumn, lane;
-
-  WARP_INLINE Warps(i32, i32 n, i32 thread) {
-    i32 across = n / C, warp = u32(thread) / 32;
-    lane = u32(thread) % 32;
-    firstRow = u32(warp) / u32(across) * R;
-    firstColumn = u32(warp) % u32(across) * C;
-  }
-  /// Fragments of 16 x 8 one after the other, four slots each.
-  WARP_INLINE i32 runRow(int slot) const {
-    return firstRow + slot / 4 / (C / 8) * 16 + slot % 4 / 2 * 8 + lane / 4;
-  }
-  WARP_INLINE i32 runColumn(int slot) const {
-    return firstColumn + slot / 4 % (C / 8) * 8 + lane % 4 * 2;
-  }
-};
-
 //===----------------------------------------------------------------------===//
 // Products
 //===----------------------------------------------------------------------===//
@@ -86,95 +73,97 @@ struct Along {
   u64 place;
   i32 rows, pitch;
 
-  /// Where runs begin.
+  /// Where four elements begin, `k` a multiple of four. A swizzled factor lies
+  /// at a multiple of what a group of rows repeats after, so that numbers of
+  /// chunks are bits of the address.
   WARP_INLINE u32 at(i32 row, i32 k) const {
-    i32 chunk = u32(k) % width / run ^ u32(row) % chunks;
-    i32 swizzled = (u32(k) / width * rows + row) * width + chunk * run;
-    return u32(place) + (pitch == 0 ? swizzled : row * pitch + k) * 4;
+    if (pitch != 0)
+      return u32(place) + (row * pitch + k) * 4;
+    u32 first = u32(place) + (row * width + u32(row) % chunks * run) * 4;
+    return (first ^ u32(k) % width * 4) + u32(k) / width * rows * width * 4;
   }
 };
 
-/// From an even pair of elements to the next one; `apart`: in a way that the
+/// From the first half of four elements to the second one, in a way that the
 /// assembler does not see, which would read both at once.
-template <bool apart> WARP_INLINE u32 nextPair(u32 address) {
-  if (!apart)
-    return address + 8;
+WARP_INLINE u32 secondHalf(u32 address) {
   asm("xor.b32 %0, %1, 8;" : "=r"(address) : "r"(address));
   return address;
 }
 
-/// Elements `k` and k + 1 of the depth. Two at a time leave registers for those
-/// that are read while these are multiplied.
-template <bool along, bool apart, int n, class Place>
-WARP_INLINE void readPairs(float (&to)[n][2], u64 from, i32 rows, i32 pitch,
-                           i32 k, Place place) {
+/// Some elements of the depth, from `k`, a multiple of `width`, on: one, if
+/// they lie across, or two or four neighbours.
+template <bool along, int width, int n, class Place>
+WARP_INLINE void readRuns(float (&to)[n][width], u64 from, i32 rows, i32 pitch,
+                          i32 k, Place place) {
+  constexpr int run = along ? width : 4;
+  using Run = Vec<float, run>;
   if constexpr (along) {
     Along factor{from, rows, pitch};
     i32 start = u32(k) / 4 * 4, step = pitch == 0 ? factor.width : pitch;
-    u32 first = factor.at(place(0), start);
-    if (k != start)
-      first = nextPair<apart>(first);
+    auto addressOf = [&](int i) {
+      u32 address = factor.at(place(i), start);
+      return k == start ? address : secondHalf(address);
+    };
+    u32 first = addressOf(0);
 #pragma unroll
     for (int i = 0; i < n; ++i) {
       // Rows that are a multiple of eight apart are swizzled alike.
       i32 behind = place(i) - place(0);
-      u32 address = first + behind * step * 4;
-      if (pitch == 0 && u32(behind) % factor.chunks != 0) {
-        address = factor.at(place(i), start);
-        if (k != start)
-          address = nextPair<apart>(address);
-      }
-      asm volatile("ld.shared.v2.f32 {%0, %1}, [%2];"
-                   : "=f"(to[i][0]), "=f"(to[i][1])
-                   : "r"(address));
+      bool isAlike = pitch != 0 || u32(behind) % factor.chunks == 0;
+      u32 address = isAlike ? first + behind * step * 4 : addressOf(i);
+      Run values = *(Shared<Run> *)shared<float>(address);
+#pragma unroll
+      for (int q = 0; q < width; ++q)
+        to[i][q] = values[q];
     }
   } else {
-    using Run = Vec<float, 4>;
 #pragma unroll
-    for (int q = 0; q < 2; ++q)
+    for (int i = 0; i < n; i += run) {
+      Run values = *(Shared<Run> *)(shared<float>(from) + k * pitch + place(i));
 #pragma unroll
-      for (int i = 0; i < n; i += 4) {
-        Run run =
-            *(Shared<Run> *)(shared<float>(from) + (k + q) * pitch + place(i));
-#pragma unroll
-        for (int j = 0; j < 4; ++j)
-          to[i + j][q] = run[j];
-      }
+      for (int j = 0; j < run; ++j)
+        to[i + j][0] = values[j];
+    }
   }
 }
 
+/// Instructions that do not multiply take time that others need: four elements
+/// of the depth are read at once, or two, where registers are short, and a turn
+/// of the loop has eight. (Turns of four take 1.08 to 1.15 of the time, fours
+/// for 64 sums 1.08; turns of 32 take 0.98, for three times the code.)
 template <int R, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
                                  i32 depth, i32 aPitch, i32 bPitch) {
   Blocked<R, C, aAlong, bAlong> layout(m, n, threadNumber());
+  constexpr int turn = 8, run = R * C == 64 ? 2 : 4;
+  constexpr int rowRun = aAlong ? run : 1, columnRun = bAlong ? run : 1;
   float sum[R][C];
   float *kept = own<float>(sums);
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     sum[i / C][i % C] = kept[i];
-  // Each turn begins with a wait: without turns 64 sums per thread take 0.96 of
-  // the time, for three times the code. Fewer sums are not worth it.
-  constexpr i32 turn = R * C < 64 ? 4 : 32;
 #pragma clang loop unroll(disable)
-  for (i32 k = 0; k < depth; k += turn)
+  for (i32 k = 0; k < depth; k += turn) {
+    float x[R][rowRun], y[C][columnRun];
 #pragma unroll
-    for (i32 pair = 0; pair < turn; pair += 2) {
-      if (depth % turn != 0 && k + pair >= depth)
+    for (int q = 0; q < turn; ++q) {
+      if (q == 4 && depth % turn != 0 && k + q >= depth)
         break;
-      constexpr bool apart = turn == 4;
-      float x[R][2], y[C][2];
-      readPairs<aAlong, apart>(x, a, m, aPitch, k + pair,
-                               [&](int i) { return layout.row(i); });
-      readPairs<bAlong, apart>(y, b, n, bPitch, k + pair,
-                               [&](int j) { return layout.column(j); });
+      if (q % rowRun == 0)
+        readRuns<aAlong, rowRun>(x, a, m, aPitch, k + q,
+                                 [&](int i) { return layout.row(i); });
+      if (q % columnRun == 0)
+        readRuns<bAlong, columnRun>(y, b, n, bPitch, k + q,
+                                    [&](int j) { return layout.column(j); });
 #pragma unroll
-      for (int q = 0; q < 2; ++q)
+      for (int i = 0; i < R; ++i)
 #pragma unroll
-        for (int i = 0; i < R; ++i)
-#pragma unroll
-          for (int j = 0; j < C; ++j)
-            sum[i][j] = __builtin_fmaf(x[i][q], y[j][q], sum[i][j]);
+        for (int j = 0; j < C; ++j)
+          sum[i][j] =
+              __builtin_fmaf(x[i][q % rowRun], y[j][q % columnRun], sum[i][j]);
     }
+  }
 #pragma unroll
   for (int i = 0; i < R * C; ++i)
     kept[i] = sum[i / C][i % C];
@@ -270,9 +259,13 @@ WARP_BLOCKED(8, 8)
 WARP_BLOCKED(8, 4)
 WARP_BLOCKED(4, 8)
 WARP_BLOCKED(4, 4)
+WARP_BLOCKED_AS(2, 4, kk, true, true)
+WARP_BLOCKED_AS(2, 4, kn, true, false)
 
 #define WARP_WARPS(R, C)                                                       \
   WARP_LAYOUT(mma_##R##x##C, Warps<R, C>)                                      \
+  WARP_EXCHANGE(f16_mma_##R##x##C, _Float16, Warps<R, C>)                      \
+  WARP_EXCHANGE(bf16_mma_##R##x##C, __bf16, Warps<R, C>)                       \
   WARP_PRODUCTS(f16, multiplyWarps, false, R, C)                               \
   WARP_PRODUCTS(bf16, multiplyWarps, true, R, C)
 

@@ -15,32 +15,66 @@
 
 namespace {
 
-template <class Layout> WARP_INLINE void set(u64 sums, float value) {
+/// A warp has rows x columns, in the fragments of mma.m16n8k16 or m16n8k4 (PTX
+/// ISA, warp-level matrix instructions).
+template <int R, int C, class S = float> struct Warps {
+  using Sum = S;
+  static constexpr int slots = R * C / 32, run = 2;
+  i32 firstRow, firstColumn, lane;
+
+  WARP_INLINE Warps(i32, i32 n, i32 thread) {
+    i32 across = n / C, warp = u32(thread) / 32;
+    lane = u32(thread) % 32;
+    firstRow = u32(warp) / u32(across) * R;
+    firstColumn = u32(warp) % u32(across) * C;
+  }
+  /// Fragments of 16 x 8 one after the other, four slots each.
+  WARP_INLINE i32 runRow(int slot) const {
+    return firstRow + slot / 4 / (C / 8) * 16 + slot % 4 / 2 * 8 + lane / 4;
+  }
+  WARP_INLINE i32 runColumn(int slot) const {
+    return firstColumn + slot / 4 % (C / 8) * 8 + lane % 4 * 2;
+  }
+};
+
+template <class Layout>
+WARP_INLINE void set(u64 sums, typename Layout::Sum value) {
 #pragma unroll
   for (int i = 0; i < Layout::slots; ++i)
-    own<float>(sums)[i] = value;
+    own<typename Layout::Sum>(sums)[i] = value;
 }
 
+/// The type of a tile's elements: T, or that of the sums.
+template <class Layout, class T> struct ElementOf {
+  using Type = T;
+};
+template <class Layout> struct ElementOf<Layout, void> {
+  using Type = typename Layout::Sum;
+};
+
 /// From packed memory of the block to sums, or back.
-template <class Layout, bool back>
+template <class Layout, bool back, class T>
 WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
   constexpr int run = Layout::run;
-  using Run = Vec<float, run>;
+  using Element = typename ElementOf<Layout, T>::Type;
+  using Run = Vec<Element, run>;
+  using Sum = typename Layout::Sum;
   Layout layout(m, n, threadNumber());
-  float *kept = own<float>(sums);
+  Sum *kept = own<Sum>(sums);
 #pragma unroll
   for (int slot = 0; slot < Layout::slots; slot += run) {
-    auto *at = (Shared<Run> *)(shared<float>(memory) + layout.runRow(slot) * n +
-                               layout.runColumn(slot));
+    auto *at =
+        (Shared<Run> *)(shared<Element>(memory) + layout.runRow(slot) * n +
+                        layout.runColumn(slot));
     Run values;
     if (!back)
       values = *at;
 #pragma unroll
     for (int i = 0; i < run; ++i)
       if constexpr (back)
-        values[i] = kept[slot + i];
+        values[i] = Element(kept[slot + i]);
       else
-        kept[slot + i] = values[i];
+        kept[slot + i] = Sum(values[i]);
     if (back)
       *at = values;
   }
@@ -53,10 +87,10 @@ template <class Layout, class Use>
 WARP_INLINE void forThoseInside(u64 sums, const Window &window, Use use) {
   constexpr int run = Layout::run;
   Layout layout(window.rows, window.columns, threadNumber());
-  float copies[Layout::slots];
+  typename Layout::Sum copies[Layout::slots];
 #pragma unroll
   for (int slot = 0; slot < Layout::slots; ++slot)
-    copies[slot] = own<float>(sums)[slot];
+    copies[slot] = own<typename Layout::Sum>(sums)[slot];
 #pragma clang loop unroll(disable)
   for (int slot = 0; slot < Layout::slots; ++slot) {
     i32 row = layout.runRow(slot / run * run),
@@ -68,12 +102,13 @@ WARP_INLINE void forThoseInside(u64 sums, const Window &window, Use use) {
 
 template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
   constexpr int run = Layout::run;
-  using Run = Vec<float, run>;
+  using Sum = typename Layout::Sum;
+  using Run = Vec<Sum, run>;
   Layout layout(window.rows, window.columns, threadNumber());
-  const float *kept = own<float>(sums);
-  if (!window.isAligned(4, run * 4) || !window.isInside()) {
-    forThoseInside<Layout>(sums, window, [](u64 address, float value) {
-      *global<float>(address) = value;
+  const Sum *kept = own<Sum>(sums);
+  if (!window.isAligned(sizeof(Sum), run * sizeof(Sum)) || !window.isInside()) {
+    forThoseInside<Layout>(sums, window, [](u64 address, Sum value) {
+      *global<Sum>(address) = value;
     });
     return;
   }
@@ -93,14 +128,21 @@ WARP_INLINE void addAtomically(u64 address, float value) {
                "f"(value)
                : "memory");
 }
+WARP_INLINE void addAtomically(u64 address, double value) {
+  asm volatile("red.relaxed.gpu.global.add.f64 [%0], %1;" ::"l"(address),
+               "d"(value)
+               : "memory");
+}
 
 /// Adds sums to an array, as others may at a time.
 template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
   constexpr int run = Layout::run;
   Layout layout(window.rows, window.columns, threadNumber());
-  const float *kept = own<float>(sums);
+  const auto *kept = own<typename Layout::Sum>(sums);
   if (!window.isInside()) {
-    forThoseInside<Layout>(sums, window, addAtomically);
+    forThoseInside<Layout>(sums, window, [](u64 address, auto value) {
+      addAtomically(address, value);
+    });
     return;
   }
 #pragma unroll
@@ -127,16 +169,20 @@ template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
                              checked != 0});                                   \
   }
 
-#define WARP_LAYOUT(name, ...)                                                 \
-  WARP_TILES warp_tile_set_##name(u64 sums, float value, void *) {             \
-    set<__VA_ARGS__>(sums, value);                                             \
-  }                                                                            \
+/// For tiles whose elements are of a type, void for that of the sums.
+#define WARP_EXCHANGE(name, type, ...)                                         \
   WARP_TILES warp_tile_take_##name(u64 sums, u64 from, i32 m, i32 n, void *) { \
-    exchange<__VA_ARGS__, false>(sums, from, m, n);                            \
+    exchange<__VA_ARGS__, false, type>(sums, from, m, n);                      \
   }                                                                            \
   WARP_TILES warp_tile_give_##name(u64 sums, u64 to, i32 m, i32 n, void *) {   \
-    exchange<__VA_ARGS__, true>(sums, to, m, n);                               \
+    exchange<__VA_ARGS__, true, type>(sums, to, m, n);                         \
+  }
+
+#define WARP_LAYOUT(name, ...)                                                 \
+  WARP_TILES warp_tile_set_##name(u64 sums, __VA_ARGS__::Sum value, void *) {  \
+    set<__VA_ARGS__>(sums, value);                                             \
   }                                                                            \
+  WARP_EXCHANGE(name, void, __VA_ARGS__)                                       \
   WARP_WINDOW(store, name, __VA_ARGS__)                                        \
   WARP_WINDOW(add, name, __VA_ARGS__)
 

@@ -19,6 +19,7 @@
 namespace {
 
 template <int R, int C> struct Warpgroups {
+  using Sum = float;
   static constexpr int slots = R * C / 128, run = 2;
   i32 firstRow, firstColumn, lane;
 
@@ -163,6 +164,7 @@ WARP_WARPGROUPS(64, 32)
 WARP_WARPGROUPS(64, 64)
 WARP_WARPGROUPS(64, 128)
 WARP_WARPGROUPS(64, 256)
+WARP_WARPGROUPS(128, 64)
 WARP_WARPGROUPS(128, 128)
 
 /// Copies that have arrived are seen by matrix instructions of threads that

@@ -58,6 +58,9 @@ void Levels::checkWithin(int64_t at, int64_t bytes, const char *what) const {
 }
 
 Level Levels::level(int64_t at, int64_t count, int64_t nodeSize) {
+  // Of a level without nodes no place has to be told.
+  if (count == 0)
+    at = size;
   checkWithin(at, count * nodeSize, "level of nodes");
   return {grid + at, at, count, nodeSize};
 }

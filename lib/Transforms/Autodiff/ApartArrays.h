@@ -9,6 +9,12 @@
 
 #include "llvm/ADT/StringRef.h"
 
+namespace warp::attr {
+/// On a kernel and its derivatives: how many dimensions a launch may have. In
+/// one of more, threads would share elements that are taken for their own.
+constexpr llvm::StringLiteral maxRank = "warp.max_rank";
+} // namespace warp::attr
+
 namespace warp::autodiff {
 
 /// On a kernel that is differentiated, a flag per array leaf: no element of it

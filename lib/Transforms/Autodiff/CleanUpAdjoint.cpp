@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AdjointSums.h"
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
 #include "Analysis/ThreadVariance.h"
@@ -53,84 +54,18 @@ static LogicalResult checkMarks(func::FuncOp adjoint) {
   return failure(hasFailed);
 }
 
-/// Consecutive sums into one element become one.
-static void mergeSums(Block &block) {
-  warp::AccumulateOp last;
-  for (Operation &op : llvm::make_early_inc_range(block)) {
-    for (Region &region : op.getRegions())
-      for (Block &inner : region)
-        mergeSums(inner);
-    auto sum = dyn_cast<warp::AccumulateOp>(op);
-    if (!sum) {
-      bool readsPrimal =
-          warp::isPlainRead(&op) &&
-          !warp::gradientOwner(cast<warp::AccessOp>(op).getArray());
-      if (!isMemoryEffectFree(&op) && !readsPrimal)
-        last = nullptr;
+/// Erases arguments and what is done to them.
+static void dropArguments(func::FuncOp function,
+                          function_ref<bool(BlockArgument)> isDropped) {
+  llvm::BitVector dropped(function.getNumArguments());
+  for (BlockArgument argument : function.getArguments()) {
+    if (!isDropped(argument))
       continue;
-    }
-    if (last && last.getArray() == sum.getArray() &&
-        last.getIndices() == sum.getIndices()) {
-      OpBuilder b(sum);
-      Value total = add(b, sum.getLoc(), last.getValue(), sum.getValue());
-      sum.getValueMutable().assign(total);
-      last.erase();
-    }
-    last = sum;
+    for (Operation *user : llvm::make_early_inc_range(argument.getUsers()))
+      user->erase();
+    dropped.set(argument.getArgNumber());
   }
-}
-
-static bool isZeroConstant(Value value) {
-  if (auto whole = value.getDefiningOp<warp::ConstructOp>())
-    return whole->getNumOperands() == 0;
-  auto constant = value.getDefiningOp<warp::ConstantOp>();
-  auto number =
-      constant ? dyn_cast<FloatAttr>(constant.getValue()) : FloatAttr();
-  return number && number.getValue().isZero();
-}
-
-/// The first operation from `op` on that may touch gradients in `array`.
-static Operation *findUse(Operation *op, Value array) {
-  Value owner = warp::gradientOwner(array);
-  for (; op; op = op->getNextNode()) {
-    auto access = dyn_cast<warp::AccessOp>(op);
-    bool isElsewhere =
-        access && warp::gradientOwner(access.getArray()) != owner;
-    if (!isMemoryEffectFree(op) && !isElsewhere)
-      return op;
-  }
-  return nullptr;
-}
-
-/// Adding to what has just been set to zero is storing, and nothing at all if
-/// it is what was there before.
-static void storeSums(func::FuncOp adjoint) {
-  SmallVector<warp::StoreOp> stores;
-  adjoint.walk([&](warp::StoreOp store) {
-    if (isZeroConstant(store.getValue()) &&
-        warp::gradientOwner(store.getArray()))
-      stores.push_back(store);
-  });
-  for (warp::StoreOp store : stores) {
-    Value array = store.getArray();
-    auto sum = dyn_cast_or_null<warp::AccumulateOp>(
-        findUse(store->getNextNode(), array));
-    if (!sum || !sum.getUnique() || sum.getArray() != array ||
-        sum.getIndices() != store.getIndices())
-      continue;
-    auto taken = sum.getValue().getDefiningOp<warp::LoadOp>();
-    bool isSame = taken && taken->getBlock() == store->getBlock() &&
-                  taken.getArray() == array &&
-                  taken.getIndices() == store.getIndices() &&
-                  findUse(taken->getNextNode(), array) == store;
-    if (!isSame) {
-      OpBuilder b(sum);
-      warp::StoreOp::create(b, sum.getLoc(), sum.getValue(), array,
-                            sum.getIndices());
-    }
-    store.erase();
-    sum.erase();
-  }
+  (void)function.eraseArguments(dropped);
 }
 
 /// Drops what the adjoint does not read from what is recorded for it; null if
@@ -141,57 +76,49 @@ static func::FuncOp dropUnused(func::FuncOp adjoint, func::FuncOp recording) {
     if (warp::HiddenAttr hidden = getHidden(argument);
         hidden && !argument.use_empty())
       wanted.insert(hidden);
-  llvm::BitVector dropped(recording.getNumArguments());
   bool isOfUse = false;
-  for (BlockArgument argument : recording.getArguments()) {
+  auto isUnused = [&](BlockArgument argument) {
     warp::HiddenAttr hidden = getHidden(argument);
     if (!hidden)
-      continue;
-    isOfUse |= hidden.getKind() == warp::HiddenKind::Claims;
-    if (hidden.getKind() != warp::HiddenKind::Tape)
-      continue;
-    if (wanted.contains(hidden)) {
-      isOfUse = true;
-      continue;
-    }
-    for (Operation *user : llvm::make_early_inc_range(argument.getUsers()))
-      user->erase();
-    dropped.set(argument.getArgNumber());
-  }
+      return false;
+    bool isTape = hidden.getKind() == warp::HiddenKind::Tape;
+    isOfUse |= hidden.getKind() == warp::HiddenKind::Claims ||
+               (isTape && wanted.contains(hidden));
+    return isTape && !wanted.contains(hidden);
+  };
+  dropArguments(recording, isUnused);
   if (!isOfUse) {
     recording.erase();
     return nullptr;
   }
-  (void)recording.eraseArguments(dropped);
   eraseDead(recording.getBody());
+  dropArguments(recording, [](BlockArgument argument) {
+    warp::HiddenAttr hidden = getHidden(argument);
+    return hidden && hidden.getKind() == warp::HiddenKind::Saved &&
+           argument.use_empty();
+  });
   return recording;
 }
 
-/// Drops the hidden arguments that nothing uses, in both functions.
-static void dropUnusedSaved(func::FuncOp adjoint, func::FuncOp augmented) {
-  auto isUnused = [&](warp::HiddenAttr hidden) {
-    for (BlockArgument argument : adjoint.getArguments())
-      if (getHidden(argument) == hidden)
-        return argument.use_empty();
-    return true;
+/// Drops the hidden arguments that nothing uses, in the adjoint and in what
+/// saves or records for it.
+static void dropUnusedSaved(func::FuncOp adjoint, func::FuncOp augmented,
+                            func::FuncOp recording) {
+  llvm::SmallDenseSet<Attribute> used;
+  for (func::FuncOp reader : {adjoint, recording})
+    if (reader)
+      for (BlockArgument argument : reader.getArguments())
+        if (warp::HiddenAttr hidden = getHidden(argument);
+            hidden && !argument.use_empty() &&
+            (reader == adjoint || hidden.getKind() == warp::HiddenKind::Saved))
+          used.insert(hidden);
+  auto isUnused = [&](BlockArgument argument) {
+    warp::HiddenAttr hidden = getHidden(argument);
+    return hidden && !used.contains(hidden);
   };
-  if (augmented) {
-    llvm::BitVector dropped(augmented.getNumArguments());
-    for (BlockArgument argument : augmented.getArguments()) {
-      warp::HiddenAttr hidden = getHidden(argument);
-      if (!hidden || !isUnused(hidden))
-        continue;
-      for (Operation *user : llvm::make_early_inc_range(argument.getUsers()))
-        user->erase();
-      dropped.set(argument.getArgNumber());
-    }
-    (void)augmented.eraseArguments(dropped);
-  }
-  llvm::BitVector dropped(adjoint.getNumArguments());
-  for (BlockArgument argument : adjoint.getArguments())
-    if (getHidden(argument) && argument.use_empty())
-      dropped.set(argument.getArgNumber());
-  (void)adjoint.eraseArguments(dropped);
+  if (augmented)
+    dropArguments(augmented, isUnused);
+  dropArguments(adjoint, isUnused);
 }
 
 /// Moves what is known about hidden arguments to the function; returns how
@@ -303,12 +230,12 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
     mergeSums(adjoint.getBody().front());
     storeSums(adjoint);
     if (func::FuncOp counting = takeCounting(adjoint)) {
-      dropUnusedSaved(counting, nullptr);
+      dropUnusedSaved(counting, nullptr, nullptr);
       describeHidden(counting);
     }
     if (recording)
       recording = dropUnused(adjoint, recording);
-    dropUnusedSaved(adjoint, augmented);
+    dropUnusedSaved(adjoint, augmented, recording);
     if (recording)
       describeHidden(recording);
     describeCode(adjoint, recording, describeHidden(adjoint));

@@ -90,8 +90,7 @@ void Needs::follow(Value value) {
 
 /// What decides that control gets to an operation: conditions and bounds.
 void Needs::reach(Operation *op) {
-  for (; op != within && reached.insert(op).second;
-       op = op->getParentOp()) {
+  for (; op != within && reached.insert(op).second; op = op->getParentOp()) {
     if (auto branch = dyn_cast<scf::IfOp>(op))
       push(branch.getCondition());
     else if (auto loop = dyn_cast<scf::ForOp>(op))
@@ -114,7 +113,10 @@ void Needs::followResult(OpResult result) {
   } else if (auto loop = dyn_cast<scf::WhileOp>(op)) {
     push(loop.getConditionOp().getArgs()[i]);
   } else {
-    push(op->getOperands());
+    if (getUses)
+      push(getUses(op));
+    else
+      push(op->getOperands());
     if (auto load = dyn_cast<ScratchLoadOp>(op))
       for (Operation *user : load.getScratch().getUsers())
         if (isa<ScratchStoreOp>(user)) {
@@ -195,8 +197,7 @@ static void dropArguments(Block &block, const llvm::BitVector &dead,
 }
 
 static void shrink(const Needs &needs, scf::IfOp op) {
-  llvm::BitVector dead =
-      deadPositions(needs, op.getResults(), op.getResults());
+  llvm::BitVector dead = deadPositions(needs, op.getResults(), op.getResults());
   if (dead.none())
     return;
   OpBuilder b(op);
@@ -224,8 +225,8 @@ static void shrink(const Needs &needs, scf::ForOp op) {
 }
 
 static void shrink(const Needs &needs, scf::WhileOp op) {
-  llvm::BitVector carried = deadPositions(needs, op.getBeforeArguments(),
-                                          op.getBeforeArguments());
+  llvm::BitVector carried =
+      deadPositions(needs, op.getBeforeArguments(), op.getBeforeArguments());
   llvm::BitVector passed =
       deadPositions(needs, op.getResults(), op.getAfterArguments());
   if (carried.none() && passed.none())

@@ -28,10 +28,14 @@ class Needs {
 public:
   /// Looks at values within an operation only, and takes for granted that
   /// control gets there; what is around it may not be complete yet. Values that
-  /// `filter` refuses are neither marked nor followed.
-  explicit Needs(mlir::Operation *within,
-                 llvm::function_ref<bool(mlir::Value)> filter = nullptr)
-      : within(within), filter(filter) {}
+  /// `filter` refuses are neither marked nor followed. `getUses` says what an
+  /// operation without regions depends on, if that is not its operands.
+  explicit Needs(
+      mlir::Operation *within,
+      llvm::function_ref<bool(mlir::Value)> filter = nullptr,
+      llvm::function_ref<llvm::SmallVector<mlir::Value>(mlir::Operation *)>
+          getUses = nullptr)
+      : within(within), filter(filter), getUses(getUses) {}
 
   /// Marks values and all they depend on.
   void mark(mlir::Value value);
@@ -56,6 +60,7 @@ private:
 
   mlir::Operation *within;
   llvm::function_ref<bool(mlir::Value)> filter;
+  llvm::function_ref<llvm::SmallVector<mlir::Value>(mlir::Operation *)> getUses;
   llvm::DenseSet<mlir::Value> needed;
   llvm::DenseSet<mlir::Operation *> reached;
   llvm::SmallVector<mlir::Value> worklist;

@@ -13,8 +13,10 @@
 #include "Autodiff/DeadValues.h"
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Loops/LastAssignments.h"
+#include "Autodiff/OwnUpdates.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
+#include "Autodiff/SaveForAdjoint.h"
 #include "Autodiff/SpectralProducts.h"
 #include "KernelFunction.h"
 
@@ -110,35 +112,6 @@ static LogicalResult refuseNativeCode(func::FuncOp kernel) {
   return failure(result.wasInterrupted());
 }
 
-/// Has every load and atomic whose value the adjoint may need store it.
-static void augment(func::FuncOp kernel, const ReverseBuilder &builder,
-                    ArrayRef<BlockArgument> saved) {
-  llvm::DenseMap<int64_t, BlockArgument> byNumber;
-  for (BlockArgument argument : saved) {
-    warp::HiddenAttr hidden = getHidden(argument);
-    byNumber[hidden.getLeaf()] = addHidden(kernel, hidden, argument.getType());
-  }
-  SmallVector<Operation *> reads;
-  kernel.walk([&](Operation *op) {
-    auto access = dyn_cast<warp::AccessOp>(op);
-    if (access && !access.getRead().empty())
-      reads.push_back(op);
-  });
-  for (Operation *op : reads) {
-    BlockArgument array = byNumber.lookup(builder.getMemory().getNumber(op));
-    if (!array)
-      continue;
-    OpBuilder b(op->getContext());
-    b.setInsertionPointAfter(op);
-    SmallVector<Type> types(4, b.getIntegerType(32, true));
-    auto tid = warp::TidOp::create(b, op->getLoc(), types);
-    warp::StoreOp::create(b, op->getLoc(), op->getResult(0), array,
-                          tid.getResults());
-  }
-  kernel->removeAttr(warp::kernelAttrName);
-  kernel->setAttr(warp::attr::augmented, UnitAttr::get(kernel.getContext()));
-}
-
 /// Whether the condition of some loop is about memory alone.
 static bool hasLoopWithoutResults(func::FuncOp kernel) {
   return kernel
@@ -222,6 +195,8 @@ struct DifferentiateKernel
     if (failed(completeSpectralProducts(kernel)))
       return failure();
     nameChosenArrays(kernel);
+    trusted =
+        splitTrustedUpdates(kernel, warp::ArrayLeaves(kernel), options.active);
     computeLastAssignments(kernel);
     log = MemoryLog();
     return buildReverse(kernel, options);
@@ -252,6 +227,7 @@ struct DifferentiateKernel
     Activity activity(kernel, leaves, options.active);
     MemoryClasses memory(kernel, leaves, activity, options.unique);
     SmallVector<unsigned> shared = memory.findUnknownSharing();
+    llvm::append_range(shared, llvm::make_first_range(trusted.arrays));
     if (options.log || (onlyIfShared && shared.empty()) ||
         !makeMemoryLog(kernel, memory, shared, log))
       return false;
@@ -263,6 +239,8 @@ struct DifferentiateKernel
   LogicalResult buildReverse(func::FuncOp kernel, ReverseOptions &options) {
     guardArms(kernel);
     keepLog(kernel, options, !hasLoopWithoutResults(kernel));
+    if (!trusted.arrays.empty() && !options.log)
+      return refuseReturned(trusted.arrays.front().second);
     func::FuncOp adjoint = createTwin(kernel, "_adjoint");
     ReverseBuilder builder(kernel, adjoint, options);
     if (failed(builder.build()))
@@ -282,21 +260,16 @@ struct DifferentiateKernel
     for (auto &[place, text] : builder.remarks)
       emitRemark(place) << text;
     attachResults(adjoint, builder);
-    SmallVector<BlockArgument> saved;
-    for (BlockArgument argument : adjoint.getArguments()) {
-      warp::HiddenAttr hidden = getHidden(argument);
-      if (hidden && hidden.getKind() == warp::HiddenKind::Saved)
-        saved.push_back(argument);
-    }
     kernel->removeAttr(apartAttrName);
-    if (saved.empty())
-      kernel.erase();
+    if (saveForAdjoint(kernel, adjoint, builder.getMemory()))
+      joinUpdates(trusted.updates);
     else
-      augment(kernel, builder, saved);
+      kernel.erase();
     return success();
   }
 
   MemoryLog log;
+  TrustedUpdates trusted;
 };
 
 } // namespace

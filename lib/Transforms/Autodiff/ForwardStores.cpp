@@ -10,8 +10,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/Effects.h"
-#include "KernelFunction.h"
 #include "Autodiff/Loops/CarryElements.h"
+#include "Autodiff/OwnUpdates.h"
+#include "KernelFunction.h"
 
 #include "WarpDialect/WarpOps.h"
 
@@ -44,8 +45,10 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
       return signalPassFailure();
     warp::ArrayLeaves leavesOfKernel(kernel);
     leaves = &leavesOfKernel;
-    if (unique)
+    if (unique) {
+      splitOwnUpdates(kernel, leavesOfKernel);
       carryElements(kernel, leavesOfKernel);
+    }
     Contents contents;
     forward(kernel.getFunctionBody().front(), contents);
   }
@@ -111,8 +114,8 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
       return known.leaf == leaf.front() && !areApart(known.access, *access);
     });
     auto store = dyn_cast<warp::AccessOp>(op);
-    if (store && leaf.size() == 1 && store.getEffect() == warp::AccessEffect::Write &&
-        !store.getMask())
+    if (store && leaf.size() == 1 &&
+        store.getEffect() == warp::AccessEffect::Write && !store.getMask())
       contents.push_back({*access, leaf.front(), store.getWritten().front()});
   }
 

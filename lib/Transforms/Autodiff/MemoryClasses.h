@@ -82,6 +82,12 @@ public:
   bool isApart(unsigned leaf) const;
   /// No two threads touch the same element of an array.
   bool isPrivate(unsigned leaf) const;
+  /// All threads touch the same elements of an array.
+  bool isCommon(unsigned leaf) const;
+  /// Indices don't tell which elements of an array threads touch.
+  bool isUnknown(unsigned leaf) const;
+  /// Dimensions of the launch that the kernel knows.
+  unsigned getThreadDimensions() const { return threadDimensions; }
   /// Active arrays of which indices don't tell whether a thread reads what
   /// another one writes: they come from memory, say.
   llvm::SmallVector<unsigned> findUnknownSharing() const;

@@ -152,6 +152,15 @@ bool MemoryClasses::mayMeetUnseen(ArrayRef<const Access *> accesses) const {
   });
 }
 
+bool MemoryClasses::isCommon(unsigned leaf) const {
+  return getSharing(select(leaf, /*onlyActive=*/false)) == Sharing::Single;
+}
+
+bool MemoryClasses::isUnknown(unsigned leaf) const {
+  SmallVector<const Access *> all = select(leaf, /*onlyActive=*/false);
+  return getSharing(all) == Sharing::Trusted || mayMeetUnseen(all);
+}
+
 SmallVector<unsigned> MemoryClasses::findUnknownSharing() const {
   SmallVector<unsigned> found;
   for (unsigned leaf = 0; leaf < accesses.size(); ++leaf) {

@@ -20,6 +20,7 @@
 #include "FunctionKernel.h"
 #include "KernelFunction.h"
 
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -127,6 +128,7 @@ struct ResolveDerivatives
   using ResolveDerivativesBase::ResolveDerivativesBase;
 
   void runOnOperation() override;
+  LogicalResult resolveAll();
   LogicalResult resolve(Operation *op);
   LogicalResult resolveVjp(warp::VjpOp op);
   LogicalResult resolveJvp(warp::JvpOp op);
@@ -148,11 +150,34 @@ struct ResolveDerivatives
 
 } // namespace
 
+/// Says whether the code is for derivatives, to what asks.
+static void answer(ModuleOp module, bool differentiated) {
+  SmallVector<warp::LibraryCallOp> questions;
+  module.walk([&](warp::LibraryCallOp op) {
+    if (op.getCallee() == warp::isDifferentiated)
+      questions.push_back(op);
+  });
+  for (warp::LibraryCallOp op : questions) {
+    OpBuilder b(op);
+    Type type = op.getResult(0).getType();
+    op.getResult(0).replaceAllUsesWith(warp::ConstantOp::create(
+        b, op.getLoc(), b.getIntegerAttr(type, differentiated)));
+    op->erase();
+  }
+}
+
 void ResolveDerivatives::runOnOperation() {
+  if (failed(resolveAll()))
+    return signalPassFailure();
+  // The derivatives made meanwhile have been told.
+  answer(getOperation(), keepDerivatives);
+}
+
+LogicalResult ResolveDerivatives::resolveAll() {
   ModuleOp module = getOperation();
   // A kernel that calls nothing has nothing to resolve.
   if (llvm::hasSingleElement(module.getOps<func::FuncOp>()))
-    return;
+    return success();
   Reached reached(module, keepDerivatives && !forward,
                   keepDerivatives && forward);
   prune(module, reached);
@@ -165,11 +190,12 @@ void ResolveDerivatives::runOnOperation() {
     });
     for (Operation *op : ops)
       if (failed(resolve(op)))
-        return signalPassFailure();
+        return failure();
     if (reached.isDifferentiated.lookup(function) &&
         failed(addMissing(function)))
-      return signalPassFailure();
+      return failure();
   }
+  return success();
 }
 
 LogicalResult ResolveDerivatives::resolve(Operation *op) {
@@ -209,8 +235,7 @@ LogicalResult ResolveDerivatives::resolveJvp(warp::JvpOp op) {
   // Constants have tangents of zero, which nothing uses.
   SmallVector<Value> operands(op.getOperands());
   OpBuilder b(op);
-  for (Type type :
-       derivative->getArgumentTypes().drop_front(operands.size()))
+  for (Type type : derivative->getArgumentTypes().drop_front(operands.size()))
     operands.push_back(warp::autodiff::zero(b, op.getLoc(), type));
   replaceByCall(op, *derivative, operands);
   return success();
@@ -318,20 +343,20 @@ ResolveDerivatives::withoutEffects(func::FuncOp function) {
     copy.erase();
     return found = function;
   }
-  copy.setName(
-      warp::freshName(getOperation(), function.getName(), "_replay"));
+  copy.setName(warp::freshName(getOperation(), function.getName(), "_replay"));
   copy->removeAttr(warp::attr::vjp);
   copy->removeAttr(warp::attr::residuals);
   getOperation().push_back(copy);
   return found = copy;
 }
 
-/// The module without its kernel.
+/// The module without its kernel, for derivatives.
 OwningOpRef<ModuleOp> ResolveDerivatives::copyFunctions() {
   OwningOpRef<ModuleOp> copy = getOperation().clone();
   for (auto function : llvm::make_early_inc_range(copy->getOps<func::FuncOp>()))
     if (!function.isPrivate())
       function.erase();
+  answer(*copy, true);
   return copy;
 }
 
@@ -349,8 +374,7 @@ FailureOr<func::FuncOp> ResolveDerivatives::derive(func::FuncOp function,
   warp::FunctionKernel around(inner);
   if (failed(differentiate(*copy, inner, request)))
     return failure();
-  auto derivative =
-      cast<func::FuncOp>(warp::findKernel(*copy).getOperation());
+  auto derivative = cast<func::FuncOp>(warp::findKernel(*copy).getOperation());
   FailureOr<func::FuncOp> result =
       around.toFunction(derivative, getOperation(), request.forward);
   if (succeeded(result))

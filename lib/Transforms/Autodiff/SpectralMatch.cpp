@@ -9,6 +9,7 @@
 #include "WarpDialect/Registry.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Matchers.h"
 #include "mlir/Interfaces/SideEffectInterfaces.h"
 
 #include "llvm/ADT/DenseSet.h"
@@ -24,7 +25,45 @@ static bool isZero(Value value) {
   return number && number.getValue().isZero();
 }
 
+static std::optional<int64_t> getIndex(Value value) {
+  APInt number;
+  if (!matchPattern(value, m_ConstantInt(&number)))
+    return std::nullopt;
+  return number.getSExtValue();
+}
+
+std::optional<VectorEntry> autodiff::matchEntry(Value value) {
+  auto extract = value.getDefiningOp<ExtractOp>();
+  if (!extract || extract.getIndices().size() != 2)
+    return std::nullopt;
+  OpResult vectors = getVectors(extract.getSource());
+  auto row = getIndex(extract.getIndices()[0]);
+  auto column = getIndex(extract.getIndices()[1]);
+  if (!vectors || !row || !column)
+    return std::nullopt;
+  return VectorEntry{vectors, *row, *column};
+}
+
+/// The vectors all of whose entries, in their order, make a matrix, or null.
+static OpResult getWhole(ConstructOp matrix) {
+  auto type = dyn_cast<MatType>(matrix.getType());
+  if (!type || matrix->getNumOperands() != type.getRows() * type.getCols())
+    return {};
+  OpResult whole;
+  for (auto [i, operand] : llvm::enumerate(matrix->getOperands())) {
+    auto entry = matchEntry(operand);
+    int64_t at = i, columns = type.getCols();
+    if (!entry || entry->row != at / columns || entry->column != at % columns ||
+        (whole && entry->vectors != whole))
+      return {};
+    whole = entry->vectors;
+  }
+  return whole.getType() == type ? whole : OpResult();
+}
+
 OpResult autodiff::getVectors(Value value) {
+  if (auto matrix = value.getDefiningOp<ConstructOp>())
+    return getWhole(matrix);
   auto result = dyn_cast<OpResult>(value);
   if (!result || !isa<Svd3Op, Svd2Op, Eig3Op>(result.getOwner()) ||
       result.getOwner()->getNumResults() < 2 || result.getResultNumber() == 1)
@@ -62,6 +101,17 @@ static SmallVector<Value, 3> getDiagonal(Value matrix, int size) {
     else if (!isZero(entry))
       return {};
   return numbers;
+}
+
+Value autodiff::makeProduct(OpBuilder &b, Location loc, OpResult left,
+                            OpResult right, ValueRange numbers) {
+  auto call = [&](StringRef name, ValueRange operands) {
+    return createBuiltin(b, loc, name, operands)->getResult(0);
+  };
+  Type type = left.getOwner()->getResult(1).getType();
+  Value diagonal = ConstructOp::create(b, loc, type, numbers).getResult();
+  Value scaled = call("mul", {left, call("diag", {diagonal})});
+  return call("mul", {scaled, call("transpose", {right})});
 }
 
 std::optional<SpectralProduct> autodiff::matchProduct(MulOp op) {

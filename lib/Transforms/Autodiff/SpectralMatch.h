@@ -23,14 +23,30 @@ struct SpectralProduct {
   mlir::Value values() const { return decomposition->getResult(1); }
 };
 
-/// Vectors of a decomposition of floats of 32 or 64 bits, or null.
+/// Vectors of a decomposition of floats of 32 or 64 bits, or null. A matrix
+/// that is put together of all entries of them is one with them.
 mlir::OpResult getVectors(mlir::Value value);
 /// The vectors that a value is the transpose of, or null.
 mlir::OpResult getTransposedVectors(mlir::Value value);
 
+/// An entry of vectors.
+struct VectorEntry {
+  mlir::OpResult vectors;
+  int64_t row = 0, column = 0;
+};
+std::optional<VectorEntry> matchEntry(mlir::Value value);
+
+/// left diag(numbers) right^T.
+mlir::Value makeProduct(mlir::OpBuilder &builder, mlir::Location loc,
+                        mlir::OpResult left, mlir::OpResult right,
+                        mlir::ValueRange numbers);
+
 /// Writes sums of outer products of all vectors of a decomposition as products
 /// of matrices.
 void writeSumsAsProducts(mlir::Operation *function);
+
+/// The same for matrices each of whose entries is such a sum, of numbers.
+void writeEntriesAsProducts(mlir::Operation *function);
 
 /// The product that a multiplication makes; none if it is another one.
 std::optional<SpectralProduct> matchProduct(MulOp op);

@@ -226,6 +226,7 @@ LogicalResult Completion::run() {
 
 LogicalResult autodiff::completeSpectralProducts(func::FuncOp function) {
   writeSumsAsProducts(function);
+  writeEntriesAsProducts(function);
   SmallVector<MulOp> candidates;
   function.walk([&](MulOp op) { candidates.push_back(op); });
   for (MulOp op : candidates) {

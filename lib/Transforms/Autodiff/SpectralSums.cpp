@@ -13,6 +13,7 @@
 
 #include "WarpDialect/Registry.h"
 
+#include "mlir/IR/Matchers.h"
 #include "llvm/ADT/MapVector.h"
 #include "llvm/ADT/SetVector.h"
 
@@ -35,39 +36,28 @@ struct Term {
 
 } // namespace
 
-static std::optional<int64_t> getIndex(Value value) {
-  auto constant = value.getDefiningOp<ConstantOp>();
-  auto number =
-      constant ? dyn_cast<IntegerAttr>(constant.getValue()) : IntegerAttr();
-  if (!number)
-    return std::nullopt;
-  return number.getValue().getSExtValue();
-}
-
 static std::optional<Column> matchColumn(Value vector) {
   if (auto row = vector.getDefiningOp<ExtractOp>()) {
     OpResult vectors = getTransposedVectors(row.getSource());
     if (!vectors || row.getIndices().size() != 1)
       return std::nullopt;
-    auto number = getIndex(row.getIndices()[0]);
-    return number ? std::optional(Column{vectors, *number}) : std::nullopt;
+    APInt number;
+    if (!matchPattern(row.getIndices()[0], m_ConstantInt(&number)))
+      return std::nullopt;
+    return Column{vectors, number.getSExtValue()};
   }
   auto entries = vector.getDefiningOp<ConstructOp>();
   if (!entries || entries->getNumOperands() == 0)
     return std::nullopt;
   std::optional<Column> column;
-  for (auto [row, entry] : llvm::enumerate(entries->getOperands())) {
-    auto extract = entry.getDefiningOp<ExtractOp>();
-    if (!extract || extract.getIndices().size() != 2)
+  for (auto [row, operand] : llvm::enumerate(entries->getOperands())) {
+    auto entry = matchEntry(operand);
+    if (!entry || entry->row != static_cast<int64_t>(row))
       return std::nullopt;
-    OpResult vectors = getVectors(extract.getSource());
-    auto at = getIndex(extract.getIndices()[0]);
-    auto number = getIndex(extract.getIndices()[1]);
-    if (!vectors || !at || !number || *at != static_cast<int64_t>(row))
+    if (column &&
+        (column->vectors != entry->vectors || column->number != entry->column))
       return std::nullopt;
-    if (column && (column->vectors != vectors || column->number != *number))
-      return std::nullopt;
-    column = Column{vectors, *number};
+    column = Column{entry->vectors, entry->column};
   }
   bool isWhole = static_cast<int64_t>(entries->getNumOperands()) ==
                  cast<MatType>(column->vectors.getType()).getRows();
@@ -151,11 +141,8 @@ static void rewrite(AddOp sum, ArrayRef<Value> values) {
     }
     if (llvm::is_contained(numbers, Value()))
       continue;
-    Value values = cast<OpResult>(key.first).getOwner()->getResult(1);
-    Value diagonal =
-        ConstructOp::create(b, loc, values.getType(), numbers).getResult();
-    Value scaled = call("mul", {key.first, call("diag", {diagonal})});
-    terms.push_back(call("mul", {scaled, call("transpose", {key.second})}));
+    terms.push_back(makeProduct(b, loc, cast<OpResult>(key.first),
+                                cast<OpResult>(key.second), numbers));
     for (auto &[value, other] : parts)
       if (other == key)
         replaced.insert(value);

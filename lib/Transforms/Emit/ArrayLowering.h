@@ -24,6 +24,7 @@
 
 namespace warp {
 
+class BlockMemoryOp;
 struct Leaf;
 
 /// An array, taken apart.
@@ -73,8 +74,23 @@ public:
 private:
   // LowerArrays.cpp: one operation each.
   void lower(mlir::Operation *op);
+  void convertControlFlow(mlir::Operation *op);
+
+  // LowerViews.cpp: arrays, and what is asked of them.
   void lowerParameter(ParameterOp op);
   void lowerView(ViewOp op);
+  void lowerComponentView(ComponentViewOp op);
+  void lowerDim(DimOp op);
+  void lowerStride(StrideOp op);
+  void lowerPointer(PointerOp op);
+  mlir::Value getBlockMemory();
+  /// A place in the block's memory that bytes are added to; null if an
+  /// operation is something else.
+  static BlockMemoryOp getPlaceBehind(mlir::Operation *op);
+  void lowerArrayAt(ArrayAtOp op);
+  void lowerGrad(GradOp op);
+
+  // LowerSlices.cpp: parts of arrays by bounds, steps and arrays of indices.
   std::pair<mlir::Value, mlir::Value> selectedForwards(SliceOp op,
                                                        mlir::Value extent);
   std::pair<mlir::Value, mlir::Value> selected(SliceOp op, mlir::Value extent);
@@ -82,17 +98,17 @@ private:
                          mlir::Value extent);
   void lowerSlice(SliceOp op);
   void lowerIndexDim(IndexDimOp op);
-  void lowerComponentView(ComponentViewOp op);
-  void lowerDim(DimOp op);
-  void lowerStride(StrideOp op);
-  void lowerPointer(PointerOp op);
-  mlir::Value getBlockMemory();
-  void lowerArrayAt(ArrayAtOp op);
-  void lowerGrad(GradOp op);
+
+  // LowerElements.cpp: loads and stores.
   void lowerLoad(LoadComponentsOp op);
   void lowerStore(StoreComponentsOp op);
   void lowerAddress(AddressOp op);
-  void convertControlFlow(mlir::Operation *op);
+  mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer,
+                       ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
+  void storeLeaf(mlir::Value value, mlir::Type type, mlir::Value pointer,
+                 ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
+  template <typename Op> void setOwner(Op access, ArrayParts::Owner owner);
+  mlir::Value zeroOf(mlir::Type type);
 
   // ArrayAddress.cpp: array values and addresses.
   ArrayParts &getParts(mlir::Value array);
@@ -113,12 +129,6 @@ private:
                              mlir::Type elementType, bool inside = true);
   mlir::Value advance(mlir::Value pointer, int64_t bytes);
   mlir::Value advance(mlir::Value pointer, mlir::Value bytes);
-  mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer,
-                       ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
-  void storeLeaf(mlir::Value value, mlir::Type type, mlir::Value pointer,
-                 ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
-  template <typename Op> void setOwner(Op access, ArrayParts::Owner owner);
-  mlir::Value zeroOf(mlir::Type type);
   /// Runs `body`, whose results have these types, if the access is inside;
   /// otherwise reports it and gives zeros.
   llvm::SmallVector<mlir::Value>

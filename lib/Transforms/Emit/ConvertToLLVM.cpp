@@ -112,6 +112,50 @@ struct NumberLimit : ConvertOpToLLVMPattern<Op> {
   }
 };
 
+/// f32 to bf16 on CPUs in integers, to the nearest and ties to even. The
+/// instruction that some have for it takes subnormal numbers for zero, and
+/// others would call a function for each lane.
+struct NarrowToBFloat : ConvertOpToLLVMPattern<arith::TruncFOp> {
+  using ConvertOpToLLVMPattern::ConvertOpToLLVMPattern;
+
+  LogicalResult
+  matchAndRewrite(arith::TruncFOp op, OpAdaptor adaptor,
+                  ConversionPatternRewriter &rewriter) const override {
+    Value x = adaptor.getIn();
+    if (!getElementTypeOrSelf(x).isF32() ||
+        !getElementTypeOrSelf(op.getType()).isBF16() ||
+        op->getParentOfType<gpu::GPUModuleOp>())
+      return failure();
+    Location loc = op.getLoc();
+    auto like = [&](Type element) -> Type {
+      auto vector = dyn_cast<VectorType>(x.getType());
+      return vector ? vector.clone(element) : element;
+    };
+    Type word = like(rewriter.getI32Type()), half = like(rewriter.getI16Type());
+    auto number = [&](int32_t value) -> Value {
+      TypedAttr attribute = rewriter.getI32IntegerAttr(value);
+      if (auto vector = dyn_cast<VectorType>(word))
+        attribute = DenseElementsAttr::get(vector, attribute);
+      return LLVM::ConstantOp::create(rewriter, loc, word, attribute);
+    };
+    Value bits = LLVM::BitcastOp::create(rewriter, loc, word, x);
+    Value high = LLVM::LShrOp::create(rewriter, loc, bits, number(16));
+    Value odd = LLVM::AndOp::create(rewriter, loc, high, number(1));
+    Value up = LLVM::AddOp::create(rewriter, loc, odd, number(0x7fff));
+    Value sum = LLVM::AddOp::create(rewriter, loc, bits, up);
+    Value nearest = LLVM::LShrOp::create(rewriter, loc, sum, number(16));
+    // A NaN stays one that is quiet.
+    Value quiet = LLVM::OrOp::create(rewriter, loc, high, number(0x40));
+    Value isNan =
+        LLVM::FCmpOp::create(rewriter, loc, LLVM::FCmpPredicate::uno, x, x);
+    Value chosen = LLVM::SelectOp::create(rewriter, loc, isNan, quiet, nearest);
+    Value narrow = LLVM::TruncOp::create(rewriter, loc, half, chosen);
+    rewriter.replaceOpWithNewOp<LLVM::BitcastOp>(
+        op, like(rewriter.getBF16Type()), narrow);
+    return success();
+  }
+};
+
 /// Patterns live as long as the pass; the type converter must, too.
 struct Conversion {
   explicit Conversion(MLIRContext *context) : types(context) {
@@ -122,6 +166,7 @@ struct Conversion {
     arith::populateArithToLLVMConversionPatterns(types, rest);
     rest.add<NumberLimit<arith::MinNumFOp>, NumberLimit<arith::MaxNumFOp>>(
         types, /*benefit=*/2);
+    rest.add<NarrowToBFloat>(types, /*benefit=*/2);
     cf::populateControlFlowToLLVMConversionPatterns(types, rest);
     populateMathToLLVMConversionPatterns(types, rest,
                                          /*approximateLog1p=*/false);

@@ -3,9 +3,10 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // One `atomicrmw` or `cmpxchg` per component, relaxed. What a processor does
-// not have (float minima on the CPU, half precision) LLVM expands to a loop of
-// compare and exchange, so every component type is covered here by one table.
-// Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
+// not have (half precision) LLVM expands to a loop of compare and exchange, so
+// every component type is covered here by one table. Minima and maxima of
+// floats are such loops here, which end where nothing is to be stored. Sums of
+// floats on newer GPUs take two at once (PairedUpdates.cpp).
 //
 // An entry with an exclusive recipe runs alone; its updates are plain loads and
 // stores.
@@ -23,7 +24,7 @@
 using namespace mlir;
 using namespace warp;
 
-/// `type` still has its sign.
+/// `type` still has its sign. Limits of floats are no single operation.
 static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
   bool isFloating = isFloat(type);
   bool isUnsigned = type.isUnsignedInteger();
@@ -36,9 +37,9 @@ static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
       return Op::fadd;
     return kind == AtomicKind::add ? Op::add : Op::sub;
   case AtomicKind::min:
-    return isFloating ? Op::fmin : isUnsigned ? Op::umin : Op::min;
+    return isUnsigned ? Op::umin : Op::min;
   case AtomicKind::max:
-    return isFloating ? Op::fmax : isUnsigned ? Op::umax : Op::max;
+    return isUnsigned ? Op::umax : Op::max;
   case AtomicKind::bit_and:
     return Op::_and;
   case AtomicKind::bit_or:
@@ -54,39 +55,52 @@ static LLVM::AtomicBinOp getBinOp(AtomicKind kind, mlir::Type type) {
 /// Loads, combines and stores, for an entry that runs alone.
 mlir::Value ArrayLowering::plainUpdate(AtomicKind kind, mlir::Value value,
                                        mlir::Type type, mlir::Value at) {
-  mlir::Value old = LLVM::LoadOp::create(b, loc, value.getType(), at,
-                                  getByteSize(type));
+  mlir::Value old =
+      LLVM::LoadOp::create(b, loc, value.getType(), at, getByteSize(type));
   LLVM::StoreOp::create(b, loc, combine(b, loc, kind, old, value, type), at,
                         getByteSize(type));
   return old;
 }
 
-/// A loop around `cmpxchg`, as LLVM would make of a minimum on a CPU, but with
-/// zeros in order.
+/// A loop around `cmpxchg`, as LLVM would make of a minimum, but with zeros in
+/// order, and without the exchange where the element stays as it is: most
+/// updates of a minimum are too late.
 static mlir::Value limitUpdate(OpBuilder &b, Location loc, AtomicKind kind,
                                mlir::Value value, mlir::Type type,
-                               mlir::Value at) {
+                               mlir::Value at, StringRef scope) {
   mlir::Type real = value.getType();
   mlir::Type bits = b.getIntegerType(real.getIntOrFloatBitWidth());
-  mlir::Value first = LLVM::LoadOp::create(b, loc, bits, at, getByteSize(type));
+  mlir::Value first = LLVM::LoadOp::create(
+      b, loc, bits, at, getByteSize(type), /*isVolatile=*/false,
+      /*isNonTemporal=*/false, /*isInvariant=*/false,
+      /*isInvariantGroup=*/false, LLVM::AtomicOrdering::monotonic, scope);
   auto attempt = [&](OpBuilder &b, Location loc, ValueRange held) {
     mlir::Value old = LLVM::BitcastOp::create(b, loc, real, held[0]);
-    mlir::Value made = combine(b, loc, kind, old, value, type);
-    mlir::Value pair = LLVM::AtomicCmpXchgOp::create(
-        b, loc, at, held[0], LLVM::BitcastOp::create(b, loc, bits, made),
-        LLVM::AtomicOrdering::monotonic, LLVM::AtomicOrdering::monotonic,
-        StringRef(), getByteSize(type));
-    mlir::Value seen = LLVM::ExtractValueOp::create(b, loc, pair, 0);
-    mlir::Value done = LLVM::ExtractValueOp::create(b, loc, pair, 1);
-    mlir::Value yes = arith::ConstantIntOp::create(b, loc, 1, 1);
-    mlir::Value again = arith::XOrIOp::create(b, loc, done, yes);
-    scf::ConditionOp::create(b, loc, again, seen);
+    mlir::Value made = LLVM::BitcastOp::create(
+        b, loc, bits, combine(b, loc, kind, old, value, type));
+    mlir::Value changes =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, made, held[0]);
+    auto exchange = [&](OpBuilder &b, Location loc) {
+      mlir::Value pair = LLVM::AtomicCmpXchgOp::create(
+          b, loc, at, held[0], made, LLVM::AtomicOrdering::monotonic,
+          LLVM::AtomicOrdering::monotonic, scope, getByteSize(type));
+      mlir::Value seen = LLVM::ExtractValueOp::create(b, loc, pair, 0);
+      mlir::Value done = LLVM::ExtractValueOp::create(b, loc, pair, 1);
+      mlir::Value yes = arith::ConstantIntOp::create(b, loc, 1, 1);
+      mlir::Value again = arith::XOrIOp::create(b, loc, done, yes);
+      scf::YieldOp::create(b, loc, ValueRange{seen, again});
+    };
+    auto keep = [&](OpBuilder &b, Location loc) {
+      scf::YieldOp::create(b, loc, ValueRange{held[0], changes});
+    };
+    auto tried = scf::IfOp::create(b, loc, changes, exchange, keep);
+    scf::ConditionOp::create(b, loc, tried.getResult(1), tried.getResult(0));
   };
-  auto loop = scf::WhileOp::create(
-      b, loc, bits, first, attempt,
-      [](OpBuilder &b, Location loc, ValueRange seen) {
-        scf::YieldOp::create(b, loc, seen);
-      });
+  auto loop =
+      scf::WhileOp::create(b, loc, bits, first, attempt,
+                           [](OpBuilder &b, Location loc, ValueRange seen) {
+                             scf::YieldOp::create(b, loc, seen);
+                           });
   return LLVM::BitcastOp::create(b, loc, real, loop.getResult(0));
 }
 
@@ -95,13 +109,13 @@ mlir::Value ArrayLowering::atomicUpdate(AtomicKind kind, mlir::Value value,
   if (exclusive)
     return plainUpdate(kind, value, type, at);
   bool isLimit = kind == AtomicKind::min || kind == AtomicKind::max;
-  if (isLimit && isFloat(type) && !gpu)
-    return limitUpdate(b, loc, kind, value, type, at);
+  StringRef scope = gpu ? "device" : "";
+  if (isLimit && isFloat(type))
+    return limitUpdate(b, loc, kind, value, type, at, scope);
   if (kind == AtomicKind::sub && isFloat(type))
     value = arith::NegFOp::create(b, loc, value);
   return LLVM::AtomicRMWOp::create(b, loc, getBinOp(kind, type), at, value,
-                                   LLVM::AtomicOrdering::monotonic,
-                                   gpu ? "device" : StringRef(),
+                                   LLVM::AtomicOrdering::monotonic, scope,
                                    getByteSize(type));
 }
 

@@ -247,6 +247,11 @@ void CostCounter::count(Operation *op, double trips, double use) {
     return add(warp::cost::searchCost,
                warp::cost::searchCost + warp::cost::laneCost, trips, 1);
   }
+  if (isa<warp::ScratchLoadOp, warp::ScratchStoreOp>(op)) {
+    // A slot holds a vector; lanes that use different slots gather.
+    bool apart = isVarying(op->getOperand(op->getNumOperands() - 1));
+    return add(1, apart ? warp::cost::gatherCost : 2 * share, trips, use);
+  }
   if (!warp::isConversion(op) && !isMemoryEffectFree(op))
     return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;

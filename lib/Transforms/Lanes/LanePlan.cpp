@@ -73,7 +73,8 @@ static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {
 }
 
 /// Why lanes cannot do an operation; empty if they can.
-static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
+static std::string findObstacle(Operation *op, const ThreadVariance &variance,
+                                bool isDeterministic) {
   auto isVarying = [&](Value value) {
     return !variance.isUniform(value, warp::Scope::Lanes);
   };
@@ -87,6 +88,8 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
     return "an array differs from thread to thread";
   if (auto loop = dyn_cast<scf::WhileOp>(op); loop && mayWait(loop, variance))
     return "a loop may wait for another thread";
+  if (isDeterministic && warp::tellsTurn(op))
+    return "updates that tell who came first are made in the order of threads";
   return "";
 }
 
@@ -97,8 +100,9 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance) {
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
                          const ThreadVariance &variance) {
   LanePlan plan;
+  bool isDeterministic = getVariant(kernel).isDeterministic();
   threads.getBody().walk<WalkOrder::PreOrder>([&](Operation *op) {
-    plan.reason = findObstacle(op, variance);
+    plan.reason = findObstacle(op, variance, isDeterministic);
     return plan.reason.empty() ? WalkResult::advance()
                                : WalkResult::interrupt();
   });

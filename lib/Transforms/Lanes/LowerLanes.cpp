@@ -320,6 +320,7 @@ struct LowerLanes : warp::impl::LowerLanesBase<LowerLanes> {
     for (RegisteredOperationName op : context->getRegisteredOperations())
       if (llvm::is_contained({"arith", "scf"}, op.getDialectNamespace()))
         op.getCanonicalizationPatterns(found, context);
+    warp::addRightRewrites(found);
     patterns = std::make_shared<FrozenRewritePatternSet>(std::move(found),
                                                          warp::wrongRewrites());
     return success();

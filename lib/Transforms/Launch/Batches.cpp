@@ -13,6 +13,7 @@
 
 #include "Batches.h"
 
+#include "Analysis/Forms.h"
 #include "KernelFunction.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
@@ -20,7 +21,6 @@
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
-#include "mlir/IR/Matchers.h"
 #include "mlir/Interfaces/SideEffectInterfaces.h"
 #include "llvm/Support/MathExtras.h"
 
@@ -28,143 +28,8 @@ using namespace mlir;
 using warp::Batches;
 using warp::SystemCalls;
 
-/// Rows of a matrix: with more, a launch of few blocks would take longer for
-/// lanes that are idle. Bytes of a worker's stack.
-constexpr int64_t mostRows = 32, mostBytes = 512 << 10;
-constexpr int64_t line = 64;
-
-//===----------------------------------------------------------------------===//
-// Calls
-//===----------------------------------------------------------------------===//
-
-bool SystemCalls::append(const SystemCalls &next) {
-  constexpr int64_t solves = forwards | backwards;
-  bool isSame = next.real == real && next.n == n && next.in == out &&
-                (next.steps & isUpper) == (steps & isUpper);
-  bool isLater =
-      !((steps | next.steps) & differentiates) && !(next.steps & factors) &&
-      (steps & solves) < (next.steps & solves) && !(steps & backwards);
-  if (!isSame || !isLater ||
-      ((steps & solves) && (next.sides != sides || next.columns != columns)))
-    return false;
-  steps |= next.steps;
-  sides = next.sides;
-  columns = next.columns;
-  last = next.last;
-  return true;
-}
-
-int64_t SystemCalls::getScratchBytes() const {
-  int64_t rows = llvm::alignTo(n, 4);
-  int64_t triangle = rows * (rows + 1) / 2;
-  int64_t others =
-      steps & differentiates
-          ? triangle
-          : llvm::alignTo(rows * std::max<int64_t>(columns, 1), 16);
-  int64_t vectors = triangle + rows + others;
-  return line * (vectors + 16);
-}
-
-static std::optional<int64_t> getNumber(Value value) {
-  APInt number;
-  if (!matchPattern(value, m_ConstantInt(&number)))
-    return std::nullopt;
-  return number.getSExtValue();
-}
-
-/// The place in the block's memory that an address is.
-static std::optional<int64_t> getPlace(Value address) {
-  auto pointer = address.getDefiningOp<warp::PointerOp>();
-  auto array =
-      pointer ? pointer.getArray().getDefiningOp<warp::ArrayAtOp>() : nullptr;
-  auto memory =
-      array ? array.getAddress().getDefiningOp<warp::BlockMemoryOp>() : nullptr;
-  if (!memory)
-    return std::nullopt;
-  return memory.getOffset();
-}
-
-static std::optional<SystemCalls> matchFactor(warp::LibraryCallOp op) {
-  auto args = op.getArgs();
-  auto out = getPlace(args[0]), in = getPlace(args[1]);
-  auto n = getNumber(args[3]), upper = getNumber(args[4]);
-  if (!out || !in || !n || !upper)
-    return std::nullopt;
-  SystemCalls calls;
-  calls.out = *out;
-  calls.in = *in;
-  calls.n = *n;
-  calls.steps = SystemCalls::factors | (*upper ? SystemCalls::isUpper : 0);
-  return calls;
-}
-
-static std::optional<SystemCalls> matchSolve(warp::LibraryCallOp op) {
-  auto args = op.getArgs();
-  auto sides = getPlace(args[0]), in = getPlace(args[1]);
-  std::optional<int64_t> numbers[5];
-  for (auto [i, number] : llvm::enumerate(numbers))
-    if (!(number = getNumber(args[2 + i])))
-      return std::nullopt;
-  if (!sides || !in)
-    return std::nullopt;
-  int64_t n = *numbers[0], row = *numbers[2], column = *numbers[3];
-  bool backwards = *numbers[4];
-  // Of a lower matrix, or the transpose of an upper one, as it lies there.
-  bool inRows = row == n && column == 1, inColumns = row == 1 && column == n;
-  if (!inRows && !inColumns)
-    return std::nullopt;
-  SystemCalls calls;
-  calls.in = calls.out = *in;
-  calls.sides = *sides;
-  calls.n = n;
-  calls.columns = *numbers[1];
-  calls.steps = (backwards ? SystemCalls::backwards : SystemCalls::forwards) |
-                (inRows == backwards && n > 1 ? SystemCalls::isUpper : 0);
-  return calls;
-}
-
-static std::optional<SystemCalls> matchAdjoint(warp::LibraryCallOp op) {
-  auto args = op.getArgs();
-  auto bar = getPlace(args[0]), factor = getPlace(args[1]);
-  auto row = getNumber(args[3]), column = getNumber(args[4]);
-  auto n = getNumber(args[5]), upper = getNumber(args[6]);
-  if (!bar || !factor || !n || !upper || row != n || column != 1)
-    return std::nullopt;
-  SystemCalls calls;
-  calls.out = *bar;
-  calls.in = *factor;
-  calls.n = *n;
-  calls.steps =
-      SystemCalls::differentiates | (*upper ? SystemCalls::isUpper : 0);
-  return calls;
-}
-
-static std::optional<SystemCalls> match(Operation *op) {
-  auto call = dyn_cast<warp::LibraryCallOp>(op);
-  if (!call)
-    return std::nullopt;
-  StringRef name = call.getCallee();
-  bool isSingle = name.consume_back("_f32");
-  if (!isSingle && !name.consume_back("_f64"))
-    return std::nullopt;
-  std::optional<SystemCalls> calls;
-  if (name == "warp_tile_cholesky")
-    calls = matchFactor(call);
-  else if (name == "warp_tile_solve")
-    calls = matchSolve(call);
-  else if (name == "warp_tile_cholesky_adjoint")
-    calls = matchAdjoint(call);
-  if (!calls || calls->n > mostRows)
-    return std::nullopt;
-  Builder b(op->getContext());
-  calls->real = isSingle ? b.getF32Type() : b.getF64Type();
-  calls->first = calls->last = op;
-  return calls;
-}
-
-//===----------------------------------------------------------------------===//
-// Kernels
-//===----------------------------------------------------------------------===//
+/// Of a worker's stack, and of a line of a cache.
+constexpr int64_t mostBytes = 512 << 10, line = 64;
 
 /// Whether blocks may go through an operation in turn, with others in between:
 /// not if it may wait for another block, or has memory of the thread.
@@ -232,7 +97,7 @@ static bool isFactorUsed(const SystemCalls &calls, Block *block) {
   WalkResult result = block->walk([&](warp::ArrayAtOp array) {
     auto memory = array.getAddress().getDefiningOp<warp::BlockMemoryOp>();
     auto count = array.getExtents().size() == 1
-                     ? getNumber(array.getExtents()[0])
+                     ? warp::getConstantInteger(array.getExtents()[0])
                      : std::nullopt;
     if (!memory || !count)
       return WalkResult::interrupt();
@@ -254,7 +119,7 @@ static bool isFactorUsed(const SystemCalls &calls, Block *block) {
 static SmallVector<warp::BatchPart> cut(Block *block) {
   SmallVector<warp::BatchPart> parts(1);
   for (Operation &op : block->without_terminator()) {
-    std::optional<SystemCalls> calls = match(&op);
+    std::optional<SystemCalls> calls = warp::findSystemCall(&op);
     if (!calls) {
       parts.back().ops.push_back(&op);
       continue;

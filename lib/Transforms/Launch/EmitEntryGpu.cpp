@@ -24,8 +24,8 @@ Value EntryBuilder::gridIndex(warp::Axis axis, Type type) {
   auto read = [&](warp::GridValue value) {
     return narrow(warp::readGrid(b, loc, value, axis), type);
   };
-  Value start = mul(read(warp::GridValue::blockId),
-                    read(warp::GridValue::blockDim));
+  Value start =
+      mul(read(warp::GridValue::blockId), read(warp::GridValue::blockDim));
   return add(start, read(warp::GridValue::threadId));
 }
 
@@ -34,16 +34,16 @@ EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
   Type i64 = b.getI64Type();
   Type type = index32 ? b.getI32Type() : i64;
   auto guard = [&](Value index, Value extent) {
-    Value fits = cmp(arith::CmpIPredicate::slt, index,
-                     narrow(extent, index.getType()));
+    Value fits =
+        cmp(arith::CmpIPredicate::slt, index, narrow(extent, index.getType()));
     inside = inside ? arith::AndIOp::create(b, loc, inside, fits) : fits;
   };
   if (kernel->hasAttr(warp::attr::ragged)) {
     // Threads beyond the launch take part in what their block does
     // (warp-mask-threads).
     Value last = sub(countAll(), constant(i64, 1));
-    Value linear = arith::MinSIOp::create(b, loc, gridIndex(warp::Axis::x, i64),
-                                          last);
+    Value linear =
+        arith::MinSIOp::create(b, loc, gridIndex(warp::Axis::x, i64), last);
     return unravel(linear, rank);
   }
   if (rank > 1 && kernel->hasAttr(warp::attr::blockThreads)) {
@@ -230,14 +230,16 @@ EntryBuilder::Values EntryBuilder::buildGpu() {
     return sums;
   warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),
                            variant.getBlock());
-  Values neutral = identities(/*inLanes=*/false), combined;
+  SmallVector<warp::Reduced> reduced;
   for (auto [kind, type, sum, identity] : llvm::zip_equal(
            threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
-           sums, neutral)) {
-    auto atomic = warp::AtomicKind(kind);
-    combined.push_back(type.isInteger(1)
-                           ? reduce.any(sum)
-                           : reduce.reduce(atomic, sum, identity, type));
-  }
+           sums, identities(/*inLanes=*/false)))
+    if (!type.isInteger(1))
+      reduced.push_back({warp::AtomicKind(kind), sum, identity, type});
+  SmallVector<Value> totals = reduce.reduce(reduced);
+  Values combined;
+  auto total = totals.begin();
+  for (Value sum : sums)
+    combined.push_back(sum.getType().isInteger(1) ? reduce.any(sum) : *total++);
   return combined;
 }

@@ -131,6 +131,34 @@ Value warp::overLanes(OpBuilder &b, Location loc, Value value,
   return value;
 }
 
+/// Lanes hand each other what is the other's to combine: at distance 16 the
+/// lower half of a warp takes the first half of the values, the upper half the
+/// others, and so on. So 32 values take 31 shuffles in place of 160.
+Value warp::shareOverLanes(OpBuilder &b, Location loc, Value lane,
+                           SmallVector<Value> values,
+                           function_ref<Value(Value, Value)> combine) {
+  size_t half = llvm::PowerOf2Ceil(values.size());
+  for (int64_t distance = warpSize / 2; distance > 0; distance /= 2) {
+    half = std::max<size_t>(half / 2, 1);
+    Value bit = arith::AndIOp::create(b, loc, lane, constant(b, loc, distance));
+    Value isUpper = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, bit,
+                                          constant(b, loc, 0));
+    size_t left = std::min(half, values.size());
+    for (size_t i = 0; i < left; ++i) {
+      Value kept = values[i], sent = values[i];
+      if (i + half < values.size()) {
+        Value upper = values[i + half];
+        sent = arith::SelectOp::create(b, loc, isUpper, kept, upper);
+        kept = arith::SelectOp::create(b, loc, isUpper, upper, kept);
+      }
+      values[i] = combine(kept, shuffle(b, loc, ShuffleMode::exclusiveOr, sent,
+                                        constant(b, loc, distance)));
+    }
+    values.truncate(left);
+  }
+  return values.front();
+}
+
 void warp::synchronizeBlock(OpBuilder &b, Location loc) {
   gpu::BarrierOp::create(b, loc);
 }

@@ -51,6 +51,15 @@ mlir::Value
 overLanes(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value,
           llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
 
+/// The same for up to 32 values, of which each lane gets one, and lanes with
+/// the same one follow each other: with `n` values and `n` a power of two, lane
+/// `k` gets that at `k * n / 32`. Other numbers are like the next power of two,
+/// and what lanes get beyond the last value means nothing.
+mlir::Value shareOverLanes(
+    mlir::OpBuilder &b, mlir::Location loc, mlir::Value lane,
+    llvm::SmallVector<mlir::Value> values,
+    llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
+
 /// Waits for all threads of the block.
 void synchronizeBlock(mlir::OpBuilder &b, mlir::Location loc);
 

@@ -125,18 +125,28 @@ void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
 Operation *findEarliest(TileAtomicOp update) {
   auto kernel = update->getParentOfType<FunctionOpInterface>();
   ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
-  Operation *target = update;
-  while (Operation *before = target->getPrevNode()) {
+  // Other threads may have written these elements before they waited.
+  Operation *target = update, *barrier = nullptr;
+  auto behindWrites = [&] { return barrier ? barrier->getNextNode() : target; };
+  bool isFixed = false;
+  for (Operation *before = update->getPrevNode(); before;
+       before = before->getPrevNode()) {
     auto isOf = [&](Value operand) {
       return operand.getDefiningOp() == before;
     };
-    bool isOwn = !isa<BarrierOp>(before) &&
-                 keepsBefore(before, update.getArray(), origins);
-    if (isOwn || llvm::any_of(update->getOperands().drop_front(), isOf))
-      break;
-    target = before;
+    if (isa<BarrierOp>(before)) {
+      if (isFixed)
+        return target;
+      barrier = before;
+    } else if (keepsBefore(before, update.getArray(), origins)) {
+      return behindWrites();
+    }
+    isFixed |= llvm::any_of(update->getOperands().drop_front(), isOf);
+    if (!isFixed)
+      target = before;
   }
-  return target;
+  bool isFirst = update->getBlock() == &kernel.getFunctionBody().front();
+  return isFirst ? target : behindWrites();
 }
 
 } // namespace warp::tiles

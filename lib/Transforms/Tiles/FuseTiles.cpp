@@ -9,6 +9,7 @@
 //
 // Before that, what a `tile_map` computes again is read: adjoints recompute
 // what they need of a function of elements, also where its results are kept.
+// And a product that is added to a tile adds to it itself.
 //
 //===----------------------------------------------------------------------===//
 
@@ -171,6 +172,50 @@ static void readKeptResults(ArrayRef<TileMapOp> maps) {
   }
 }
 
+//===----------------------------------------------------------------------===//
+// Products that are added
+//===----------------------------------------------------------------------===//
+
+/// Whether a map gives the sum of two tiles.
+static bool isSum(TileMapOp map) {
+  Block &body = map.getBody().front();
+  if (map.getInputs().size() != 2 || map.getNumResults() != 1 ||
+      !isMemoryEffectFree(map))
+    return false;
+  auto sum = body.getTerminator()->getOperand(0).getDefiningOp<AddOp>();
+  if (!sum || sum->getBlock() != &body)
+    return false;
+  Value x = sum->getOperand(0), y = sum->getOperand(1);
+  Value a = body.getArgument(0), b = body.getArgument(1);
+  return (x == a && y == b) || (x == b && y == a);
+}
+
+/// Of 16 bits, the product would not be rounded.
+static bool addProduct(TileMapOp map) {
+  for (unsigned i : {1, 0}) {
+    if (!isSum(map))
+      return false;
+    auto product = map.getInputs()[i].getDefiningOp<TileMatmulOp>();
+    Value other = map.getInputs()[1 - i];
+    if (!product || product.getC() || !product->hasOneUse() ||
+        product->getBlock() != map->getBlock() ||
+        other.getType() != product.getType() ||
+        map.getResultTypes()[0] != product.getType() ||
+        tileType(other).getElementType().getIntOrFloatBitWidth() < 32)
+      continue;
+    OpBuilder b(map);
+    auto added = TileMatmulOp::create(
+        b, map.getLoc(), product.getType(), product.getA(), product.getB(),
+        other, product.getAlpha(), Value(), product.getTransposeAAttr(),
+        product.getTransposeBAttr());
+    map.replaceAllUsesWith(ValueRange(added.getResult()));
+    map.erase();
+    product.erase();
+    return true;
+  }
+  return false;
+}
+
 namespace {
 
 struct FuseTiles : warp::impl::FuseTilesBase<FuseTiles> {
@@ -178,6 +223,7 @@ struct FuseTiles : warp::impl::FuseTilesBase<FuseTiles> {
     auto work = [](FunctionOpInterface kernel, int64_t) {
       SmallVector<TileMapOp> maps;
       kernel->walk([&](TileMapOp map) { maps.push_back(map); });
+      llvm::erase_if(maps, addProduct);
       readKeptResults(maps);
       // A producer stands before its user, and is complete when it is merged.
       for (TileMapOp map : maps)

@@ -73,7 +73,10 @@ private:
                    llvm::all_of(def->getUsers(), [&](Operation *user) {
                      return usesInPlace(user, tile);
                    });
-      if (!form || (!adds && !isNew) || (layout && *layout != form->layout))
+      // Each product rounds sums of fewer bits.
+      if (!form ||
+          tileType(tile).getElementType().getIntOrFloatBitWidth() < 32 ||
+          (!adds && !isNew) || (layout && *layout != form->layout))
         return false;
       layout = form->layout;
       return true;
@@ -108,9 +111,8 @@ private:
     auto atomic = dyn_cast<TileAtomicOp>(user);
     return atomic && atomic.getKind() == TileUpdate::add &&
            atomic.getOld().use_empty() && fits(atomic) &&
-           cast<ArrayType>(atomic.getArray().getType())
-               .getElementType()
-               .isF32();
+           cast<ArrayType>(atomic.getArray().getType()).getElementType() ==
+               tileType(tile).getElementType();
   }
 
   bool usesInPlace(Operation *user, Value tile) const {
@@ -193,6 +195,9 @@ private:
   /// Rows a multiple of 16 bytes apart, an odd one where they are read at a
   /// time, so that they lie in different banks.
   static int64_t padded(TileType type, bool isAlong) {
+    // Threads read doubles of four rows.
+    if (type.getElementType().isF64())
+      return type.getShape()[1] + (type.getShape()[1] % 8 == 0 ? 4 : 0);
     int64_t run = 16 / getByteSize(type.getElementType());
     int64_t runs = type.getShape()[1] / run;
     bool rowsAtATime = isAlong || run == 8;
@@ -250,8 +255,10 @@ private:
   void limitRegisters(ArrayRef<TileMatmulOp> products) {
     constexpr int64_t registers = 128;
     int64_t sums = 0;
-    for (TileMatmulOp op : products)
-      sums = std::max(sums, getProductForm(op)->slots);
+    for (TileMatmulOp op : products) {
+      bool isDouble = tileType(op.getResult()).getElementType().isF64();
+      sums = std::max(sums, getProductForm(op)->slots * (isDouble ? 2 : 1));
+    }
     int64_t blocks = (64 << 10) / (registers * threads);
     if (sums > mostSharedSums / 2 && sums <= mostSharedSums && blocks > 1)
       kernel->setAttr(warp::attr::leastBlocks,

@@ -14,6 +14,7 @@
 //
 //   what                           in file
 //   scalars, loops over elements   LowerTilesLoops.cpp
+//   windows of arrays              LowerTilesWindows.cpp
 //   elements, arrays, maps         LowerTilesElements.cpp
 //   updates of arrays              LowerTilesUpdates.cpp
 //   threads, parts                 LowerTilesParts.cpp
@@ -21,6 +22,7 @@
 //   sorting                        LowerTilesSort.cpp
 //   products, factors              LowerTilesAlgebra.cpp
 //   products that threads hold     LowerTilesProducts.cpp
+//   factors that the engine copies LowerTilesRings.cpp
 //   factors, transforms by forms   LowerTilesForms.cpp
 //   Fourier transforms             LowerTilesTransforms.cpp
 //   whole tiles on CPUs            LowerTilesLibrary.cpp

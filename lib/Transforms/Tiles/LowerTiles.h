@@ -17,6 +17,8 @@
 
 namespace warp::tiles {
 
+struct ProductForm;
+
 using mlir::Value;
 using mlir::ValueRange;
 using Values = llvm::SmallVector<Value>;
@@ -186,6 +188,8 @@ private:
 
   // In LowerTilesProducts.cpp.
   Value sumsOf(Value tile, int64_t slots);
+  void callForSums(const llvm::Twine &name, const ProductForm &form,
+                   TileType type, ValueRange arguments);
   void callHeld(llvm::StringRef verb, Value tile, Values arguments);
   void setHeld(mlir::Operation *op);
   void giveHeld(TileMapOp op);
@@ -201,11 +205,18 @@ private:
              Value turn);
   Values offsetsAt(TileLoadOp load, mlir::scf::ForOp loop, Value iteration,
                    Value *array = nullptr);
+  Value iterationAfter(mlir::scf::ForOp loop, Value iteration, Value steps);
+  Value isIteration(mlir::scf::ForOp loop, Value iteration);
+  Value stepsBefore(mlir::scf::ForOp loop);
   void lowerAhead(mlir::scf::ForOp loop);
 
   // In LowerTilesRings.cpp.
   void copyBoxes(llvm::ArrayRef<TileLoadOp> loads, mlir::scf::ForOp loop,
                  Value iteration, Value place, Value full);
+  struct Ring;
+  Value barrierOf(const Ring &ring, Value place, bool empty);
+  void openRing(const Ring &ring);
+  void stepRing(const Ring &ring);
   void lowerRing(mlir::scf::ForOp loop);
 
   // In LowerTilesForms.cpp.

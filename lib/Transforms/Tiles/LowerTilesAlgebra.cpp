@@ -44,8 +44,12 @@ void TileLowering::lowerMatmul(TileMatmulOp op) {
       total = builtin("mul", {total, cast(op.getAlpha(), sum)});
     if (op.getC()) {
       Value c = cast(element(op.getC(), ij), sum);
-      if (op.getBeta())
-        c = builtin("mul", {c, cast(op.getBeta(), sum)});
+      if (Value beta = op.getBeta()) {
+        // Zero leaves nothing of the tile, whatever is in it.
+        Value none = constant(sum, 0), scale = cast(beta, sum);
+        Value scaled = builtin("mul", {c, scale});
+        c = builtin("where", {builtin("eq", {scale, none}), none, scaled});
+      }
       total = builtin("add", {total, c});
     }
     store(op.getResult(), ij, cast(total, out));

@@ -24,11 +24,22 @@ namespace warp::tiles {
 // Sums
 //===----------------------------------------------------------------------===//
 
+/// What products with elements of a type are summed in.
+static Type sumOf(TileType type) {
+  Type element = type.getElementType();
+  return element.isF64() ? element : Float32Type::get(type.getContext());
+}
+
+static Value makeSums(OpBuilder &entry, Location loc, TileType type,
+                      int64_t slots) {
+  return ScratchOp::create(
+      entry, loc, ScratchType::get(type.getContext(), slots, sumOf(type)));
+}
+
 Value TileLowering::sumsOf(Value tile, int64_t slots) {
   Value &sums = heldSums[buffers.rootOf(tile)];
   if (!sums)
-    sums = ScratchOp::create(
-        entry, loc, ScratchType::get(b.getContext(), slots, b.getF32Type()));
+    sums = makeSums(entry, loc, tileType(tile), slots);
   return sums;
 }
 
@@ -42,10 +53,21 @@ static ProductForm formOf(Value tile, const TileBuffers &buffers) {
   llvm_unreachable("held tiles belong to a product");
 }
 
+/// Of a small tile, not all threads of the block have sums.
+void TileLowering::callForSums(const Twine &name, const ProductForm &form,
+                               TileType type, ValueRange arguments) {
+  int64_t holders = type.getNumElements() / form.slots;
+  if (holders == threads)
+    return callLibrary("warp_tile_" + name, {}, arguments);
+  std::string symbol = ("warp_tile_" + name).str();
+  ifHolds(less(thread, number(holders)),
+          [&] { callLibrary(symbol, {}, arguments); });
+}
+
 void TileLowering::callHeld(StringRef verb, Value tile, Values arguments) {
   ProductForm form = formOf(tile, buffers);
   arguments.insert(arguments.begin(), sumsOf(tile, form.slots));
-  callLibrary("warp_tile_" + verb + "_" + form.layout, {}, arguments);
+  callForSums(verb + "_" + form.layout, form, tileType(tile), arguments);
 }
 
 void TileLowering::setHeld(Operation *op) {
@@ -114,39 +136,45 @@ void TileLowering::multiply(TileMatmulOp op, Value sums, Value turn) {
   ProductForm form = *getProductForm(op);
   Factor a = *getFactor(op.getA(), op.getTransposeA());
   Factor b = *getFactor(op.getB(), !op.getTransposeB());
-  ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
+  TileType type = tileType(op.getResult());
   int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
-  callLibrary("warp_tile_multiply_" + form.product, {},
+  callForSums("multiply_" + form.product, form, type,
               {sums, placeOf(a.memory, turn), placeOf(b.memory, turn),
-               number(shape[0]), number(shape[1]), number(depth),
-               number(pitchOf(a)), number(pitchOf(b))});
+               number(type.getShape()[0]), number(type.getShape()[1]),
+               number(depth), number(pitchOf(a)), number(pitchOf(b))});
 }
 
 void TileLowering::lowerHeldProduct(TileMatmulOp op) {
   ProductForm form = *getProductForm(op);
   if (buffers.isHeld(op.getResult())) {
     if (!op.getC())
-      callHeld("set", op.getResult(), {constant(b.getF32Type(), 0)});
+      callHeld("set", op.getResult(),
+               {constant(sumOf(tileType(op.getResult())), 0)});
     if (!op->getParentOp()->hasAttr(attr::stages))
       multiply(op, sumsOf(op.getResult(), form.slots), Value());
     return;
   }
-  ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
-  Value sums = ScratchOp::create(
-      entry, loc, ScratchType::get(b.getContext(), form.slots, b.getF32Type()));
+  TileType type = tileType(op.getResult());
+  Value sums = makeSums(entry, loc, type, form.slots);
+  Type element = type.getElementType();
+  std::string layout = (element.isF16()    ? "_f16_"
+                        : element.isBF16() ? "_bf16_"
+                                           : "_") +
+                       form.layout;
+  auto exchange = [&](StringRef verb) {
+    callForSums(verb + layout, form, type,
+                {sums, addressOf(memoryOf(op.getResult())),
+                 number(type.getShape()[0]), number(type.getShape()[1])});
+  };
   if (op.getC()) {
     begin(op, op.getC());
-    callLibrary("warp_tile_take_" + form.layout, {},
-                {sums, addressOf(memoryOf(op.getResult())), number(shape[0]),
-                 number(shape[1])});
+    exchange("take");
   } else {
-    callLibrary("warp_tile_set_" + form.layout, {},
-                {sums, constant(b.getF32Type(), 0)});
+    callForSums("set_" + form.layout, form, type,
+                {sums, constant(sumOf(type), 0)});
   }
   multiply(op, sums, Value());
-  callLibrary("warp_tile_give_" + form.layout, {},
-              {sums, addressOf(memoryOf(op.getResult())), number(shape[0]),
-               number(shape[1])});
+  exchange("give");
 }
 
 //===----------------------------------------------------------------------===//
@@ -207,32 +235,43 @@ void TileLowering::fetch(TileLoadOp load, scf::ForOp loop, Value iteration,
               {}, arguments);
 }
 
+/// So many steps behind an iteration of a loop.
+Value TileLowering::iterationAfter(scf::ForOp loop, Value iteration,
+                                   Value steps) {
+  Value distance = arith::MulIOp::create(b, loc, steps, loop.getStep());
+  return arith::AddIOp::create(b, loc, iteration, distance);
+}
+
+Value TileLowering::isIteration(scf::ForOp loop, Value iteration) {
+  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, iteration,
+                               loop.getUpperBound());
+}
+
+/// How many there have been.
+Value TileLowering::stepsBefore(scf::ForOp loop) {
+  Value done = arith::SubIOp::create(b, loc, loop.getInductionVar(),
+                                     loop.getLowerBound());
+  return arith::DivUIOp::create(b, loc, done, loop.getStep());
+}
+
 void TileLowering::lowerAhead(scf::ForOp loop) {
   loc = loop.getLoc();
   int64_t stages = loop->getAttrOfType<IntegerAttr>(attr::stages).getInt();
   SmallVector<TileLoadOp> loads(loop.getBody()->getOps<TileLoadOp>());
   auto product = *loop.getBody()->getOps<TileMatmulOp>().begin();
-  Value begin = loop.getLowerBound(), end = loop.getUpperBound(),
-        step = loop.getStep();
   auto fetchAll = [&](Value iteration, Value turn) {
-    ifHolds(arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, iteration,
-                                  end),
-            [&] {
-              for (TileLoadOp load : loads)
-                fetch(load, loop, iteration, turn);
-            });
+    ifHolds(isIteration(loop, iteration), [&] {
+      for (TileLoadOp load : loads)
+        fetch(load, loop, iteration, turn);
+    });
     callLibrary("warp_tile_close_group", {}, {});
   };
-  auto after = [&](Value iteration, Value turns) -> Value {
-    Value distance = arith::MulIOp::create(b, loc, turns, step);
-    return arith::AddIOp::create(b, loc, iteration, distance);
-  };
   b.setInsertionPoint(loop);
-  this->loop(stages - 1,
-             [&](Value turn) { fetchAll(after(begin, turn), turn); });
+  this->loop(stages - 1, [&](Value turn) {
+    fetchAll(iterationAfter(loop, loop.getLowerBound(), turn), turn);
+  });
   b.setInsertionPoint(product);
-  Value done = arith::SubIOp::create(b, loc, loop.getInductionVar(), begin);
-  done = arith::DivUIOp::create(b, loc, done, step);
+  Value done = stepsBefore(loop);
   auto turnOf = [&](Value number) -> Value {
     return arith::RemUIOp::create(b, loc, number, this->number(stages));
   };
@@ -242,7 +281,7 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
     callLibrary("warp_tile_publish_copies", {}, {});
   barrier();
   auto fetchNext = [&] {
-    fetchAll(after(loop.getInductionVar(), number(stages - 1)),
+    fetchAll(iterationAfter(loop, loop.getInductionVar(), number(stages - 1)),
              turnOf(add(done, number(stages - 1))));
   };
   // Warps that have multiplied fetch while others multiply, unless that would

@@ -49,90 +49,108 @@ void TileLowering::copyBoxes(ArrayRef<TileLoadOp> loads, scf::ForOp loop,
   }
 }
 
-void TileLowering::lowerRing(scf::ForOp loop) {
-  loc = loop.getLoc();
-  int64_t places = loop->getAttrOfType<IntegerAttr>(attr::stages).getInt();
-  SmallVector<TileLoadOp> loads(loop.getBody()->getOps<TileLoadOp>());
-  TileLoadOp holder = *llvm::find_if(
-      loads, [](TileLoadOp load) { return load->hasAttr(attr::ring); });
-  auto product = *loop.getBody()->getOps<TileMatmulOp>().begin();
-  ProductForm form = *getProductForm(product);
-  // Threads that have read a place together.
-  int64_t team = form.isByWarpgroups() ? 128 : 32;
-  Value begin = loop.getLowerBound(), end = loop.getUpperBound(),
-        step = loop.getStep();
-  auto barrierAt = [&](Value place, bool empty) {
-    Value first = addressOf(memoryOf(holder.getResult()));
-    int64_t behind =
-        places * getStageBytes(holder.getResult()) + (empty ? 8 * places : 0);
-    Value bytes = add(mul(place, number(8)), number(behind));
-    return builtin("add", {first, cast(bytes, first.getType())});
-  };
-  auto after = [&](Value iteration, Value turns) -> Value {
-    Value distance = arith::MulIOp::create(b, loc, turns, step);
-    return arith::AddIOp::create(b, loc, iteration, distance);
-  };
-  auto isThere = [&](Value iteration) -> Value {
-    return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, iteration,
-                                 end);
-  };
-  auto fill = [&](Value iteration, Value place) {
-    ifHolds(isThere(iteration), [&] {
-      copyBoxes(loads, loop, iteration, place, barrierAt(place, false));
-    });
-  };
+/// A loop, its factors and the places of their ring.
+struct TileLowering::Ring {
+  explicit Ring(scf::ForOp loop)
+      : loop(loop), loads(loop.getBody()->getOps<TileLoadOp>()),
+        holder(*llvm::find_if(
+            loads, [](TileLoadOp load) { return load->hasAttr(attr::ring); })),
+        product(*loop.getBody()->getOps<TileMatmulOp>().begin()),
+        form(*getProductForm(product)),
+        places(loop->getAttrOfType<IntegerAttr>(attr::stages).getInt()),
+        team(form.isByWarpgroups() ? 128 : 32) {}
 
-  b.setInsertionPoint(loop);
-  callLibrary(
-      "warp_tile_open_ring", {},
-      {barrierAt(number(0), false), number(places), number(threads / team)});
+  scf::ForOp loop;
+  SmallVector<TileLoadOp> loads;
+  /// The barriers lie behind its places.
+  TileLoadOp holder;
+  TileMatmulOp product;
+  ProductForm form;
+  /// `team`: threads that have read a place together.
+  int64_t places, team;
+};
+
+/// That a place is full, or empty.
+Value TileLowering::barrierOf(const Ring &ring, Value place, bool empty) {
+  TileLoadOp holder = ring.holder;
+  Value first = addressOf(memoryOf(holder.getResult()));
+  int64_t behind = ring.places * getStageBytes(holder.getResult()) +
+                   (empty ? 8 * ring.places : 0);
+  Value bytes = add(mul(place, number(8)), number(behind));
+  return builtin("add", {first, cast(bytes, first.getType())});
+}
+
+void TileLowering::openRing(const Ring &ring) {
+  scf::ForOp loop = ring.loop;
+  callLibrary("warp_tile_open_ring", {},
+              {barrierOf(ring, number(0), false), number(ring.places),
+               number(threads / ring.team)});
   callLibrary("warp_tile_publish_copies", {}, {});
   barrier();
   byFirstThread([&] {
-    this->loop(places, [&](Value place) { fill(after(begin, place), place); });
+    this->loop(ring.places, [&](Value place) {
+      Value iteration = iterationAfter(loop, loop.getLowerBound(), place);
+      ifHolds(isIteration(loop, iteration), [&] {
+        copyBoxes(ring.loads, loop, iteration, place,
+                  barrierOf(ring, place, false));
+      });
+    });
   });
+}
 
-  b.setInsertionPoint(product);
-  Value done = arith::SubIOp::create(b, loc, loop.getInductionVar(), begin);
-  done = arith::DivUIOp::create(b, loc, done, step);
+/// Multiplies what a place has, and fills that of the step before again.
+void TileLowering::stepRing(const Ring &ring) {
+  scf::ForOp loop = ring.loop;
+  TileMatmulOp product = ring.product;
+  Value done = stepsBefore(loop);
   auto placeOfTurn = [&](Value turn) -> Value {
-    return arith::RemUIOp::create(b, loc, turn, number(places));
+    return arith::RemUIOp::create(b, loc, turn, number(ring.places));
   };
   auto phaseOf = [&](Value turn) -> Value {
-    Value round = arith::DivUIOp::create(b, loc, turn, number(places));
+    Value round = arith::DivUIOp::create(b, loc, turn, number(ring.places));
     return arith::RemUIOp::create(b, loc, round, number(2));
   };
   callLibrary("warp_tile_await_phase", {},
-              {barrierAt(placeOfTurn(done), false), phaseOf(done)});
-  multiply(product, sumsOf(product.getResult(), form.slots), placeOfTurn(done));
+              {barrierOf(ring, placeOfTurn(done), false), phaseOf(done)});
+  multiply(product, sumsOf(product.getResult(), ring.form.slots),
+           placeOfTurn(done));
   auto leave = [&](Value turn) {
     callLibrary("warp_tile_leave_place", {},
-                {barrierAt(placeOfTurn(turn), true), number(team)});
+                {barrierOf(ring, placeOfTurn(turn), true), number(ring.team)});
   };
-  if (form.isByWarpgroups())
+  if (ring.form.isByWarpgroups())
     callLibrary("warp_tile_await_products", {}, {number(1)});
   else
     leave(done);
   ifHolds(less(number(0), done), [&] {
     Value before = sub(done, number(1)), place = placeOfTurn(before);
-    if (form.isByWarpgroups())
+    if (ring.form.isByWarpgroups())
       leave(before);
-    Value next = after(loop.getInductionVar(), number(places - 1));
+    Value next =
+        iterationAfter(loop, loop.getInductionVar(), number(ring.places - 1));
     byFirstThread([&] {
-      ifHolds(isThere(next), [&] {
+      ifHolds(isIteration(loop, next), [&] {
         callLibrary("warp_tile_await_phase", {},
-                    {barrierAt(place, true), phaseOf(before)});
-        copyBoxes(loads, loop, next, place, barrierAt(place, false));
+                    {barrierOf(ring, place, true), phaseOf(before)});
+        copyBoxes(ring.loads, loop, next, place, barrierOf(ring, place, false));
       });
     });
   });
+}
 
+void TileLowering::lowerRing(scf::ForOp loop) {
+  loc = loop.getLoc();
+  Ring ring(loop);
+  b.setInsertionPoint(loop);
+  openRing(ring);
+  b.setInsertionPoint(ring.product);
+  stepRing(ring);
   b.setInsertionPointAfter(loop);
-  if (form.isByWarpgroups())
+  if (ring.form.isByWarpgroups())
     callLibrary("warp_tile_await_products", {}, {number(0)});
   barrier();
   callLibrary("warp_tile_close_ring", {},
-              {barrierAt(number(0), false), number(places)});
+              {barrierOf(ring, number(0), false), number(ring.places)});
 }
 
 } // namespace warp::tiles

@@ -18,6 +18,8 @@ namespace warp::tiles {
 
 /// Asynchronous copies and matrices of 16 x 8 came with it.
 constexpr int64_t oldestVersion = 80;
+/// Matrices of 16 x 8 in double precision.
+constexpr int64_t oldestVersionOfDoubles = 90;
 
 static bool isOne(Value factor) {
   if (!factor)
@@ -37,65 +39,92 @@ std::optional<Factor> getFactor(Value tile, bool depthIsFirst) {
   return Factor{strided->memory, pitch, depthStep == 1};
 }
 
-/// Rows and columns of sums per thread, or per warp, if the tile divides.
-static bool fitsBlocked(int64_t m, int64_t n, int64_t r, int64_t c,
-                        int64_t threads) {
-  if (m % r != 0 || n % c != 0 || (m / r) * (n / c) != threads)
-    return false;
-  int64_t columns = n / c;
-  int64_t wide = columns % 8 == 0   ? 8
-                 : columns % 4 == 0 ? 4
-                 : columns % 2 == 0 ? 2
-                                    : 1;
-  return (m / r) % (32 / wide) == 0;
+/// Rows and columns of sums per thread, or per warp.
+using Patch = std::pair<int64_t, int64_t>;
+
+static std::string nameOf(Patch patch) {
+  return "_" + std::to_string(patch.first) + "x" + std::to_string(patch.second);
 }
 
-static bool fitsWarps(int64_t m, int64_t n, int64_t r, int64_t c,
-                      int64_t threads) {
-  return m % r == 0 && n % c == 0 && (m / r) * (n / c) * 32 == threads;
+/// How the sums of a tile are shared by `owners`, threads or warps: if not by
+/// all, then by as many as can be.
+static std::optional<Patch> findPatch(ArrayRef<int64_t> shape, int64_t owners,
+                                      ArrayRef<Patch> patches) {
+  std::optional<Patch> best;
+  int64_t most = 0;
+  for (Patch patch : patches) {
+    auto [rows, columns] = patch;
+    int64_t count = (shape[0] / rows) * (shape[1] / columns);
+    if (shape[0] % rows != 0 || shape[1] % columns != 0 || count > owners ||
+        count <= most)
+      continue;
+    best = patch;
+    most = count;
+  }
+  return best;
+}
+
+/// Threads that have a row of sums each compute that many without a form for
+/// it, and fewer with one.
+constexpr int64_t fewestHolders = 16;
+
+static std::optional<Patch> findThreadPatch(ArrayRef<int64_t> shape,
+                                            int64_t threads, bool isAlong) {
+  auto patch = findPatch(shape, threads, {{8, 8}, {8, 4}, {4, 8}, {4, 4}});
+  auto holders = [&] {
+    return shape[0] * shape[1] / (patch->first * patch->second);
+  };
+  // Runs of four rows are read across the depth.
+  if ((!patch || holders() < 32) && isAlong)
+    if (auto less = findPatch(shape, threads, {{2, 4}}))
+      patch = less;
+  if (!patch || holders() < fewestHolders)
+    return std::nullopt;
+  return patch;
 }
 
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
                                            int64_t version) {
-  Type type = tileType(op.getA()).getElementType();
+  Type type = tileType(op.getA()).getElementType(),
+       result = tileType(op.getResult()).getElementType();
+  bool isNarrow = type.isF16() || type.isBF16();
+  bool isDouble = type.isF64() && version >= oldestVersionOfDoubles;
   if (version < oldestVersion || threads % 32 != 0 || !isOne(op.getAlpha()) ||
       !isOne(op.getBeta()) || tileType(op.getB()).getElementType() != type ||
-      !tileType(op.getResult()).getElementType().isF32() ||
+      !(result == type || (isNarrow && result.isF32())) ||
       (op.getC() && op.getC().getType() != op.getResult().getType()) ||
-      !(type.isF32() || type.isF16() || type.isBF16()))
+      !(type.isF32() || isNarrow || isDouble))
     return std::nullopt;
   std::optional<Factor> a = getFactor(op.getA(), op.getTransposeA());
   std::optional<Factor> b = getFactor(op.getB(), !op.getTransposeB());
   int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
-  int64_t run = type.isF32() ? 4 : 8;
+  int64_t run = 16 / getByteSize(type);
   if (!a || !b || a->pitch % run != 0 || b->pitch % run != 0 ||
-      depth % (type.isF32() ? 4 : 16) != 0)
+      depth % (isNarrow ? 16 : 4) != 0)
     return std::nullopt;
   ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
   std::string ending = "_";
   ending += a->isAlong ? "k" : "m";
   ending += b->isAlong ? "k" : "n";
-  using Patch = std::pair<int64_t, int64_t>;
-  auto patchOf = [](Patch patch) {
-    return "_" + std::to_string(patch.first) + "x" +
-           std::to_string(patch.second);
-  };
   if (type.isF32()) {
-    for (Patch patch : {Patch(8, 8), Patch(8, 4), Patch(4, 8), Patch(4, 4)})
-      if (fitsBlocked(shape[0], shape[1], patch.first, patch.second, threads)) {
-        std::string name = "f32" + patchOf(patch) + ending;
-        return ProductForm{name, name, patch.first * patch.second};
-      }
-    return std::nullopt;
+    auto patch = findThreadPatch(shape, threads, a->isAlong);
+    if (!patch)
+      return std::nullopt;
+    std::string name = "f32" + nameOf(*patch) + ending;
+    return ProductForm{name, name, patch->first * patch->second};
   }
-  for (Patch patch :
-       {Patch(64, 64), Patch(64, 32), Patch(32, 64), Patch(32, 32),
-        Patch(32, 16), Patch(16, 32), Patch(16, 16)})
-    if (fitsWarps(shape[0], shape[1], patch.first, patch.second, threads))
-      return ProductForm{
-          (type.isF16() ? "f16" : "bf16") + patchOf(patch) + ending,
-          "mma" + patchOf(patch), patch.first * patch.second / 32};
-  return std::nullopt;
+  static constexpr Patch ofDoubles[] = {
+      {64, 32}, {32, 32}, {32, 16}, {16, 32}, {16, 16}};
+  static constexpr Patch ofHalves[] = {{64, 64}, {64, 32}, {32, 64}, {32, 32},
+                                       {32, 16}, {16, 32}, {16, 16}};
+  auto patch = findPatch(shape, threads / 32,
+                         isDouble ? ArrayRef(ofDoubles) : ArrayRef(ofHalves));
+  if (!patch)
+    return std::nullopt;
+  std::string name = isDouble ? "f64" : type.isF16() ? "f16" : "bf16";
+  return ProductForm{name + nameOf(*patch) + ending,
+                     (isDouble ? "f64_mma" : "mma") + nameOf(*patch),
+                     patch->first * patch->second / 32};
 }
 
 void setProductForm(TileMatmulOp op, const ProductForm &form) {

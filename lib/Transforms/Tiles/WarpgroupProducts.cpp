@@ -33,7 +33,7 @@ std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
   ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
   using Patch = std::pair<int64_t, int64_t>;
   for (auto [rows, columns] : {Patch(64, 256), Patch(128, 128), Patch(64, 128),
-                               Patch(64, 64), Patch(64, 32)}) {
+                               Patch(128, 64), Patch(64, 64), Patch(64, 32)}) {
     if (shape[0] % rows != 0 || shape[1] % columns != 0 ||
         (shape[0] / rows) * (shape[1] / columns) * 128 != threads)
       continue;

@@ -81,16 +81,20 @@ bool warp::canCombine(AtomicComponentsOp update) {
          });
 }
 
-bool warp::dependsOnOrder(Operation *update) {
+bool warp::tellsTurn(Operation *update) {
   auto atomic = dyn_cast<AtomicComponentsOp>(update);
   if (!atomic)
     return isa<AtomicCasOp>(update);
-  AtomicKind kind = atomic.getKind();
-  if (getUpdate(atomic).isExact())
-    return false;
-  if (!atomic->use_empty() || kind == AtomicKind::exch)
+  return !getUpdate(atomic).isExact() &&
+         (!atomic->use_empty() || atomic.getKind() == AtomicKind::exch);
+}
+
+bool warp::dependsOnOrder(Operation *update) {
+  if (tellsTurn(update))
     return true;
-  return (kind == AtomicKind::add || kind == AtomicKind::sub) &&
+  auto atomic = dyn_cast<AtomicComponentsOp>(update);
+  return atomic && !getUpdate(atomic).isExact() &&
+         combiningKind(atomic.getKind()) == AtomicKind::add &&
          llvm::any_of(atomic.getComponents().getTypes(), isFloat);
 }
 

@@ -55,8 +55,12 @@ bool isInvariant(mlir::Value value, mlir::Block *first);
 mlir::Value cloneInvariant(mlir::OpBuilder &b, mlir::Value value,
                            mlir::Block *first, mlir::IRMapping &clones);
 
+/// Whether an update says, or leaves, who came first: old values that are used,
+/// exchanges. Never of exact sums.
+bool tellsTurn(mlir::Operation *update);
+
 /// Whether the order of atomic updates in an entry may show: sums of floats
-/// round unless they are exact, and old values tell who came first.
+/// round unless they are exact, and some updates tell who came first.
 bool dependsOnOrder(mlir::Operation *update);
 bool hasOrderedUpdates(mlir::Operation *entry);
 

@@ -14,8 +14,16 @@
 
 namespace warp {
 
-/// Combines one value per thread over the threads of a block whose size is a
-/// multiple of the warp's 32. All of them must come to the insertion point.
+/// A value of each thread that is combined with those of the others. `type`
+/// still has its sign.
+struct Reduced {
+  AtomicKind kind;
+  mlir::Value value, identity;
+  mlir::Type type;
+};
+
+/// Combines values over the threads of a block whose size is a multiple of the
+/// warp's 32. All of them must come to the insertion point.
 class BlockReduce {
 public:
   /// Reads the thread's place in its block at the insertion point.
@@ -24,14 +32,18 @@ public:
 
   /// Whether `condition` holds for any thread; all threads learn it.
   mlir::Value any(mlir::Value condition);
-  /// The combination of all values, in the first thread of the block.
-  /// `type` still has its sign.
-  mlir::Value reduce(AtomicKind kind, mlir::Value value, mlir::Value identity,
-                     mlir::Type type);
+  /// The combinations of all threads, in the first thread of the block.
+  llvm::SmallVector<mlir::Value> reduce(llvm::ArrayRef<Reduced> reduced);
 
 private:
   mlir::Value constant(int64_t value);
   mlir::Value overWarp(AtomicKind kind, mlir::Value value, mlir::Type type);
+  mlir::Value reduceOne(const Reduced &reduced);
+  llvm::SmallVector<mlir::Value>
+  reduceTogether(AtomicKind kind, llvm::ArrayRef<mlir::Value> values,
+                 mlir::Type type);
+  void overRows(AtomicKind kind, int64_t slots, mlir::Type type,
+                llvm::function_ref<mlir::Value(mlir::Value)> slot);
 
   mlir::OpBuilder &b;
   mlir::Location loc;

@@ -9,7 +9,10 @@
 //
 // That is 32 updates one after the other at one address. Where all lanes come
 // to the update together and agree on k and i, they combine their values by
-// shuffles, and the first lane makes the only update.
+// shuffles, and the first lane makes the only update. Of an element with many
+// components, each lane combines some, and updates one: 64 numbers of a matrix
+// take two atomic instructions, which reach memory as whole lines, and a fifth
+// of the shuffles.
 //
 // warp-plan-updates says which updates these are.
 //
@@ -44,6 +47,90 @@ static bool updatesOneElement(AtomicComponentsOp op,
          !compared.empty();
 }
 
+static Type elementOf(AtomicComponentsOp op) {
+  return cast<warp::ArrayType>(op.getArray().getType()).getElementType();
+}
+
+static Value compare(OpBuilder &b, Location loc, arith::CmpIPredicate predicate,
+                     Value value, int64_t number) {
+  Value other = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(number));
+  return arith::CmpIOp::create(b, loc, predicate, value, other);
+}
+
+static Value combineTwo(OpBuilder &b, AtomicComponentsOp op, Value x, Value y,
+                        Type type) {
+  return warp::combine(b, op.getLoc(), warp::combiningKind(op.getKind()), x, y,
+                       type, /*anyOrder=*/true);
+}
+
+/// The first lane updates the element.
+static void updateOnce(OpBuilder &b, AtomicComponentsOp op) {
+  Location loc = op.getLoc();
+  SmallVector<Value> totals;
+  for (auto [leaf, value] :
+       llvm::zip_equal(warp::leavesOf(op), op.getComponents()))
+    totals.push_back(
+        warp::overLanes(b, loc, value, [&, type = leaf.type](Value x, Value y) {
+          return combineTwo(b, op, x, y, type);
+        }));
+  Value lane = warp::readGrid(b, loc, warp::GridValue::laneId);
+  Value isFirst = compare(b, loc, arith::CmpIPredicate::eq, lane, 0);
+  auto once = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(once.thenBlock());
+  AtomicComponentsOp::create(b, loc, op.getResultTypes(), op.getKind(), totals,
+                             op.getArray(), op.getIndices());
+}
+
+/// The array of component `number` of each element.
+static Value viewComponent(OpBuilder &b, AtomicComponentsOp op, Value number) {
+  Location loc = op.getLoc();
+  Type element = elementOf(op);
+  SmallVector<Value> place{number};
+  if (auto matrix = dyn_cast<warp::MatType>(element)) {
+    Value columns = arith::ConstantOp::create(
+        b, loc, b.getI32IntegerAttr(matrix.getCols()));
+    place = {arith::DivUIOp::create(b, loc, number, columns),
+             arith::RemUIOp::create(b, loc, number, columns)};
+  }
+  auto type = warp::ArrayType::get(b.getContext(), op.getIndices().size(),
+                                   warp::getElementScalar(element));
+  return warp::ComponentViewOp::create(b, loc, type, op.getArray(), place,
+                                       StringAttr());
+}
+
+/// Each lane updates a component of the element, 32 of them at a time.
+static void updateByLanes(OpBuilder &b, AtomicComponentsOp op) {
+  Location loc = op.getLoc();
+  Value lane = warp::readGrid(b, loc, warp::GridValue::laneId);
+  Type type = warp::leavesOf(op).front().type;
+  int64_t count = op.getNumResults();
+  for (int64_t begin = 0; begin < count; begin += warp::warpSize) {
+    SmallVector<Value> values(
+        op.getComponents().drop_front(begin).take_front(warp::warpSize));
+    int64_t size = values.size();
+    Value total =
+        warp::shareOverLanes(b, loc, lane, values, [&](Value x, Value y) {
+          return combineTwo(b, op, x, y, type);
+        });
+    int64_t lanes = warp::warpSize / llvm::PowerOf2Ceil(size);
+    auto constant = [&](int64_t value) {
+      return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
+    };
+    Value number = arith::DivUIOp::create(b, loc, lane, constant(lanes));
+    Value rest = arith::RemUIOp::create(b, loc, lane, constant(lanes));
+    Value isOwn = arith::AndIOp::create(
+        b, loc, compare(b, loc, arith::CmpIPredicate::eq, rest, 0),
+        compare(b, loc, arith::CmpIPredicate::ult, number, size));
+    auto own = scf::IfOp::create(b, loc, isOwn, /*withElseRegion=*/false);
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPointToStart(own.thenBlock());
+    number = arith::AddIOp::create(b, loc, number, constant(begin));
+    AtomicComponentsOp::create(b, loc, total.getType(), op.getKind(), total,
+                               viewComponent(b, op, number), op.getIndices());
+  }
+}
+
 static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   OpBuilder b(op);
   Location loc = op.getLoc();
@@ -52,22 +139,10 @@ static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   op->moveBefore(branch.elseBlock()->getTerminator());
 
   b.setInsertionPointToStart(branch.thenBlock());
-  SmallVector<Value> totals;
-  warp::AtomicKind kind = warp::combiningKind(op.getKind());
-  for (auto [leaf, value] :
-       llvm::zip_equal(warp::leavesOf(op), op.getComponents()))
-    totals.push_back(
-        warp::overLanes(b, loc, value, [&, type = leaf.type](Value x, Value y) {
-          return warp::combine(b, loc, kind, x, y, type, /*anyOrder=*/true);
-        }));
-  Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
-  Value lane = warp::readGrid(b, loc, warp::GridValue::laneId);
-  Value isFirst = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, lane,
-                                        zero);
-  auto once = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
-  b.setInsertionPointToStart(once.thenBlock());
-  AtomicComponentsOp::create(b, loc, op.getResultTypes(), op.getKind(), totals,
-                             op.getArray(), op.getIndices());
+  if (op.getNumResults() > 1 && warp::isComposite(elementOf(op)))
+    updateByLanes(b, op);
+  else
+    updateOnce(b, op);
 }
 
 namespace {

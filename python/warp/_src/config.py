@@ -139,7 +139,12 @@ SETTINGS = {
             "`debug` checks every array access and names kernel, line, array, index and shape",
             choices=("release", "debug"),
         ),
-        Setting("optimization_level", _MAYBE_INT, None, "0 to 3; None is the default, 2"),
+        Setting(
+            "optimization_level",
+            _MAYBE_INT,
+            None,
+            "0 to 3; None is 2, but small first launches on CPUs begin with code of level 0",
+        ),
         Setting("fast_math", bool, False, "allow reassociation and approximate functions"),
         Setting("lineinfo", bool, False, "keep source lines in compiled code, for profilers"),
         Setting("max_unroll", int, 16, "constant loops up to this many iterations are unrolled"),

@@ -424,7 +424,7 @@ def test_bad_copies(device):
     with pytest.raises(TypeError):
         wp.copy(wp.zeros(3, device=device), [1, 2, 3])
     with pytest.raises(ValueError):
-        wp.zeros(3, device=device).assign([1, 2])
+        wp.zeros(3, device=device).assign([1, 2, 3, 4])
 
 
 def test_gradients_follow_views(device):

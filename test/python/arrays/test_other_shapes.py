@@ -1,4 +1,4 @@
-"""Assigning what has the same elements in another shape, and arrays whose address is taken away."""
+"""Assigning elements in another shape, or only some, and arrays whose address is taken away."""
 
 import numpy as np
 import pytest
@@ -16,17 +16,28 @@ def test_assigning_as_many_elements(device):
         np.testing.assert_array_equal(target.numpy().ravel(), x)
 
 
-@pytest.mark.parametrize("count", [1, 3])
-def test_fewer_or_more_elements_are_refused(count, device):
+# MuJoCo Warp fills the part of a padded array that is in use.
+def test_fewer_elements_are_the_first(device):
+    target = wp.full((2, 4), 7.0, dtype=float, device=device)
+    target.assign(np.arange(5.0))
+    np.testing.assert_array_equal(target.numpy(), [[0, 1, 2, 3], [4, 7, 7, 7]])
+    target.assign(wp.zeros((1, 3), dtype=float, device=device))
+    np.testing.assert_array_equal(target.numpy(), [[0, 0, 0, 3], [4, 7, 7, 7]])
+    target.assign([])
+    assert target.numpy()[1, 0] == 4
+
+
+def test_more_elements_are_refused(device):
     target = wp.zeros((1, 2), dtype=wp.vec3, device=device)
-    with pytest.raises(ValueError, match=r"expects shape \(1, 2\) to assign"):
-        target.assign(np.ones((count, 3)))
+    with pytest.raises(ValueError, match=r"expects shape \(1, 2\) to assign, but got \(3,\)"):
+        target.assign(np.ones((3, 3)))
 
 
 def test_views_need_the_same_shape(device):
     target = wp.zeros((4, 2), dtype=float, device=device)[:, 0]
-    with pytest.raises(ValueError, match=r"expects shape \(4,\) to assign"):
-        target.assign(np.ones((2, 2), np.float32))
+    for shape in ((2, 2), (3,)):
+        with pytest.raises(ValueError, match=r"expects shape \(4,\) to assign"):
+            target.assign(np.ones(shape, np.float32))
     target.assign(np.ones(4, np.float32))
     assert target.numpy().tolist() == [1.0] * 4
 

@@ -94,6 +94,63 @@ def sum_beside_others(a: wp.mat33d):
 
 
 @wp.func
+def sum_by_entries(a: wp.mat33d):
+    """Factors in all orders, one of which is the same for all columns."""
+    u, s, v = wp.svd3(a)
+    square = wp.vec3d()
+    result = wp.mat33d()
+    for k in range(3):
+        square[k] = s[k] * s[k]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                result[i, j] += (u[i, k] * wp.float64(0.5)) * square[k] * v[j, k]
+    return wp.float64(2.0) * result
+
+
+@wp.func
+def left_logarithm_by_entries(a: wp.mat33d):
+    u, s, v = wp.svd3(a)
+    result = wp.mat33d()
+    for i in range(3):
+        for j in range(3):
+            for k in range(2, -1, -1):
+                result[i, j] = u[j, k] * (wp.log(s[k]) * u[i, k]) + result[i, j]
+    return result
+
+
+@wp.struct
+class Factors:
+    u: wp.mat33d
+    s: wp.vec3d
+    v: wp.mat33d
+
+
+@wp.func
+def factorize(a: wp.mat33d):
+    factors = Factors()
+    u, s, v = wp.svd3(a)
+    factors.u = u
+    factors.s = s
+    factors.v = v
+    return factors
+
+
+@wp.func
+def stress_by_memory(a: wp.mat33d):
+    """Factors that go through a struct and an array of the thread's own."""
+    factors = factorize(a)
+    rotations = wp.zeros(shape=2, dtype=wp.mat33d)
+    rotations[0] = factors.u
+    rotations[1] = factors.v
+    square = wp.zeros(shape=3, dtype=wp.float64)
+    for k in range(3):
+        square[k] = factors.s[k] * factors.s[k]
+    diagonal = wp.diag(wp.vec3d(square[0], square[1], square[2]))
+    return rotations[0] * diagonal * wp.transpose(rotations[1])
+
+
+@wp.func
 def stress_of_2(a: wp.mat22d):
     u, s, v = wp.svd2(a)
     return u * wp.diag(wp.cw_mul(s, s)) * wp.transpose(v)
@@ -127,6 +184,9 @@ EXACT = {
     logarithm: lambda a: of_symmetric((a + a.T) / 2, mp.log),
     by_pieces: lambda a: a * of_symmetric(a.T * a, lambda x: exact_piece(mp.sqrt(x)) / mp.sqrt(x)),
     sum_over_columns: lambda a: a * root(a.T * a),
+    sum_by_entries: lambda a: a * root(a.T * a),
+    left_logarithm_by_entries: lambda a: of_symmetric(a * a.T, lambda x: mp.log(x) / 2),
+    stress_by_memory: lambda a: a * root(a.T * a),
     sum_beside_others: lambda a: of_symmetric((a + a.T) / 2, mp.log) + a / 4,
     stress_of_2: lambda a: a * root(a.T * a),
 }

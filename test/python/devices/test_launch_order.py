@@ -110,6 +110,53 @@ def test_with_copies_and_fills_between(device):
     chain.check(4)
 
 
+@wp.kernel
+def key_of(x: wp.array(dtype=wp.int32), keys: wp.array(dtype=wp.int32), ids: wp.array(dtype=int)):
+    i = wp.tid()
+    keys[i] = (x[len(x) - 1 - i] * 7919 + i) & 0xFFFF
+    ids[i] = i
+
+
+@wp.kernel
+def spread(sums: wp.array(dtype=int), ids: wp.array(dtype=int), x: wp.array(dtype=wp.int32)):
+    i = wp.tid()
+    x[ids[i]] = sums[i] & 0xFFFFF
+
+
+@pytest.mark.parametrize("in_graph", [False, True])
+def test_with_sorts_and_sums_between(in_graph, device):
+    """Kernels of the library, too, begin while the one before them ends."""
+    values = np.random.default_rng(7).integers(0, 1 << 20, COUNT, dtype=np.int32)
+    x = wp.array(values, device=device)
+    keys, ids = (wp.zeros(2 * COUNT, dtype=wp.int32, device=device) for _ in range(2))
+    sums = wp.zeros(COUNT, dtype=wp.int32, device=device)
+
+    def step():
+        wp.launch(key_of, COUNT, [x, keys, ids], device=device)
+        wp.utils.radix_sort_pairs(keys, ids, COUNT)
+        wp.utils.array_scan(keys[:COUNT], sums)
+        wp.launch(spread, COUNT, [sums, ids, x], device=device)
+
+    turns, again = 12, step
+    if in_graph:
+        # What sorting needs is allocated before.
+        step()
+        x.assign(values)
+        with wp.ScopedCapture(device) as capture:
+            step()
+
+        def again():
+            wp.capture_launch(capture.graph)
+
+    for _ in range(turns):
+        again()
+    for _ in range(turns):
+        wanted = (values[::-1] * np.int32(7919) + np.arange(COUNT, dtype=np.int32)) & 0xFFFF
+        order = np.argsort(wanted, kind="stable")
+        values[order] = np.cumsum(wanted[order], dtype=np.int32) & 0xFFFFF
+    assert (x.numpy() == values).all()
+
+
 def test_in_loops_of_a_graph(device):
     if device != "cpu" and not wp.is_conditional_graph_supported():
         pytest.skip("the driver has no loops in graphs")

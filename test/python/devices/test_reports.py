@@ -58,7 +58,7 @@ def test_operations_on_a_gpu_are_timed(device, capsys):
     if wp.get_device(device).is_cpu:
         assert names == [] and wp.timing_end() == []
         return
-    assert names == [f"forward kernel {double.key}", "memcpy", "memset"]
+    assert names == [f"forward kernel {double.key}", "memcpy DtoD", "memset"]
     kinds = [wp.TIMING_KERNEL, wp.TIMING_MEMCPY, wp.TIMING_MEMSET]
     assert [result.filter for result in results] == kinds
     assert all(0 <= result.elapsed < 1000 for result in results)
@@ -67,7 +67,7 @@ def test_operations_on_a_gpu_are_timed(device, capsys):
     with wp.ScopedTimer("copy", print=False, cuda_filter=wp.TIMING_MEMCPY) as timer:
         wp.copy(y, x)
         y.zero_()
-    assert [result.name for result in timer.timing_results] == ["memcpy"]
+    assert [result.name for result in timer.timing_results] == ["memcpy DtoD"]
 
 
 @pytest.mark.cuda

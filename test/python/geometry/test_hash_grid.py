@@ -160,3 +160,25 @@ def test_handles_of_arrays_and_break():
     out = wp.zeros(4, dtype=int, device="cpu")
     wp.launch(visit_chosen, dim=4, inputs=[handles, out], device="cpu")
     assert out.numpy().tolist() == [2, 0, 0, 0]
+
+
+@wp.func
+def count_of(query: wp.HashGridQuery[wp.float32]) -> int:
+    found, index = int(0), int(0)
+    while wp.hash_grid_query_next(query, index):
+        found += 1
+    return found
+
+
+@wp.kernel
+def count_around(grid: wp.uint64, out: wp.array(dtype=int)):
+    out[0] = count_of(wp.hash_grid_query(grid, wp.vec3(0.0, 0.0, 0.0), 1.0))
+
+
+def test_queries_have_a_type_of_numbers(device):
+    points = wp.array([[0.1, 0.1, 0.1], [0.2, 0.0, 0.0], [3.5, 3.5, 3.5]], wp.vec3, device=device)
+    grid = wp.HashGrid(8, 8, 8, device=device)
+    grid.build(points, 1.0)
+    out = wp.zeros(1, dtype=int, device=device)
+    wp.launch(count_around, 1, [grid.id, out], device=device)
+    assert out.numpy()[0] == 2

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+import warp.geometry
 from warp._src.geometry.surfaces import cases
 
 
@@ -48,6 +49,27 @@ def test_ball_is_closed_and_has_its_volume(device):
     assert len(points) - len(faces) * 3 // 2 + len(faces) == 2
     assert abs(volume_of(points, faces) / (4 / 3 * np.pi * 0.7**3) - 1) < 5e-3
     assert np.abs(np.linalg.norm(points, axis=1) - 0.7).max() < 1e-3
+
+
+def test_public_tables_give_the_ball_as_well():
+    """Corners whose value is not less than the threshold have their bit set."""
+    kind = wp.MarchingCubes
+    values = ball(17, 0.7, "cpu").numpy()
+    corners, edges = np.array(kind.CUBE_CORNER_OFFSETS), np.array(kind.EDGE_TO_CORNERS)
+    ranges, local = kind.CASE_TO_TRI_RANGE, np.array(kind.TRI_LOCAL_INDICES)
+    faces = []
+    for cell in np.ndindex(16, 16, 16):
+        at = cell + corners
+        case = sum(1 << n for n in range(8) if values[tuple(at[n])] >= 0.0)
+        ends = at[edges[local[ranges[case] : ranges[case + 1]]]]
+        v = values[tuple(np.moveaxis(ends, -1, 0))]
+        place = ends[:, 0] + (v[:, 0] / (v[:, 0] - v[:, 1]))[:, None] * (ends[:, 1] - ends[:, 0])
+        faces += place.reshape(-1, 3, 3).tolist()
+    faces = np.array(faces)
+    points, numbers = np.unique(faces.reshape(-1, 3), axis=0, return_inverse=True)
+    assert is_closed(numbers.reshape(-1, 3))
+    size = volume_of(points * 0.125 - 1.0, numbers.reshape(-1, 3))
+    assert abs(size / (4 / 3 * np.pi * 0.7**3) - 1) < 0.03
 
 
 def test_noise_gives_closed_surfaces_whatever_the_case(device):
@@ -115,3 +137,9 @@ def test_what_is_refused():
         extract(wp.zeros((4, 4, 4), dtype=wp.float64, device="cpu"))
     with pytest.raises(ValueError, match="shape"):
         wp.MarchingCubes(3, 3, 3).surface(wp.zeros((4, 4, 4), dtype=float, device="cpu"), 0.0)
+    for name in ("lower", "upper"):
+        both = {name: (0.0, 0.0, 0.0), f"domain_bounds_{name}_corner": (1.0, 1.0, 1.0)}
+        with pytest.raises(TypeError, match=f"both `{name}` and `domain_bounds_{name}_corner`"):
+            wp.MarchingCubes(4, 4, 4, **both)
+    with pytest.raises(TypeError, match="abstract"):
+        warp.geometry.IsoSurfaceBase(4, 4, 4)

@@ -44,7 +44,7 @@ def test_triangles_are_refitted_as_by_the_runtime(n):
         moved[30], moved[40, 1] = np.nan, np.inf
     moving.assign(moved)
     slot = slot_of(by_kernels.id, "cpu")
-    Refit(by_kernels._native.view, wp.get_device("cpu"), True, slot).run(moving, indices)
+    Refit(by_kernels._native.view, wp.get_device("cpu"), True, slot).refit(moving, indices)
     by_runtime.points = wp.clone(moving)
     after = same(by_kernels._native.view, by_runtime._native.view, TRIANGLES)
     assert n < 100 or (before[:, :48] != after[:, :48]).any()
@@ -70,7 +70,7 @@ def test_boxes_are_refitted_as_by_the_runtime(n):
         mine.assign(x)
         theirs.assign(x)
     slot = slot_of(by_kernels.id, "cpu")
-    Refit(by_kernels._native.view, wp.get_device("cpu"), False, slot).run(*corners)
+    Refit(by_kernels._native.view, wp.get_device("cpu"), False, slot).refit(*corners)
     by_runtime.refit()
     same(by_kernels._native.view, by_runtime._native.view, BOXES)
 
@@ -100,21 +100,66 @@ def test_a_refitted_mesh_is_searched_where_it_is(device):
         assert np.abs(out.numpy() - wanted.numpy()).max() < 1e-6
 
 
+@wp.kernel
+def sides(mesh: wp.uint64, p: wp.array(dtype=wp.vec3), out: wp.array(dtype=float)):
+    i = wp.tid()
+    found = wp.mesh_query_point_sign_winding_number(mesh, p[i], 100.0)
+    out[i] = found.sign * wp.length(
+        p[i] - wp.mesh_eval_position(mesh, found.face, found.u, found.v)
+    )
+
+
 @pytest.mark.cuda
-def test_a_graph_refits():
+@pytest.mark.parametrize("constructor", [None, "lbvh", "sah"])
+def test_a_graph_refits(constructor):
+    """The first refit is in the graph."""
     points = faces_of(400)
     moving = wp.array(points, dtype=wp.vec3, device="cuda:0")
-    mesh = wp.Mesh(moving, wp.array(np.arange(1203), dtype=int, device="cuda:0"))
-    mesh.refit()
+    indices = wp.array(np.arange(1203), dtype=int, device="cuda:0")
+    mesh = wp.Mesh(moving, indices, bvh_constructor=constructor, support_winding_number=True)
     x = wp.array(np.zeros((1, 3)), dtype=wp.vec3, device="cuda:0")
     out = wp.zeros(1, dtype=float, device="cuda:0")
-    wp.launch(closest, dim=1, inputs=[mesh.id, x, out], device="cuda:0")
+    wp.launch(sides, dim=1, inputs=[mesh.id, x, out], device="cuda:0")
     with wp.ScopedCapture(device="cuda:0") as capture:
         mesh.refit()
-        wp.launch(closest, dim=1, inputs=[mesh.id, x, out], device="cuda:0")
+        wp.launch(sides, dim=1, inputs=[mesh.id, x, out], device="cuda:0")
     moving.assign(points + np.float32(10.0))
     wp.capture_launch(capture.graph)
-    again = wp.Mesh(wp.clone(moving), mesh.indices)
+    again = wp.Mesh(wp.clone(moving), mesh.indices, support_winding_number=True)
     wanted = wp.zeros(1, dtype=float, device="cuda:0")
-    wp.launch(closest, dim=1, inputs=[again.id, x, wanted], device="cuda:0")
+    wp.launch(sides, dim=1, inputs=[again.id, x, wanted], device="cuda:0")
     assert abs(out.numpy()[0] - wanted.numpy()[0]) < 1e-5
+
+
+@pytest.mark.cuda
+def test_a_graph_does_not_take_over_other_arrays_in_what_the_host_has_built():
+    points = wp.array(faces_of(40), dtype=wp.vec3, device="cuda:0")
+    indices = wp.array(np.arange(123), dtype=int, device="cuda:0")
+    mesh = wp.Mesh(points, indices, bvh_constructor="sah")
+    other = wp.clone(points)
+    with wp.ScopedCapture(device="cuda:0"):
+        with pytest.raises(RuntimeError, match="while a graph is being captured"):
+            mesh.points = other
+
+
+@wp.kernel
+def overlaps(bvh: wp.uint64, low: wp.vec3, high: wp.vec3, out: wp.array(dtype=int)):
+    for _ in wp.bvh_query_aabb(bvh, low, high):
+        wp.atomic_add(out, 0, 1)
+
+
+@pytest.mark.cuda
+@pytest.mark.parametrize("constructor", [None, "sah"])
+def test_a_graph_refits_boxes(constructor):
+    low = np.random.default_rng(4).uniform(-1, 1, (300, 3)).astype(np.float32)
+    lowers, uppers = (wp.array(x, dtype=wp.vec3, device="cuda:0") for x in (low, low + 0.01))
+    bvh = wp.Bvh(lowers, uppers, constructor=constructor)
+    out = wp.zeros(1, dtype=int, device="cuda:0")
+    corners = [wp.vec3(1.5), wp.vec3(4.5)]
+    with wp.ScopedCapture(device="cuda:0") as capture:
+        bvh.refit()
+        wp.launch(overlaps, dim=1, inputs=[bvh.id, *corners, out], device="cuda:0")
+    lowers.assign(low + np.float32(3.0))
+    uppers.assign(low + np.float32(3.01))
+    wp.capture_launch(capture.graph)
+    assert out.numpy()[0] == 300

@@ -140,6 +140,11 @@ def density(
     out[i] = s
 
 
+def test_lanes_agree_on_the_next_point():
+    # By the least of their places in the list.
+    assert "warp.combine_lanes" in density.ir("launch", device="cpu")
+
+
 @pytest.mark.parametrize("cells", [(16, 16, 16), (2, 2, 2)])
 def test_gradients_of_neighbours_are_analytic(device, cells):
     """Of sum_ij w_i m_j (h^2 - |x_i - x_j|^2)_+^2, which lanes add to shared neighbours."""

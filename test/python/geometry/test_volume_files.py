@@ -146,3 +146,14 @@ def test_bits_that_flip_never_crash(tmp_path):
         lookups(volume)
         loaded += 1
     assert 0 < loaded < 300
+
+
+def test_levels_without_nodes_may_lie_anywhere(tmp_path):
+    points = wp.zeros((0, 3), dtype=wp.int32, device="cpu")
+    empty = wp.Volume.allocate_by_voxels(points, 0.1, device="cpu")
+    data = bytearray(pathlib.Path(empty.save_to_nvdb(tmp_path / "empty.nvdb")).read_bytes())
+    tree = len(data) - empty.get_grid_info().size_in_bytes + 672
+    for level, place in enumerate((0, 1, 2**64 - 1)):
+        data[tree + 8 * level : tree + 8 * level + 8] = place.to_bytes(8, "little")
+    read = wp.Volume.load_from_nvdb(bytes(data), device="cpu")
+    assert (lookups(read) == 0.0).all() and read.get_voxel_count() == 0

@@ -211,7 +211,11 @@ def test_copies_of_different_size(device):
     with pytest.raises((errors.WarpError, ValueError, IndexError)):
         wp.copy(floats(device, 4), floats(device, 4), dest_offset=3, count=2)
     with pytest.raises((errors.WarpError, ValueError, TypeError)):
-        floats(device, 4).assign([1.0, 2.0])
+        floats(device, 2).assign([1.0, 2.0, 3.0])
+    short = floats(device, 4)
+    short.fill_(7.0)
+    short.assign([1.0, 2.0])
+    assert short.numpy().tolist() == [1.0, 2.0, 7.0, 7.0]
 
 
 def test_nan_and_infinity_pass_as_ieee_says(device):

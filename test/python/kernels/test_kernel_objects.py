@@ -245,15 +245,20 @@ def test_threads_share_one_translation(monkeypatch):
         i = wp.tid()
         x[i] = x.dtype(0.5) * x[i]
 
+    @wp.kernel
+    def total(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+        wp.tile_store(out, wp.tile_sum(wp.tile_load(x, shape=64)))
+
     workers = 8
     start = threading.Barrier(workers)
     x = wp.ones(4, dtype=float, device="cpu")
+    total.prepare()
 
     def prepare():
         start.wait()
-        return halve.prepare(), halve_any.specialize((x,))
+        return halve.prepare(), halve_any.specialize((x,)), total.for_blocks(None, 64)
 
     with ThreadPoolExecutor(workers) as pool:
         found = [one.result() for one in [pool.submit(prepare) for _ in range(workers)]]
-    assert len({id(plain) for plain, _ in found}) == 1
-    assert len({id(generic) for _, generic in found}) == 1
+    for made in zip(*found, strict=True):
+        assert len({id(one) for one in made}) == 1

@@ -159,6 +159,11 @@ def test_wrong_options(options, kind):
         wp.kernel(module="unique", module_options=options)(lambda: None)
 
 
+def test_counts_may_be_numbers_of_numpy():
+    kernel = wp.kernel(module="unique", module_options={"deterministic_max_records": np.int64(20)})
+    assert kernel(lambda: None).module.options["deterministic_max_records"] == 20
+
+
 def test_the_file_may_be_gone_at_the_first_launch(tmp_path):
     file = tmp_path / "written.py"
     body = "import warp as wp\n@wp.func\ndef three():\n    return 3.0\n"

@@ -84,3 +84,31 @@ def test_adjoint_of_a_matrix_product(device, shape):
     tape.backward(grads={c: wp.array(values[2], dtype=wp.float64, device=device)})
     np.testing.assert_allclose(a.grad.numpy(), values[2] @ values[1].T, rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(b.grad.numpy(), values[0].T @ values[2], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [wp.float32, wp.float64, wp.int32])
+@pytest.mark.parametrize("shape", [(2,), (3,), (5,), (2, 3), (4, 4), (6, 6), (8, 8)])
+def test_elements_with_components(device, shape, dtype):
+    """Lanes of a warp share the components: fewer than there are lanes, as many, and more."""
+    kind = wp.types.vector(*shape, dtype) if len(shape) == 1 else wp.types.matrix(shape, dtype)
+    count = int(np.prod(shape))
+
+    @wp.kernel(module="unique")
+    def fit(x: wp.array(dtype=kind), total: wp.array(dtype=kind), high: wp.array(dtype=kind)):
+        i = wp.tid()
+        state = int(0)
+        for k in range(total.shape[0]):
+            # No sum over tiles: each iteration needs the one before.
+            state = (state * 5 + 3) % 16
+            wp.atomic_sub(total, k, x[i] * dtype(state))
+            wp.atomic_max(high, k, x[i] * dtype(state))
+
+    x = np.random.default_rng(count).integers(-99, 100, (333, *shape))
+    total = wp.zeros(40, dtype=kind, device=device)
+    high = wp.full(40, -50, dtype=kind, device=device)
+    wp.launch(fit, 333, [wp.array(x, dtype=kind, device=device), total, high], device=device)
+    state = 0
+    for k in range(40):
+        state = (state * 5 + 3) % 16
+        np.testing.assert_array_equal(total.numpy()[k], -x.sum(0) * state)
+        np.testing.assert_array_equal(high.numpy()[k], np.maximum((x * state).max(0), -50))

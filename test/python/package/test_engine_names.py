@@ -1,5 +1,7 @@
 """What engines written for the peer read of kernels, settings and data."""
 
+import copy
+import pickle
 import typing
 from typing import Any
 
@@ -25,6 +27,20 @@ def test_parameters_of_kernels():
     assert a.numpy()[0, 0] == 3.0
 
 
+def test_annotations_of_arrays_are_arrays():
+    annotation = wp.array(dtype=float, ndim=2)
+    annotation.shape = ("*", "nbody")
+    assert isinstance(annotation, wp.array) and not isinstance(annotation, wp.indexedarray)
+    assert annotation.shape[0] == "*" and annotation == wp.array2d(dtype=float)
+    assert not isinstance(wp.indexedarray(dtype=float), wp.array)
+    for made in (copy.deepcopy(annotation), pickle.loads(pickle.dumps(annotation))):
+        assert made == annotation and made.shape == annotation.shape
+    other = pickle.loads(pickle.dumps(wp.indexedarray(dtype=float)))
+    assert other == wp.indexedarray(dtype=float)
+    with pytest.raises(TypeError, match="argument 'b' expects 'array"):
+        wp.launch(filled, 1, [wp.zeros((1, 1)), 1, annotation], device="cpu")
+
+
 def test_the_default_of_deterministic_is_a_mode():
     assert wp.config.deterministic is wp.DeterministicMode.NOT_GUARANTEED
     assert not wp.config.deterministic
@@ -37,6 +53,30 @@ def test_empty_data_has_the_rank_that_is_asked_for(data):
     assert wp.array(data, dtype=wp.vec3, ndim=3, requires_grad=True).grad.ndim == 3
     with pytest.raises(ValueError, match="expects 2 dimensions"):
         wp.array([1, 2], dtype=int, ndim=2)
+
+
+# Newton fills gaps among numbers of Python with defaults of this package.
+@pytest.mark.parametrize(
+    ("dtype", "data"),
+    [
+        (int, [3, wp.int32(2), np.int64(-1)]),
+        (float, [[wp.float64(0.5), 1], [2.25, wp.uint8(7)]]),
+        (bool, [wp.bool(True), False]),
+        (wp.uint64, [2**63, wp.uint64(2**64 - 1)]),
+    ],
+)
+def test_numbers_of_both_kinds_beside_each_other(dtype, data):
+    plain = [[getattr(one, "value", one) for one in np.ravel(row)] for row in data]
+    made = wp.array(data, dtype=dtype, device="cpu").numpy()
+    assert made.ravel().tolist() == [one for row in plain for one in row]
+
+
+@pytest.mark.parametrize(
+    "data", [[3, None], [wp.int32(3), "4"], [1, wp.vec2()], [1, [wp.int32(2)]]]
+)
+def test_other_things_beside_numbers(data):
+    with pytest.raises((TypeError, ValueError), match=r"expects numbers|cannot make an array"):
+        wp.array(data, dtype=int, device="cpu")
 
 
 class Vector:

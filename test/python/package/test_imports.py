@@ -57,3 +57,11 @@ def loaded():
     code = "import sys; before = set(sys.modules); import warp; print(*sys.modules.keys() - before)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return set(done.stdout.split())
+
+
+@pytest.mark.parametrize("name", ["add_builtin", "add_native_type"])
+def test_what_needs_generated_code_is_refused(name):
+    from warp import build_experimental
+
+    with pytest.raises(RuntimeError, match=f"{name}' is not in this package, as kernels are not"):
+        getattr(build_experimental, name)("name", {})

@@ -58,19 +58,13 @@ def test_ptx_lies_beside_what_was_asked_for_as_ptx(tmp_path):
     assert beside and not compiled(tmp_path, arch=80).with_suffix("").exists()
 
 
-def test_files_of_the_cache(tmp_path, monkeypatch):
-    before = wp.config.kernel_cache_dir
-    wp.config.kernel_cache_dir = str(tmp_path)
-    try:
+def test_files_of_the_cache(fresh_cache):
+    @wp.kernel(module="unique")
+    def cached(x: wp.array(dtype=float)):
+        x[wp.tid()] = 3.0
 
-        @wp.kernel(module="unique")
-        def cached(x: wp.array(dtype=float)):
-            x[wp.tid()] = 3.0
-
-        wp.launch(cached, 4, [wp.zeros(4, dtype=float, device="cpu")], device="cpu")
-    finally:
-        wp.config.kernel_cache_dir = before
-    (file,) = tmp_path.rglob("*.code")
+    wp.launch(cached, 4, [wp.zeros(4, dtype=float, device="cpu")], device="cpu")
+    (file,) = fresh_cache.rglob("*.code")
     (one,) = saved.read(file)
     assert one["kind"] == "o" and "cached" in one["kernel"]
 

@@ -148,6 +148,14 @@ def levels_case(device, offset=0.0, **modes):
     return t, chain, uv, lod
 
 
+def test_levels_of_coordinates_without_a_place(device):
+    t, _, _, _ = levels_case(device)
+    at = wp.array([[np.nan, 0.5], [0.5, np.nan], [0.5, 0.5]], dtype=wp.vec2, device=device)
+    levels, out = wp.full(3, 1.5, device=device), wp.zeros(3, device=device)
+    wp.launch(read_levels, 3, [t, at, levels], [out], device=device)
+    assert np.isnan(out.numpy()).tolist() == [True, True, False]
+
+
 def test_levels(device):
     t, chain, uv, lod = levels_case(device)
     assert t.num_mip_levels == 4 and t.is_mipmapped and t.mip_filter_mode == LINEAR
@@ -164,6 +172,18 @@ def test_levels(device):
     wp.launch(read_levels, 200, [t, at, levels], [out], device=device)
     nearest = read[np.floor(place + 0.5).astype(int), one]
     np.testing.assert_allclose(out.numpy(), nearest, atol=64 * 4e-6)
+
+
+def test_nearest_texels_of_both_levels(device):
+    """The filter of texels says nothing of that between levels."""
+    data = np.arange(16, dtype=np.float32).reshape(4, 4) ** 2
+    t = wp.Texture2D(data, filter_mode=CLOSEST, num_mip_levels=2, device=device)
+    assert t.mip_filter_mode == LINEAR
+    uv, lod = np.full((5, 2), 0.4, np.float32), np.linspace(0.0, 1.0, 5, dtype=np.float32)
+    at, levels = wp.array(uv, dtype=wp.vec2, device=device), wp.array(lod, device=device)
+    out = wp.zeros(5, device=device)
+    wp.launch(read_levels, 5, [t, at, levels], [out], device=device)
+    np.testing.assert_allclose(out.numpy(), (1 - lod) * data[1, 1] + lod * data[:2, :2].mean())
 
 
 @pytest.mark.parametrize("offset", [0.0, 2.0**21])

@@ -67,6 +67,31 @@ def expected(data, at, modes, filter_mode):
 @pytest.mark.parametrize("ndim", [1, 2, 3])
 @pytest.mark.parametrize("filter_mode", [CLOSEST, LINEAR])
 @pytest.mark.parametrize("mode", [WRAP, CLAMP, MIRROR, BORDER])
+def test_coordinates_without_a_place(ndim, filter_mode, mode, device):
+    """NaN has none, and infinity none where an axis repeats; elsewhere it is beyond the edge."""
+    data = np.arange(1.0, 4.0**ndim + 1.0, dtype=np.float32).reshape((4,) * ndim)
+    texture = CLASSES[ndim](
+        data, filter_mode=filter_mode, address_mode=(mode,) * ndim, device=device
+    )
+    at = np.full((4 * ndim, ndim), 0.625)
+    for axis in range(ndim):
+        at[4 * axis : 4 * axis + 4, axis] = [np.nan, -np.inf, np.inf, -3.0]
+    dtype = (float, wp.vec2, wp.vec3)[ndim - 1]
+    given = wp.array(np.squeeze(at, 1) if ndim == 1 else at, dtype=dtype, device=device)
+    out = wp.zeros(len(at), device=device)
+    wp.launch(KERNELS[ndim], len(at), [texture, given, out], device=device)
+    missing, low, high, outside = out.numpy().reshape(ndim, 4).T
+    assert np.isnan(missing).all()
+    if mode in (WRAP, MIRROR):
+        assert np.isnan(low).all() and np.isnan(high).all()
+    else:
+        np.testing.assert_array_equal(low, outside)
+        assert (high == 0.0).all() if mode == BORDER else (high >= low).all()
+
+
+@pytest.mark.parametrize("ndim", [1, 2, 3])
+@pytest.mark.parametrize("filter_mode", [CLOSEST, LINEAR])
+@pytest.mark.parametrize("mode", [WRAP, CLAMP, MIRROR, BORDER])
 @pytest.mark.parametrize("normalized", [False, True])
 def test_reading(ndim, filter_mode, mode, normalized, device):
     rng = np.random.default_rng(ndim)

@@ -48,6 +48,29 @@ def raise_diagonal(
     wp.tile_store(out, wp.tile_matmul(m, m))
 
 
+@wp.kernel
+def multiply_onto(
+    a: wp.array2d(dtype=wp.float64), out: wp.array2d(dtype=wp.float64), beta: wp.float64
+):
+    m = wp.tile_load(a, shape=(9, 9))
+    sums = wp.tile_load(out, shape=(9, 9))
+    wp.tile_matmul(m, m, sums, beta=beta)
+    wp.tile_store(out, sums)
+
+
+# Zero leaves nothing of a tile that has infinities and NaN.
+@pytest.mark.parametrize("beta", [0.0, -0.0, -1.5])
+def test_factors_of_what_products_are_added_to(device, beta):
+    a, before = matrix(), matrix() + 1.0
+    if beta == 0.0:
+        before[::2], before[1::2] = np.nan, np.inf
+    out = wp.array(before, dtype=wp.float64, device=device)
+    given = wp.array(a, dtype=wp.float64, device=device)
+    wp.launch_tiled(multiply_onto, 1, [given, out, beta], block_dim=64, device=device)
+    expected = a @ a if beta == 0.0 else a @ a + beta * before
+    np.testing.assert_allclose(out.numpy(), expected, rtol=1e-13)
+
+
 def matrix():
     rng = np.random.default_rng(3)
     half = rng.uniform(-1.0, 1.0, (9, 9))

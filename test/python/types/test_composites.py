@@ -214,8 +214,8 @@ def test_matrix_access():
     assert m.get_row(1) == (3, 4, 5) and m.get_col(1) == (1, 4, 7)
     assert m[-1, -1] == 8
     assert type(m[0:2, 0:2]) is wp.mat22 and m[0:2, 0:2] == wp.mat22(0, 1, 3, 4)
-    m.set_row(0, wp.vec3(9, 9, 9))
-    m.set_col(2, 1.0)
+    m.set_row(r=0, v=wp.vec3(9, 9, 9))
+    m.set_col(c=2, v=1.0)
     m[1, 1] = 7
     m[2] = [4, 5, 6]
     assert m == wp.mat33(9, 9, 1, 3, 7, 1, 4, 5, 6)

@@ -129,3 +129,26 @@ def test_constants():
     assert wp.INF == math.inf and math.isnan(wp.NAN)
     with pytest.raises(TypeError, match="list"):
         wp.constant([1])
+
+
+@wp.kernel
+def narrow(x: wp.array(dtype=float), y: wp.array(dtype=wp.bfloat16)):
+    i = wp.tid()
+    y[i] = wp.bfloat16(x[i])
+
+
+def test_bfloat16_is_the_nearest_of_any_number(device):
+    """Subnormal numbers, ties, infinities and NaN among them."""
+    ml_dtypes = pytest.importorskip("ml_dtypes")
+    low = np.array([0, 1, 0x7FFF, 0x8000, 0x8001, 0xFFFF], dtype=np.uint32)
+    bits = (np.arange(1 << 16, dtype=np.uint32)[:, None] << np.uint32(16)) | low
+    x = bits.reshape(-1).view(np.float32)
+    with np.errstate(invalid="ignore"):
+        expected = x.astype(ml_dtypes.bfloat16)
+    for part in (slice(None), slice(390_000, 390_007)):
+        y = wp.zeros(len(x[part]), dtype=wp.bfloat16, device=device)
+        wp.launch(narrow, y.shape, [wp.array(x[part], device=device), y], device=device)
+        found, wanted = y.numpy(), expected[part]
+        nan = np.isnan(wanted.astype(np.float32))
+        assert np.array_equal(np.isnan(found.astype(np.float32)), nan)
+        assert np.array_equal(found.view(np.uint16)[~nan], wanted.view(np.uint16)[~nan])

@@ -3,9 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Finds what wide/RaySearch.h finds: triangles are tested with the same
-// roundings. Nodes are only passed by, so that slabs are multiplied and added
-// at once, a little wider. A ray that goes on alone waits for memory, so what
-// stays of a node is kept with where it leads: nothing is read twice.
+// roundings. A ray that goes on alone waits for memory, so what stays of a node
+// is kept with where it leads: nothing is read twice.
 //
 // Threads of a warp do the same at the same time, so what a thread does alone
 // costs as much as what all do: of a block, all triangles are asked on which
@@ -19,6 +18,7 @@
 #ifndef WARP_DEVICELIB_GEOMETRY_SCALAR_RAYSEARCH_H
 #define WARP_DEVICELIB_GEOMETRY_SCALAR_RAYSEARCH_H
 
+#include "RayBoxes.h"
 #include "RayTriangle.h"
 #include "Team.h"
 
@@ -28,24 +28,13 @@ template <class Team> class RaySearchBy {
 public:
   RaySearchBy(const Tree &tree, const Ray &from, f32 limit, bool any)
       : nodes((Bytes)tree.nodes), blocks((Bytes)tree.blocks), any(any),
-        ray(from), t(limit) {
+        ray(from), boxes(from), t(limit) {
     setReach();
-#pragma unroll
-    for (int i = 0; i < 3; ++i) {
-      // Where a ray hardly moves, slabs around it last very long.
-      bool isAtRest = __builtin_elementwise_abs(from.direction[i]) < 0x1p-90f;
-      inverse[i] = isAtRest ? 0x1p90f : roughInverse(from.direction[i]);
-      f32 at = lower(upper(-from.start[i] * inverse[i], -0x1p126f), 0x1p126f);
-      // The product was rounded, and so will be the sum.
-      f32 slack = __builtin_elementwise_abs(at) * 0x1p-22f;
-      slack += isAtRest ? 0x1p66f : 0;
-      first[i] = at - slack;
-      last[i] = at + slack;
-      nearer[i] = (inverse[i] < 0 ? 3 + i : i) * int(sizeof(Floats));
-    }
   }
 
   RayHit run(i32 root) {
+    SlabMemory slabs;
+    boxes.keepIn(slabs);
     Rest memory[maxRests];
     Rests rests(memory);
     Team team;
@@ -100,36 +89,8 @@ private:
   /// gives.
   i32 enter(Bytes node, Rests &rests) {
     Links links(node);
-    u32 met = 0;
     i32 entry[width];
-#pragma unroll
-    for (int half = 1; half >= 0; --half) {
-      Four enters[3], leaves[3];
-#pragma unroll
-      for (int i = 0; i < 3; ++i) {
-        enters[i] = load<Four>(node + nearer[i] + 16 * half);
-        int further = (2 * i + 3) * int(sizeof(Floats)) - nearer[i];
-        leaves[i] = load<Four>(node + further + 16 * half);
-      }
-#pragma unroll
-      for (int lane = 3; lane >= 0; --lane) {
-        i32 from[3], to[3];
-#pragma unroll
-        for (int i = 0; i < 3; ++i) {
-          from[i] = integerOf(fma(enters[i][lane], inverse[i], first[i]));
-          to[i] = integerOf(fma(leaves[i][lane], inverse[i], last[i]));
-        }
-        int child = 4 * half + lane;
-        // Floats that are not less than zero are ordered as integers are, of
-        // which an instruction compares four. Those after them are a little
-        // later, as `reach` is.
-        entry[child] = upper(upper(upper(from[0], from[1]), from[2]), 0);
-        i32 leave = lower(lower(to[0], to[1]), to[2]) + 13;
-        leave = upper(lower(leave, reach), 0);
-        met = met << 1 | u32(entry[child] - leave) >> 31;
-      }
-    }
-    met &= links.children();
+    u32 met = boxes.meet(node, reach, entry) & links.children();
     if (!met)
       return nowhere;
     u32 nearest = u32(lowestBit(met));
@@ -286,10 +247,7 @@ private:
   Bytes nodes, blocks;
   bool any;
   ShearedRay ray;
-  /// The slabs of nodes: entered at `plane * inverse + first`, left at `plane *
-  /// inverse + last`. The planes that are met first, in bytes.
-  f32 inverse[3], first[3], last[3];
-  i32 nearer[3];
+  RayBoxes boxes;
   /// The parameter of the triangle that is met, or the limit.
   f32 t;
   i32 place = -1;

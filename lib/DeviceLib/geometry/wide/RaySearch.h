@@ -23,18 +23,14 @@ public:
   }
 
   RayHit run(i32 root) {
-    push(root, 0);
-    while (count) {
-      --count;
-      // Bounds are rounded, and those of ties are to be seen.
-      if (!(entries[count] <= hit.t * 1.000001f))
+    i32 at = root;
+    while (at != nowhere) {
+      if (at >= 0) {
+        at = enter(at);
         continue;
-      if (refs[count] < 0)
-        visit(~refs[count]);
-      else
-        enter(refs[count]);
-      if (any && hit.face >= 0)
-        break;
+      }
+      visit(~at);
+      at = any && hit.face >= 0 ? nowhere : take();
     }
     return hit;
   }
@@ -43,30 +39,57 @@ public:
   bool leavesThroughFront() const { return away; }
 
 private:
-  void push(i32 ref, f32 entry) {
-    refs[count] = ref;
-    entries[count++] = entry;
+  /// A child, or where it is as `follow` has it, and where it is entered.
+  struct Rest {
+    i32 to;
+    f32 entry;
+  };
+  /// What leads to no child.
+  static constexpr i32 nowhere = -0x7fffffff - 1;
+
+  /// Takes up what was left last, if it may be nearer than the hit.
+  i32 take() {
+    while (count) {
+      const Rest &rest = rests[--count];
+      // Bounds are rounded, and those of ties are to be seen.
+      if (rest.entry <= hit.t * 1.000001f)
+        return rest.to;
+    }
+    return nowhere;
   }
 
-  /// Pushes the children that are met, the nearest last.
-  void enter(i32 index) {
+  /// A node, or a block with all bits flipped.
+  static i32 follow(const Node &node, int child) {
+    return node.blocks >> child & 1 ? ~node.blockAt(child) : node.nodeAt(child);
+  }
+
+  /// Gives the nearest child that is met, and leaves the others for later.
+  i32 enter(i32 index) {
     const Node &node = tree.nodes[index];
     Floats entry;
     u32 met = meetBoxes(node, ray, hit.t, entry);
+    if (!met)
+      return take();
+    Rest nearest{lowestBit(met), entry[lowestBit(met)]};
     int bottom = count;
-    for (; met; met &= met - 1) {
-      int child = lowestBit(met);
-      i32 ref =
-          node.blocks >> child & 1 ? ~node.blockAt(child) : node.nodeAt(child);
-      f32 at = entry[child];
-      int place = count++;
-      for (; place > bottom && entries[place - 1] < at; --place) {
-        refs[place] = refs[place - 1];
-        entries[place] = entries[place - 1];
+    while (met &= met - 1) {
+      Rest other{lowestBit(met), entry[lowestBit(met)]};
+      if (other.entry < nearest.entry) {
+        Rest closer = other;
+        other = nearest;
+        nearest = closer;
       }
-      refs[place] = ref;
-      entries[place] = at;
+      leave(follow(node, other.to), other.entry, bottom);
     }
+    return follow(node, nearest.to);
+  }
+
+  /// Leaves a child among those of its node, the nearest last.
+  void leave(i32 to, f32 entry, int bottom) {
+    int place = count++;
+    for (; place > bottom && rests[place - 1].entry < entry; --place)
+      rests[place] = rests[place - 1];
+    rests[place] = {to, entry};
   }
 
   void visit(i32 index) {
@@ -95,8 +118,7 @@ private:
   RayHit hit{-1, 0, 0, 0};
   bool away = false;
   int count = 0;
-  i32 refs[maxDepth * (width - 1) + 1];
-  f32 entries[maxDepth * (width - 1) + 1];
+  Rest rests[maxDepth * (width - 1) + 1];
 };
 
 } // namespace warp::geometry::wide

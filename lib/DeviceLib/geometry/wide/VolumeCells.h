@@ -39,12 +39,13 @@ struct LaneAxis {
   }
 };
 
-/// Writes the places of the values of voxels by the table of leaves; `nowhere`
+/// Writes the places of the values of voxels by the table of leaves; `unknown`
 /// for those that it does not have. Returns whether there are any.
 inline bool findValuesByTable(const VolumeSlot &volume, CellLanes voxels,
                               u64 *places) {
   u32 shift = numberShift(volume.type), missing = 0;
   u64 leafSize = volume.leafSize >> shift;
+  const u64 start = firstLeaf(volume, volume.type);
   u32 table = volume.leafTable >> shift, value = volume.valueSize >> shift;
   const u32 *numbers = volume.numbers;
   const u32 wide = volume.extent[1], deep = volume.extent[2];
@@ -58,29 +59,30 @@ inline bool findValuesByTable(const VolumeSlot &volume, CellLanes voxels,
     u32 leaf = numbers[isThere ? (x * wide + y) * deep + z : 0];
     isThere &= u32(i32(leaf) >= 0);
     u32 inLeaf = u32((i & 7) << 6 | (j & 7) << 3 | (k & 7));
-    places[n] = isThere ? leaf * leafSize + (table + inLeaf * value) : nowhere;
+    places[n] =
+        isThere ? start + leaf * leafSize + (table + inLeaf * value) : unknown;
     missing |= isThere ^ 1;
   }
   return missing;
 }
 
-inline void findValues(const VolumeSlot &volume, u32 type, CellLanes voxels,
+inline void findValues(const VolumeSlot &volume, CellLanes voxels,
                        u64 *places) {
-  bool hasTable = volume.type == type && volume.numbers;
-  if (hasTable && !findValuesByTable(volume, voxels, places))
+  if (volume.numbers && !findValuesByTable(volume, voxels, places))
     return;
   for (u32 n = 0; n < voxels.count; ++n)
-    if (!hasTable || places[n] == nowhere)
-      places[n] = findValue(volume, type, voxels[n]);
+    if (!volume.numbers || places[n] == unknown)
+      places[n] = findValue(volume, voxels[n]);
 }
 
 /// Writes the places of the values of cells, corner by corner, by the table of
-/// leaves; `nowhere` for the first corner of those that it does not have.
+/// leaves; `unknown` for the first corner of those that it does not have.
 /// Returns whether there are any.
 inline bool findCellsByTable(const VolumeSlot &volume, CellLanes cells,
                              u64 *places) {
   u32 shift = numberShift(volume.type), count = cells.count, missing = 0;
   u64 leafSize = volume.leafSize >> shift;
+  const u64 start = firstLeaf(volume, volume.type);
   u32 table = volume.leafTable >> shift, value = volume.valueSize >> shift;
   const u32 *numbers = volume.numbers;
   const u32 wide = volume.extent[1], deep = volume.extent[2];
@@ -104,8 +106,8 @@ inline bool findCellsByTable(const VolumeSlot &volume, CellLanes cells,
     for (u32 corner = 0; corner < 8; ++corner) {
       u32 inLeaf = x.slice[corner >> 2] << 6 | y.slice[corner >> 1 & 1] << 3 |
                    z.slice[corner & 1];
-      u64 place = leaves[corner] * leafSize + (table + inLeaf * value);
-      places[corner * count + n] = isThere ? place : nowhere;
+      u64 place = start + leaves[corner] * leafSize + (table + inLeaf * value);
+      places[corner * count + n] = isThere ? place : unknown;
     }
     missing |= isThere ^ 1;
   }
@@ -118,19 +120,18 @@ inline void prefetchCells(const VolumeSlot &volume, u32 count,
                           const u64 *places) {
   u32 shift = numberShift(volume.type);
   for (u32 n = 0; n < count; ++n) {
-    __builtin_prefetch(volume.leaves + (places[n] << shift));
-    __builtin_prefetch(volume.leaves + (places[4 * count + n] << shift));
+    __builtin_prefetch(volume.grid + (places[n] << shift));
+    __builtin_prefetch(volume.grid + (places[4 * count + n] << shift));
   }
 }
 
 /// The places of the values of cells, corner by corner.
 inline void findCells(const VolumeSlot &volume, u32 type, CellLanes cells,
                       u64 *places) {
-  bool hasTable = volume.type == type && volume.numbers;
-  if (hasTable && !findCellsByTable(volume, cells, places))
+  if (volume.numbers && !findCellsByTable(volume, cells, places))
     return prefetchCells(volume, cells.count, places);
   for (u32 n = 0; n < cells.count; ++n)
-    if (!hasTable || places[n] == nowhere)
+    if (!volume.numbers || places[n] == unknown)
       findCell(volume, type, cells[n], [&](u32 corner, u64 place) {
         places[corner * cells.count + n] = place;
       });

@@ -27,6 +27,7 @@
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
+#include "llvm/ADT/SmallPtrSet.h"
 
 using namespace mlir;
 
@@ -34,36 +35,37 @@ namespace warp::autodiff {
 
 namespace {
 
-/// Rewrites the accesses of one element.
+struct Element {
+  Access access;
+  unsigned leaf;
+};
+
+/// Rewrites the accesses of one element. Which those are is asked beforehand:
+/// while a loop gets one more value, nothing can be said about indices.
 class ElementCarrier : public ValueCarrier {
 public:
-  ElementCarrier(const Access &element, unsigned leaf,
-                 const ArrayLeaves &leaves)
-      : element(element), leaf(leaf), leaves(leaves) {}
+  ElementCarrier(const Element &element, ArrayRef<Element> all) {
+    for (auto &[access, leaf] : all)
+      if (leaf == element.leaf && areSame(access, element.access))
+        accesses.insert(access.op);
+  }
 
 private:
-  bool isElement(Operation *op) const {
-    std::optional<Access> access = getAccess(op);
-    return access && llvm::is_contained(leaves.of(access->array), leaf) &&
-           areSame(*access, element);
-  }
   bool changes(Operation *op) const override {
-    auto access = dyn_cast<AccessOp>(op);
-    return access && access.mayWrite() && isElement(op);
+    return accesses.contains(op) && cast<AccessOp>(op).mayWrite();
   }
   Value pass(Operation *op, Value current) override {
-    if (!isElement(op))
+    if (!accesses.contains(op))
       return current;
     if (changes(op))
       return cast<AccessOp>(op).getWritten().front();
+    accesses.erase(op);
     op->getResult(0).replaceAllUsesWith(current);
     op->erase();
     return current;
   }
 
-  const Access &element;
-  unsigned leaf;
-  const ArrayLeaves &leaves;
+  llvm::SmallPtrSet<Operation *, 8> accesses;
 };
 
 } // namespace
@@ -102,13 +104,6 @@ static bool isInvariant(const Access &access, Operation *loop) {
                       }) &&
          llvm::all_of(cast<AccessOp>(access.op).getIndices(), isMade);
 }
-
-namespace {
-struct Element {
-  Access access;
-  unsigned leaf;
-};
-} // namespace
 
 /// All accesses within an operation; none if some may be of any array.
 static SmallVector<Element> gather(Operation *op, const ArrayLeaves &leaves) {
@@ -225,7 +220,7 @@ static bool carryThrough(Operation *loop, ArrayRef<Element> function,
     } else {
       continue;
     }
-    ElementCarrier(access, element.leaf, leaves).carry(loop, start);
+    ElementCarrier(element, all).carry(loop, start);
     return true;
   }
   return false;

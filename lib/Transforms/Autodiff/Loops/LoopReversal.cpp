@@ -22,7 +22,7 @@
 //   rank 5   few iterations, their number a constant: a forward loop keeps the
 //            needed values of all of them in scratch memory
 //   rank 6   any number of iterations in memory of a fixed size, which is what
-//            Recovery.cpp builds
+//            Checkpoints.cpp builds
 //   rank 7   instead of that, if asked for: all of them, in memory that the
 //            runtime allocates
 //
@@ -41,7 +41,6 @@
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
-#include "llvm/ADT/SmallPtrSet.h"
 
 using namespace mlir;
 using namespace warp::autodiff;
@@ -57,60 +56,6 @@ Value LoopReversal::placeholder(Type type) {
 
 Value LoopReversal::constant(Type type, int64_t value) {
   return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
-}
-
-//===----------------------------------------------------------------------===//
-// Formulas
-//===----------------------------------------------------------------------===//
-
-/// The operand that is added to a state in every iteration, or subtracted from
-/// it, if it is always the same.
-Value LoopReversal::findStep(unsigned state, bool &isNegative) {
-  Value now = getStates()[state], next = trace(getNexts()[state]);
-  Operation *op = next.getDefiningOp();
-  if (!isa_and_nonnull<warp::AddOp, warp::SubOp>(op) ||
-      !isa<IntegerType>(next.getType()))
-    return nullptr;
-  isNegative = isa<warp::SubOp>(op);
-  bool isSecond = !isNegative && trace(op->getOperand(1)) == now;
-  if (!isSecond && trace(op->getOperand(0)) != now)
-    return nullptr;
-  Value step = op->getOperand(isSecond ? 0 : 1);
-  bool isOutside = !loop->isAncestor(step.getParentRegion()->getParentOp());
-  bool isConstant = step.getDefiningOp<warp::ConstantOp>() != nullptr;
-  return isOutside || isConstant ? step : nullptr;
-}
-
-bool LoopReversal::hasClosedForm(unsigned state) {
-  bool isNegative;
-  return trace(getNexts()[state]) == getStates()[state] ||
-         findStep(state, isNegative);
-}
-
-Value LoopReversal::closedForm(unsigned state, Value number) {
-  Value now = getStates()[state];
-  if (trace(getNexts()[state]) == now)
-    return reverse.recover(getInits()[state]);
-  bool isNegative = false;
-  Value step = findStep(state, isNegative);
-  if (!step)
-    return nullptr;
-  Operation *definition = step.getDefiningOp();
-  if (definition && loop->isAncestor(definition))
-    step = b.clone(*definition)->getResult(0);
-  else
-    step = reverse.recover(step);
-  Type type = now.getType();
-  Value count = number;
-  if (type.getIntOrFloatBitWidth() > number.getType().getIntOrFloatBitWidth())
-    count = arith::ExtUIOp::create(b, loc, b.getI64Type(), count);
-  count = CastOp::create(b, loc, type, count);
-  Value moved = MulOp::create(b, loc, TypeRange(type), ValueRange{count, step})
-                    ->getResult(0);
-  Value init = reverse.recover(getInits()[state]);
-  SmallVector<Value> sum{init, moved};
-  return isNegative ? SubOp::create(b, loc, TypeRange(type), sum)->getResult(0)
-                    : AddOp::create(b, loc, TypeRange(type), sum)->getResult(0);
 }
 
 //===----------------------------------------------------------------------===//
@@ -235,73 +180,6 @@ FailureOr<scf::ForOp> LoopReversal::buildReverse(Value trips,
   loop = appendCaptures(loop);
   eraseDead(loop.getRegion(), getHeld());
   return loop;
-}
-
-/// Gives needed states that a formula has their value; returns the others.
-SmallVector<unsigned> LoopReversal::resolveFree() {
-  OpBuilder::InsertionGuard guard(b);
-  SmallVector<unsigned> needed;
-  for (auto [i, value] : llvm::enumerate(placeholders)) {
-    if (value.use_empty())
-      continue;
-    b.setInsertionPointAfterValue(value);
-    if (!hasClosedForm(i)) {
-      needed.push_back(i);
-      continue;
-    }
-    value.replaceAllUsesWith(closedForm(i, number));
-    note({unsigned(i)}, RecoveryRank::ClosedForm, 0);
-  }
-  return needed;
-}
-
-/// Whether a value is another one, whatever branch is taken and however often
-/// loops run on the way.
-static bool isAlways(Value value, Value other) {
-  if (value == other)
-    return true;
-  auto result = dyn_cast<OpResult>(value);
-  if (!result)
-    return false;
-  unsigned i = result.getResultNumber();
-  if (auto branch = dyn_cast<scf::IfOp>(result.getOwner()))
-    return isAlways(branch.thenYield()->getOperand(i), other) &&
-           isAlways(branch.elseYield()->getOperand(i), other);
-  auto inner = dyn_cast<scf::ForOp>(result.getOwner());
-  return inner && isAlways(inner.getInitArgs()[i], other) &&
-         isAlways(inner.getYieldedValues()[i], inner.getRegionIterArg(i));
-}
-
-/// Whether iterations of the reverse loop only add, to what none of them reads;
-/// then they run forward, as hardware expects.
-bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
-  Operation *yield = reversed.getBody()->getTerminator();
-  for (unsigned i = 0; i < active.size(); ++i)
-    if (!isAlways(yield->getOperand(i), reversed.getRegionIterArg(i)))
-      return false;
-  llvm::SmallPtrSet<Value, 4> added, read;
-  bool onlyAdds = true;
-  reversed.walk([&](Operation *op) {
-    if (isSum(op))
-      added.insert(rootOf(cast<AccessOp>(op).getArray()));
-    else if (isPlainRead(op))
-      read.insert(rootOf(cast<AccessOp>(op).getArray()));
-    else
-      onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
-  });
-  return onlyAdds &&
-         llvm::none_of(added, [&](Value root) { return read.contains(root); });
-}
-
-/// A forward value that cannot be kept has no place in scratch memory.
-LogicalResult LoopReversal::checkKept(ArrayRef<unsigned> states) {
-  for (unsigned state : states)
-    if (Type type = getStates()[state].getType();
-        !isScalar(type) && !isComposite(type))
-      return loop->emitError("the adjoint of this loop needs ")
-             << type << " values that it carries, which cannot be kept; "
-             << "choose the array outside of the loop, or by an index";
-  return success();
 }
 
 bool LoopReversal::isZero(ArrayRef<Value> cotangents) {

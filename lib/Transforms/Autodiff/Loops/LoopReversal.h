@@ -60,8 +60,8 @@ protected:
   /// Reverses a replayed iteration; `getNexts` have their cotangents.
   virtual mlir::LogicalResult reverseIteration() = 0;
 
-  /// Whether the reverse loop, whose iterations have no order, can be one of the
-  /// primal loop's kind, which needs no number of trips.
+  /// Whether the reverse loop, whose iterations have no order, can be one of
+  /// the primal loop's kind, which needs no number of trips.
   virtual bool mayRunAlong(mlir::scf::ForOp reversed) { return false; }
   /// Makes it one: returns what the reverse loop leaves.
   virtual mlir::FailureOr<llvm::SmallVector<mlir::Value>>
@@ -80,14 +80,12 @@ protected:
   mlir::Value constant(mlir::Type type, int64_t value);
   mlir::Value placeholder(mlir::Type type);
   /// What states are before the loop.
-  llvm::SmallVector<mlir::Value>
-  recoverInits(llvm::ArrayRef<unsigned> states);
+  llvm::SmallVector<mlir::Value> recoverInits(llvm::ArrayRef<unsigned> states);
   /// What has to stay while the reverse loop is not finished.
   llvm::SmallVector<mlir::Value> getHeld();
   /// No state is needed, nor the number of the iteration.
   bool needsNoState();
-  void note(llvm::ArrayRef<unsigned> states, RecoveryRank rank,
-            int64_t bytes);
+  void note(llvm::ArrayRef<unsigned> states, RecoveryRank rank, int64_t bytes);
 
   /// Stand for values within an iteration that `completeDraft` computes.
   llvm::SmallVector<mlir::Value> drafted;
@@ -116,19 +114,19 @@ private:
   /// The loop with more carried values, whose next values are still missing.
   mlir::scf::ForOp extend(mlir::scf::ForOp loop, mlir::ValueRange inits);
 
-  /// The state in some iteration by a formula; null if there is none.
-  mlir::Value closedForm(unsigned state, mlir::Value number);
-  bool hasClosedForm(unsigned state);
-  mlir::Value findStep(unsigned state, bool &isNegative);
-  llvm::SmallVector<unsigned> resolveFree();
-  bool hasFreeOrder(mlir::scf::ForOp loop);
-  mlir::LogicalResult checkKept(llvm::ArrayRef<unsigned> states);
-
   mlir::FailureOr<llvm::SmallVector<mlir::Value>>
   recoverBackwards(mlir::scf::ForOp loop, mlir::Value trips,
                    llvm::ArrayRef<unsigned> needed);
 
+  // ClosedForms.cpp: states by a formula.
+  /// The state in some iteration; null if there is no formula.
+  mlir::Value closedForm(unsigned state, mlir::Value number);
+  bool hasClosedForm(unsigned state);
+  mlir::Value findStep(unsigned state, bool &isNegative);
+  llvm::SmallVector<unsigned> resolveFree();
+
   // RecoveryInRegisters.cpp: states that the reverse loop carries.
+  bool hasFreeOrder(mlir::scf::ForOp loop);
   struct Inverses {
     llvm::SmallVector<unsigned> states;
     /// Of the states: after an iteration, and before it.
@@ -154,12 +152,10 @@ private:
   advance(mlir::Value from, mlir::Value to, llvm::ArrayRef<unsigned> states,
           mlir::ValueRange values,
           llvm::function_ref<void(mlir::Value number)> visit);
+  mlir::LogicalResult checkKept(llvm::ArrayRef<unsigned> states);
   bool fitsTape(mlir::Value trips, llvm::ArrayRef<unsigned> needed);
   mlir::LogicalResult recoverFromTape(mlir::scf::ForOp loop, mlir::Value trips,
                                       llvm::ArrayRef<unsigned> needed);
-  mlir::FailureOr<llvm::SmallVector<mlir::Value>>
-  recoverFromCheckpoints(mlir::scf::ForOp loop, mlir::Value trips,
-                         llvm::ArrayRef<unsigned> needed);
   mlir::Value bindNumber(mlir::scf::ForOp loop, mlir::Value end);
   int64_t bytesOf(llvm::ArrayRef<unsigned> states);
   llvm::SmallVector<mlir::Value> makeScratch(llvm::ArrayRef<unsigned> states,
@@ -169,6 +165,11 @@ private:
                                       mlir::Value slot);
   void loadNeeded(llvm::ArrayRef<unsigned> needed, mlir::ValueRange memory,
                   mlir::Value slot);
+
+  // Checkpoints.cpp: states from memory of a fixed size.
+  mlir::FailureOr<llvm::SmallVector<mlir::Value>>
+  recoverFromCheckpoints(mlir::scf::ForOp loop, mlir::Value trips,
+                         llvm::ArrayRef<unsigned> needed);
   mlir::LogicalResult fillSegments(mlir::scf::ForOp loop,
                                    mlir::ValueRange carried,
                                    const Checkpoints &memory);

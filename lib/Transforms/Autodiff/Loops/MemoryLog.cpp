@@ -56,6 +56,12 @@ SmallVector<Value> getTapeIndices(OpBuilder &b, Location loc, Value at) {
 // What to keep
 //===----------------------------------------------------------------------===//
 
+/// Whether the kernel uses what an atomic returns.
+static bool isReturned(Operation *op) {
+  auto access = dyn_cast<AccessOp>(op);
+  return access && access.isUpdate() && !op->use_empty();
+}
+
 /// Whether running the kernel again, thread by thread, does the same again.
 static bool mayRunAgain(func::FuncOp kernel, const ArrayLeaves &leaves) {
   auto result = kernel.walk([&](Operation *op) {
@@ -65,8 +71,9 @@ static bool mayRunAgain(func::FuncOp kernel, const ArrayLeaves &leaves) {
         return countArrays(type) != 0;
       });
     if (auto access = dyn_cast<AccessOp>(op); access && access.mayWrite())
-      isOpaque |= leaves.of(access.getArray()).size() != 1 ||
-                  (access.isUpdate() && !op->use_empty());
+      isOpaque |=
+          leaves.of(access.getArray()).size() != 1 ||
+          (isReturned(op) && op->getParentOfType<LoopLikeOpInterface>());
     return isOpaque ? WalkResult::interrupt() : WalkResult::advance();
   });
   return !result.wasInterrupted();
@@ -176,6 +183,10 @@ bool makeMemoryLog(func::FuncOp kernel, const MemoryClasses &memory,
       log.loads[load] = {log.sites, int64_t(ordinal), position};
     ++log.sites;
   }
+  kernel.walk([&](AccessOp op) {
+    if (isReturned(op))
+      log.returned[op] = memory.getNumber(op);
+  });
   auto updated = findUpdated(kernel, leaves);
   for (unsigned leaf : updated)
     if (!memory.isPrivate(leaf))

@@ -25,6 +25,9 @@ struct LoggedLoad {
 struct MemoryLog {
   llvm::MapVector<mlir::Operation *, LoggedLoad> loads;
   int64_t sites = 0;
+  /// Atomics whose result is used, each once in a thread: the launch keeps what
+  /// they returned, by their number.
+  llvm::MapVector<mlir::Operation *, int64_t> returned;
   /// Arrays, by leaf, of which each launch has to show that no thread touches
   /// what another one writes.
   llvm::SmallDenseSet<unsigned> checked;

@@ -67,6 +67,7 @@ private:
     auto hidden = HiddenAttr::get(b.getContext(), kind, leaf, direction);
     return addHidden(recording, hidden, type);
   }
+  void useReturned();
   void dropEffects();
   void start();
   void reserve(int64_t site, Value count);
@@ -93,6 +94,19 @@ private:
 };
 
 } // namespace
+
+/// What atomics return is what they returned in the launch.
+void Recording::useReturned() {
+  for (auto &[op, number] : log.returned) {
+    Operation *again = map.lookup(op);
+    Type type = again->getResult(0).getType();
+    Value saved =
+        add(HiddenKind::Saved, number, ArrayType::get(b.getContext(), 4, type));
+    b.setInsertionPoint(again);
+    again->getResult(0).replaceAllUsesWith(
+        LoadOp::create(b, again->getLoc(), type, saved, thread));
+  }
+}
 
 /// What the kernel does to arrays that it does not read is of no use.
 void Recording::dropEffects() {
@@ -227,8 +241,9 @@ void Recording::build(ArrayRef<Operation *> counts) {
   recording.setName((kernel.getName() + "_record").str());
   recording->removeAttr(kernelAttrName);
   recording->setAttr(attr::recording, b.getUnitAttr());
-  dropEffects();
   start();
+  useReturned();
+  dropEffects();
   for (auto &[load, logged] : log.loads)
     keep(load, logged);
   kernel.walk([&](AccessOp op) {

@@ -19,8 +19,12 @@
 
 #include "LoopReversal.h"
 
+#include "Analysis/Effects.h"
 #include "Autodiff/DeadValues.h"
 #include "IterationSolver.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "llvm/ADT/SmallPtrSet.h"
 
 using namespace mlir;
 using namespace warp::autodiff;
@@ -33,6 +37,44 @@ static void appendToYield(scf::ForOp loop, ValueRange values) {
 //===----------------------------------------------------------------------===//
 // Rank 3
 //===----------------------------------------------------------------------===//
+
+/// Whether a value is another one, whatever branch is taken and however often
+/// loops run on the way.
+static bool isAlways(Value value, Value other) {
+  if (value == other)
+    return true;
+  auto result = dyn_cast<OpResult>(value);
+  if (!result)
+    return false;
+  unsigned i = result.getResultNumber();
+  if (auto branch = dyn_cast<scf::IfOp>(result.getOwner()))
+    return isAlways(branch.thenYield()->getOperand(i), other) &&
+           isAlways(branch.elseYield()->getOperand(i), other);
+  auto inner = dyn_cast<scf::ForOp>(result.getOwner());
+  return inner && isAlways(inner.getInitArgs()[i], other) &&
+         isAlways(inner.getYieldedValues()[i], inner.getRegionIterArg(i));
+}
+
+/// Whether iterations of the reverse loop only add, to what none of them reads;
+/// then they run forward, as hardware expects.
+bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
+  Operation *yield = reversed.getBody()->getTerminator();
+  for (unsigned i = 0; i < active.size(); ++i)
+    if (!isAlways(yield->getOperand(i), reversed.getRegionIterArg(i)))
+      return false;
+  llvm::SmallPtrSet<Value, 4> added, read;
+  bool onlyAdds = true;
+  reversed.walk([&](Operation *op) {
+    if (isSum(op))
+      added.insert(rootOf(cast<AccessOp>(op).getArray()));
+    else if (isPlainRead(op))
+      read.insert(rootOf(cast<AccessOp>(op).getArray()));
+    else
+      onlyAdds &= !hasOwnEffect(op) || op->hasAttr(attr::taped);
+  });
+  return onlyAdds &&
+         llvm::none_of(added, [&](Value root) { return read.contains(root); });
+}
 
 LogicalResult LoopReversal::carryAlong(scf::ForOp &reversed,
                                        ArrayRef<unsigned> needed) {
@@ -66,8 +108,8 @@ LogicalResult LoopReversal::carryAlong(scf::ForOp &reversed,
 
 /// What `states` are before an iteration, from what they are after it; null for
 /// those that do not follow.
-FailureOr<SmallVector<Value>>
-LoopReversal::solve(ArrayRef<unsigned> states, ValueRange after) {
+FailureOr<SmallVector<Value>> LoopReversal::solve(ArrayRef<unsigned> states,
+                                                  ValueRange after) {
   auto copies = [&](Value value) { return trace(value); };
   IterationSolver solver(reverse, loop, copies);
   recoverIteration(number);

@@ -23,8 +23,9 @@
 //   builtin, value op       cloned                     its rule
 //   scf.if                  cloned                     ReverseBranches.cpp
 //   scf.for, scf.while      cloned                     ReverseLoops.cpp
-//   load, store, atomic     read again, or read where  ReverseMemory.cpp
-//                           the contents were kept
+//   load, store, atomic     read again, or read where  ReverseMemory.cpp,
+//                           the contents were kept:    ReverseExtrema.cpp
+//                           ReplayMemory.cpp
 //   call                    cloned                     ReverseCalls.cpp
 //
 // Cotangents are SSA values in a map from primal values; one that is absent is

@@ -95,6 +95,8 @@ public:
   /// must have been recovered. Loops and branches within are cloned whole.
   mlir::LogicalResult replay(mlir::Block &block);
   mlir::LogicalResult replay(mlir::Operation *op);
+  /// Primal values that the replay of an operation without regions uses.
+  llvm::SmallVector<mlir::Value> getReplayUses(mlir::Operation *op) const;
 
   //===--------------------------------------------------------------------===//
   // Cotangents
@@ -218,6 +220,9 @@ private:
 mlir::LogicalResult reverseFor(ReverseBuilder &reverse, mlir::scf::ForOp op);
 mlir::LogicalResult reverseWhile(ReverseBuilder &reverse,
                                  mlir::scf::WhileOp op);
+
+/// In ReverseMemory.cpp: the error for what an atomic returns.
+mlir::LogicalResult refuseReturned(mlir::Location atomic);
 
 /// In ReverseTiles.cpp.
 mlir::LogicalResult reverseTile(ReverseBuilder &reverse, mlir::Operation *op);

@@ -101,109 +101,6 @@ Value ReverseBuilder::addHidden(HiddenKind kind, int64_t leaf, Type type) {
 }
 
 //===----------------------------------------------------------------------===//
-// Forward sweep
-//===----------------------------------------------------------------------===//
-
-LogicalResult ReverseBuilder::replayLoad(AccessOp op) {
-  std::string why;
-  bool needsOneThread;
-  Recovery recovery = memory.getRecovery(op, why, needsOneThread);
-  if (recovery == Recovery::Impossible) {
-    if (!logTapes.contains(op))
-      return replaySaved(op, why);
-    replayLogged(op, options.log->loads.lookup(op));
-    return success();
-  }
-  Value array;
-  if (recovery == Recovery::Preserved)
-    array = rebase(op.getArray(), [&](Value root) {
-      return getHidden(HiddenKind::Preserved, leaves.of(root).front(),
-                       root.getType());
-    });
-  else
-    array = recover(op.getArray());
-  auto load = LoadOp::create(builder, op.getLoc(), op->getResultTypes(), array,
-                             recover(op.getIndices()));
-  if (needsOneThread)
-    load->setAttr(attr::assumesOneThread, builder.getUnitAttr());
-  setRecovered(op.getRead(), load->getResults());
-  return success();
-}
-
-LogicalResult ReverseBuilder::replayUpdate(AccessOp op) {
-  if (op->use_empty())
-    return success();
-  return replaySaved(op, "what an atomic returns within a loop depends on the "
-                         "order of threads; move it out of the loop");
-}
-
-/// What the launch overwrote, or what depends on the order of threads: the
-/// augmented kernel keeps it, one value per thread. A loop would have to keep
-/// one per iteration; there it is marked with the reason for an error.
-LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
-  Location loc = op->getLoc();
-  Type type = op->getResult(0).getType();
-  Value array;
-  SmallVector<Value> indices;
-  bool isSaved = !op->getParentOfType<LoopLikeOpInterface>();
-  if (isSaved) {
-    array = getHidden(HiddenKind::Saved, memory.getNumber(op),
-                      ArrayType::get(type.getContext(), 4, type));
-    SmallVector<Type> types(4, builder.getIntegerType(32, true));
-    llvm::append_range(indices,
-                       TidOp::create(builder, loc, types).getResults());
-  } else {
-    auto access = cast<AccessOp>(op);
-    array = recover(access.getArray());
-    indices = recover(access.getIndices());
-  }
-  auto load = LoadOp::create(builder, loc, type, array, indices);
-  if (!isSaved)
-    load->setAttr(attr::unrecoverable, builder.getStringAttr(why));
-  setRecovered(op->getResult(0), load.getResult());
-  return success();
-}
-
-/// Adds the arguments that hold what loads in loops have read, in the order in
-/// which the recording function has them.
-void ReverseBuilder::addLog() {
-  if (!options.log)
-    return;
-  MLIRContext *context = builder.getContext();
-  Location loc = primal.getLoc();
-  Type number = builder.getIntegerType(64, true);
-  Type perThread = ArrayType::get(context, 4, number);
-  SmallVector<Type> types(4, builder.getIntegerType(32, true));
-  auto thread = TidOp::create(builder, loc, types);
-  for (int64_t site = 0; site < options.log->sites; ++site) {
-    Value offsets = addHidden(HiddenKind::Offsets, site, perThread);
-    logOffsets.push_back(
-        LoadOp::create(builder, loc, number, offsets, thread.getResults()));
-  }
-  for (auto &[load, logged] : options.log->loads) {
-    Type type = load->getResult(0).getType();
-    auto hidden =
-        HiddenAttr::get(context, HiddenKind::Tape, logged.site, logged.ordinal);
-    logTapes[load] =
-        autodiff::addHidden(adjoint, hidden, ArrayType::get(context, 2, type));
-    metrics.tapeBytesPerTrip += getByteSize(type);
-  }
-}
-
-void ReverseBuilder::replayLogged(Operation *op, const LoggedLoad &logged) {
-  Location loc = op->getLoc();
-  Value offset = logOffsets[logged.site];
-  SmallVector<Value> sum{offset, recover(logged.position)};
-  Value at = AddOp::create(builder, loc, TypeRange(offset.getType()), sum)
-                 ->getResult(0);
-  at = CastOp::create(builder, loc, builder.getI64Type(), at);
-  auto load =
-      LoadOp::create(builder, loc, op->getResult(0).getType(),
-                     logTapes.lookup(op), getTapeIndices(builder, loc, at));
-  setRecovered(op->getResult(0), load.getResult());
-}
-
-//===----------------------------------------------------------------------===//
 // Reverse sweep
 //===----------------------------------------------------------------------===//
 
@@ -261,6 +158,13 @@ static LogicalResult refuseOrder(Operation *op) {
                          "own");
 }
 
+LogicalResult refuseReturned(Location atomic) {
+  return emitError(atomic)
+         << "what an atomic returns depends on the order of threads, unless "
+            "the element belongs to one of them; a derivative cannot go "
+            "through it";
+}
+
 LogicalResult ReverseBuilder::reverseUpdate(AccessOp op) {
   Value value = op.getWritten().front();
   // It takes part if it leaves a float in an array with a gradient.
@@ -272,8 +176,7 @@ LogicalResult ReverseBuilder::reverseUpdate(AccessOp op) {
     return refuseOrder(op);
   if (!llvm::all_of(op.getRead(),
                     [&](Value old) { return cotangents.isZero(old); }))
-    return op->emitOpError("returns a value that depends on the order of "
-                           "threads; a derivative cannot go through it");
+    return refuseReturned(op.getLoc());
   Value gradient = gradOf(op.getArray());
   Type type = cast<ArrayType>(gradient.getType()).getElementType();
   SmallVector<Value> indices = recover(op.getIndices());
@@ -294,59 +197,6 @@ LogicalResult ReverseBuilder::reverseUpdate(AccessOp op) {
   default:
     return refuseOrder(op);
   }
-}
-
-/// The gradient for the thread whose value is the extremum, zero for others. Of
-/// several with that value the first one gets it, because an exchange leaves
-/// zero for the others.
-static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
-                         Value value, Value gradient, ValueRange indices) {
-  Type type = cast<ArrayType>(gradient.getType()).getElementType();
-  Value wins =
-      createBuiltin(builder, loc, EqOp::getSpec(), {left, value})->getResult(0);
-  auto branch = scf::IfOp::create(builder, loc, TypeRange(type), wins, true);
-  OpBuilder::InsertionGuard guard(builder);
-  builder.setInsertionPointToStart(branch.thenBlock());
-  Value none = zero(builder, loc, type);
-  Value taken = AtomicOp::create(builder, loc, type, AtomicKind::exch, none,
-                                 gradient, indices);
-  scf::YieldOp::create(builder, loc, taken);
-  builder.setInsertionPointToStart(branch.elseBlock());
-  scf::YieldOp::create(builder, loc, zero(builder, loc, type));
-  return branch.getResult(0);
-}
-
-LogicalResult ReverseBuilder::reverseExtremum(AccessOp op, Value gradient,
-                                              ValueRange indices) {
-  Location loc = op.getLoc();
-  Value updating = op.getWritten().front();
-  Value value = recover(updating);
-  Type type = value.getType();
-  Value left =
-      LoadOp::create(builder, loc, type, recover(op.getArray()), indices);
-  if (!isComposite(type)) {
-    addCotangent(updating,
-                 takeIfEqual(builder, loc, left, value, gradient, indices));
-    return success();
-  }
-  // Components are updated each on their own.
-  auto gradientType = cast<ArrayType>(gradient.getType());
-  Type part = ArrayType::get(op->getContext(), gradientType.getRank(),
-                             getElementScalar(gradientType.getElementType()));
-  for (int64_t i = 0, n = getComponentCount(type); i < n; ++i) {
-    auto at = getSlotIndices(builder, loc, type, i);
-    auto pick = [&](Value composite) -> Value {
-      return ExtractOp::create(builder, loc, getElementScalar(type), composite,
-                               at);
-    };
-    Value view =
-        ComponentViewOp::create(builder, loc, part, gradient, at, StringAttr());
-    Value taken =
-        takeIfEqual(builder, loc, pick(left), pick(value), view, indices);
-    if (isActive(updating))
-      cotangents.addSlot(builder, loc, updating, i, taken);
-  }
-  return success();
 }
 
 } // namespace warp::autodiff

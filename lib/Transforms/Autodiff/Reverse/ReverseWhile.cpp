@@ -183,7 +183,8 @@ bool WhileReversal::mayRunAlong(scf::ForOp reversed) {
 
 FailureOr<SmallVector<Value>> WhileReversal::runAlong(scf::ForOp reversed) {
   isDraft = false;
-  Needs needs(op);
+  auto uses = [&](Operation *inner) { return reverse.getReplayUses(inner); };
+  Needs needs(op, /*filter=*/nullptr, uses);
   needs.mark(op.getConditionOp().getCondition());
   for (auto [draft, value] : llvm::zip_equal(drafted, getPassed()))
     if (!draft.use_empty())

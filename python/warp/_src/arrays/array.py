@@ -239,8 +239,14 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return clone(self, device=device, requires_grad=requires_grad)
 
     def assign(self, src) -> None:
-        """Copies from an array, an indexed one, a NumPy array or lists of the same shape."""
-        assign(self, src)
+        """Copies from an array, an indexed one, a NumPy array or lists of the same shape.
+
+        Of two packed arrays, elements go to as many first elements of this one.
+
+        Raises:
+            ValueError: the shapes differ, or there are too many elements.
+        """
+        assign(self, src, whole=False)
 
     def _check_writable(self) -> None:
         if self.read_only:
@@ -340,6 +346,7 @@ class RankedArray:
 
 
 hooks.plain_array = array
+ArrayType.array_class = array
 array1d = RankedArray(1)
 array2d = RankedArray(2)
 array3d = RankedArray(3)

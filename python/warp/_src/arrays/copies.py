@@ -54,17 +54,19 @@ def clone(src, device=None, requires_grad=None, pinned=None, retain_grad=False):
     return result
 
 
-def assign(dest, src) -> None:
+def assign(dest, src, whole=True) -> None:
     """Copies to an array, indexed or not, from one of the same shape or what can be made one.
 
-    Of two packed arrays it is enough that they have as many elements.
+    Of two packed arrays it is enough that they have as many elements, or, unless `whole`, that
+    `dest` has as many; what is left of it stays.
 
     Raises:
         ValueError: the shapes differ.
     """
     if not dtypes.type_is_array(type(src)):
         src = hooks.plain_array(src, dtype=dest.dtype, device="cpu", copy=False)
-    if src.shape != dest.shape and not (src.size == dest.size and _both_packed(src, dest)):
+    fits = src.size == dest.size or (not whole and src.size < dest.size)
+    if src.shape != dest.shape and not (fits and _both_packed(src, dest)):
         raise ValueError(f"expects shape {dest.shape} to assign, but got {src.shape}")
     copy(dest, src)
 

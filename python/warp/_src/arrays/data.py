@@ -105,10 +105,11 @@ def _from_sequence(data, dtype):
         content = b"".join(map(_contents, leaves))
         return numpy.frombuffer(content, layout).reshape(shape + inner)
     try:
-        if isinstance(leaf, scalar_base):
-            shape, leaves = _flatten(data, kind)
-            return numpy.array([leaf.value for leaf in leaves]).reshape(shape)
         source = numpy.array(data)
+        if source.dtype == object:
+            # Numbers of Python and of this package beside each other.
+            leaves = [one.value if isinstance(one, scalar_base) else one for one in source.flat]
+            source = numpy.array(leaves).reshape(source.shape)
     except ValueError as error:
         raise errors.WarpShapeError(f"cannot make an array of the data: {error}") from None
     if dtype is not None and source.size and source.dtype.kind in "iu":

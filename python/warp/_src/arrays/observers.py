@@ -128,14 +128,14 @@ def _timed(kind, name, device_of):
             if timer is None:
                 return function(*args, **kwargs)
             work = functools.partial(function, *args, **kwargs)
-            return timer.measure(kind, name(*args), device_of(args[0]), work)
+            return timer.measure(kind, name(*args), device_of(*args), work)
 
         return run
 
     return decorate
 
 
-@_timed(1, lambda call, *_: f"forward kernel {call.kernel.key}", lambda call: call.device)
+@_timed(1, lambda call, *_: f"forward kernel {call.kernel.key}", lambda call, *_: call.device)
 def observed_launch(call, record: bool = True) -> None:
     """Runs a launch."""
     entry = Observers.tape.begin_launch(call) if record and Observers.tape is not None else None
@@ -198,7 +198,20 @@ class Place:
         return self._event
 
 
-@_timed(4, lambda *_: "memcpy", lambda dest: dest.device)
+def _copy_name(dest, src, *_) -> str:
+    ends = [array.device for array in (src, dest)]
+    if all(device.is_cpu for device in ends):
+        return "memcpy"
+    if all(device.is_cuda for device in ends) and ends[0] is not ends[1]:
+        return "memcpy PtoP"
+    return "memcpy " + "to".join("D" if device.is_cuda else "H" for device in ends)
+
+
+def _copying_device(dest, src, *_):
+    return src.device if dest.device.is_cpu else dest.device
+
+
+@_timed(4, _copy_name, _copying_device)
 def observed_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
     place = Place("copy")
@@ -208,7 +221,7 @@ def observed_copy(dest, src, stream=None) -> None:
         Observers.tape.add_copy(dest, src, place.event)
 
 
-@_timed(8, lambda *_: "memset", lambda target: target.device)
+@_timed(8, lambda *_: "memset", lambda target, *_: target.device)
 def observed_fill(target, pattern, name) -> None:
     """Fills an array with an element's bytes."""
     place = Place(name)

@@ -12,7 +12,7 @@ import math
 from warp._src import errors
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import new_array
-from warp._src.arrays.copies import clone
+from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.layout import check_shape, element_type, type_id
 from warp._src.types import dtypes
@@ -59,7 +59,7 @@ class ArrayViews:
             or any(isinstance(item, (list, tuple)) for item in value)
         )
         if is_sequence or getattr(value, "ndim", 0):
-            target.assign(value)
+            assign(target, value)
         else:
             target.fill_(value)
 

@@ -164,6 +164,7 @@ class Tangents:
     def _launch(self, call, active) -> None:
         derivatives = call.kernel.derivatives
         made = [derivatives.tangent(call.native, active, width=self.width)]
+        made[0].check_rank(call)
         if made[0].one_thread and thread_count(call.dim) > 1:
             check_overlap(call, active, "")
             made.append(derivatives.tangent(call.native, active, width=self.width, winners=True))

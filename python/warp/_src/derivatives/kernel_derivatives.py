@@ -245,12 +245,32 @@ class KernelDerivative:
             self.kernel.derivatives.notice(made.notices)
         return self._tangents[key]
 
+    @property
+    def max_rank(self) -> int:
+        """How many dimensions a launch may have, 4 if any: threads of a launch of more would share
+        elements that the derivative takes for one thread's own."""
+        return self._metrics.get("launch_dimensions", 4)
+
+    def check_rank(self, call: Call) -> None:
+        """Rejects a launch of more dimensions than the derivative is right for."""
+        rank = _rank(call)
+        if rank > self.max_rank:
+            raise errors.WarpGradientError(
+                f"launch('{call.kernel.key}'): derivatives of this kernel, which uses what atomics "
+                f"return, are right for launches of up to {self.max_rank} dimensions, "
+                f"but this one has {rank}",
+                hint="take all indices from `wp.tid()`",
+            )
+
+    def is_right_for(self, call: Call) -> bool:
+        """Whether the launch has no more threads and dimensions than the derivative allows."""
+        return _rank(call) <= self.max_rank and not (self.one_thread and thread_count(call.dim) > 1)
+
     def check_threads(self, call: Call) -> None:
-        """Rejects a launch of several threads where the derivative is right for one only."""
-        if not self.one_thread:
-            return
-        threads = thread_count(call.dim)
-        if threads > 1:
+        """Rejects a launch that the derivative is not right for."""
+        self.check_rank(call)
+        if not self.is_right_for(call):
+            threads = thread_count(call.dim)
             raise errors.WarpGradientError(
                 f"launch('{call.kernel.key}'): derivatives of this kernel are right for "
                 f"one thread only, but the launch has {threads}: {self.one_thread}"
@@ -262,7 +282,7 @@ class KernelDerivative:
         if self.recording is not None:
             from warp._src.derivatives.memory_log import record
 
-            tapes = record(self, call, values, initial)
+            tapes = record(self, call, values, initial, saved)
         if self.counting is not None:
             tapes = self._tapes(call, values, initial, saved, tapes)
         hidden = self.hidden_values(call, initial, saved, tapes)
@@ -340,6 +360,11 @@ class KernelDerivative:
             f"record the launch on a `wp.Tape`",
             hint="a tape keeps what is overwritten in arrays with `requires_grad=True`",
         )
+
+
+def _rank(call: Call) -> int:
+    """Dimensions of a launch."""
+    return len(call.dim) if isinstance(call.dim, (tuple, list)) else 1
 
 
 def differentiate(native, active, forward=False, unique=True, singular=None, **options):

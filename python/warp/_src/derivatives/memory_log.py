@@ -18,13 +18,14 @@ from warp._src.devices import devices
 from warp._src.types import dtypes, scalars
 
 
-def record(made, call, values, initial) -> dict[tuple[str, int], list]:
+def record(made, call, values, initial, saved) -> dict[tuple[str, int], list]:
     """The hidden arguments that an adjoint has for its log, by kind and number of the loop.
 
     Args:
         made: the derivative.
         call: the launch, and `values` its arguments.
         initial: copies of arrays as they were before the launch, by number.
+        saved: what the launch itself has kept.
 
     Raises:
         WarpGradientError: a graph is being captured, or threads have met.
@@ -54,23 +55,24 @@ def record(made, call, values, initial) -> dict[tuple[str, int], list]:
         if one.kind == "tape":
             no_tape[one.leaf].append(zeros((1, 1), dtypes.dtype_of(one.type).dtype, device))
     tapes = {("tape", leaf): made_for for leaf, made_for in no_tape.items()}
-    _run(made, call, values, initial, state | tapes)
+    _run(made, call, values, (initial, saved), state | tapes)
     counts = totals.numpy().tolist()
     tapes = allocate_tapes([one for one in hidden if one.kind == "tape"], counts, call)
-    _run(made, call, values, initial, state | tapes)
+    _run(made, call, values, (initial, saved), state | tapes)
     _check(made, call, state)
     return found | tapes
 
 
-def _run(made, call, values, initial, state) -> None:
+def _run(made, call, values, kept, state) -> None:
     """Runs the launch again, on copies of what it updates."""
+    initial, saved = kept
     copies = {
         ("preserved", one.leaf): [_copy_of(one, made, call, initial)]
         for one in made.hidden_of_recording
         if one.kind == "preserved"
     }
     join_stream(call)
-    hidden = made.hidden_values(call, initial, (), state | copies, made.hidden_of_recording)
+    hidden = made.hidden_values(call, initial, saved, state | copies, made.hidden_of_recording)
     made.recording.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
 
 

@@ -144,8 +144,10 @@ class LaunchRecord(_native.Record):
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
-        if self._made is not None and self._made.augmented is not None:
-            self._saved = self._made.run_augmented(self.call)
+        made = self._made
+        # What notes must do what the kernel does; an adjoint that is not right here is an error.
+        if made is not None and made.augmented is not None and made.is_right_for(self.call):
+            self._saved = made.run_augmented(self.call)
         else:
             self.call.run()
         self._made = None
@@ -350,7 +352,7 @@ def _plain_adjoint(kernel, native, active, apart, elements):
         return None
     former = [hidden.leaf for hidden in made.hidden if hidden.kind == "preserved"]
     others = made.one_thread or made.counting or made.recording or made.augmented or made.gathered
-    if others or len(former) != len(made.hidden):
+    if others or made.max_rank < 4 or len(former) != len(made.hidden):
         return None
     return made.native, former
 

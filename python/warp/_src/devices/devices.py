@@ -97,8 +97,12 @@ class Device:
 
     @property
     def pci_bus_id(self) -> str | None:
-        """The device's place, `00000000:0a:00.0`; None for the CPU."""
-        return self.info["pci_bus_id"] or None
+        """The device's place as domain, bus and device, `00000000:0A:00`; None for the CPU."""
+        place = self.info["pci_bus_id"].partition(".")[0]
+        if not place:
+            return None
+        domain, bus, device = (int(part, 16) for part in place.split(":"))
+        return f"{domain:08X}:{bus:02X}:{device:02X}"
 
     @property
     def free_memory(self) -> int:
@@ -114,6 +118,19 @@ class Device:
     def context(self) -> int | None:
         """The CUDA context, for other libraries; None for the CPU."""
         return None if self.is_cpu else _native.cuda_context(self.index)
+
+    @property
+    def has_context(self) -> bool:
+        """Whether there is a CUDA context: on CUDA devices."""
+        return self.is_cuda
+
+    def get_cuda_output_format(self, preferred_cuda_output: str | None = None) -> str | None:
+        """`ptx`, which is what kernels are kept as, whatever is preferred; None for the CPU."""
+        return "ptx" if self.is_cuda else None
+
+    def get_cuda_compile_arch(self) -> int | None:
+        """The compute capability that kernels are compiled for: the device's; None for the CPU."""
+        return self.arch if self.is_cuda else None
 
     @property
     def is_primary(self) -> bool:

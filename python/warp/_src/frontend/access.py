@@ -9,7 +9,8 @@ import types as python_types
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names
-from warp._src.frontend.context import INT32, LocalArray, Part, TileView, Value
+from warp._src.frontend.bindings import INT32, LocalArray, TileView, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes

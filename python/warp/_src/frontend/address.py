@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 
-from warp._src.frontend.context import Value
+from warp._src.frontend.bindings import Value
 from warp._src.types import dtypes
 
 NAME = "address_of"
@@ -33,7 +33,7 @@ def type_at(context, place):
     check_constant(context, place)
     if not isinstance(place, (ast.Name, ast.Attribute, ast.Subscript)):
         raise _elsewhere(context, place)
-    value = context.targets.read(context.targets.slot(place), place)
+    value = context.slots.read(context.slots.of(place), place)
     if type(value) is not Value:
         raise _elsewhere(context, place)
     return dtypes.dtype_of(value.type)

@@ -8,7 +8,8 @@ there: that of the enclosing loop's last iteration, or zero.
 from __future__ import annotations
 
 from warp._src import errors
-from warp._src.frontend.context import LocalArray, Part, TileStack, TileView, Value
+from warp._src.frontend.bindings import LocalArray, TileStack, TileView, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.control import RESULT, RETURNED, Flag, If, Loop, Return, Simple
 
 _MISSING = object()

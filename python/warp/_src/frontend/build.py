@@ -6,12 +6,14 @@ import re
 
 from warp import _native
 from warp._src import errors
-from warp._src.frontend.context import Session, Value
+from warp._src.frontend.bindings import Value
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import Overload, fits_native
+from warp._src.frontend.session import Session
 from warp._src.frontend.source import source_of, transformed
 from warp._src.frontend.translator import Translator
 from warp._src.frontend.updates import updated_arguments
+from warp._src.kernels.build_options import Build
 from warp._src.types import dtypes
 
 
@@ -42,7 +44,10 @@ def translate_kernel(kernel, arguments=None, threads=1, constants=None):
     source = None
     if kernel.code_transformers:
         source = transformed(source_of(kernel.func), kernel.code_transformers)
-    translator = _translate(kernel.func, kernel.key, arguments, limit, source, threads, constants)
+    build = Build(kernel.option("extra_build_options"))
+    translator = _translate(
+        kernel.func, kernel.key, arguments, limit, source, threads, constants, build
+    )
     return _finish(translator), translator.session
 
 
@@ -74,13 +79,15 @@ def types_of_local(function, name, local) -> list:
     return natives
 
 
-def _translate(function, name, arguments, max_unroll, source=None, threads=1, constants=None):
+def _translate(
+    function, name, arguments, max_unroll, source=None, threads=1, constants=None, build=None
+):
     """The translator at the end of the function's body."""
     overload = Overload(function, source)
     source = overload.source
     natives = _parameter_types(overload, name, arguments)
     builder = _native.Builder(symbol_name(name))
-    session = Session(builder, max_unroll)
+    session = Session(builder, max_unroll, build)
     session.threads = int(threads)
     session.is_ragged = getattr(threads, "is_ragged", False)
     session.active.append(overload)

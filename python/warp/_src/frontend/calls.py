@@ -13,7 +13,8 @@ import inspect
 from warp._src import errors
 from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
 from warp._src.frontend import address, names
-from warp._src.frontend.context import Part, Value
+from warp._src.frontend.bindings import Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
@@ -181,7 +182,7 @@ class Calls(Part):
             raise
         for position, value in updated:
             if position < len(places):
-                self.context.targets.write_back(places[position], value, places[position])
+                self.context.slots.write_back(places[position], value, places[position])
         if not results:
             return None
         return results[0] if len(results) == 1 else tuple(results)
@@ -273,14 +274,14 @@ class Calls(Part):
         if len(node.args) != 1 or node.keywords:
             raise self.context.type_error(node, "'address_of' expects an element of an array")
         address.check_constant(self.context, node.args[0])
-        slot = self.context.targets.slot(node.args[0])
+        slot = self.context.slots.of(node.args[0])
         if slot.array is None:
             raise self.context.type_error(
                 node,
                 "'address_of' expects an element of an array; variables have no address",
                 "put the value into an array",
             )
-        part = self.context.targets.slot_view(slot)
+        part = self.context.slots.view(slot)
         self.context.at(node)
         for axis, index in enumerate(slot.indices):
             part = self.builder.slice(part, axis, index, None, None)
@@ -326,7 +327,7 @@ class Calls(Part):
 
         arguments = self.context.constructors.exactly(node, 2, "poisson")
         count, state = self.context.user_calls.call_function(POISSON, list(arguments), {}, node)
-        self.context.targets.write_back(node.args[0], state, node.args[0])
+        self.context.slots.write_back(node.args[0], state, node.args[0])
         return count
 
     def builtin_sym_fn3(self, node):

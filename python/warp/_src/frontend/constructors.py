@@ -7,7 +7,8 @@ import builtins
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.context import BOOL, FLOAT32, INT32, Part, Value
+from warp._src.frontend.bindings import BOOL, FLOAT32, INT32, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.local_arrays import LocalPointer
 from warp._src.types import dtypes
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.context import Part, Parts
+from warp._src.frontend.bindings import Parts
+from warp._src.frontend.context import Part
 from warp._src.frontend.functions import NOTHING, overload_of
 from warp._src.frontend.pullbacks import mismatch, pullback_of
 

@@ -130,7 +130,7 @@ class DerivativeCalls(Part):
             seed = [one if column == row else zero for column in range(count)]
             seed = self.builder.construct(native, seed)
             found = self.builder.jvp(symbol, values, [seed])[0]
-            components += self.context.targets.components(found, count, node)
+            components += self.context.slices.components(found, count, node)
         matrix = dtypes.native_type(dtypes.matrix((count, count), dtypes.dtype_of(element)))
         return self.builder.construct(matrix, components)
 

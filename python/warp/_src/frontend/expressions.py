@@ -8,7 +8,8 @@ import operator
 from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.access import COMPONENTS
-from warp._src.frontend.context import BOOL, INT32, Part, Value
+from warp._src.frontend.bindings import BOOL, INT32, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.functions import overload_of
 from warp._src.frontend.indexed import array_of
 from warp._src.kernels.function import Function

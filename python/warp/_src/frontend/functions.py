@@ -12,7 +12,7 @@ import typing
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.context import LocalArray, TileStack, Value
+from warp._src.frontend.bindings import LocalArray, TileStack, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 from warp._src.kernels.function import Function

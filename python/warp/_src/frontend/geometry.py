@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import ast
 
-from warp._src.frontend.context import INT32, Part, Value
+from warp._src.frontend.bindings import INT32, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.control import Loop
 
 

@@ -11,7 +11,8 @@ its address and its length where it is indexed.
 
 from __future__ import annotations
 
-from warp._src.frontend.context import BOOL, INT32, Part
+from warp._src.frontend.bindings import BOOL, INT32
+from warp._src.frontend.context import Part
 from warp._src.types import dtypes
 from warp._src.types.native import IndexedArrayType
 

@@ -15,7 +15,8 @@ import math
 
 from warp._src import errors
 from warp._src.frontend import thread_memory
-from warp._src.frontend.context import INT32, LocalArray, Part, Value
+from warp._src.frontend.bindings import INT32, LocalArray, Value
+from warp._src.frontend.context import Part
 from warp._src.types import dtypes
 
 # Components that a thread's registers, and the choice by an index, are good for.
@@ -248,7 +249,7 @@ class LocalArrays(Part):
         first = self.times(number, leaves_of(native)[0][1], node)
         components = [value]
         if native.kind in ("vec", "mat", "quat", "transform"):
-            components = self.context.targets.components(value, len(places_in(native)), node)
+            components = self.context.slices.components(value, len(places_in(native)), node)
         self.context.at(node)
         for offset, component in enumerate(components):
             part = self.builder.insert(part, [self.place(first, offset, node)], component)
@@ -264,7 +265,7 @@ class LocalArrays(Part):
         if given is None:
             return
         if type(array) is Value:
-            self.context.targets.write_back(given, array, call)
+            self.context.slots.write_back(given, array, call)
             return
         if isinstance(given, ast.Call):
             # The result of a call is nobody's variable.
@@ -321,6 +322,6 @@ class LocalArrays(Part):
                 self.take_leaves(self.builder.struct_get(value, name), columns, node)
         elif native.kind in ("vec", "mat", "quat", "transform"):
             count = len(places_in(native))
-            next(columns).extend(self.context.targets.components(value, count, node))
+            next(columns).extend(self.context.slices.components(value, count, node))
         else:
             next(columns).append(value)

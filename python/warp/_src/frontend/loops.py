@@ -13,7 +13,8 @@ from __future__ import annotations
 import ast
 
 from warp._src import errors
-from warp._src.frontend.context import INT32, LocalArray, Part, TileStack, TileView, Value
+from warp._src.frontend.bindings import INT32, LocalArray, TileStack, TileView, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.control import If, Loop
 
 _MISSING = object()

@@ -82,7 +82,7 @@ def emit(context, code, node):
         kind = str(value.type)
         context.at(node)
         if value.type.kind in _COMPOSITES:
-            parts = context.targets.components(value, _count(kind), node)
+            parts = context.slices.components(value, _count(kind), node)
             values += parts
             declared.append((parameter.name, kind, -len(parts)))
             continue
@@ -95,7 +95,8 @@ def emit(context, code, node):
         values += [builder.dim(value, axis) for axis in range(rank)]
         values += [builder.stride(value, axis) for axis in range(rank)]
         declared.append((parameter.name, str(value.type.element), rank))
-    symbol = native_code.add_memory(code, declared, native_code.place_of(context, node))
+    place = native_code.place_of(context, node)
+    symbol = native_code.add_memory(code, declared, place, context.session.build)
     context.at(node)
     results = context.builder.builtin(f"_{symbol}:{','.join(code.results or ['si32'])}", values)[0]
     return tuple(results) if code.results else None

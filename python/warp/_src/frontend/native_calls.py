@@ -6,6 +6,7 @@ import ast
 
 from warp._src.frontend import address, native_arrays, native_wrappers, updates
 from warp._src.kernels import native_code
+from warp._src.kernels.build_options import Build
 from warp._src.types import dtypes
 from warp._src.types.annotations import Reference, annotations_of
 from warp._src.types.native import native_text
@@ -59,10 +60,27 @@ def call_native(context, function, node):
             node, f"{what}, which returns no number,", _FIX, also="unsupported return type"
         )
     place = native_code.place_of(context, node)
-    symbol = native_code.add(function.key, snippet, parameters, result, place)
+    build = context.session.build
+    symbol = native_code.add(function.key, snippet, parameters, result, place, build)
     context.at(node)
     made = context.builder.builtin(f"_{symbol}:{result or 'si32'}", values)[0][0]
     return made if result else None
+
+
+_STOP = """#ifdef __CUDACC_RTC__
+__brkpt();
+#else
+__builtin_debugtrap();
+#endif"""
+
+
+def stop(context, node) -> None:
+    """Stops the thread for a debugger; without one the process ends."""
+    context.session.has_breakpoints = True
+    place = native_code.place_of(context, node)
+    symbol = native_code.add("breakpoint", _STOP, [], None, place, Build())
+    context.at(node)
+    context.builder.builtin(f"_{symbol}:si32", [])
 
 
 def _call_wrapper(context, function, pointers, node):

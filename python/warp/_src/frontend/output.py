@@ -1,9 +1,10 @@
-"""Printing, and checks that print what they find: `printf`, `print`, `expect_eq` and its kind."""
+"""Printing, checks that print what they find, and stops for debuggers."""
 
 from __future__ import annotations
 
 import re
 
+from warp._src.frontend import native_calls
 from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 
@@ -14,7 +15,7 @@ _MOST = 32
 
 
 class Output(Part):
-    """Translates calls that write to standard output."""
+    """Translates calls that write to standard output or stop the program."""
 
     def builtin_printf(self, node):
         arguments, keywords = self.context.constructors.arguments(node)
@@ -104,6 +105,10 @@ class Output(Part):
 
     # Checks.
 
+    def builtin_breakpoint(self, node):
+        self.context.constructors.exactly(node, 0, "breakpoint")
+        native_calls.stop(self.context, node)
+
     def builtin_expect_eq(self, node):
         self.expect(node, "expect_eq", "ne")
 
@@ -159,8 +164,8 @@ class Output(Part):
         gap = near = None
         count = len(self.parts(left, node))
         for one, other in zip(
-            self.context.targets.components(left, count, node),
-            self.context.targets.components(right, count, node),
+            self.context.slices.components(left, count, node),
+            self.context.slices.components(right, count, node),
             strict=True,
         ):
             difference = self.context.expressions.operator(
@@ -209,7 +214,7 @@ class Output(Part):
     def parts(self, value, node):
         native = value.type
         places = native.shape or {"quat": [4], "transform": [7]}.get(native.kind, [1])
-        return self.context.targets.components(
+        return self.context.slices.components(
             value, places[0] * (places[1] if len(places) == 2 else 1), node
         )
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import ast
 
-from warp._src.frontend.context import LocalArray, Part
+from warp._src.frontend.bindings import LocalArray
+from warp._src.frontend.context import Part
 from warp._src.frontend.functions import NOTHING, is_static
 
 
@@ -56,8 +57,8 @@ class References(Part):
             slot = None
         else:
             self.check_variable(node)
-            slot = self.context.targets.slot(node)
-            binding = self.context.targets.read(slot, node)
+            slot = self.context.slots.of(node)
+            binding = self.context.slots.read(slot, node)
             if node not in self.context.source.plan.updated:
                 raise self.context.type_error(
                     node,
@@ -89,4 +90,4 @@ class References(Part):
                 "expects a variable or an element of an array, to pass by reference",
                 "assign the value to a variable before",
             )
-        self.context.targets.write(slot, value, node)
+        self.context.slots.write(slot, value, node)

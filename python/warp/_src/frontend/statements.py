@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 
-from warp._src.frontend.context import LocalArray, Part, Value
+from warp._src.frontend.bindings import LocalArray, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.control import RESULT, RETURNED, name_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes

@@ -11,7 +11,7 @@ import ast
 import itertools
 import math
 
-from warp._src.frontend.context import INT32
+from warp._src.frontend.bindings import INT32
 from warp._src.types import dtypes
 
 _FUNCTION = "_warp_thread_memory"

@@ -9,7 +9,7 @@ from warp._src.frontend.access import Access
 from warp._src.frontend.branches import Branches
 from warp._src.frontend.calls import Calls
 from warp._src.frontend.constructors import Constructors
-from warp._src.frontend.context import Context, Session
+from warp._src.frontend.context import Context
 from warp._src.frontend.custom_derivatives import CustomDerivatives
 from warp._src.frontend.derivative_calls import DerivativeCalls
 from warp._src.frontend.expressions import Expressions
@@ -19,6 +19,9 @@ from warp._src.frontend.local_arrays import LocalArrays
 from warp._src.frontend.loops import Loops
 from warp._src.frontend.output import Output
 from warp._src.frontend.references import References
+from warp._src.frontend.session import Session
+from warp._src.frontend.slices import Slices
+from warp._src.frontend.slots import Slots
 from warp._src.frontend.spreads import Spreads
 from warp._src.frontend.statements import Statements
 from warp._src.frontend.targets import Targets
@@ -38,6 +41,8 @@ _PARTS = {
     "loops": Loops,
     "output": Output,
     "references": References,
+    "slices": Slices,
+    "slots": Slots,
     "spreads": Spreads,
     "statements": Statements,
     "targets": Targets,

@@ -5,9 +5,11 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.context import LocalArray, Part, Parts, TileStack, Value, note_of_call
+from warp._src.frontend.bindings import LocalArray, Parts, TileStack, Value
+from warp._src.frontend.context import Part
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import NOTHING, Specialization
+from warp._src.frontend.session import note_of_call
 from warp._src.frontend.updates import updated_arguments
 
 

@@ -27,9 +27,9 @@ def constructor_number(constructor, on_device=False) -> int:
     return _NONE if on_device else _CONSTRUCTORS[constructor]
 
 
-def builds_on_device(device, constructor, groups) -> bool:
+def builds_on_device(device, constructor) -> bool:
     """Whether kernels build a hierarchy, and not the host."""
-    return not device.is_cpu and constructor != "sah" and groups is None
+    return not device.is_cpu and constructor != "sah"
 
 
 def is_cubql_available() -> bool:
@@ -72,14 +72,27 @@ def check_groups(groups, like) -> None:
         check_array(groups, "groups", int32, like.device)
 
 
+def check_group_count(groups, count, what, primitives) -> None:
+    """Checks that each primitive has a group, if any has.
+
+    Raises:
+        RuntimeError: there are more or less.
+    """
+    if groups is not None and len(groups) != count:
+        raise errors.WarpError(
+            f"{what} with groups has one for each of its {count} {primitives}, "
+            f"but got {len(groups)}"
+        )
+
+
 class Bvh:
     """A hierarchy over boxes, which kernels search by its `id`.
 
     Args:
         lowers, uppers: arrays of vec3 with the corners of the boxes, which are kept.
         constructor: "sah" (surface area heuristic), "median" (halves) or "lbvh". By default "sah"
-            on a CPU and "median" on a GPU, where kernels build it and "lbvh" is quicker to build
-            and slower to search; with groups or as "sah" the host builds for a GPU, too.
+            on a CPU and "median" on a GPU, where kernels build it and "lbvh", which all with groups
+            are, is quicker to build and slower to search; as "sah" the host builds for a GPU, too.
         groups: array of int32, a number for each box; `bvh_get_group_root` gives where to start
             a query of the boxes of one number.
         leaf_size: changes nothing; leaves hold up to eight boxes.
@@ -105,13 +118,13 @@ class Bvh:
         check_array(lowers, "lower corners", dtypes.vec3f)
         check_array(uppers, "upper corners", dtypes.vec3f, lowers.device)
         check_leaf_size(leaf_size)
-        there = builds_on_device(lowers.device, constructor, groups)
+        there = builds_on_device(lowers.device, constructor)
         number = constructor_number(constructor, there)
         check_groups(groups, lowers)
         self.device = lowers.device
         self.lowers, self.uppers, self.groups = lowers, uppers, groups
         self._constructor = constructor
-        # What refits on the device, and what builds there.
+        # What refits what the host has built for a GPU, and what is built there.
         self._kernels = self._built = None
         if not there:
             self._wait()
@@ -121,6 +134,8 @@ class Bvh:
         if there:
             self._build(constructor)
             self._built.finish()
+        else:
+            self._prepare_refits()
 
     @property
     def report(self):
@@ -132,17 +147,7 @@ class Bvh:
 
         On a GPU kernels do it, which graphs may capture.
         """
-        if self._built:
-            self._built.refit(self.lowers, self.uppers)
-        elif not self.device.is_cpu:
-            if self._kernels is None:
-                from warp._src.geometry.device.refit import Refit, slot_of
-
-                slot = slot_of(self.id, self.device)
-                self._kernels = Refit(self._native.view, self.device, False, slot)
-            self._kernels.run(self.lowers, self.uppers)
-        else:
-            self._native.refit(self.lowers, self.uppers)
+        (self._built or self._kernels or self._native).refit(self.lowers, self.uppers)
 
     def rebuild(self, constructor=None):
         """Builds the hierarchy again, for boxes that moved far.
@@ -150,31 +155,40 @@ class Bvh:
         Where kernels do it, a graph captures it once it was done outside.
         """
         constructor = self._constructor if constructor is None else constructor
-        there = builds_on_device(self.device, constructor, self.groups)
+        there = builds_on_device(self.device, constructor)
         number = constructor_number(constructor, there)
         if there:
             self._build(constructor)
             return
         self._wait()
         self._native.rebuild(self.lowers, self.uppers, self.groups, number)
-        self._kernels = self._built = None
+        self._built = None
+        self._prepare_refits()
+
+    def _prepare_refits(self):
+        """After a build by the host: for a GPU, kernels refit, which a graph may record."""
+        if not self.device.is_cpu:
+            from warp._src.geometry.device.refit import refit_of
+
+            self._kernels = refit_of(self, of_triangles=False)
 
     def _build(self, constructor):
         """Builds on the device."""
-        from warp._src.geometry.device.build import Build
+        from warp._src.geometry.device.build import build_of
 
-        count, along_curve = len(self.lowers), constructor == "lbvh"
+        count = len(self.lowers)
         if len(self.uppers) != count:
             raise errors.WarpError(
                 f"a Bvh needs as many lower corners as upper ones, but got {count} and "
                 f"{len(self.uppers)}"
             )
-        if not self._built or (self._built.count, self._built.along_curve) != (count, along_curve):
-            built = Build(count, self.device, False, along_curve)
+        check_group_count(self.groups, count, "a Bvh", "boxes")
+        built = build_of(self._built, constructor, self.lowers, self.uppers, self.groups, False)
+        if built is not self._built:
             if self._built or self._kernels:
                 # Kernels that run may read the slot.
                 self._wait()
-            self._native.adopt(built.nodes, built.blocks)
+            self._native.adopt(*built.memory)
             self._built, self._kernels = built, None
         self._built.run(self.id, self.lowers, self.uppers)
 

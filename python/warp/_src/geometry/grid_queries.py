@@ -13,15 +13,18 @@ from warp._src.geometry.handles import GRID, integers, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.annotations import ref
-from warp._src.types.dtypes import Float, vec3d, vec3f, vec3h, vec3i, vector
+from warp._src.types.dtypes import Float, vec3d, vec3f, vec3h, vector
 from warp._src.types.native import ArrayType
-from warp._src.types.scalars import float16, float32, float64, int32, int64, uint64
+from warp._src.types.scalars import float16, float32, float64, int32, uint64
 from warp._src.types.structs import struct
 
 
 @struct
 class HashGridQuery:
-    """The points of the cells around a point, as `hash_grid_query` gives them."""
+    """The points of the cells around a point, as `hash_grid_query` gives them.
+
+    `HashGridQuery[wp.float64]` is the same: it knows cells, whatever the points consist of.
+    """
 
     starts: ArrayType(int32, 1)
     order: ArrayType(int32, 1)
@@ -43,6 +46,9 @@ class HashGridQuery:
     end: int32
 
 
+HashGridQuery.__class_getitem__ = classmethod(lambda cls, dtype: cls)
+
+
 @struct
 class HashGridGroupQuery:
     """The points of one group among those of a query."""
@@ -60,48 +66,38 @@ def _number_of_points(slot: ArrayType(uint64, 1)):
     return int(slot[_CELLS_Z] >> uint64(32))
 
 
-def _begin(first: int, last: int, cells: int):
-    """The first cell within the grid, and how many there are, each once."""
-    count = wp.min(int64(last) - int64(first) + int64(1), int64(cells))
-    wrapped = first
-    if first < 0 or first >= cells:
-        wrapped = first % cells
-        # `%` has the sign of the dividend.
-        if wrapped < 0:
-            wrapped += cells
-    return wrapped, int(count)
-
-
-def _query(slot: ArrayType(uint64, 1), low: vec3i, high: vec3i, asks: bool):
+def _query(slot: ArrayType(uint64, 1), point: vector(3, Float), max_dist: Float):
     nx = int(slot[_CELLS_XY] & uint64(0xFFFFFFFF))
     ny = int(slot[_CELLS_XY] >> uint64(32))
     nz = int(slot[_CELLS_Z] & uint64(0xFFFFFFFF))
+    inverse = type(max_dist)(wp.cast(slot[_INVERSE], float64))
+    x, x_count, y, y_count, z, z_count = cells(point, max_dist, inverse, nx, ny, nz)
     starts = integers(slot[_STARTS], nx * ny * nz + 1)
     order = integers(slot[_ORDER], number_of_points(slot))
-    x, x_count = begin(low[0], high[0], nx)
-    y, y_count = begin(low[1], high[1], ny)
-    z, z_count = begin(low[2], high[2], nz)
-    if not asks or x_count <= 0 or y_count <= 0:
-        z_count = 0
     return HashGridQuery(
         starts, order, x, x_count, nx, y, y_count, ny, z, z_count, nz, 0, 0, 0, 0, 0
     )
 
 
-def _cells(point: vector(3, Float), offset: Float, inverse: Float):
-    """The cell of a point moved along all axes, before the grid wraps; as the build has it."""
-    return wp.vec3i(
-        int(wp.floor((point[0] + offset) * inverse)),
-        int(wp.floor((point[1] + offset) * inverse)),
-        int(wp.floor((point[2] + offset) * inverse)),
+def _cells_single(
+    point: vec3f, max_dist: float32, inverse: float32, nx: int32, ny: int32, nz: int32
+):
+    """The first cell and how many along each axis; as the build has it where they wrap."""
+    return wp._library_call(
+        "warp_grid_cells_f32", inverse, nx, ny, nz, point[0], point[1], point[2], max_dist
+    )
+
+
+def _cells_double(
+    point: vec3d, max_dist: float64, inverse: float64, nx: int32, ny: int32, nz: int32
+):
+    return wp._library_call(
+        "warp_grid_cells_f64", inverse, nx, ny, nz, point[0], point[1], point[2], max_dist
     )
 
 
 def _query_single(id: uint64, point: vec3f, max_dist: float32):
-    slot = words(id, GRID)
-    inverse = float(wp.cast(slot[_INVERSE], float64))
-    asks = max_dist >= 0.0 and wp.dot(point, point) == wp.dot(point, point)
-    return query(slot, cells(point, -max_dist, inverse), cells(point, max_dist, inverse), asks)
+    return query(words(id, GRID), point, max_dist)
 
 
 def _query_half(id: uint64, point: vec3h, max_dist: float16):
@@ -110,10 +106,7 @@ def _query_half(id: uint64, point: vec3h, max_dist: float16):
 
 
 def _query_double(id: uint64, point: vec3d, max_dist: float64):
-    slot = words(id, GRID)
-    inverse = wp.cast(slot[_INVERSE], float64)
-    asks = max_dist >= float64(0.0) and wp.dot(point, point) == wp.dot(point, point)
-    return query(slot, cells(point, -max_dist, inverse), cells(point, max_dist, inverse), asks)
+    return query(words(id, GRID), point, max_dist)
 
 
 def _of_group(id: uint64, query: HashGridQuery, group: int):
@@ -147,14 +140,13 @@ def hash_grid_query_next(query: ref[HashGridQuery], index: ref[int32]) -> bool:
         if y >= query.y_cells:
             y -= query.y_cells
         line = (z * query.y_cells + y) * query.x_cells
-        # Cells before and behind the seam.
+        # Cells before the seam, and behind it.
         ahead = wp.min(query.x_cells - query.x, query.x_count)
         if query.part == 0:
-            query.place = query.starts[line + query.x]
-            query.end = query.starts[line + query.x + ahead]
-        else:
-            query.place = query.starts[line]
-            query.end = query.starts[line + query.x_count - ahead]
+            line += query.x
+        count = wp.where(query.part == 0, ahead, query.x_count - ahead)
+        query.place = query.starts[line]
+        query.end = query.starts[line + count]
         if query.part == 0 and ahead < query.x_count:
             query.part = 1
         else:
@@ -209,8 +201,8 @@ def hash_grid_point_id(id: uint64, index: int) -> int:
 
 
 number_of_points = Function(_number_of_points, "number_of_points")
-begin = Function(_begin, "begin")
-cells = Function(_cells, "cells")
+cells = Function(_cells_single, "cells")
+cells.add_overload(_cells_double)
 query = Function(_query, "query")
 query_single = Function(_query_single, "hash_grid_query")
 query_single.add_overload(_query_half)

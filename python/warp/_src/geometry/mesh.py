@@ -13,6 +13,7 @@ from warp._src.devices import devices
 from warp._src.geometry.bvh import (
     builds_on_device,
     check_array,
+    check_group_count,
     check_groups,
     check_leaf_size,
     constructor_number,
@@ -94,7 +95,7 @@ class Mesh(Behind):
             raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
         check_leaf_size(1 if bvh_leaf_size is None else bvh_leaf_size)
         self.support_winding_number = bool(support_winding_number)
-        there = builds_on_device(self.device, bvh_constructor, groups)
+        there = builds_on_device(self.device, bvh_constructor)
         number = constructor_number(bvh_constructor, there)
         self._constructor = bvh_constructor
         check_groups(groups, points)
@@ -103,9 +104,8 @@ class Mesh(Behind):
         if not there:
             self._wait()
         index = devices.resolve_index(self.device)
-        self._native = _native.Mesh(
-            *(points, velocities, indices, groups, index, number), self.support_winding_number
-        )
+        by_host = self.support_winding_number and self.device.is_cpu
+        self._native = _native.Mesh(points, velocities, indices, groups, index, number, by_host)
         self.id = self._native.id
         # What refits on the device, what builds there, and the arrays that kernels know of.
         self._kernels = self._built = self._shown = self._moments = None
@@ -114,6 +114,7 @@ class Mesh(Behind):
             self._built.finish(points, indices)
         else:
             self._published()
+            self._sum_moments()
         if not self.support_winding_number:
             _without_winding[self.id] = self
 
@@ -162,36 +163,38 @@ class Mesh(Behind):
 
         On a GPU kernels do it, which graphs may capture, unless an array was replaced.
         """
-        if self._built:
-            if self._shown == self._addresses():
-                self._built.refit(self._points, self.indices)
-                self._sum_moments()
-            else:
-                self._build(self._constructor)
+        if self._by_kernels and self._shown == self._addresses():
+            self._by_kernels.refit(self._points, self.indices)
+        elif not self._built:
+            self._wait()
+            self._native.refit(self._points, self._velocities, self.indices)
+            self._published()
+        else:
+            self._build(self._constructor)
             return
-        if not self.device.is_cpu and self._shown == self._addresses():
-            if self._kernels is None:
-                from warp._src.geometry.device.refit import Refit, slot_of
+        self._sum_moments()
 
-                slot = slot_of(self.id, self.device)
-                self._kernels = Refit(self._native.view, self.device, True, slot)
-                self._wait()
-                self._show_moments(self._native.view)
-            self._kernels.run(self._points, self.indices)
-            self._sum_moments()
-            return
-        self._wait()
-        self._native.refit(self._points, self._velocities, self.indices)
-        self._published()
+    @property
+    def _by_kernels(self):
+        """What refits on the device, if the runtime does not."""
+        return self._built or self._kernels
 
     def _published(self):
         """Called when the slot has been written."""
-        self._kernels, self._shown = None, self._addresses()
-        self._moments = None
+        self._shown = self._addresses()
+        self._kernels = self._moments = None
+        if not self.device.is_cpu and not self._built:
+            from warp._src.geometry.device.refit import refit_of
+
+            # Now, as what it needs cannot be made while a graph records.
+            self._kernels = refit_of(self, of_triangles=True)
+        if self._by_kernels:
+            self._show_moments()
         self._enroll()
 
-    def _show_moments(self, view):
+    def _show_moments(self):
         """Lets the slot lead to moments that kernels find."""
+        view = (self._built or self._native).view
         if self.support_winding_number and len(view.order):
             from warp._src.geometry.device.moments import MOMENTS_IN_SLOT, Moments
 
@@ -204,12 +207,11 @@ class Mesh(Behind):
         self.support_winding_number = True
         del _without_winding[self.id]
         self._wait()
-        by_kernels = bool(self._built or self._kernels)
-        self._native.support_winding(self._points, self._velocities, self.indices, by_kernels)
-        if by_kernels:
-            self._show_moments(self._built.view if self._built else self._native.view)
+        if self._by_kernels:
+            self._show_moments()
             self._sum_moments()
         else:
+            self._native.support_winding(self._points, self._velocities, self.indices)
             self._published()
 
     def _sum_moments(self):
@@ -233,7 +235,7 @@ class Mesh(Behind):
         Where kernels do it, a graph captures it once it was done outside with the same arrays.
         """
         constructor = self._constructor if bvh_constructor is None else bvh_constructor
-        there = builds_on_device(self.device, constructor, self.groups)
+        there = builds_on_device(self.device, constructor)
         number = constructor_number(constructor, there)
         if there:
             self._build(constructor)
@@ -243,15 +245,15 @@ class Mesh(Behind):
         self._native.rebuild(*arrays, number)
         self._built = None
         self._published()
+        self._sum_moments()
 
     def _build(self, constructor):
         """Builds on the device."""
-        from warp._src.geometry.device.build import Build
+        from warp._src.geometry.device.build import build_of
 
-        along_curve = constructor == "lbvh"
-        built = self._built
-        if not built or built.along_curve != along_curve:
-            built = Build(self.indices.size // 3, self.device, True, along_curve)
+        check_group_count(self.groups, self.indices.size // 3, "a mesh", "faces")
+        given = self._points, self.indices, self.groups
+        built = build_of(self._built, constructor, *given, True)
         self._adopt(built)
         built.run(self.id, self._points, self.indices)
         self._sum_moments()
@@ -264,11 +266,9 @@ class Mesh(Behind):
             # Kernels that run may read the slot.
             self._wait()
         arrays = (self._points, self._velocities, self.indices)
-        self._native.adopt(*arrays, built.nodes, built.blocks)
+        self._native.adopt(*arrays, *built.memory)
         self._built = built
         self._published()
-        if self.support_winding_number:
-            self._show_moments(built.view)
 
     def _wait(self):
         """The host reads the arrays: what writes them has to be done."""

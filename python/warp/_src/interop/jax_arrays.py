@@ -10,11 +10,15 @@ from _blake2 import blake2b
 from warp import _native
 from warp._src.arrays.array import array
 from warp._src.devices import devices
+from warp._src.devices.graphs import ScopedCapture
 from warp._src.devices.scoped import ScopedStream
 from warp._src.devices.streams import Stream
 from warp._src.types import dtypes
 
 TARGET = "warp_mlir_callback"
+RECORDABLE_TARGET = "warp_mlir_recordable_callback"
+"""For functions that JAX may record in a CUDA graph of its own instead of calling each time."""
+
 _registered = False
 
 
@@ -24,9 +28,10 @@ def register() -> None:
     if not _registered:
         import jax
 
-        on_cpu, on_cuda = _native.xla_callback_handlers()
-        jax.ffi.register_ffi_target(TARGET, on_cpu, platform="cpu")
-        jax.ffi.register_ffi_target(TARGET, on_cuda, platform="CUDA")
+        on_cpu, on_cuda, recordable = _native.xla_callback_handlers()
+        for target, handler in ((TARGET, on_cuda), (RECORDABLE_TARGET, recordable)):
+            jax.ffi.register_ffi_target(target, on_cpu, platform="cpu")
+            jax.ffi.register_ffi_target(target, handler, platform="CUDA")
         _registered = True
 
 
@@ -91,6 +96,9 @@ class Place:
 
     XLA calls from threads of its own, several at once. The device is the default of the calling
     thread alone; the stream is that of its device for everybody, so calls on a GPU take turns.
+
+    Where JAX records a graph, what the block uses is kept for good: JAX does not tell when the
+    graph goes.
     """
 
     def __init__(self, index, stream):
@@ -104,10 +112,17 @@ class Place:
             self._blocks.enter_context(turn)
         self._blocks.enter_context(devices.OwnDefault(self.device))
         self._blocks.enter_context(ScopedStream(self.stream, sync_enter=False))
+        self._recorded = None
+        if self.stream is not None and self.stream.is_capturing:
+            capture = ScopedCapture(stream=self.stream, external=True)
+            self._recorded = self._blocks.enter_context(capture)
         return self
 
     def __exit__(self, *exception):
         self._blocks.__exit__(*exception)
+        if self._recorded is not None and self._recorded.graph is not None:
+            _recorded.append(self._recorded.graph)
 
 
 _turns: dict = {}
+_recorded: list = []

@@ -25,7 +25,7 @@ class JaxCallableGraphMode(enum.IntEnum):
     NONE = 0
     """They are made one by one."""
     JAX = 1
-    """They are made one by one, too: JAX does not capture them."""
+    """JAX may record them in a graph of its own, with what is around them."""
     WARP = 2
     """A graph for each set of buffers."""
     WARP_STAGED = 3
@@ -92,13 +92,14 @@ def jax_callable(
     options = (
         *(num_outputs, JaxCallableGraphMode(graph_mode), vmap_method, _frozen(output_dims)),
         *(tuple(in_out_argnames or ()), frozenset(stage_in_argnames or ())),
-        *(frozenset(stage_out_argnames or ()), graph_cache_max, has_side_effect),
+        *(frozenset(stage_out_argnames or ()), has_side_effect),
     )
     if not isinstance(func, types.FunctionType):
         raise TypeError(f"jax_callable: expects a function, but got '{type(func).__name__}'")
     known = func.__dict__.setdefault("_wp_functions_of_jax_", {})
     if options not in known:
         known[options] = JaxCallable(func, *options[:3], output_dims, *options[4:])
+    known[options].graph_cache_max = graph_cache_max
     if module_preload_mode == JaxModulePreloadMode.ALL_DEVICES:
         preload(func.__module__)
     return known[options]
@@ -129,7 +130,10 @@ class JaxCallable:
 
     Attributes:
         graphs: by call, device and buffers.
+        graph_cache_max: how many of them to keep, None for all.
     """
+
+    graph_cache_max = None
 
     def __init__(
         self,
@@ -141,14 +145,13 @@ class JaxCallable:
         in_out_argnames,
         stage_in_argnames,
         stage_out_argnames,
-        graph_cache_max,
         has_side_effect,
     ):
         self.func, self.graph_mode = func, graph_mode
         self.vmap_method, self.output_dims = vmap_method, output_dims
         self.stage_in_argnames = set(stage_in_argnames)
         self.stage_out_argnames = set(stage_out_argnames)
-        self.graph_cache_max, self.has_side_effect = graph_cache_max, has_side_effect
+        self.has_side_effect = has_side_effect
         names = func.__code__.co_varnames[: func.__code__.co_argcount]
         self.arguments = Arguments(
             "jax_callable", func.__name__, names, num_outputs, in_out_argnames
@@ -158,6 +161,11 @@ class JaxCallable:
             raise ValueError(self.arguments.message(f"there is no argument {sorted(unknown)}"))
         self.graphs: collections.OrderedDict = collections.OrderedDict()
         _all.add(self)
+
+    @property
+    def graph_cache_size(self) -> int:
+        """How many graphs are kept."""
+        return len(self.graphs)
 
     def __call__(self, *args, output_dims=None, vmap_method=None):
         import jax
@@ -172,8 +180,9 @@ class JaxCallable:
         dims = arguments.launch_dims(None, shapes) if wanted is None else ()
         arguments.add_outputs(shapes, parameters, wanted, dims)
         plan = Plan(parameters, values, shapes, arguments)
+        recordable = self.graph_mode == JaxCallableGraphMode.JAX
         call = jax.ffi.ffi_call(
-            jax_arrays.TARGET,
+            jax_arrays.RECORDABLE_TARGET if recordable else jax_arrays.TARGET,
             plan.results_for(jax, shapes, arguments.message),
             vmap_method=vmap_method or self.vmap_method,
             input_output_aliases=plan.aliases,

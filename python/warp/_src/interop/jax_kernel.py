@@ -160,7 +160,7 @@ class JaxKernel:
         # What blocks are depends on the device, which is not known yet.
         has_blocks = type(self.kernel) is not Kernel
         call = jax.ffi.ffi_call(
-            jax_arrays.TARGET if has_blocks else TARGET,
+            jax_arrays.RECORDABLE_TARGET if has_blocks else TARGET,
             plan.results_for(jax, shapes, arguments.message),
             vmap_method=vmap_method or self.vmap_method,
             input_output_aliases=plan.aliases,

@@ -15,7 +15,7 @@ import re
 
 from warp._src import errors
 from warp._src.kernels.epoch import Epoch
-from warp._src.kernels.kernel import Kernel, argument_type
+from warp._src.kernels.kernel import Kernel, argument_type, once
 from warp._src.types import dtypes
 
 # Sets of values of one kernel that get code of their own.
@@ -131,7 +131,7 @@ class ConstantKernel(Kernel):
         if found is None:
             if len(self.constant_sets) >= MOST_SETS:
                 return native, block_dim
-            found = self._sets[key] = self._make(native, constants, values)
+            found = once(self._sets, key, lambda: self._make(native, constants, values))
         found.launches += 1
         return found.native or native, block_dim
 

@@ -7,7 +7,7 @@ import typing
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import copy
 from warp._src.arrays.indexed import indexedarray
-from warp._src.kernels.kernel import kernel
+from warp._src.kernels.decorator import kernel
 from warp._src.kernels.launch import launch
 from warp._src.language import namespace as wp
 from warp._src.types import dtypes

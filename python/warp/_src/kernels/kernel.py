@@ -1,4 +1,4 @@
-"""`@wp.kernel`: Python functions that become device code.
+"""Kernels: Python functions that become device code.
 
 Decorating only records the function. The first launch translates it (`warp._src.frontend`) and
 makes the native kernel, which compiles a variant for each kind of launch it sees. A change of a
@@ -9,42 +9,22 @@ from __future__ import annotations
 
 import functools
 import importlib
-import os
 import re
 import types as python_types
 
-from warp import _native, config
+from warp import _native
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
-from warp._src.derivatives.kernel_derivatives import KernelDerivatives, differentiate
-from warp._src.devices.devices import get_device
+from warp._src.derivatives.kernel_derivatives import KernelDerivatives
 from warp._src.forks import translating
-from warp._src.kernels import declared, unique
+from warp._src.kernels import declared, shown, unique
 from warp._src.kernels.epoch import Epoch
-from warp._src.kernels.kernel_options import (
-    check_constants,
-    check_launch_bounds,
-    check_registers,
-    inert_options,
-)
-from warp._src.kernels.modules import Module, check_options, get_module
+from warp._src.kernels.modules import Module, get_module
 from warp._src.types import dtypes
 from warp._src.types.annotations import annotations_of, check_annotations, is_generic
 from warp._src.types.native import ArrayType
-
-STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
-DERIVATIVES = ("adjoint", "tangent")
-_SUFFIX = {
-    "warp": "mlir",
-    "thread": "mlir",
-    "launch": "mlir",
-    "gpu": "mlir",
-    "llvm": "ll",
-    "ptx": "ptx",
-    "asm": "s",
-}
 
 
 class Kernel:
@@ -230,13 +210,7 @@ class Kernel:
             )
         types = tuple(map(argument_type, arguments))
         self._enter(Epoch.current)
-        found = self._specialized.get(types)
-        if found is None:
-            with translating:
-                found = self._specialized.get(types)
-                if found is None:
-                    found = self._specialized[types] = self._translate(types)
-        return found
+        return once(self._specialized, types, lambda: self._translate(types))
 
     def _translate(self, arguments, threads=1, constants=None):
         if self.unique_key is not None:
@@ -245,7 +219,7 @@ class Kernel:
             from warp._src.kernels.translations import native_kernel
 
             native = native_kernel(self, arguments, threads, constants)
-        self._dump(native)
+        shown.dump(self, native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
         return native
@@ -279,6 +253,7 @@ class Kernel:
             fast_math=self.option("fast_math"),
             lineinfo=self.option("lineinfo"),
             opt_level=2 if level is None else level,
+            quick_first=level is None,
             block_dim=self.option("block_dim") or 256,
             max_registers=self.options.get("cuda_max_registers") or 0,
             max_threads=bounds[0],
@@ -326,45 +301,11 @@ class Kernel:
         Raises:
             ValueError: there is no such stage, derivative, architecture or array.
         """
-        if stage in DERIVATIVES:
-            stage, derivative = "warp", stage
-        if derivative is not None:
-            return self._derivative_ir(stage, device, rank, arch, derivative, inputs)
-        if stage not in STAGES:
-            known = ", ".join(map(repr, STAGES + DERIVATIVES))
-            raise ValueError(f"no stage {stage!r}, expects one of {known}")
-        if arch is None:
-            arch = _architecture(stage, device)
-        elif stage == "asm" or arch not in _native.gpu_architectures():
-            raise ValueError(f"there is no stage {stage!r} for architecture {arch!r}")
-        native = self.prepare()
-        return self.code_for(native, arch).ir(stage, arch, rank or 0)
+        return shown.text_of(self, stage, device, rank, arch, derivative, inputs)
 
     def code_for(self, native, arch):
         """What is compiled for an architecture; 0 is the CPU."""
         return native
-
-    def _derivative_ir(self, stage, device, rank, arch, derivative, inputs) -> str:
-        """The text of a derivative; it is made for this alone."""
-        if derivative not in DERIVATIVES:
-            raise ValueError(f"no derivative {derivative!r}, expects 'adjoint' or 'tangent'")
-        native = self.prepare()
-        active = ()
-        if inputs is not None:
-            arrays = [name for name, kind, *_ in native.parameters if kind == "array"]
-            unknown = sorted(set(inputs) - set(arrays))
-            if unknown:
-                known = ", ".join(map(repr, arrays))
-                raise ValueError(f"no array {unknown[0]!r} in '{self.key}'; there are {known}")
-            active = [name in inputs for name in arrays]
-        forward = derivative == "tangent"
-        made = differentiate(native, active, forward, tape=self.option("tape"))
-        if stage == "warp":
-            return made.module.text()
-        if stage not in STAGES:
-            raise ValueError(f"no stage {stage!r}, expects one of {', '.join(map(repr, STAGES))}")
-        arch = _architecture(stage, device) if arch is None else arch
-        return self.compile_module(made.module).ir(stage, arch, rank or 0)
 
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.
@@ -394,16 +335,6 @@ class Kernel:
 
         return schedules_of(self, device, dim, arch)
 
-    def _dump(self, native) -> None:
-        if not config.dump:
-            return
-        os.makedirs(config.dump, exist_ok=True)
-        for stage in STAGES:
-            text = native.ir(stage, _architecture(stage, None))
-            path = os.path.join(config.dump, f"{self.key}.{stage}.{_SUFFIX[stage]}")
-            with open(path, "w", encoding="utf-8") as file:
-                file.write(text)
-
     def __call__(self, *args, **kwargs):
         raise errors.WarpLaunchTypeError(
             f"kernel '{self.key}' cannot be called, use `wp.launch({self.key}, dim, inputs)`"
@@ -413,19 +344,15 @@ class Kernel:
         return f"<kernel '{self.key}'>"
 
 
-def _architecture(stage, device) -> int:
-    if stage == "asm":
-        return 0
-    if device is not None:
-        arch = get_device(device).arch
-        if arch or stage not in ("gpu", "ptx"):
-            return arch
-    return DEFAULT_GPU if stage in ("gpu", "ptx") else 0
-
-
-# What code for GPUs is shown for where no device is named: the newest architecture with a
-# stable ISA.
-DEFAULT_GPU = 90
+def once(known, key, make):
+    """What `known` has for a key: the first of several threads makes it, the others find it."""
+    found = known.get(key)
+    if found is None:
+        with translating:
+            found = known.get(key)
+            if found is None:
+                found = known[key] = make()
+    return found
 
 
 def kernel_name(func) -> str:
@@ -457,67 +384,3 @@ def argument_type(value):
         return dtypes.native_type(dtypes.canonical(type(value)))
     except TypeError:
         return None
-
-
-def kernel(
-    f=None,
-    *,
-    name=None,
-    enable_backward=None,
-    launch_bounds=None,
-    cuda_max_registers=None,
-    launch_constants=None,
-    module=None,
-    module_options=None,
-    **options,
-):
-    """Makes a kernel from a function whose parameters are annotated.
-
-    Args:
-        name: name in messages and compiled code, by default that of the function.
-        enable_backward: False if no derivatives will be asked for.
-        launch_bounds: largest block, and fewest blocks per multiprocessor, for CUDA; a launch with
-            a larger block is an error.
-        cuda_max_registers: registers that a CUDA thread may use; not together with `launch_bounds`.
-        launch_constants: names of parameters (`"order"`), or of fields of structs
-            (`"settings.contact"`), whose values many launches share: the first 8 sets of values get
-            code of their own where it differs.
-        module: module whose options apply, by default that of the function. "unique" makes one for
-            this kernel; a second definition of the same text, captures and options gives the first
-            kernel again.
-        module_options: options for this kernel alone.
-
-    Example:
-        >>> import warp as wp
-        >>> @wp.kernel
-        ... def scale(x: wp.array(dtype=float), s: float):
-        ...     i = wp.tid()
-        ...     x[i] = x[i] * s
-
-    Raises:
-        TypeError: what is decorated is no function, or an option has the wrong type.
-        ValueError: an option has no such value, or two exclude each other.
-    """
-    own = {} if module_options is None else module_options
-    check_options(own)
-    own, own_module = ({}, own) if module == "unique" else (dict(own), None)
-    if enable_backward is not None:
-        own["enable_backward"] = enable_backward
-    if launch_bounds is not None:
-        if cuda_max_registers is not None:
-            raise ValueError("launch_bounds and cuda_max_registers exclude each other")
-        own["launch_bounds"] = check_launch_bounds(launch_bounds)
-    if cuda_max_registers is not None:
-        own["cuda_max_registers"] = check_registers(cuda_max_registers)
-    if launch_constants is not None:
-        own["launch_constants"] = check_constants(launch_constants)
-    own |= inert_options(options, enable_backward)
-    if name is not None and not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
-        raise ValueError(f"kernel name must be a valid C++ identifier, but got {name!r}")
-
-    def decorate(func):
-        if module == "unique" and isinstance(func, python_types.FunctionType):
-            return unique.unique(Kernel, func, name, own, own_module)
-        return Kernel(func, name, None if module == "unique" else module, own)
-
-    return decorate if f is None else decorate(f)

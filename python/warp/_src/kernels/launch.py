@@ -62,7 +62,9 @@ def launch(
 
     Args:
         kernel: what `@wp.kernel` made.
-        dim: extent, or up to four extents, of the grid; a zero makes the launch do nothing.
+        dim: extent, or up to four extents, of the grid; a zero makes the launch do nothing: if it
+            would be the kernel's first, not even what takes time, to translate the function and to
+            look at its arguments.
         inputs: one value per kernel parameter, in order.
         outputs: values of the remaining parameters.
         device: where to run; the arrays must be reachable from there.
@@ -131,6 +133,9 @@ def _launch_checked(
     else:
         index = resolve_index(device)
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
+    is_first = kernel.epoch is not Epoch.current
+    if is_first and gradients is None and not record_cmd and _is_empty(dim):
+        return None
     native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
     if type(kernel) is not Kernel:
         kernel.check((*inputs, *outputs), index)
@@ -157,6 +162,15 @@ def _launch_checked(
     if config.verbose:
         _report(kernel, native)
     return None
+
+
+def _is_empty(dim) -> bool:
+    """Whether a grid has no threads, and nothing is wrong with its extents."""
+    if type(dim) is int:
+        return dim == 0
+    if type(dim) not in (tuple, list) or not 1 <= len(dim) <= 4:
+        return False
+    return 0 in dim and all(type(extent) is int and extent >= 0 for extent in dim)
 
 
 def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd):

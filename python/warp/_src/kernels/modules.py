@@ -12,6 +12,7 @@ from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.devices import devices
+from warp._src.kernels.build_options import Build, ModuleBuildOptions
 
 # Options that change compiled code, with the setting that gives the default.
 OPTIONS = {
@@ -26,6 +27,7 @@ OPTIONS = {
     "cpu_lanes": None,
     "block_dim": None,
     "strip_hash": None,
+    "extra_build_options": None,
 }
 # Options of the peer that change nothing here.
 INERT_OPTIONS = {
@@ -37,7 +39,6 @@ INERT_OPTIONS = {
     "enable_mathdx_solver",
     "enable_mathdx_fft",
     "compile_time_trace",
-    "extra_build_options",
     "default_grid_stride",
 }
 
@@ -126,12 +127,19 @@ def check_options(options: dict) -> None:
             continue
         if name not in OPTIONS:
             raise ValueError(f"no module option '{name}'. Valid options: {', '.join(OPTIONS)}")
+        if name == "extra_build_options" and value is not None:
+            if not isinstance(value, ModuleBuildOptions):
+                raise TypeError(
+                    f"module option '{name}' must be a ModuleBuildOptions instance, "
+                    f"but got '{type(value).__name__}'"
+                )
+            Build(value)
         if OPTIONS[name] and value is not None:
             settings.SETTINGS[OPTIONS[name]].check(value)
 
 
 def _check_count(name, value) -> None:
-    if not isinstance(value, int) or isinstance(value, bool):
+    if not hasattr(value, "__index__") or isinstance(value, bool):
         raise TypeError(f"module option '{name}' expects an int, but got {value!r}")
     if value < 0:
         raise ValueError(f"module option '{name}' expects no negative number, but got {value}")

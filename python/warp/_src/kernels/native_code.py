@@ -68,7 +68,7 @@ def place_of(context, node) -> str:
     return str(problem)
 
 
-def add(name, body, parameters, result, place) -> str:
+def add(name, body, parameters, result, place, build) -> str:
     """Makes a function of numbers known to kernels; its symbol.
 
     Args:
@@ -77,22 +77,23 @@ def add(name, body, parameters, result, place) -> str:
         parameters: (name, native type) of each.
         result: native type, None for nothing.
         place: what `place_of` says.
+        build: what the kernel's module adds, a `Build`.
     """
     declared = ", ".join(f"{SCALARS[native]} {parameter}" for parameter, native in parameters)
     passed = ", ".join(parameter for parameter, _ in parameters)
     returned = SCALARS[result] if result else "void"
     text = (
-        f'{NUMBERS}static inline {returned} warp_function({declared}) {{\n#line 1 "{name}"\n'
-        f"{body}\n}}\n"
+        f"{NUMBERS}{build.text}static inline {returned} warp_function({declared}) "
+        f'{{\n#line 1 "{name}"\n{body}\n}}\n'
     )
     separator = ", " if parameters else ""
     together = "memory_" if is_together(body) or not result else ""
     kept = f"*warp_out = {'' if result else '0; '}warp_function({passed});"
     out = f"{declared}{separator}{returned if result else 'int32_t'} *warp_out"
-    return _add(f"warp_native_{together}", name, text, out, kept, place)
+    return _add(f"warp_native_{together}", name, text, out, kept, place, build)
 
 
-def _add(prefix, name, text, parameters, body, place) -> str:
+def _add(prefix, name, text, parameters, body, place, build) -> str:
     mark = hashlib.sha256(text.encode()).hexdigest()[:24]
     symbol = prefix + mark
     if symbol not in _known:
@@ -100,7 +101,8 @@ def _add(prefix, name, text, parameters, body, place) -> str:
         # The names of different functions of users may not meet in the code of a kernel.
         whole = f"#define warp_function warp_function_{mark}\n{text}"
         whole += f'extern "C" void {symbol}({parameters}) {{ {body} }}\n'
-        _native.add_native_code(symbol, name, whole, place)
+        folders = build.cpu_folders, build.gpu_folders
+        _native.add_native_code(symbol, name, whole, place, *folders)
         _known[symbol] = name
     return symbol
 
@@ -120,14 +122,14 @@ def element_name(native) -> str | None:
     return f"wp::{kind}_t<{', '.join(numbers)}>"
 
 
-def add_memory(code, parameters, place) -> str:
+def add_memory(code, parameters, place, build) -> str:
     """Makes known a function with arrays (`native_arrays.MemoryCode`); its symbol.
 
     Args:
         code: its text is a block in braces that returns the one result, or all in braces.
         parameters: (name, native type, 0) of each number, (name, type of elements, rank) of each
             array, (name, native type, minus its numbers) of each vector, matrix or quaternion.
-        place: as for `add`.
+        place, build: as for `add`.
     """
     fields = "".join(f"{SCALARS[one]} r{i}; " for i, one in enumerate(code.results))
     results = f"struct Results {{ {fields or 'int32_t r0;'} }};\n"
@@ -165,8 +167,9 @@ def add_memory(code, parameters, place) -> str:
     called = f"warp_function({', '.join(passed)})"
     kept = f"{{{called}}}" if one else called if code.results else f"({called}, Results{{0}})"
     text = (
-        f"{NUMBERS}{ARRAYS}{results}static inline {returned} warp_function({', '.join(declared)}) "
-        f"{code.native_snippet}\n"
+        f"{NUMBERS}{ARRAYS}{build.text}{results}"
+        f"static inline {returned} warp_function({', '.join(declared)}) {code.native_snippet}\n"
     )
     out = ", ".join([*outer, "Results *warp_out"])
-    return _add("warp_native_memory_", code.key, text, out, f"*warp_out = Results({kept});", place)
+    body = f"*warp_out = Results({kept});"
+    return _add("warp_native_memory_", code.key, text, out, body, place, build)

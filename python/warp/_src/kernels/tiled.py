@@ -10,7 +10,7 @@ from warp import config
 from warp._src import errors
 from warp._src.devices.devices import index_of, resolve_index
 from warp._src.kernels.epoch import Epoch
-from warp._src.kernels.kernel import Kernel, argument_type
+from warp._src.kernels.kernel import Kernel, argument_type, once
 from warp._src.kernels.launch import Checked, launch
 
 # Threads of a block where none are named.
@@ -70,11 +70,12 @@ class TiledKernel(Kernel):
             arguments: native types of the arguments, of a generic kernel.
         """
         known = self.__dict__.setdefault("_by_threads", {})
-        found = known.get((arguments, threads))
-        if found is None or found[0] is not Epoch.current:
-            made = self._translate(arguments, threads)
-            found = known[arguments, threads] = (Epoch.current, made)
-        return found[1]
+        key = (Epoch.current, arguments, threads)
+        return once(known, key, lambda: self._translate(arguments, threads))
+
+    def reset(self) -> None:
+        super().reset()
+        self.__dict__.pop("_by_threads", None)
 
     def for_rows(self, device, threads):
         """What launches of that many threads per index need, if one has been made on that GPU.
@@ -89,8 +90,8 @@ class TiledKernel(Kernel):
         if index is None or index < 0 or self.epoch is not Epoch.current:
             return None
         # Generic kernels have types of arguments in place of None.
-        found = self.__dict__.get("_by_threads", {}).get((None, threads))
-        return (found[1], index) if found is not None and found[0] is Epoch.current else None
+        found = self.__dict__.get("_by_threads", {}).get((Epoch.current, None, threads))
+        return (found, index) if found is not None else None
 
     def place(self, native, dim, index, block_dim, values, recorded=False):
         """The native kernel for a launch, and its threads per block.

@@ -85,7 +85,7 @@ def _translated(kernel, arguments, threads, constants, name, found):
     facts = (session.tile_builder is not None, dict(session.handles), session.sums_winding)
     _tell(kernel, *facts)
     native = kernel.compile_module(module)
-    if name is not None:
+    if name is not None and not session.has_breakpoints:
         _keep(kernel, name, native, session, facts, found)
     return native
 

@@ -8,7 +8,10 @@ import sys
 from warp._src.language import namespace
 from warp._src.language.builtins import names as builtin_names
 
-_SUBMODULES = (*("autograd", "fem", "geometry", "optim", "render", "sparse", "types", "utils"),)
+_SUBMODULES = (
+    *("autograd", "build_experimental", "fem", "geometry", "optim", "render", "sparse", "types"),
+    "utils",
+)
 # What few programs use, by the module that holds it.
 _RARE = {
     name: home
@@ -28,6 +31,10 @@ _RARE = {
             ),
         ),
         ("textures.sampling", ("texture_sample",)),
+        ("geometry.bvh", ("Bvh", "is_cubql_available")),
+        ("geometry.grid", ("HashGrid",)),
+        ("geometry.mesh", ("Mesh",)),
+        ("geometry.volumes.volume", ("Volume",)),
         ("utils.transforms", ("transform_expand",)),
         ("logger", ("Logger", "ScopedLogLevel", "ScopedLogger", "get_logger", "set_logger")),
         (
@@ -57,13 +64,7 @@ LIBRARY_NAMES = (
     *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
     *("transform_wrench", "velocity_at_point"),
 )
-# Host classes, by module, and what kernels ask them; loaded when first used.
-_GEOMETRY_CLASSES = {
-    "Bvh": "bvh",
-    "HashGrid": "grid",
-    "Mesh": "mesh",
-    "Volume": "volumes.volume",
-}
+# What kernels ask geometry; loaded when first used.
 _GEOMETRY_QUERIES = frozenset(
     (
         *("BvhQuery", "HashGridQuery", "MeshQuery", "MeshQueryAABB", "MeshQueryPoint"),
@@ -98,12 +99,7 @@ _VOLUME_QUERIES = frozenset(
 
 
 def _find_geometry(name: str):
-    """A name of `warp._src.geometry`, or None."""
-    if name in _GEOMETRY_CLASSES:
-        module = importlib.import_module(f"warp._src.geometry.{_GEOMETRY_CLASSES[name]}")
-        return getattr(module, name)
-    if name == "is_cubql_available":
-        return importlib.import_module("warp._src.geometry.bvh").is_cubql_available
+    """What kernels ask geometry, or None."""
     if name == "MarchingCubes":
         return importlib.import_module("warp.geometry").IsoSurfaceMarchingCubes
     if name in _GEOMETRY_QUERIES:
@@ -148,6 +144,6 @@ def find(name: str):
 def names(held) -> list[str]:
     """All public names."""
     public = {name for name in held if not name.startswith("_")}
-    lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_CLASSES, *_GEOMETRY_QUERIES}
-    lazy |= _VOLUME_QUERIES | {"MarchingCubes", "is_cubql_available"}
+    lazy = {*_SUBMODULES, *LIBRARY_NAMES, *_RARE, *_GEOMETRY_QUERIES}
+    lazy |= _VOLUME_QUERIES | {"MarchingCubes"}
     return sorted(public | set(builtin_names()) | lazy)

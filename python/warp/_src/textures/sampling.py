@@ -4,6 +4,9 @@ Texel i of n is at (i + 1/2) / n, or at i + 1/2 without normalised coordinates. 
 `LINEAR` weighs the nearest ones; derivatives follow for the coordinates. A level of detail above 0
 reads level `lod` of a mip chain, the nearest one or, with `LINEAR`, between two; then there is a
 derivative for it, too. Coordinates that are not normalised are those of the finest level.
+
+A coordinate that is no number has no texel, nor has infinity on an axis that repeats: the result is
+NaN.
 """
 
 from warp._src.kernels.function import Function
@@ -19,6 +22,7 @@ from warp._src.types.scalars import float32
 # Of TextureAddressMode and TextureFilterMode.
 WRAP, CLAMP, MIRROR = 0, 1, 2
 LINEAR = 1
+NAN = float("nan")
 
 
 def _place(i: int, extent: int, mode: int):
@@ -44,6 +48,23 @@ def _position(x: float, extent: int, mode: int, normalized: bool):
         x = x * size
     # Far outside, the edge and the border look the same from everywhere.
     return wp.clamp(x, -2.0 * size - 2.0, 2.0 * size + 2.0)
+
+
+def _lost(x: float, mode: int):
+    """Has a coordinate no place on its axis?"""
+    return wp.isnan(x) or (wp.isinf(x) and (mode == WRAP or mode == MIRROR))
+
+
+def _lost1(t: Texture1D, u: float):
+    return lost(u, t.address_u)
+
+
+def _lost2(t: Texture2D, uv: vec2f):
+    return lost(uv[0], t.address_u) or lost(uv[1], t.address_v)
+
+
+def _lost3(t: Texture3D, uvw: vec3f):
+    return lost(uvw[0], t.address_u) or lost(uvw[1], t.address_v) or lost(uvw[2], t.address_w)
 
 
 def _nearest(x: float, extent: int, mode: int, normalized: bool):
@@ -159,15 +180,17 @@ def _linear3(t: Texture3D, uvw: vec3f, c: int, level: int, zero: float):
 
 
 place, position = Function(_place, "place"), Function(_position, "position")
+lost = Function(_lost, "lost")
 nearest, between = Function(_nearest, "nearest"), Function(_between, "between")
 texel, row = Function(_texel, "texel"), Function(_row, "row")
 halved, start = Function(_halved, "halved"), Function(_start, "start")
 scaled, bilinear = Function(_scaled, "scaled"), Function(_bilinear, "bilinear")
 
 
-def _readers(texture, coordinates, closest, linear):
+def _readers(texture, coordinates, closest, linear, placeless):
     """Reading one channel, of the finest level and at a level of detail."""
     closest, linear = Function(closest, "closest"), Function(linear, "linear")
+    placeless = Function(placeless, "placeless")
 
     def _of_level(t: texture, at: coordinates, c: int, level: int):
         if t.width == 0:
@@ -179,9 +202,11 @@ def _readers(texture, coordinates, closest, linear):
     of_level = Function(_of_level, "of_level")
 
     def _finest(t: texture, at: coordinates, c: int):
-        return of_level(t, at, c, 0)
+        return wp.where(placeless(t, at), NAN, of_level(t, at, c, 0))
 
     def _at_detail(t: texture, at: coordinates, c: int, lod: float):
+        if placeless(t, at):
+            return NAN
         if not lod >= 0.0 or t.levels < 2:
             return of_level(t, at, c, 0)
         top = t.levels - 1
@@ -260,12 +285,12 @@ def _flat3(channels, finest, at_detail):
 
 
 def _all_overloads():
-    for texture, coordinates, closest, linear, flat in (
-        (Texture1D, float32, _closest1, _linear1, None),
-        (Texture2D, vec2f, _closest2, _linear2, _flat2),
-        (Texture3D, vec3f, _closest3, _linear3, _flat3),
+    for texture, coordinates, closest, linear, placeless, flat in (
+        (Texture1D, float32, _closest1, _linear1, _lost1, None),
+        (Texture2D, vec2f, _closest2, _linear2, _lost2, _flat2),
+        (Texture3D, vec3f, _closest3, _linear3, _lost3, _flat3),
     ):
-        finest, at_detail = _readers(texture, coordinates, closest, linear)
+        finest, at_detail = _readers(texture, coordinates, closest, linear, placeless)
         plain = _finest_overloads(texture, coordinates, finest)
         detailed = _overloads(texture, coordinates, at_detail)
         yield from (*plain, *detailed)

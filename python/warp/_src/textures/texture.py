@@ -62,7 +62,7 @@ class Texture(TextureCopies, StructInstance):
         num_mip_levels: of a mip chain that is made of the data, each level means of pairs of the
             one before; 0 for all, down to one texel.
         mip_filter_mode: whether a level of detail between two levels reads both or the nearer;
-            by default like `filter_mode`.
+            by default both, of 32-bit integers the nearer.
         device: where the texels live.
 
     Raises:
@@ -155,14 +155,14 @@ class Texture(TextureCopies, StructInstance):
         **by_axis,
     ):
         whole = self._is_whole()
-        if filter_mode is None:
-            filter_mode = TextureFilterMode.CLOSEST if whole else TextureFilterMode.LINEAR
+        usual = TextureFilterMode.CLOSEST if whole else TextureFilterMode.LINEAR
+        filter_mode = usual if filter_mode is None else filter_mode
         self.filter = _mode(TextureFilterMode, filter_mode, "filter")
         if whole and self.filter == TextureFilterMode.LINEAR:
             raise ValueError(
                 "filter_mode: textures of 32-bit integers are read with `CLOSEST` only"
             )
-        mip_mode = filter_mode if mip_filter_mode is None else mip_filter_mode
+        mip_mode = usual if mip_filter_mode is None else mip_filter_mode
         self.mip_filter = _mode(TextureFilterMode, mip_mode, "mip filter")
         if whole and self.is_mipmapped and self.mip_filter == TextureFilterMode.LINEAR:
             raise ValueError(

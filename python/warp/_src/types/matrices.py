@@ -79,21 +79,21 @@ class Matrix(Composite):
     def __repr__(self):
         return f"{type(self).__name__}({str(self)[1:-1]})".replace("\n", "")
 
-    def get_row(self, row):
+    def get_row(self, r):
         """Copy of a row, as a vector."""
-        return self[row]
+        return self[r]
 
-    def get_col(self, column):
+    def get_col(self, c):
         """Copy of a column, as a vector."""
-        return self[:, column]
+        return self[:, c]
 
-    def set_row(self, row, value):
-        """Sets row `i`, counted from the end if negative."""
-        self[row] = value
+    def set_row(self, r, v):
+        """Sets row `r`, counted from the end if negative."""
+        self[r] = v
 
-    def set_col(self, column, value):
-        """Sets column `i`, counted from the end if negative."""
-        self[:, column] = value
+    def set_col(self, c, v):
+        """Sets column `c`, counted from the end if negative."""
+        self[:, c] = v
 
     def __getitem__(self, key):
         rows, columns = self._select(key)

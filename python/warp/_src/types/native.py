@@ -132,6 +132,13 @@ class ArrayType:
     _wp_array_annotation_ = True
     # What kernels see of an array; `struct_fields`, which has it, sets this.
     make_descriptor: typing.ClassVar[typing.Callable]
+    # `wp.array`; `arrays.array`, which has it, sets this.
+    array_class: typing.ClassVar[type]
+
+    @property
+    def __class__(self):
+        """`isinstance` takes the annotation of an array for an array, as in NVIDIA Warp."""
+        return self.array_class if type(self) is ArrayType else type(self)
 
     def __getattr__(self, name):
         if name == "shape":
@@ -158,6 +165,10 @@ class ArrayType:
     @property
     def _native_(self):
         return f"!warp.array<{self.ndim} x {native_text(self.dtype)}>"
+
+    def __reduce__(self):
+        # What pickle does by itself asks for `__class__`.
+        return type(self), (self.dtype, self.ndim), vars(self)
 
     def __eq__(self, other):
         if type(self) is not type(other):

@@ -83,7 +83,9 @@ def measure(name, device="cpu"):
         Observers.timer = None
         Observers.update()
     entries = [e for e in wp.manifest(code=True) if (e.kernel, e.module) not in known]
-    arrays = [one for one in gc.get_objects() if isinstance(one, wp.array) and one.device == device]
+    # Annotations pass `isinstance`, too.
+    arrays = [one for one in gc.get_objects() if issubclass(type(one), wp.array)]
+    arrays = [one for one in arrays if one.device == device]
     own = {one.grad.ptr for one in arrays if one.grad_in_use is not None}
     gradients = [one for one in arrays if one.grad_in_use is not None]
     plain = {one.ptr: one for one in arrays if one.ptr not in own}.values()

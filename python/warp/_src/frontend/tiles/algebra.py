@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from warp._src.frontend.context import FLOAT32
+from warp._src.frontend.bindings import FLOAT32
 from warp._src.frontend.tiles.arguments import TileTopic
 from warp._src.types import dtypes
 
@@ -62,7 +62,7 @@ class TileAlgebra(TileTopic):
         made = self.product(node, a, b, kept, bound, shape, out.type.element)
         by_name = (one.value for one in node.keywords if one.arg == "out")
         place = node.args[2] if len(node.args) > 2 else next(by_name)
-        self.context.targets.write_back(place, made, node)
+        self.context.slots.write_back(place, made, node)
         return None
 
     def product(self, node, a, b, out, bound, shape, element):
@@ -117,7 +117,7 @@ class TileAlgebra(TileTopic):
 
     def builtin_tile_cholesky_inplace(self, node):
         made = self.factored(node, "tile_cholesky_inplace")
-        self.context.targets.write_back(node.args[0], made, node)
+        self.context.slots.write_back(node.args[0], made, node)
 
     def solved(self, node, name, names, steps):
         """Solves with a triangle, or with it and its transpose.
@@ -147,7 +147,7 @@ class TileAlgebra(TileTopic):
 
     def solved_in_place(self, node, name, names, steps):
         made = self.solved(node, name, names, steps)
-        self.context.targets.write_back(node.args[1], made, node)
+        self.context.slots.write_back(node.args[1], made, node)
 
     def builtin_tile_cholesky_solve(self, node):
         return self.solved(node, "tile_cholesky_solve", *_WITH_FACTOR)
@@ -188,7 +188,7 @@ class TileAlgebra(TileTopic):
                 f"'{tile.type.python_name}'",
             )
         made = self.make("fft", [tile], node, flag=inverse)
-        self.context.targets.write_back(node.args[0], made, node)
+        self.context.slots.write_back(node.args[0], made, node)
 
     def builtin_tile_fft(self, node):
         self.transformed(node, "tile_fft", False)

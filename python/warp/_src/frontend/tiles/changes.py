@@ -29,7 +29,7 @@ class TileChanges(TileTopic):
             )
         offsets = self.indices(offset, len(tile.type.shape), node, "tile_assign")
         made = self.make("insert", [source, tile, *offsets], node, axes=[1] * len(offsets))
-        self.context.targets.write_back(node.args[0], made, node)
+        self.context.slots.write_back(node.args[0], made, node)
 
     def of_element(self, source, tile, node, name):
         """A tile with elements of another one's type; numbers convert."""
@@ -96,7 +96,7 @@ class TileChanges(TileTopic):
         if where is not True:
             operands.append(self.context.materialize(where, node))
         made = self.make("set", operands, node, kind=kind, flag=where is not True)
-        self.context.targets.write_back(node.args[0], made, node)
+        self.context.slots.write_back(node.args[0], made, node)
 
     def builtin_tile_axpy(self, node):
         """`dest += alpha * src`."""
@@ -114,7 +114,7 @@ class TileChanges(TileTopic):
 
         by_name = (one.value for one in node.keywords if one.arg == "dest")
         place = node.args[2] if len(node.args) > 2 else next(by_name)
-        slot = self.context.targets.changed_slot(place)
+        slot = self.context.slots.changed(place)
         if slot is None:
             return
         if self.context.tiles.views.repeats(slot):
@@ -123,6 +123,6 @@ class TileChanges(TileTopic):
                 return self.builder.builtin("mul", [x, factor])[0][0]
 
             made = self.mapped([alpha, source], product, node)
-            self.context.targets.write(slot, made, node, "add")
+            self.context.slots.write(slot, made, node, "add")
             return
-        self.context.targets.write(slot, self.mapped([alpha, source, target], step, node), node)
+        self.context.slots.write(slot, self.mapped([alpha, source, target], step, node), node)

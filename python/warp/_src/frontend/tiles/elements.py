@@ -246,4 +246,4 @@ class TileElements(TileTopic):
         positions = self.make("sort", [keys], node)
         for place, tile in zip(node.args, (keys, values), strict=False):
             sorted_tile = self.make("gather", [tile, positions], node)
-            self.context.targets.write_back(place, sorted_tile, node)
+            self.context.slots.write_back(place, sorted_tile, node)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 
-from warp._src.frontend.context import INT32
+from warp._src.frontend.bindings import INT32
 from warp._src.frontend.tiles.arguments import TileTopic
 
 # Elements that code to print is made for.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from warp._src.frontend.context import FLOAT32, INT32, NativeType
+from warp._src.frontend.bindings import FLOAT32, INT32, NativeType
 from warp._src.frontend.tiles.arguments import TileTopic
 
 _UINT32 = NativeType.parse("ui32")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ast
 
-from warp._src.frontend.context import INT32, TileStack
+from warp._src.frontend.bindings import INT32, TileStack
 from warp._src.frontend.tiles.arguments import TileTopic
 from warp._src.types import dtypes
 from warp._src.types.tiles import TileStackType

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from warp._src.frontend.context import FLOAT32, INT32, Value
+from warp._src.frontend.bindings import FLOAT32, INT32, Value
 from warp._src.frontend.tiles.arguments import TileTopic
 
 _FLOATS = {"float16": np.float16, "float32": np.float32}

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import math
 
-from warp._src.frontend.context import INT32, TileView, Value
+from warp._src.frontend.bindings import INT32, TileView, Value
 from warp._src.frontend.tiles.arguments import TileTopic
 from warp._src.frontend.tiles.places import Selection
 
@@ -33,7 +33,7 @@ class TileViews(TileTopic):
         if type(binding) is TileView:
             return binding.slot
         if isinstance(target, ast.Name) and type(binding) is Value:
-            slot = self.context.targets.slot(target)
+            slot = self.context.slots.of(target)
             return slot if slot.name is not None else None
         return None
 
@@ -67,7 +67,7 @@ class TileViews(TileTopic):
             step, rest = self.before_repeats(whole, inner, node), tuple(others)
         if rest:
             part = self.context.tiles.places.read(whole, step, node)
-            value = self.context.targets.with_part(part, rest, value, node, kind)
+            value = self.context.slots.with_part(part, rest, value, node, kind)
             kind = "assign"
         if type(step) is Selection:
             return self.context.tiles.places.written(whole, step, value, node, kind)
@@ -154,7 +154,7 @@ class TileViews(TileTopic):
             view = env[one]
             if len(views) == 1:
                 # Nothing else is left that names the tile.
-                env[one] = self.context.targets.read(view.slot, self.context.node)
+                env[one] = self.context.slots.read(view.slot, self.context.node)
             else:
                 env[one] = self.fixed(view)
 

@@ -15,26 +15,20 @@ import warp as wp
 from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
-from warp._src.geometry.grid_queries import begin, cells
+from warp._src.geometry.grid_queries import cells
 from warp._src.geometry.handles import GRID
 from warp._src.types.dtypes import Float
 
 
 @wp.func
-def _number(cell: wp.vec3i, counts: wp.vec3i) -> int:
-    """The number of a cell once the grid wraps."""
-    x, _x = begin(cell[0], cell[0], counts[0])
-    y, _y = begin(cell[1], cell[1], counts[1])
-    z, _z = begin(cell[2], cell[2], counts[2])
-    return (z * counts[1] + y) * counts[0] + x
-
-
-@wp.func
 def _number_of(point: wp.types.vector(3, Float), inverse: Float, counts: wp.vec3i) -> int:
+    """The number of a point's cell; one beyond all for NaN."""
     found = counts[0] * counts[1] * counts[2]
-    # Not of NaN: of a point with one, no component counts.
     if point[0] == point[0] and point[1] == point[1] and point[2] == point[2]:
-        found = _number(cells(point, type(inverse)(0.0), inverse), counts)
+        x, _x, y, _y, z, _z = cells(
+            point, type(inverse)(0.0), inverse, counts[0], counts[1], counts[2]
+        )
+        found = (z * counts[1] + y) * counts[0] + x
     return found
 
 

@@ -159,7 +159,7 @@ class Refit:
         self.blocks = words(view.blocks, self.block_words * view.block_count, device)
         self._launches, self._of = [], None
 
-    def run(self, first, second) -> None:
+    def refit(self, first, second) -> None:
         """Takes over points and indices of faces, or lower and upper corners of boxes."""
         if not len(self.view.order):
             return
@@ -182,3 +182,12 @@ class Refit:
             inputs = [self.nodes, self.blocks, self.block_words, corners, self.order, levels[level]]
             launches.append(record(_bound, (count, 8), inputs))
         return launches
+
+
+def refit_of(handle, of_triangles) -> Refit:
+    """What refits a `Mesh` or `Bvh` of a GPU that the host has built.
+
+    Made with the hierarchy: a graph that records a refit could not copy the order of its nodes.
+    """
+    slot = slot_of(handle.id, handle.device)
+    return Refit(handle._native.view, handle.device, of_triangles, slot)

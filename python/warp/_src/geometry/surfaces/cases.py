@@ -79,6 +79,22 @@ def tables():
 
 
 @functools.cache
+def public_tables():
+    """The tables for code of users, where a corner's bit is set if its value is not less.
+
+    Returns:
+        Where the edges of each case start (257 numbers), and the edges of all triangles.
+    """
+    starts, triangles = tables()
+    ranges, edges = [0], []
+    for case in range(256):
+        # What is set there is what is out here.
+        edges += triangles[starts[255 - case] : starts[256 - case]].reshape(-1).tolist()
+        ranges.append(len(edges))
+    return tuple(ranges), tuple(edges)
+
+
+@functools.cache
 def loop_tables():
     """What surface nets need of the cases, all int32.
 

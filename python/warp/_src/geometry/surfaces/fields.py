@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import abc
+
 import numpy as np
 
 import warp as wp
@@ -138,7 +140,7 @@ class Sampled:
         return vertices
 
 
-class IsoSurfaceBase:
+class IsoSurfaceBase(abc.ABC):
     """Surfaces in fields of one shape; a subclass has `extract`.
 
     Args:
@@ -155,6 +157,11 @@ class IsoSurfaceBase:
         self.nx, self.ny, self.nz = nx, ny, nz
         self.lower, self.upper = lower, upper
         self.verts = self.indices = None
+
+    @classmethod
+    @abc.abstractmethod
+    def extract(cls, field, threshold=0.0, *, lower=None, upper=None):
+        """Vertices and indices of the surface where a field crosses a value."""
 
     def resize(self, nx, ny, nz) -> None:
         """Takes fields of another shape from now on."""

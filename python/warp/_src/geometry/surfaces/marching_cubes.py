@@ -98,6 +98,16 @@ def tables(device):
     )
 
 
+class _Table:
+    """One of the public tables, made when it is asked for."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def __get__(self, one, kind):
+        return cases.public_tables()[self.number]
+
+
 class IsoSurfaceMarchingCubes(IsoSurfaceBase):
     """Triangles of surfaces in fields of one shape.
 
@@ -108,6 +118,11 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
     Attributes:
         verts: vertices, an array of vec3, of the last `surface`.
         indices: three vertices per triangle. Seen from larger values they go counter-clockwise.
+        CUBE_CORNER_OFFSETS: the eight corners of a cell as offsets.
+        EDGE_TO_CORNERS: the two corners of its twelve edges.
+        CASE_TO_TRI_RANGE: where in `TRI_LOCAL_INDICES` the triangles of each case start, 257
+            numbers; bit i of a case is set if the value at corner i is not less than the threshold.
+        TRI_LOCAL_INDICES: three edges for each triangle.
 
     Example:
         >>> import numpy as np, warp as wp
@@ -121,6 +136,8 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
 
     CUBE_CORNER_OFFSETS = cases.CORNERS
     EDGE_TO_CORNERS = cases.EDGES
+    CASE_TO_TRI_RANGE = _Table(0)
+    TRI_LOCAL_INDICES = _Table(1)
 
     def __init__(
         self,
@@ -133,11 +150,14 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
         domain_bounds_lower_corner=None,
         domain_bounds_upper_corner=None,
     ):
-        super().__init__(
-            *(nx, ny, nz),
-            lower=domain_bounds_lower_corner if lower is None else lower,
-            upper=domain_bounds_upper_corner if upper is None else upper,
-        )
+        former = {"lower": domain_bounds_lower_corner, "upper": domain_bounds_upper_corner}
+        given = {"lower": lower, "upper": upper}
+        for name, corner in former.items():
+            if corner is not None and given[name] is not None:
+                both = f"`{name}` and `domain_bounds_{name}_corner`"
+                raise TypeError(f"Cannot specify both {both}, which mean the same")
+            given[name] = corner if given[name] is None else given[name]
+        super().__init__(nx, ny, nz, **given)
 
     @classmethod
     def extract(cls, field, threshold=0.0, *, lower=None, upper=None):

@@ -1,8 +1,8 @@
 """The values of a volume at the places that the device library finds.
 
-A place is in numbers of a value's kind: from the first leaf on, or from the grid's first byte on
-for values that are not in leaves; of a value of another type than the grid's it is nowhere
-(lib/DeviceLib/geometry/Volume.h). Values in leaves have derivatives.
+A place is in numbers of a value's kind, from the grid's first byte on
+(lib/DeviceLib/geometry/Volume.h). Values in leaves have derivatives: only where these are computed
+does it matter which ones are there.
 """
 
 from warp._src.arrays.gradients import has_gradient
@@ -14,27 +14,34 @@ from warp._src.types.native import ArrayType
 from warp._src.types.scalars import uint64
 
 # Words of the slot.
-_GRID, _LEAVES, GRADIENTS = 1, 3, 6
+_GRID, _LEAVES, _TYPE, GRADIENTS, _LEAVES_END = 1, 3, 4, 6, 12
 # Memory without an end is rows of this many bytes.
 _ROW, _MOST = 64, 2**31 - 1
-_OUTSIDE_LEAVES, _NOWHERE = 1 << 63, 2**64 - 1
 
 
-def reading(value, scalar):
-    """Leaves and grid as memory, and what reads a value there; 0 where no such value is."""
+def reading(value, scalar, number):
+    """Whether a grid has values of a type, its memory, and what reads a value there."""
     size, length = type_size_in_bytes(scalar), type_size(value)
     in_row = _ROW // size
 
+    def _fits(id: uint64):
+        return (words(id, VOLUME)[_TYPE] & uint64(0xFFFFFFFF)) == uint64(number)
+
+    def _grid(id: uint64):
+        return wp.array(ptr=words(id, VOLUME)[_GRID], shape=(_MOST, in_row), dtype=scalar)
+
     def _twin(id: uint64):
         slot = words(id, VOLUME)
-        return wp.where(slot[GRADIENTS] != uint64(0), slot[_LEAVES] + slot[GRADIENTS], uint64(0))
+        return wp.where(slot[GRADIENTS] != uint64(0), slot[_GRID] + slot[GRADIENTS], uint64(0))
 
     def _leaves(id: uint64):
-        return wp.array(ptr=words(id, VOLUME)[_LEAVES], shape=(_MOST, in_row), dtype=scalar)
-
-    def _leaves_with_gradients(id: uint64):
-        start = words(id, VOLUME)[_LEAVES]
+        start = words(id, VOLUME)[_GRID]
         return wp.array(ptr=start, shape=(_MOST, in_row), dtype=scalar, grad=twin(id))
+
+    def _is_in_leaf(id: uint64, place: uint64):
+        slot = words(id, VOLUME)
+        at = slot[_GRID] + place * uint64(size)
+        return at >= slot[_LEAVES] and at < slot[_LEAVES_END]
 
     def _number(rows: ArrayType(scalar, 2), at: uint64):
         return rows[at // uint64(in_row), at % uint64(in_row)]
@@ -42,21 +49,21 @@ def reading(value, scalar):
     def _numbers(rows: ArrayType(scalar, 2), at: uint64):
         result = value()
         for n in range(length):
-            result[n] = number(rows, at + uint64(n))
+            result[n] = number_at(rows, at + uint64(n))
         return result
 
-    def _grid(id: uint64):
-        return wp.array(ptr=words(id, VOLUME)[_GRID], shape=(_MOST, in_row), dtype=scalar)
+    def _at_place(rows: ArrayType(scalar, 2), id: uint64, place: uint64):
+        return take(rows, place)
 
-    def _at_place(near: ArrayType(scalar, 2), far: ArrayType(scalar, 2), place: uint64):
-        result = value()
-        if place < uint64(_OUTSIDE_LEAVES):
-            result = take(near, place)
-        elif place != uint64(_NOWHERE):
-            result = take(far, place - uint64(_OUTSIDE_LEAVES))
+    def _at_place_or_leaf(rows: ArrayType(scalar, 2), id: uint64, place: uint64):
+        result = take(rows, place)
+        if wp._library_call("warp_is_differentiated") != 0 and is_in_leaf(id, place):
+            result = take(leaves(id), place)
         return result
 
-    twin, number = Function(_twin, "twin"), Function(_number, "number")
-    leaves = Function(_leaves_with_gradients if has_gradient(value) else _leaves, "leaves")
-    take = number if value is scalar else Function(_numbers, "take")
-    return leaves, Function(_grid, "grid"), Function(_at_place, "at_place")
+    twin, number_at = Function(_twin, "twin"), Function(_number, "number_at")
+    fits, grid = Function(_fits, "fits"), Function(_grid, "grid")
+    leaves, is_in_leaf = Function(_leaves, "leaves"), Function(_is_in_leaf, "is_in_leaf")
+    take = number_at if value is scalar else Function(_numbers, "take")
+    read = _at_place_or_leaf if has_gradient(value) else _at_place
+    return fits, grid, Function(read, "at_place")

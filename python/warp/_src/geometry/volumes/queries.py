@@ -51,19 +51,19 @@ def _add(name, function):
 
 
 def _add_lookups(value, scalar, number, suffix):
-    lookup, lookup_typed, store, corners = typed.lookups(value, scalar, number)
+    lookup, lookup_typed, store, corners, fits = typed.lookups(value, scalar, number)
     _add("volume_lookup", lookup_typed)
     _add("volume_store", store)
     if suffix:
         _add("volume_lookup_" + suffix, lookup)
         _add("volume_store_" + suffix, store)
-    return lookup, corners
+    return lookup, corners, fits
 
 
 def _add_floats(value, scalar, number, suffix):
-    lookup, corners = _add_lookups(value, scalar, number, suffix)
-    blend, sample, sample_typed = typed.interpolated(value, scalar, corners, lookup)
-    sample_grad, grad_typed = typed.with_gradient(value, scalar, sample, corners, blend)
+    lookup, corners, fits = _add_lookups(value, scalar, number, suffix)
+    blend, sample, sample_typed = typed.interpolated(value, scalar, corners, fits, lookup)
+    sample_grad, grad_typed = typed.with_gradient(value, scalar, sample, corners, fits, blend)
     _add("volume_sample", sample_typed)
     _add("volume_sample_grad", grad_typed)
     if suffix:
@@ -79,7 +79,7 @@ def _add_floats(value, scalar, number, suffix):
 for _value, _scalar, _number in _FLOATS:
     _add_floats(_value, _scalar, _number, {1: "f", 6: "v"}.get(_number))
 for _value, _number in _INTEGERS:
-    _lookup, _ = _add_lookups(_value, _value, _number, {4: "i"}.get(_number))
+    _lookup, *_rest = _add_lookups(_value, _value, _number, {4: "i"}.get(_number))
     _sample, _sample_typed = typed.closest(_value, _lookup)
     _add("volume_sample", _sample_typed)
     _add("volume_sample_index", typed.indexed(_value)[2])

@@ -24,12 +24,15 @@ LINEAR = 1
 def lookups(value, scalar, number):
     """`volume_lookup` and `volume_store` of values of a type, which files give a number.
 
-    Also what gives the values of a cell's corners.
+    Also what gives the values of a cell's corners, if the grid fits, and what says so.
     """
 
     def _lookup(id: uint64, i: int32, j: int32, k: int32):
-        place = wp._library_call("warp_volume_voxel", id, number, i, j, k)
-        return at_place(leaves(id), grid(id), place)
+        result = value()
+        if fits(id):
+            place = wp._library_call("warp_volume_voxel", id, i, j, k)
+            result = at_place(grid(id), id, place)
+        return result
 
     def _lookup_typed(id: uint64, i: int32, j: int32, k: int32, dtype: type[value]):
         return lookup(id, i, j, k)
@@ -44,12 +47,12 @@ def lookups(value, scalar, number):
         places = wp._library_call(
             "warp_volume_cell", id, number, int(at[0]), int(at[1]), int(at[2])
         )
-        return at_corners(leaves(id), grid(id), places)
+        return at_corners(grid(id), id, places)
 
-    leaves, grid, at_place = reading(value, scalar)
+    fits, grid, at_place = reading(value, scalar, number)
     at_corners = of_corners(at_place)
     lookup = Function(_lookup, "volume_lookup")
-    return lookup, _lookup_typed, _store, Function(_corners, "corners")
+    return lookup, _lookup_typed, _store, Function(_corners, "corners"), fits
 
 
 def of_corners(read):
@@ -84,14 +87,15 @@ def closest(value, lookup):
     return sample, _sample_typed
 
 
-def interpolated(value, scalar, corners, lookup):
+def interpolated(value, scalar, corners, fits, lookup):
     """`volume_sample` of a type whose numbers are `scalar`."""
 
     def _sample(id: uint64, uvw: vec3f, sampling_mode: int32):
         result = value()
         if sampling_mode == LINEAR:
-            cell, x, y, z = cell_of(uvw)
-            result = blend(corners(id, cell), scalar(x), scalar(y), scalar(z))
+            if fits(id):
+                cell, x, y, z = cell_of(uvw)
+                result = blend(corners(id, cell), scalar(x), scalar(y), scalar(z))
         else:
             at = nearest(uvw)
             result = lookup(id, at[0], at[1], at[2])
@@ -159,7 +163,7 @@ def joining(value, scalar):
     return gradient, Function(_join, "join")
 
 
-def with_gradient(value, scalar, sample, corners, blend):
+def with_gradient(value, scalar, sample, corners, fits, blend):
     """`volume_sample_grad` of a type, with and without the type as an argument."""
     gradient, join = joining(value, scalar)
     slope = slopes(scalar)
@@ -168,11 +172,12 @@ def with_gradient(value, scalar, sample, corners, blend):
         result = value()
         along = gradient()
         if sampling_mode == LINEAR:
-            cell, x, y, z = cell_of(uvw)
-            values = corners(id, cell)
-            result = blend(values, scalar(x), scalar(y), scalar(z))
-            dx, dy, dz = slope(values, scalar(x), scalar(y), scalar(z))
-            along = join(dx, dy, dz)
+            if fits(id):
+                cell, x, y, z = cell_of(uvw)
+                values = corners(id, cell)
+                result = blend(values, scalar(x), scalar(y), scalar(z))
+                dx, dy, dz = slope(values, scalar(x), scalar(y), scalar(z))
+                along = join(dx, dy, dz)
         else:
             result = sample(id, uvw, sampling_mode)
         return result, along

@@ -1,0 +1,43 @@
+//===- FirstCode.h - Code for the first launches ----------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_FIRSTCODE_H
+#define WARP_FIRSTCODE_H
+
+#include "warp/Compile.h"
+
+#include <cstdint>
+
+namespace warp {
+
+/// The level of `CompileOptions::optLevel` that takes least time to compile.
+constexpr int quickLevel = 0;
+/// Stands for launches of any number of threads, which have the best code.
+constexpr int64_t anyItems = INT64_MAX;
+
+struct FirstCode {
+  Code code;
+  /// It is what options with `quickLevel` give.
+  bool isQuick = false;
+};
+
+/// Whether quickly compiled code does for a launch of so many threads: it
+/// computes the same bits, and the launch has little work, or the code is so
+/// long that compiling it well takes longer than most of its launches, whatever
+/// its loops may cost. Where threads share the launch, they go over to better
+/// code as soon as it is there.
+WARP_API bool isQuickEnough(const Code &code, int64_t items);
+
+/// Compiles a variant for a CPU quickly if that does for a launch of so many
+/// threads, and with the effort that the options ask for otherwise. Both
+/// compute the same bits, but for the sign and payload of NaNs: what may be
+/// computed in another order, as with `fastMath`, is never compiled quickly.
+WARP_API FirstCode compileFirst(const Module &module,
+                                const CompileOptions &options, int64_t items);
+
+} // namespace warp
+
+#endif // WARP_FIRSTCODE_H

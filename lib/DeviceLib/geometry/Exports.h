@@ -1,0 +1,33 @@
+//===- Exports.h - What kernels call of the device library ------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Before the names of functions that lib/Dialect/LibraryOps.cpp lists.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_DEVICELIB_GEOMETRY_EXPORTS_H
+#define WARP_DEVICELIB_GEOMETRY_EXPORTS_H
+
+#define WARP_GEOMETRY                                                          \
+  extern "C" __attribute__((used, noinline, visibility("default"))) void
+
+/// What becomes part of a kernel on GPUs, where results of a call would go
+/// through memory.
+#ifdef __NVPTX__
+#define WARP_GEOMETRY_PART                                                     \
+  extern "C" __attribute__((used, always_inline, visibility("default"))) void
+#else
+#define WARP_GEOMETRY_PART WARP_GEOMETRY
+#endif
+
+/// What becomes part of a GPU's kernel that calls it once: a call would take
+/// registers as long as it lasts, and arguments are often constants.
+#ifdef __NVPTX__
+#define WARP_GEOMETRY_ONCE                                                     \
+  extern "C" __attribute__((used, visibility("default"))) void
+#else
+#define WARP_GEOMETRY_ONCE WARP_GEOMETRY
+#endif
+
+#endif // WARP_DEVICELIB_GEOMETRY_EXPORTS_H

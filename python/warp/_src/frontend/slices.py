@@ -1,0 +1,114 @@
+"""Slices of vectors and matrices as targets: `v[0:2] = w`, `m[:, j] += c`."""
+
+from __future__ import annotations
+
+import ast
+
+from warp._src import errors
+from warp._src.frontend.access import places_of
+from warp._src.frontend.bindings import INT32
+from warp._src.frontend.context import Part
+from warp._src.frontend.indexed import array_of
+from warp._src.frontend.slots import ATOMIC
+
+
+class Slices(Part):
+    """Translates assignments to slices."""
+
+    def sliced(self, target):
+        """The place that is sliced, and the selected indices of each of its axes."""
+        slot = self.context.slots.of(target.value)
+        if array_of(slot.type) is not None:
+            raise self.context.unsupported(
+                target, "assignment to a slice of an array", "use a loop"
+            )
+        items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
+        return slot, self.context.access.selections(slot.type, items, target)
+
+    def assign(self, target, binding, node):
+        """`v[0:2] = w` and `m[:, j] = c` of a local or an element; a scalar fills."""
+        slot, selections = self.sliced(target)
+        value = self.context.materialize(binding, node)
+        self.write(slot, selections, self.context.slots.read(slot, target), value, target)
+
+    def write(self, slot, selections, whole, value, target):
+        places = places_of(selections)
+        element = getattr(whole.type, "element", None)
+        parts = self.components(value, len(places), target, element)
+        self.context.at(target)
+        for place, part in zip(places, parts, strict=True):
+            whole = self.builder.insert(whole, place, part)
+        self.context.slots.write(slot, whole, target)
+
+    def update(self, node):
+        """`v[0:2] += w`; components of an array's element are updated one by one if atomic."""
+        target, op = node.target, node.op
+        slot, selections = self.sliced(target)
+        right = self.context.materialize(self.context.expressions.expr(node.value), node.value)
+        composite = right.type.kind not in ("bool", "int", "float")
+        if composite and slot.is_atomic(op):
+            places = places_of(selections)
+            parts = self.components(right, len(places), target)
+            self.context.at(node)
+            view = self.context.slots.view(slot)
+            for place, part in zip(places, parts, strict=True):
+                element = self.builder.component_view(view, place)
+                self.builder.atomic(ATOMIC[type(op)], element, slot.indices, part)
+            return
+        whole = self.context.slots.read(slot, target)
+        left = self.context.access.selected(whole, selections, target)
+        self.write(
+            slot, selections, whole, self.context.expressions.binary(node, op, left, right), target
+        )
+
+    def check_slice_value(self, native, count, element, node):
+        """Checks that a number or the components of a value are of the element's type."""
+        is_number = native.kind in ("bool", "int", "float")
+        given = native if is_number else getattr(native, "element", None)
+        if given is None or given == element:
+            return
+        shown = element.python_name
+        if native.kind == "vec":
+            raise self.context.value_error(
+                node,
+                f"expects components of '{shown}' for a slice, but got '{native.python_name}'",
+                also=f"The provided vector is expected to be of length {count} with dtype {shown}.",
+            )
+        raise self.context.value_error(
+            node,
+            f"expects '{shown}' for components of a slice, but got '{native.python_name}'",
+            also=f"The provided value is expected to be a vector of length {count}, with dtype "
+            f"{shown}.",
+        )
+
+    def components(self, value, count, node, element=None):
+        """The components of a value in row-major order, of a type if one is given; a scalar
+        repeats."""
+        native = value.type
+        if element is not None:
+            self.check_slice_value(native, count, element, node)
+        self.context.at(node)
+        if native.kind in ("bool", "int", "float"):
+            return [value] * count
+        shape = native.shape or {"quat": [4], "transform": [7]}.get(native.kind)
+        if shape is None:
+            raise self.context.type_error(node, f"cannot assign '{native.python_name}' to a slice")
+        places = [[]]
+        for extent in shape:
+            places = [
+                prefix + [self.builder.constant(INT32, i)]
+                for prefix in places
+                for i in range(extent)
+            ]
+        if len(places) != count:
+            raise self.context.error(
+                node,
+                f"slice has {count} components, but '{native.python_name}' has {len(places)}",
+                kind=errors.WarpCodegenValueError,
+                also=f"The length of the provided vector ({len(places)}) isn't compatible with the "
+                f"given slice (expected {count})."
+                if native.kind == "vec"
+                else f"The provided value is expected to be a vector of length {count}, with dtype "
+                f"{native.element.python_name}.",
+            )
+        return [self.builder.extract(value, place) for place in places]
