@@ -43,10 +43,18 @@ constexpr double callCost = 20, rootCost = 6, divisionCost = 8;
 constexpr double streamGain = 8;
 /// A lane's share of gathering a number; of doing an operation lane by lane.
 constexpr double gatherCost = 1.3, laneCost = 4;
-/// The same of gathering up to three numbers outside of loops, where a
-/// processor has several threads in hand at once, as lanes would: copies in
-/// another order were 1.6 to 2 times slower as lanes, springs as much quicker.
+/// The same of gathering up to three numbers outside of loops, or in loops that
+/// are unrolled, where a processor has several threads in hand at once, as
+/// lanes would: copies in another order were 1.6 to 2 times slower as lanes,
+/// springs as much quicker; sums over six neighbours 1.6 times slower.
 constexpr double straightGatherCost = 2.8;
+/// Trips of loops that are unrolled.
+constexpr int64_t shortLoop = 8;
+/// The same in loops that lanes leave one by one: it takes as long for the last
+/// lane as for all, while a thread alone gathers no more than it needs; twice
+/// that for 64 bits, of which a vector has half as many. Sums over edges of a
+/// graph were 1.5 times slower as lanes.
+constexpr double divergentGatherCost = 2.4;
 /// How long a sum of floats waits for the one before.
 constexpr double sumLatency = 4;
 /// A call of the device library, which lanes do one by one.

@@ -25,6 +25,20 @@ static bool isConstant(Value value, llvm::ArrayRef<int64_t> numbers) {
          llvm::is_contained(numbers, number.getSExtValue());
 }
 
+/// The load of the address that memory lies at from a handle's slot, or null.
+static warp::LoadComponentsOp wordOfSlot(warp::ArrayAtOp memory) {
+  auto word = memory.getAddress().getDefiningOp<warp::LoadComponentsOp>();
+  if (!word || word.getIndices().size() != 1)
+    return nullptr;
+  auto slot = warp::rootOf(word.getArray()).getDefiningOp<warp::ArrayAtOp>();
+  return slot && slotAt(slot.getAddress()) ? word : nullptr;
+}
+
+bool warp::isBehindHandle(Value array) {
+  auto memory = rootOf(array).getDefiningOp<ArrayAtOp>();
+  return memory && (slotAt(memory.getAddress()) || wordOfSlot(memory));
+}
+
 bool warp::isGeometryMemory(Value array) {
   // python/warp/_src/geometry: handles.py, grid_queries.py, volumes/places.py.
   constexpr int64_t kindOfGrid = 1, startsOfCells = 4, order = 11;
@@ -34,14 +48,12 @@ bool warp::isGeometryMemory(Value array) {
     return false;
   if (slotAt(memory.getAddress()))
     return true;
-  auto word = memory.getAddress().getDefiningOp<LoadComponentsOp>();
-  if (!word || word.getIndices().size() != 1)
+  LoadComponentsOp word = wordOfSlot(memory);
+  if (!word)
     return false;
-  auto slot = rootOf(word.getArray()).getDefiningOp<ArrayAtOp>();
-  LibraryCallOp call = slot ? slotAt(slot.getAddress()) : nullptr;
-  if (!call)
-    return false;
-  Value kind = call.getArgs()[1], place = word.getIndices().front();
+  auto slot = cast<ArrayAtOp>(rootOf(word.getArray()).getDefiningOp());
+  Value kind = slotAt(slot.getAddress()).getArgs()[1];
+  Value place = word.getIndices().front();
   // Values of a grid are in rows.
   bool isHeader = memory.getExtents().size() == 1;
   return (isConstant(kind, {kindOfGrid}) &&

@@ -15,6 +15,8 @@ namespace warp {
 /// grid, or the header of a volume's grid: the runtime made them for itself,
 /// and no kernel of a user writes there.
 bool isGeometryMemory(mlir::Value array);
+/// Whether an array is what a handle leads to, whoever writes there.
+bool isBehindHandle(mlir::Value array);
 
 } // namespace warp
 

@@ -106,6 +106,8 @@ public:
 
   /// Whether an array may be written by the kernel.
   bool isWritten(mlir::Value array) const;
+  /// Whether it writes to arrays that are no arguments.
+  bool hasUnknownWrites() const { return writesUnknown; }
 
   /// An integer as a sum over thread indices, trips, extents and other values.
   const Form &form(mlir::Value value) const { return forms.of(value); }

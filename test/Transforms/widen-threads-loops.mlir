@@ -168,3 +168,43 @@ func.func @own_end(%x: !warp.array<2 x f32>, %n: i32, %z: f32)
   }
   return
 }
+
+// -----
+
+#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+
+// A march through a volume ends by what it reads there, which no thread waits
+// for, though the array that is written may have the same memory.
+// CHECK-LABEL: func.func @march
+// CHECK: warp.load_lanes
+func.func @march(%volume: i64, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.variant = #lanes} {
+  %i = warp.tid : i32
+  %zero = arith.constant 0 : i32
+  %one = arith.constant 1 : i32
+  %kind = arith.constant 4 : i32
+  %size = arith.constant 32 : i32
+  %width = arith.constant 16 : i32
+  %none = arith.constant 0.0 : f32
+  %end = scf.while (%k = %i, %more = %one) : (i32, i32) -> i32 {
+    %goes = arith.cmpi ne, %more, %zero : i32
+    scf.condition(%goes) %k : i32
+  } do {
+  ^bb0(%k: i32):
+    %address = warp.library_call "warp_slot"(%volume, %kind) : (i64, i32) -> i64
+    %slot = warp.array_at %address[%size] : i64, i32 -> !warp.array<1 x ui64>
+    %grid = warp.load_components %slot[%one]
+      : !warp.array<1 x ui64>, i32 -> i64
+    %rows = warp.array_at %grid[%size, %width]
+      : i64, i32, i32 -> !warp.array<2 x f32>
+    %v = warp.load_components %rows[%k, %zero]
+      : !warp.array<2 x f32>, i32, i32 -> f32
+    %is_out = arith.cmpf ogt, %v, %none : f32
+    %again = arith.extui %is_out : i1 to i32
+    %next = arith.addi %k, %one : i32
+    scf.yield %next, %again : i32, i32
+  }
+  %far = arith.sitofp %end : i32 to f32
+  warp.store_components(%far), %y[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}

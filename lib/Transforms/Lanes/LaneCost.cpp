@@ -24,6 +24,10 @@ using namespace mlir;
 using warp::LaneCost;
 using warp::ThreadVariance;
 
+/// A lane's share of an operation on numbers of up to 32 bits: 16 of them in a
+/// vector, or as good as that; and of 64 bits.
+static constexpr double laneShare = 1.0 / 12, wideLaneShare = 1.0 / 6;
+
 namespace {
 
 class CostCounter {
@@ -47,6 +51,7 @@ private:
     return !variance.isUniform(value, warp::Scope::Lanes);
   }
   void count(Operation *op, double trips, double use);
+  void countAccess(warp::AccessOp op, double trips, double use);
   bool isStream(scf::ForOp loop) const;
   bool isChain(LoopLikeOpInterface loop) const;
   void add(double scalar, double vector, double trips, double use) {
@@ -175,6 +180,51 @@ bool CostCounter::isChain(LoopLikeOpInterface loop) const {
          (4 * longestWay(loop) >= own || shared >= 2 * own);
 }
 
+static bool hasWide(TypeRange types) {
+  return llvm::any_of(types, [](Type type) {
+    return type.isIntOrFloat() && type.getIntOrFloatBitWidth() > 32;
+  });
+}
+
+/// Whether no loop is around it that goes on for long.
+static bool isStraight(Operation *op) {
+  for (Operation *parent = op->getParentOp(); !isa<warp::ThreadsOp>(parent);
+       parent = parent->getParentOp()) {
+    auto loop = dyn_cast<LoopLikeOpInterface>(parent);
+    auto trips = loop ? loop.getStaticTripCount() : std::nullopt;
+    if (loop && !(trips && trips->ule(warp::cost::shortLoop)))
+      return false;
+  }
+  return true;
+}
+
+/// A lane's share of gathering one of some numbers.
+static double gatherCost(Operation *op, ValueRange numbers, double use) {
+  if (use < 1)
+    return (hasWide(numbers.getTypes()) ? 2 : 1) *
+           warp::cost::divergentGatherCost;
+  return isStraight(op) && numbers.size() < 4 ? warp::cost::straightGatherCost
+                                              : warp::cost::gatherCost;
+}
+
+void CostCounter::countAccess(warp::AccessOp op, double trips, double use) {
+  auto store = dyn_cast<warp::StoreComponentsOp>(*op);
+  ValueRange numbers =
+      store ? ValueRange(store.getComponents()) : ValueRange(op->getResults());
+  double count = numbers.size();
+  bool follows = variance.step(op->getOperands().back()) == 1;
+  // To take these apart is much code. Outside of loops it gains nothing to do
+  // it for two vectors in turn.
+  if (count > 4)
+    cost.operations += 4 * count;
+  Value array = op.getArray();
+  double each = !follows                        ? gatherCost(op, numbers, use)
+                : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
+                : warp::hasDenseElements(array) ? 2 * laneShare
+                                                : gatherCost(op, numbers, use);
+  add(count, each * count, trips, use);
+}
+
 void CostCounter::count(Operation *op, double trips, double use) {
   if (auto loop = dyn_cast<scf::ForOp>(op); loop && isStream(loop)) {
     CostCounter inside(variance, exclusive);
@@ -198,8 +248,10 @@ void CostCounter::count(Operation *op, double trips, double use) {
   if (op->getNumRegions() != 0 || op->hasTrait<OpTrait::ConstantLike>())
     return;
   cost.operations += trips;
-  // A lane's share: 16 of them in a vector, or as good as that.
-  constexpr double share = 1.0 / 12;
+  const double share =
+      hasWide(op->getResultTypes()) || hasWide(op->getOperandTypes())
+          ? wideLaneShare
+          : laneShare;
   bool varies =
       llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); }) ||
       llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); });
@@ -209,25 +261,8 @@ void CostCounter::count(Operation *op, double trips, double use) {
   for (Type type : op->getResultTypes())
     if (type.isIntOrFloat() && !type.isInteger(1))
       (type.getIntOrFloatBitWidth() > 32 ? cost.wide : cost.narrow) += trips;
-  bool isLoad = isa<warp::LoadComponentsOp>(op);
-  if (isLoad || isa<warp::StoreComponentsOp>(op)) {
-    double count =
-        isLoad ? op->getNumResults()
-               : cast<warp::StoreComponentsOp>(op).getComponents().size();
-    bool follows = variance.step(op->getOperand(op->getNumOperands() - 1)) == 1;
-    // To take these apart is much code. Outside of loops it gains nothing to do
-    // it for two vectors in turn.
-    if (count > 4)
-      cost.operations += 4 * count;
-    Value array = cast<warp::AccessOp>(op).getArray();
-    double gather = trips == 1 && count < 4 ? warp::cost::straightGatherCost
-                                            : warp::cost::gatherCost;
-    double each = !follows                        ? gather
-                  : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
-                  : warp::hasDenseElements(array) ? 2 * share
-                                                  : gather;
-    return add(count, each * count, trips, use);
-  }
+  if (isa<warp::LoadComponentsOp, warp::StoreComponentsOp>(op))
+    return countAccess(cast<warp::AccessOp>(op), trips, use);
   if (auto update = dyn_cast<warp::AtomicComponentsOp>(op)) {
     bool isOnePlace = llvm::none_of(
         update.getIndices(), [&](Value index) { return isVarying(index); });

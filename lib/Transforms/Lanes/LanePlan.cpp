@@ -14,6 +14,7 @@
 #include "LaneCost.h"
 
 #include "Analysis/Effects.h"
+#include "Analysis/GeometryMemory.h"
 #include "KernelFunction.h"
 #include "Updates/Atomics.h"
 
@@ -27,12 +28,16 @@ using warp::ThreadVariance;
 // Right
 //===----------------------------------------------------------------------===//
 
-/// What another thread may change while a loop runs.
+/// What another thread may change while a loop runs. That an array of the
+/// launch is also points of a mesh, say, is nothing that threads wait for.
 static bool isShared(Operation *op, const ThreadVariance &variance) {
   auto access = dyn_cast<warp::AccessOp>(op);
-  return access &&
-         (access.isUpdate() ||
-          (access.mayRead() && variance.isWritten(access.getArray())));
+  if (!access)
+    return false;
+  bool isFlag =
+      variance.hasUnknownWrites() || !warp::isBehindHandle(access.getArray());
+  return access.isUpdate() ||
+         (access.mayRead() && isFlag && variance.isWritten(access.getArray()));
 }
 
 /// Whether a loop goes on until another thread has done something: its

@@ -16,7 +16,16 @@ class Session:
 
     __slots__ = (
         *("active", "build", "builder", "callers", "calls", "debug", "derived", "handles"),
-        *("has_breakpoints", "is_ragged", "max_unroll", "memories", "parameters", "statics", "sums_winding", "taken"),
+        *(
+            "has_breakpoints",
+            "is_ragged",
+            "max_unroll",
+            "memories",
+            "parameters",
+            "statics",
+            "sums_winding",
+            "taken",
+        ),
         *("threads", "tile_builder"),
     )
 
