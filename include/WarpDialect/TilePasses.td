@@ -50,6 +50,28 @@ def CheckTiles : WarpTilePass<"warp-check-tiles"> {
   }];
 }
 
+def ScalarizeTiles : WarpTilePass<"warp-scalarize-tiles"> {
+  let summary = "Make a kernel without tiles of one whose tiles have one element";
+  let description = [{
+    For blocks of one thread on a CPU, but in debug kernels. If there is a form
+    without tiles for all operations of the kernel, its threads are independent
+    from here on.
+
+    ```mlir
+    %t = warp.tile_from_threads %x : f32 -> !warp.tile<1 x f32>
+    %s = warp.tile_reduce add %t : !warp.tile<1 x f32> -> !warp.tile<1 x f32>
+    %old = warp.tile_atomic add %s, %a[%i] : ...
+    // ==>
+    // %inside: 0 <= %i < extent of %a
+    scf.if %inside {
+      %old = warp.atomic add %x, %a[%i] : f32, ...
+    }
+    ```
+  }];
+  let dependentDialects = ["::warp::WarpDialect", "::mlir::arith::ArithDialect",
+                           "::mlir::scf::SCFDialect"];
+}
+
 def FormLaneLoops : WarpTilePass<"warp-form-lane-loops"> {
   let summary = "Let one thread of a CPU do what the threads of a block do";
   let description = [{
