@@ -42,7 +42,10 @@ public:
   }
 
   /// After the operations are counted.
-  void findChain(LoopLikeOpInterface loop) { cost.hasChain |= isChain(loop); }
+  void visit(LoopLikeOpInterface loop) {
+    cost.hasChain |= isChain(loop);
+    findTightLoop(loop);
+  }
 
   LaneCost cost;
 
@@ -54,6 +57,8 @@ private:
   void countAccess(warp::AccessOp op, double trips, double use);
   bool isStream(scf::ForOp loop) const;
   bool isChain(LoopLikeOpInterface loop) const;
+  bool isOfLanes(Operation *op) const;
+  void findTightLoop(LoopLikeOpInterface loop);
   void add(double scalar, double vector, double trips, double use) {
     cost.scalar += scalar * trips;
     cost.vector += vector * trips / use;
@@ -157,6 +162,44 @@ static int64_t longestWay(LoopLikeOpInterface loop) {
   return longest;
 }
 
+bool CostCounter::isOfLanes(Operation *op) const {
+  auto varies = [&](Value value) { return isVarying(value); };
+  return llvm::any_of(op->getResults(), varies) ||
+         llvm::any_of(op->getOperands(), varies);
+}
+
+static bool isShort(LoopLikeOpInterface loop) {
+  auto trips = loop.getStaticTripCount();
+  return trips && trips->ule(warp::cost::shortLoop);
+}
+
+/// A loop without others that all lanes leave together, in which operations
+/// wait for each other rather than for memory: lanes have at most one access,
+/// side by side.
+void CostCounter::findTightLoop(LoopLikeOpInterface loop) {
+  if (isShort(loop))
+    return;
+  int64_t own = 0, accesses = 0;
+  bool isInnermost = true, isTight = !variance.isDivergent(loop);
+  loop->walk([&](Operation *op) {
+    auto inner = dyn_cast<LoopLikeOpInterface>(op);
+    isInnermost &= !inner || inner == loop || isShort(inner);
+    if (op->getNumRegions() != 0 || !isOfLanes(op) ||
+        op->hasTrait<OpTrait::IsTerminator>())
+      return;
+    ++own;
+    bool isAccess = isa<warp::LoadComponentsOp, warp::StoreComponentsOp>(op);
+    accesses += isAccess;
+    isTight &= isAccess
+                   ? variance.step(op->getOperands().back()) == 1
+                   : isMemoryEffectFree(op) && !isa<warp::LibraryCallOp>(op);
+  });
+  if (!isInnermost)
+    return;
+  cost.largestLoop = std::max(cost.largestLoop, own);
+  cost.isTight &= isTight && accesses <= 1;
+}
+
 /// Whether the iterations of a loop wait for each other rather than for memory,
 /// or do more for all lanes together than for each: with twice the lanes they
 /// take as long.
@@ -168,9 +211,7 @@ bool CostCounter::isChain(LoopLikeOpInterface loop) const {
     if (op->getNumRegions() != 0 || op->hasTrait<OpTrait::IsTerminator>() ||
         op->hasTrait<OpTrait::ConstantLike>())
       return;
-    bool varies =
-        llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); }) ||
-        llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); });
+    bool varies = isOfLanes(op);
     ++(varies ? own : shared);
     if (varies && isa<warp::AccessOp>(op))
       apart += std::max<int64_t>(op->getNumResults(), 3);
@@ -190,9 +231,8 @@ static bool hasWide(TypeRange types) {
 static bool isStraight(Operation *op) {
   for (Operation *parent = op->getParentOp(); !isa<warp::ThreadsOp>(parent);
        parent = parent->getParentOp()) {
-    auto loop = dyn_cast<LoopLikeOpInterface>(parent);
-    auto trips = loop ? loop.getStaticTripCount() : std::nullopt;
-    if (loop && !(trips && trips->ule(warp::cost::shortLoop)))
+    if (auto loop = dyn_cast<LoopLikeOpInterface>(parent);
+        loop && !isShort(loop))
       return false;
   }
   return true;
@@ -252,10 +292,7 @@ void CostCounter::count(Operation *op, double trips, double use) {
       hasWide(op->getResultTypes()) || hasWide(op->getOperandTypes())
           ? wideLaneShare
           : laneShare;
-  bool varies =
-      llvm::any_of(op->getOperands(), [&](Value v) { return isVarying(v); }) ||
-      llvm::any_of(op->getResults(), [&](Value v) { return isVarying(v); });
-  if (!varies)
+  if (!isOfLanes(op))
     return add(1, share, trips, use);
   ++cost.varying;
   for (Type type : op->getResultTypes())
@@ -310,7 +347,7 @@ LaneCost warp::costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
   counter.cost.scalar += warp::cost::sumLatency *
                          threads.getThread()->getTerminator()->getNumOperands();
   threads.getThread()->walk(
-      [&](LoopLikeOpInterface loop) { counter.findChain(loop); });
+      [&](LoopLikeOpInterface loop) { counter.visit(loop); });
   return counter.cost;
 }
 
@@ -320,6 +357,10 @@ int64_t LaneCost::chooseLanes(int64_t bits) const {
   int64_t lanes = bits / (wide > narrow ? 64 : 32);
   // Two vectors in turn hide the latency of short bodies, and of chains.
   constexpr int64_t most = 200;
+  constexpr int64_t mostInTurn = 40, mostAround = 120;
+  if (isTight && largestLoop > 0 && largestLoop <= mostInTurn &&
+      varying <= mostAround)
+    return 4 * lanes;
   bool isShort = operations <= (hasLoop ? 40 * warp::cost::loopTrips : 24);
   return isShort || (hasChain && varying <= most) ? 2 * lanes : lanes;
 }

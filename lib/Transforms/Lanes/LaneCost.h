@@ -22,6 +22,10 @@ struct LaneCost {
   bool hasLoop = false;
   /// Whether most of them are in a loop that two vectors in turn run quicker.
   bool hasChain = false;
+  /// Those of the largest loop without others, and whether all such loops do
+  /// little but compute: four vectors in turn hide how long that takes.
+  int64_t largestLoop = 0;
+  bool isTight = true;
 
   bool isWorthIt() const;
   /// Lanes of vectors of that many bits, one or several at a time.
