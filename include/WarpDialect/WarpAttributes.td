@@ -86,10 +86,11 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     would share a CPU launch. `min_blocks`:
     fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:
     threads that are to be lanes of a vector on a CPU; 1 keeps them scalar, 0
-    leaves it open.
+    leaves it open. `row`: rows of a CPU launch, of its last dimension, have at
+    most so many threads, which lanes are; 0 says nothing.
 
     (C1) `rank` is 1 to 4. (C2) `block` and `threads` are 1 or more. (C3) `lanes`
-    is 0 or a power of two up to 64.
+    and `row` are 0 or a power of two up to 64.
 
     ```mlir
     #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, debug = true>
@@ -102,7 +103,7 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
                         Warp_Flag<>:$narrow, Warp_Flag<>:$disjoint,
                         Warp_Number<"256">:$block, Warp_Number<"16">:$threads,
                         Warp_Number<"0">:$min_blocks, Warp_Number<"0">:$lanes,
-                        Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
+                        Warp_Number<"0">:$row, Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
                         DefaultValuedParameter<"::warp::Determinism",
                             "::warp::Determinism::none">:$deterministic);
   let genVerifyDecl = 1;

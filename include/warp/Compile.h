@@ -76,6 +76,9 @@ struct CompileOptions {
   /// CPU: threads that are lanes of a vector together, a power of two; 0 leaves
   /// it to the compiler, 1 keeps threads scalar.
   int lanes = 0;
+  /// CPU: rows of the launch have at most so many threads, a power of two; 0
+  /// says nothing.
+  int row = 0;
   /// The launch has too few threads to fill the card, or a vector of a CPU.
   bool under = false;
   /// GPU: squares of indices of the last two dimensions would not fill.

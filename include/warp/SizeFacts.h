@@ -10,7 +10,12 @@
 namespace warp {
 
 /// Bits of a mask; `CompileOptions` explains each.
-enum SizeFact : int { largeFact = 1, underFact = 2, narrowFact = 4 };
+enum SizeFact : int {
+  largeFact = 1,
+  underFact = 2,
+  narrowFact = 4,
+  rowFact = 8
+};
 
 } // namespace warp
 

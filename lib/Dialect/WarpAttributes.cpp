@@ -74,17 +74,18 @@ LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
                                         int64_t rank, uint64_t, bool, bool,
                                         bool, bool, bool, bool, int64_t block,
                                         int64_t threads, int64_t, int64_t lanes,
-                                        bool, bool, Determinism) {
+                                        int64_t row, bool, bool, Determinism) {
   if (rank < 1 || rank > 4)
     return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
                        << rank;
   if (block < 1 || threads < 1)
     return emitError() << "(C2) expects 1 thread or more, but got "
                        << std::min(block, threads);
-  if (lanes < 0 || lanes > 64 || (lanes > 0 && !llvm::isPowerOf2_64(lanes)))
-    return emitError() << "(C3) expects 1 to 64 lanes, a power of two, or 0, "
-                          "but got "
-                       << lanes;
+  for (auto [number, what] : {std::pair(lanes, "lanes"), {row, "in a row"}})
+    if (number < 0 || number > 64 ||
+        (number > 0 && !llvm::isPowerOf2_64(number)))
+      return emitError() << "(C3) expects 1 to 64 " << what
+                         << ", a power of two, or 0, but got " << number;
   return success();
 }
 
@@ -93,7 +94,7 @@ warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
              /*flat=*/false, /*large=*/false, /*under=*/false,
              /*narrow=*/false, /*disjoint=*/false, /*block=*/256,
-             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0,
+             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0, /*row=*/0,
              /*debug=*/false, /*fast_math=*/false, Determinism::none);
 }
 

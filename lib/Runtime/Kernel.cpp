@@ -122,6 +122,8 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
   std::memcpy(params, &header, sizeof(header));
   auto choose = [&] {
     plan.variant = find(key);
+    if (!plan.variant && device == cpuDevice)
+      plan.variant = findForAnyRows(key, dim.rank, plan.items);
     if (plan.variant && isTooSlow(*plan.variant, plan.items)) {
       if (mayMake)
         improve(*plan.variant);

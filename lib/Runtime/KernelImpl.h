@@ -35,6 +35,8 @@ struct VariantKey {
   /// Arrays lie such that the copy engine cannot take boxes of them.
   bool unmapped = false;
   int blockDim = 0;
+  /// `CompileOptions::row`.
+  int row = 0;
   uint64_t contiguous = 0;
 
   bool operator==(const VariantKey &other) const {
@@ -43,7 +45,8 @@ struct VariantKey {
            large == other.large && under == other.under &&
            narrow == other.narrow && disjoint == other.disjoint &&
            ordered == other.ordered && unmapped == other.unmapped &&
-           blockDim == other.blockDim && contiguous == other.contiguous;
+           blockDim == other.blockDim && row == other.row &&
+           contiguous == other.contiguous;
   }
 
   /// The same but for what does not count of the size of the launch, of which
@@ -55,6 +58,8 @@ struct VariantKey {
       other.under = under;
     if (!(facts & narrowFact))
       other.narrow = narrow;
+    if (!(facts & rowFact))
+      other.row = row;
     return *this == other;
   }
 };
@@ -151,6 +156,8 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   int threadRank();
   void setParameters(std::vector<Param> list);
   Variant *find(const VariantKey &key) const;
+  /// One for rows of any length, if the launch is not worth another.
+  Variant *findForAnyRows(VariantKey key, int rank, int64_t items) const;
   /// A variant for launches of so many threads.
   Variant *make(const VariantKey &key, int64_t items);
   /// Has quickly compiled code replaced, by the calling thread.
@@ -160,6 +167,8 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
   void findAccesses();
+  /// What counts of the launch's rows on a CPU.
+  void setRows(VariantKey &key, const LaunchDim &dim) const;
   bool isDisjoint(const VariantKey &key, const void *params) const;
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, int64_t &items) const;

@@ -28,6 +28,8 @@ static std::string describeKind(const VariantKey &key, int arch) {
     text += ", many threads";
   if (key.under)
     text += ", few threads";
+  if (key.row)
+    text += ", rows of at most " + std::to_string(key.row);
   if (!key.index32)
     text += ", 64-bit indices";
   if (key.flat)
@@ -65,8 +67,11 @@ static void addCuda(const Kernel::Variant &variant,
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
                                       const Variant *variant) {
   VariantKey served = key;
-  if (variant && arch == 0)
+  if (variant && arch == 0) {
     served.under &= (variant->code.sizeFacts & underFact) != 0;
+    if (!(variant->code.sizeFacts & rowFact))
+      served.row = 0;
+  }
   LaunchSchedule result{describeKind(served, arch), {}};
   if (!hasSource()) {
     result.choices.push_back({"source", "none", "the code is from a file"});
@@ -109,6 +114,8 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
     key.blockDim = impl->checkedBlockDim(0);
     key.flat = rank > 3;
   }
+  if (dim && arch == 0)
+    impl->setRows(key, *dim);
   if (dim && arch != 0) {
     int64_t items = 1;
     for (int i = 0; i < rank; ++i)

@@ -26,6 +26,12 @@ static constexpr int64_t largeLaunch = int64_t(1) << 21;
 static constexpr int64_t fewThreads = 768;
 /// Launches below so many threads leave a CPU's vector waiting.
 static constexpr int64_t fewLanes = 16;
+/// Rows of a CPU launch for which code has fewer lanes than vectors have room
+/// for: powers of two from the first to the last.
+static constexpr int leastRow = 4, mostRow = 32;
+/// Operations of a launch for which code for rows of any length does, where
+/// there is some.
+static constexpr double smallWork = 1e5;
 /// Extents from which on squares of 32 indices are mostly full.
 static constexpr int64_t wideExtent = 96;
 /// Several threads must share the first dimension for one to take many indices
@@ -71,6 +77,20 @@ void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
                                 dim.extent[dim.rank - 2] < wideExtent);
 }
 
+void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
+  // Saved code is for the dimensions that it was saved with.
+  if (!saved.empty() || options.debug)
+    return;
+  // Of indices that are zero the kernel need not know.
+  while (key.rank > 1 && dim.extent[key.rank - 1] == 1)
+    --key.rank;
+  if (key.rank == 1 || options.lanes != 0)
+    return;
+  for (int row = leastRow; row <= mostRow && key.row == 0; row *= 2)
+    if (dim.extent[key.rank - 1] <= row)
+      key.row = row;
+}
+
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                                 const void *params, int blockDim,
                                 int64_t &items) const {
@@ -105,6 +125,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
     // Sums keep their order in launches of any size where that is asked for.
     key.under = items < fewLanes && options.lanes == 0 && !options.debug &&
                 !options.deterministic;
+    setRows(key, dim);
     return key;
   }
   key.blockDim = checkedBlockDim(blockDim);
@@ -144,6 +165,16 @@ Kernel::Variant *Kernel::Impl::find(const VariantKey &key) const {
   return variant;
 }
 
+Kernel::Variant *Kernel::Impl::findForAnyRows(VariantKey key, int rank,
+                                              int64_t items) const {
+  key.rank = rank;
+  key.row = 0;
+  Variant *variant = find(key);
+  bool isSmall =
+      variant && variant->code.cost * static_cast<double>(items) <= smallWork;
+  return isSmall ? variant : nullptr;
+}
+
 CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
                                             int arch) const {
   CompileOptions result;
@@ -175,6 +206,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.maxRegisters = options.maxRegisters;
   result.minBlocks = options.minBlocks;
   result.lanes = arch == 0 ? options.lanes : 0;
+  result.row = key.row;
   return result;
 }
 

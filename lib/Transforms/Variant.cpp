@@ -44,6 +44,7 @@ static void visitOptions(Options &options, Visitor visit) {
   visit("max-registers", options.maxRegisters);
   visit("min-blocks", options.minBlocks);
   visit("lanes", options.lanes);
+  visit("row", options.row);
 }
 
 static bool parse(StringRef text, std::string &value) {
@@ -156,5 +157,5 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
       options.index32, options.flat, options.large, options.under,
       options.narrow, options.disjoint, int64_t(options.blockDim),
       int64_t(options.threads), int64_t(options.minBlocks),
-      int64_t(options.lanes), options.debug, options.fastMath, deterministic);
+      int64_t(options.lanes), int64_t(options.row), options.debug, options.fastMath, deterministic);
 }

@@ -70,6 +70,11 @@ private:
 
 } // namespace
 
+static bool isShort(LoopLikeOpInterface loop) {
+  auto trips = loop.getStaticTripCount();
+  return trips && trips->ule(warp::cost::shortLoop);
+}
+
 /// Whether an operation has the same bits in any order of its terms.
 static bool isReordered(Operation *op) {
   return isa_and_present<arith::AddIOp, arith::MulIOp, arith::AndIOp,
@@ -106,7 +111,7 @@ static bool carriesSums(scf::ForOp loop) {
 /// each other while those of neighbouring threads do not.
 bool CostCounter::isStream(scf::ForOp loop) const {
   bool hasRows = false, carries = loop.getNumRegionIterArgs() != 0;
-  if (!carriesSums(loop))
+  if (isShort(loop) || !carriesSums(loop))
     return false;
   for (Operation &op : loop.getBody()->without_terminator()) {
     auto access = dyn_cast<warp::AccessOp>(op);
@@ -166,11 +171,6 @@ bool CostCounter::isOfLanes(Operation *op) const {
   auto varies = [&](Value value) { return isVarying(value); };
   return llvm::any_of(op->getResults(), varies) ||
          llvm::any_of(op->getOperands(), varies);
-}
-
-static bool isShort(LoopLikeOpInterface loop) {
-  auto trips = loop.getStaticTripCount();
-  return trips && trips->ule(warp::cost::shortLoop);
 }
 
 /// A loop without others that all lanes leave together, in which operations
@@ -351,7 +351,10 @@ LaneCost warp::costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
   return counter.cost;
 }
 
-bool LaneCost::isWorthIt() const { return scalar >= 1.2 * vector; }
+bool LaneCost::isWorthIt(int64_t lanes) const {
+  double least = lanes <= 4 ? 3 : lanes <= 8 ? 2 : 1.2;
+  return scalar >= least * vector;
+}
 
 int64_t LaneCost::chooseLanes(int64_t bits) const {
   int64_t lanes = bits / (wide > narrow ? 64 : 32);

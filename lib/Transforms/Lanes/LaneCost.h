@@ -27,7 +27,8 @@ struct LaneCost {
   int64_t largestLoop = 0;
   bool isTight = true;
 
-  bool isWorthIt() const;
+  /// Whether so many lanes are, of vectors that are counted on to be full.
+  bool isWorthIt(int64_t lanes) const;
   /// Lanes of vectors of that many bits, one or several at a time.
   int64_t chooseLanes(int64_t bits) const;
 };

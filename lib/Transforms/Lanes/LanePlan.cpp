@@ -115,14 +115,22 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
     return plan;
   LaneCost cost =
       costOfLanes(threads, variance, getRecipe(kernel).getExclusive());
-  int64_t wanted = getVariant(kernel).getLanes();
-  if (wanted == 0 && !cost.isWorthIt()) {
+  VariantAttr variant = getVariant(kernel);
+  if (variant.getLanes() != 0) {
+    plan.lanes = variant.getLanes();
+    plan.reason = "asked for";
+    return plan;
+  }
+  int64_t lanes = cost.chooseLanes(variant.getTarget().getBits());
+  plan.dependsOnRows = variant.getRank() > 1 && cost.isWorthIt(lanes);
+  if (variant.getRow() != 0)
+    lanes = std::min(lanes, variant.getRow());
+  if (!cost.isWorthIt(lanes)) {
     plan.reason = "most is done lane by lane";
     return plan;
   }
-  int64_t bits = getVariant(kernel).getTarget().getBits();
-  plan.lanes = wanted ? wanted : cost.chooseLanes(bits);
-  plan.reason = wanted ? "asked for" : "worth it";
+  plan.lanes = lanes;
+  plan.reason = "worth it";
   return plan;
 }
 

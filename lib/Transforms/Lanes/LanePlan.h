@@ -18,6 +18,8 @@ struct LanePlan {
   int64_t lanes = 1;
   /// What decided that.
   std::string reason;
+  /// Whether another length of the launch's rows may decide otherwise.
+  bool dependsOnRows = false;
 };
 
 /// As many lanes as the variant asks for, if it does and they are possible at

@@ -33,6 +33,8 @@
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TilePasses.h"
 
+#include "warp/SizeFacts.h"
+
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/IR/Matchers.h"
@@ -382,6 +384,9 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
+    if (plan.dependsOnRows)
+      warp::setRecipe(kernel,
+                      warp::getRecipe(kernel).withFacts(warp::rowFact));
     if (plan.lanes == 1)
       return;
     if (warp::shareRuns(kernel, variance)) {
