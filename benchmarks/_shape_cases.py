@@ -32,6 +32,7 @@ import _shape_networks  # noqa: F401
 import _shape_numbers  # noqa: F401
 import _shape_points  # noqa: F401
 import _shape_queries  # noqa: F401
+import _shape_rows  # noqa: F401
 import _shape_samples  # noqa: F401
 import _shape_signal  # noqa: F401
 import _shape_solids  # noqa: F401
