@@ -133,3 +133,22 @@ func.func @place_before_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f3
   %old = warp.tile_atomic add %t, %a[%again] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<32 x f32>
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+
+// A block of one thread has no threads to share elements with.
+// CHECK-LABEL: func.func @one_thread
+// CHECK: warp.store %{{.*}}, %arg0
+func.func @one_thread(%a: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 1 : i64,
+                warp.variant = #gpu} {
+  %size = warp.constant 8 : si32
+  %one = warp.constant 1.0 : f32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %size) : (si32, si32) -> si32
+  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<8 x f32>
+  %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<8 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<8 x f32>
+  return
+}

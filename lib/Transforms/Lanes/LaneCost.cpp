@@ -365,5 +365,8 @@ int64_t LaneCost::chooseLanes(int64_t bits) const {
       varying <= mostAround)
     return 4 * lanes;
   bool isShort = operations <= (hasLoop ? 40 * warp::cost::loopTrips : 24);
-  return isShort || (hasChain && varying <= most) ? 2 * lanes : lanes;
+  // What is 64 bits wide of those is two vectors as it is.
+  bool isMixed = wide <= narrow && 2 * wide > narrow;
+  bool isDoubled = (isShort && !isMixed) || (hasChain && varying <= most);
+  return isDoubled ? 2 * lanes : lanes;
 }

@@ -99,7 +99,7 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
     return updateElements(op, /*plainly=*/false);
   Value alone, inside;
   Values early;
-  if (isGpu(kernel))
+  if (isGpu(kernel) && threads > 1)
     early = loadEarly(op, alone);
   if (early.empty())
     alone = isAlone(own->second);
