@@ -351,8 +351,8 @@ LaneCost warp::costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
   return counter.cost;
 }
 
-bool LaneCost::isWorthIt(int64_t lanes) const {
-  double least = lanes <= 4 ? 3 : lanes <= 8 ? 2 : 1.2;
+bool LaneCost::isWorthIt(int64_t lanes, int64_t all) const {
+  double least = lanes >= std::min<int64_t>(all, 16) ? 1.2 : lanes >= 8 ? 2 : 3;
   return scalar >= least * vector;
 }
 

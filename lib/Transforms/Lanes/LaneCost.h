@@ -27,8 +27,8 @@ struct LaneCost {
   int64_t largestLoop = 0;
   bool isTight = true;
 
-  /// Whether so many lanes are, of vectors that are counted on to be full.
-  bool isWorthIt(int64_t lanes) const;
+  /// Whether so many lanes of those that there are room for are.
+  bool isWorthIt(int64_t lanes, int64_t all) const;
   /// Lanes of vectors of that many bits, one or several at a time.
   int64_t chooseLanes(int64_t bits) const;
 };

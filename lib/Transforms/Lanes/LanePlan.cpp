@@ -121,11 +121,11 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
     plan.reason = "asked for";
     return plan;
   }
-  int64_t lanes = cost.chooseLanes(variant.getTarget().getBits());
-  plan.dependsOnRows = variant.getRank() > 1 && cost.isWorthIt(lanes);
+  int64_t all = cost.chooseLanes(variant.getTarget().getBits()), lanes = all;
+  plan.dependsOnRows = variant.getRank() > 1 && cost.isWorthIt(all, all);
   if (variant.getRow() != 0)
-    lanes = std::min(lanes, variant.getRow());
-  if (!cost.isWorthIt(lanes)) {
+    lanes = std::min(all, variant.getRow());
+  if (!cost.isWorthIt(lanes, all)) {
     plan.reason = "most is done lane by lane";
     return plan;
   }
