@@ -291,3 +291,34 @@ def test_single_precision_close_to_rest(device, gap):
     found = gradient(single, a, device, wp.mat33)
     exact = exact_gradient(EXACT[stress], a.astype(np.float64))
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-4 * np.abs(exact).max())
+
+
+@wp.func
+def power16(x: wp.float64):
+    a = x * x
+    b = a * a
+    c = b * b
+    return c * c
+
+
+@wp.func
+def power65536(x: wp.float64):
+    return power16(power16(power16(power16(x))))
+
+
+def test_entries_that_share_factors_many_times(device):
+    """A product with 2^40 factors, made by 40 operations, is no sum over columns."""
+
+    @wp.kernel(module="unique")
+    def program(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.mat33d)):
+        i = wp.tid()
+        p = power65536(power65536(power16(power16(x[i]))))
+        zero = wp.float64(0.0)
+        y[i] = wp.mat33d(p, zero, zero, zero, p, zero, zero, zero, p)
+
+    x = wp.ones(1, dtype=wp.float64, device=device, requires_grad=True)
+    y = wp.zeros(1, dtype=wp.mat33d, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(program, 1, [x, y], device=device)
+    tape.backward(grads={y: wp.array(np.eye(3)[None], dtype=wp.mat33d, device=device)})
+    assert x.grad.numpy()[0] == 3.0 * 2.0**40

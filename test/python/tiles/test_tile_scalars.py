@@ -50,7 +50,7 @@ def test_elements_outside_of_arrays():
     x = wp.array(values, dtype=float, device="cpu")
     y, old = wp.zeros(5, dtype=float, device="cpu"), wp.zeros(9, dtype=float, device="cpu")
     wp.launch_tiled(moved, [9], [x, y, old], block_dim=64, device="cpu")
-    # Threads follow each other: y[k] is -x[k - 1], to which the thread after the next adds x[k + 1].
+    # y[k] is -x[k - 1], to which the thread after the next adds x[k + 1].
     stored = np.concatenate([[0.0], -values[:-1]])
     added = np.concatenate([values[1:], [0.0]])
     np.testing.assert_array_equal(y.numpy(), stored + added)
