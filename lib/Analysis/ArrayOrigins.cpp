@@ -43,6 +43,12 @@ unsigned warp::countArrays(Type type) {
   return count;
 }
 
+bool warp::isCallWithArrays(Operation *op) {
+  return isa<func::CallOp>(op) &&
+         llvm::any_of(op->getOperandTypes(),
+                      [](Type type) { return countArrays(type) != 0; });
+}
+
 /// Arrays of a struct that come before those of a field.
 static unsigned firstOfField(warp::StructType type, StringRef field) {
   unsigned first = 0;

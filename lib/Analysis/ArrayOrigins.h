@@ -28,6 +28,10 @@ mlir::Value gradientOwner(mlir::Value array);
 /// struct.
 unsigned countArrays(mlir::Type type);
 
+/// Whether an operation is a call of a function that gets arrays, which may
+/// access any element of them.
+bool isCallWithArrays(mlir::Operation *op);
+
 /// Array leaves of a function's arguments: arguments in order, and the arrays
 /// within a struct in the order of its fields. A leaf is called by its number
 /// in that order.

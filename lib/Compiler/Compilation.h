@@ -36,7 +36,7 @@ public:
   std::vector<Choice> describeLaunch();
   void translate();
   /// Whether LLVM has to keep the bits of every result, of the translated
-  /// module.
+  /// module; not asked on GPUs.
   bool hasExactFloats() const;
   /// Leaves out what makes code quicker, from now on.
   void compileQuickly();

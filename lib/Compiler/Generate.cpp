@@ -151,6 +151,8 @@ void Compilation::collectFacts(ModuleOp module) {
 }
 
 bool Compilation::hasExactFloats() const {
+  if (isGpu(options))
+    return false;
   for (llvm::Function &function : *llvmModule)
     for (llvm::Instruction &instruction : llvm::instructions(function))
       if (isa<llvm::FPMathOperator>(instruction) &&

@@ -271,16 +271,13 @@ void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
 void Kernel::load(int device, int blockDim) { impl->loaded(device, blockDim); }
 
 Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
-  VariantKey key;
+  VariantKey key =
+      usualKey(hasSource() ? threadRank() : saved[0]->variants[0].rank);
   key.device = device;
-  key.rank = hasSource() ? threadRank() : saved[0]->variants[0].rank;
-  for (size_t i = 0; i < params.size() && i < 64; ++i)
-    if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
-      key.contiguous |= uint64_t(1) << i;
+  key.disjoint = device != cpuDevice;
   if (device != cpuDevice) {
     key.blockDim = checkedBlockDim(blockDim);
     key.flat = key.rank > 3;
-    key.disjoint = true;
   }
   Variant *variant = find(key);
   if (!variant)

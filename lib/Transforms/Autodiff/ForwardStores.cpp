@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
 #include "Autodiff/Loops/CarryElements.h"
 #include "Autodiff/OwnUpdates.h"
@@ -16,7 +17,6 @@
 
 #include "WarpDialect/WarpOps.h"
 
-#include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 namespace warp {
@@ -97,8 +97,7 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
 
   /// Takes what an operation may write out of the list, and adds what it does.
   void forget(Operation *op, Contents &contents) {
-    if (isa<func::CallOp>(op) &&
-        llvm::any_of(op->getOperandTypes(), llvm::IsaPred<warp::ArrayType>))
+    if (warp::isCallWithArrays(op))
       return contents.clear();
     std::optional<Access> access = getAccess(op);
     if (!access || !access->isWrite)

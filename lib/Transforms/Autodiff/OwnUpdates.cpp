@@ -21,8 +21,6 @@
 #include "WarpDialect/Registry.h"
 #include "WarpDialect/WarpOps.h"
 
-#include "mlir/Dialect/Func/IR/FuncOps.h"
-
 using namespace mlir;
 
 namespace warp::autodiff {
@@ -96,8 +94,7 @@ static bool hasUnknownAccess(FunctionOpInterface kernel,
     if (auto access = dyn_cast<AccessOp>(op))
       return leaves.of(access.getArray()).empty() &&
              !gradientOwner(access.getArray());
-    return isa<func::CallOp>(op) &&
-           llvm::any_of(op->getOperandTypes(), llvm::IsaPred<ArrayType>);
+    return isCallWithArrays(op);
   };
   return kernel
       ->walk([&](Operation *op) {

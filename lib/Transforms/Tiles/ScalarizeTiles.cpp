@@ -42,14 +42,18 @@ static bool hasOneElement(Value value) {
   return !type || type.getNumElements() == 1;
 }
 
+static bool hasTiles(Operation *op) {
+  return llvm::any_of(op->getOperands(), isTile) ||
+         llvm::any_of(op->getResults(), isTile);
+}
+
 /// Whether there is a form without tiles.
 static bool isSupported(Operation *op) {
-  bool hasTiles = llvm::any_of(op->getOperands(), isTile) ||
-                  llvm::any_of(op->getResults(), isTile);
-  if (!hasTiles)
+  if (!hasTiles(op))
     return true;
   if (!llvm::all_of(op->getOperands(), hasOneElement) ||
-      !llvm::all_of(op->getResults(), hasOneElement))
+      !llvm::all_of(op->getResults(), hasOneElement) ||
+      op->getParentOfType<TileMapOp>())
     return false;
   return llvm::TypeSwitch<Operation *, bool>(op)
       .Case([](TileFromThreadsOp op) {
@@ -63,8 +67,8 @@ static bool isSupported(Operation *op) {
         return !op.getPicked() && !isa<StructType>(elementOf(op.getTile()));
       })
       .Case([](TileScanOp op) { return !op.getExclusive(); })
-      .Case<TileSplatOp, TileMapOp, TileYieldOp, TileReduceOp, TileGetOp,
-            TileTransposeOp, TileReshapeOp, TileBroadcastOp, TileSliceOp>(
+      .Case<TileSplatOp, TileMapOp, TileReduceOp, TileGetOp, TileTransposeOp,
+            TileReshapeOp, TileBroadcastOp, TileSliceOp>(
           [](Operation *) { return true; })
       .Default(false);
 }
@@ -199,18 +203,13 @@ struct ScalarizeTiles : warp::impl::ScalarizeTilesBase<ScalarizeTiles> {
     WalkResult result = kernel->walk([&](Operation *op) {
       if (!isSupported(op))
         return WalkResult::interrupt();
-      bool isWithin = op->getParentOfType<TileMapOp>() != nullptr;
-      bool isOfTiles = isa<BarrierOp>(op) ||
-                       llvm::any_of(op->getOperands(), isTile) ||
-                       llvm::any_of(op->getResults(), isTile);
-      if (isOfTiles && !isWithin)
+      if (hasTiles(op) || isa<BarrierOp>(op))
         ops.push_back(op);
       return WalkResult::advance();
     });
     if (result.wasInterrupted() || ops.empty())
       return;
-    // A region before what is around it, and that after what stands before it:
-    // tiles that a region takes from outside are of earlier operations.
+    // Tiles come before their users, in regions, too.
     Scalars scalars(&getContext());
     for (Operation *op : ops)
       if (!isa<BarrierOp>(op))

@@ -276,10 +276,7 @@ void computeLastAssignments(func::FuncOp function) {
   bool isKnown = true;
   function.walk([&](Operation *op) {
     auto access = dyn_cast<AccessOp>(op);
-    if (isa<func::CallOp>(op))
-      isKnown &= llvm::none_of(op->getOperandTypes(), [](Type type) {
-        return countArrays(type) != 0;
-      });
+    isKnown &= !isCallWithArrays(op);
     if (!access || !access.mayWrite())
       return;
     auto leaf = leaves.of(access.getArray());

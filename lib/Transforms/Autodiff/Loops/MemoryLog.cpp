@@ -65,11 +65,8 @@ static bool isReturned(Operation *op) {
 /// Whether running the kernel again, thread by thread, does the same again.
 static bool mayRunAgain(func::FuncOp kernel, const ArrayLeaves &leaves) {
   auto result = kernel.walk([&](Operation *op) {
-    bool isOpaque = isa<BarrierOp, GradOp>(op) || isTileOp(op);
-    if (isa<func::CallOp>(op))
-      isOpaque |= llvm::any_of(op->getOperandTypes(), [](Type type) {
-        return countArrays(type) != 0;
-      });
+    bool isOpaque =
+        isa<BarrierOp, GradOp>(op) || isTileOp(op) || isCallWithArrays(op);
     if (auto access = dyn_cast<AccessOp>(op); access && access.mayWrite())
       isOpaque |=
           leaves.of(access.getArray()).size() != 1 ||
