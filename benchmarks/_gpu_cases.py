@@ -280,8 +280,9 @@ def instructions(text):
     return sum(1 for line in lines if line.endswith(";") and not line.startswith("."))
 
 
-def assemble(ptx, folder, architecture):
+def assemble(ptx, folder):
     """Registers, bytes of spills and of stack that ptxas reports for PTX text."""
+    architecture = re.search(r"^\.target (\w+)", ptx, re.MULTILINE)[1]
     source = Path(folder) / "kernel.ptx"
     source.write_text(ptx, encoding="utf-8")
     done = subprocess.run(
@@ -336,7 +337,7 @@ def measure_registers(device, seconds):
             entry = kernel.func.__name__
             ours = {"instructions": instructions(ptx)}
             if shutil.which("ptxas"):
-                ours |= assemble(ptx, folder, architecture)
+                ours |= assemble(ptx, folder)
             row = {"ours": ours}
             if entry in theirs:
                 row["nvcc"] = theirs[entry] | {"instructions": counts[entry]}

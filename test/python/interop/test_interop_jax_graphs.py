@@ -55,7 +55,8 @@ assert any(seen["JAX"]), "JAX has recorded nothing"
 assert len(seen["JAX"]) < 24, "JAX calls the function each time"
 assert not any(seen["NONE"]) and len(seen["NONE"]) == 24
 
-sums = jax.jit(lambda x: make("JAX")(wp.jax_kernel(totals, launch_dims=(10, 64))(x)[0] + 1.0)[0])
+rows = wp.jax_kernel(totals, launch_dims=(10, 64), output_dims=10, block_dim=64)
+sums = jax.jit(lambda x: make("JAX")(rows(x)[0] + 1.0)[0])
 grid = x.reshape(10, 64)
 moved = [jax.device_put(grid + shift) for shift in range(8)]
 for shift, one in enumerate(moved):

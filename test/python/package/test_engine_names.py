@@ -38,7 +38,7 @@ def test_annotations_of_arrays_are_arrays():
     other = pickle.loads(pickle.dumps(wp.indexedarray(dtype=float)))
     assert other == wp.indexedarray(dtype=float)
     with pytest.raises(TypeError, match="argument 'b' expects 'array"):
-        wp.launch(filled, 1, [wp.zeros((1, 1)), 1, annotation], device="cpu")
+        wp.launch(filled, 1, [wp.zeros((1, 1), device="cpu"), 1, annotation], device="cpu")
 
 
 def test_the_default_of_deterministic_is_a_mode():
