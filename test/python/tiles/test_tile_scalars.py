@@ -51,8 +51,9 @@ def test_elements_outside_of_arrays():
     y, old = wp.zeros(5, dtype=float, device="cpu"), wp.zeros(9, dtype=float, device="cpu")
     wp.launch_tiled(moved, [9], [x, y, old], block_dim=64, device="cpu")
     # y[k] is -x[k - 1], to which the thread after the next adds x[k + 1].
-    stored = np.concatenate([[0.0], -values[:-1]])
-    added = np.concatenate([values[1:], [0.0]])
+    zero = np.zeros(1, np.float32)
+    stored = np.concatenate([zero, -values[:-1]])
+    added = np.concatenate([values[1:], zero])
     np.testing.assert_array_equal(y.numpy(), stored + added)
     np.testing.assert_array_equal(old.numpy()[3:8], stored)
     np.testing.assert_array_equal(old.numpy()[[0, 1, 2, 8]], 0.0)

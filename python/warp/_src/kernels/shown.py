@@ -35,6 +35,9 @@ def _derivative_text(kernel, stage, device, rank, arch, derivative, inputs) -> s
     """The text of a derivative; it is made for this alone."""
     if derivative not in DERIVATIVES:
         raise ValueError(f"no derivative {derivative!r}, expects 'adjoint' or 'tangent'")
+    _check_stage(stage, STAGES)
+    if arch is None:
+        arch = _architecture(stage, device)
     native = kernel.prepare()
     active = ()
     if inputs is not None:
@@ -45,11 +48,11 @@ def _derivative_text(kernel, stage, device, rank, arch, derivative, inputs) -> s
             raise ValueError(f"no array {unknown[0]!r} in '{kernel.key}'; there are {known}")
         active = [name in inputs for name in arrays]
     forward = derivative == "tangent"
+    # Tiles have another form for blocks of many threads.
+    native = kernel.code_for(native, arch)
     made = differentiate(native, active, forward, tape=kernel.option("tape"))
     if stage == "warp":
         return made.module.text()
-    _check_stage(stage, STAGES)
-    arch = _architecture(stage, device) if arch is None else arch
     return kernel.compile_module(made.module).ir(stage, arch, rank or 0)
 
 
