@@ -57,7 +57,9 @@ struct ClosestQuery {
 };
 
 /// The searches of a team's lanes, one after the other. On each level of the
-/// way down are the keys of the children that are left; the nearest is next.
+/// way down are the children that are left; the nearest is next. A block costs
+/// more than the way to one, so a team waits at its block until another one is
+/// at a block, too, or none can go on.
 template <class Team> class ClosestByTeam {
 public:
   ClosestByTeam(Team team, Bytes nodes, Bytes blocks, i32 root,
@@ -66,35 +68,44 @@ public:
 
   /// All teams go through this loop together, each at a place of its own.
   void run() {
-    u32 keys[maxDepth][own];
-    i32 path[maxDepth];
+    Rest left[maxDepth][own];
+    u32 searching = 0;
     for (;;) {
       if (team.where(isIdle() && rank < Team::lanes)) {
         begin();
-        if (!team.where(rank < Team::lanes))
+        searching = team.where(rank < Team::lanes);
+        if (!searching)
           return;
       }
-      if (next >= 0) {
-        path[++depth] = next;
-        enter(next, keys[depth]);
-      }
-      u32 key = depth < 0 ? noKey : leastOf(keys[depth]);
-      key = team.least(key);
+      if (next >= 0)
+        enter(next, left[++depth]);
+      bool isWaiting = isAtBlock(), looks = depth >= 0 && !isWaiting;
+      Rest(&level)[own] = left[depth < 0 ? 0 : depth];
+      Rest nearest = looks ? leastOf(level) : Rest{i32(noKey), nowhere};
+      u32 key = team.least(u32(nearest.key));
+      int child = key & 7;
+      i32 to = team.of(nearest.to, child % Team::lanes);
       bool isNear = key <= farthest, isLeft = false;
-      next = nowhere;
+      next = isNear ? to : isWaiting ? next : nowhere;
       if (isNear) {
-        int child = key & 7;
-        if (child % Team::lanes == team.rank())
-          keys[depth][child / Team::lanes] = noKey;
-        isLeft = leastOf(keys[depth]) <= farthest;
-        next = Links(nodeAt(path[depth])).follow(child);
+        bool isTaken = child % Team::lanes == team.rank();
+        if (isTaken)
+          level[child / Team::lanes].key = i32(noKey);
+        // What is in registers need not be read again.
+        if constexpr (own == 1)
+          isLeft = !isTaken && u32(nearest.key) <= farthest;
+        else
+          isLeft = u32(leastOf(level).key) <= farthest;
       }
       // Nobody comes back to a level that has nothing left.
-      if (!team.with(isLeft) && depth >= 0)
+      if (!team.with(isLeft) && looks)
         --depth;
-      bool isAtBlock = isNear && next < 0;
-      if (team.where(isAtBlock))
-        visit(isAtBlock);
+      u32 visitors = team.where(isAtBlock());
+      if (countBits(visitors) < 2 * Team::lanes && visitors != searching)
+        continue;
+      visit(isAtBlock());
+      if (isAtBlock())
+        next = nowhere;
     }
   }
 
@@ -102,16 +113,17 @@ private:
   /// Children of a node, and triangles of a block, that a lane has.
   static constexpr int own = width / Team::lanes;
 
-  bool isIdle() const { return depth < 0 && next < 0; }
+  bool isIdle() const { return depth < 0 && next == nowhere; }
+  bool isAtBlock() const { return next < 0 && next != nowhere; }
   void setFarthest() { farthest = __builtin_bit_cast(u32, query.best) | 7; }
   Bytes nodeAt(i32 index) const {
     return nodes + i64(index) * i64(sizeof(Node));
   }
-  static u32 leastOf(const u32 (&keys)[own]) {
-    u32 least = keys[0];
+  static Rest leastOf(const Rest (&level)[own]) {
+    Rest least = level[0];
 #pragma unroll 1
     for (int i = 1; i < own; ++i)
-      least = keys[i] < least ? keys[i] : least;
+      least = u32(level[i].key) < u32(least.key) ? level[i] : least;
     return least;
   }
 
@@ -134,9 +146,9 @@ private:
   }
 
   /// Finds how far children are.
-  void enter(i32 index, u32 (&keys)[own]) {
+  void enter(i32 index, Rest (&level)[own]) {
     Bytes node = nodeAt(index);
-    u32 children = Links(node).children();
+    Links links(node);
 #pragma unroll 1
     for (int i = 0; i < own; ++i) {
       int child = i * Team::lanes + team.rank();
@@ -150,7 +162,9 @@ private:
                            0.0f);
         squared = axis == 2 ? offset * offset : fma(offset, offset, squared);
       }
-      keys[i] = children >> child & 1 ? keyOf(squared, child) : noKey;
+      bool isThere = links.children() >> child & 1;
+      u32 key = isThere ? keyOf(squared, u32(child)) : noKey;
+      level[i] = {i32(key), links.follow(u32(child))};
     }
   }
 
