@@ -75,8 +75,9 @@ def Warp_Determinism
 def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
   let summary = "the kind of launch that code is for";
   let description = [{
-    `contiguous`, bit i: argument i is an array packed in row-major order, or an
-    integer that is not negative. `index32`: no array and no launch has 2^31
+    `contiguous`, bit i: argument i is an array packed in row-major order (for a
+    GPU one that begins at a multiple of its elements' size or of 16 bytes), or
+    an integer that is not negative. `index32`: no array and no launch has 2^31
     elements or more. `flat`: one linear grid axis for all dimensions of a GPU
     launch. `large`: the launch fills the GPU many times over; `under`: it has
     too few threads to fill it, or on a CPU fewer than 16 (scalar code, compiled

@@ -46,6 +46,13 @@ static_assert(sizeof(ArrayDescriptor) == 56 && alignof(ArrayDescriptor) == 8 &&
               offsetof(ArrayDescriptor, ndim) == 48 &&
               offsetof(ArrayDescriptor, flags) == 52);
 
+/// What the data and gradient of an array are multiples of where a GPU's code
+/// takes it for packed: 16 bytes at most, for an access of that many.
+constexpr int64_t packedAlignment(int64_t elementSize) {
+  int64_t lowest = elementSize & -elementSize;
+  return lowest == 0 ? 1 : lowest < 16 ? lowest : 16;
+}
+
 struct LaunchHeader {
   int32_t dim[maxRank] = {1, 1, 1, 1};
   uint64_t errorRecord = 0;

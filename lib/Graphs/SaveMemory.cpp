@@ -82,10 +82,12 @@ void Saver::collectMemory() {
   for (const AddressRange &range : ranges) {
     if (range.begin == range.end || handles.around(range))
       continue;
-    if (!blocks.empty() && range.begin < blocks.back().range.end)
+    // What is in a block stays as aligned as it is, see `packedAlignment`.
+    uint64_t begin = range.begin - (device == cpuDevice ? 0 : range.begin % 16);
+    if (!blocks.empty() && begin < blocks.back().range.end)
       blocks.back().range.end = std::max(blocks.back().range.end, range.end);
     else
-      blocks.push_back({range});
+      blocks.push_back({{begin, range.end}});
   }
 }
 

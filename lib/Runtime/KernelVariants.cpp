@@ -91,6 +91,13 @@ void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
       key.row = row;
 }
 
+/// Elements of a packed array are then aligned, too.
+static bool isAligned(const ArrayDescriptor &array, int64_t elementSize) {
+  auto places = reinterpret_cast<uintptr_t>(array.data) |
+                reinterpret_cast<uintptr_t>(array.grad);
+  return places % packedAlignment(elementSize) == 0;
+}
+
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                                 const void *params, int blockDim,
                                 int64_t &items) const {
@@ -115,7 +122,9 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
       ArrayDescriptor array;
       std::memcpy(&array, bytes + param.offset + offset, sizeof(array));
       int64_t count;
-      bool packed = isPacked(array, param.elementSize, count);
+      bool packed =
+          isPacked(array, param.elementSize, count) &&
+          (device == cpuDevice || isAligned(array, param.elementSize));
       key.index32 &= count <= INT32_MAX;
       if (param.kind == Param::Kind::Array && packed && i < 64)
         key.contiguous |= uint64_t(1) << i;

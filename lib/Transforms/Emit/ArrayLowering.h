@@ -36,6 +36,9 @@ struct ArrayParts {
   llvm::SmallVector<mlir::Value, 4> strides;
   /// Packed: bytes from one element to the next; otherwise 0.
   int64_t unit = 0;
+  /// What addresses of elements are multiples of, beyond what their scalars
+  /// need.
+  int64_t alignment = 1;
   /// What the runtime keeps of geometry: neither its indices nor the integers
   /// of 32 bits in it are negative.
   bool isGeometry = false;
@@ -104,9 +107,11 @@ private:
   void lowerStore(StoreComponentsOp op);
   void lowerAddress(AddressOp op);
   mlir::Value loadLeaf(mlir::Type type, mlir::Value pointer,
-                       ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
+                       ArrayParts::Owner owner = ArrayParts::Owner::Unknown,
+                       int64_t alignment = 1);
   void storeLeaf(mlir::Value value, mlir::Type type, mlir::Value pointer,
-                 ArrayParts::Owner owner = ArrayParts::Owner::Unknown);
+                 ArrayParts::Owner owner = ArrayParts::Owner::Unknown,
+                 int64_t alignment = 1);
   template <typename Op> void setOwner(Op access, ArrayParts::Owner owner);
   mlir::Value zeroOf(mlir::Type type);
 

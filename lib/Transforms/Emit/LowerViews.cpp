@@ -18,6 +18,8 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/Matchers.h"
 
+#include <numeric>
+
 using namespace mlir;
 using namespace warp;
 
@@ -30,6 +32,8 @@ void ArrayLowering::lowerParameter(ParameterOp op) {
         readDescriptor(op.getBlock(), offset, array.getRank(), unit);
     parts.name = op.getName().value_or("");
     parts.owner = ArrayParts::Owner::Caller;
+    if (gpu && unit)
+      parts.alignment = packedAlignment(unit);
     known[op] = parts;
     descriptors[op] = {op.getBlock(), offset};
     return;
@@ -68,6 +72,7 @@ void ArrayLowering::lowerView(ViewOp op) {
 
 void ArrayLowering::lowerComponentView(ComponentViewOp op) {
   ArrayParts parts = getParts(op.getArray());
+  parts.alignment = 1;
   mlir::Type element = elementType(op.getArray());
   if (auto record = dyn_cast<warp::StructType>(element)) {
     int64_t field = record.getFieldIndex(op.getField().value_or(""));
@@ -141,20 +146,24 @@ BlockMemoryOp ArrayLowering::getPlaceBehind(Operation *op) {
 
 void ArrayLowering::lowerArrayAt(ArrayAtOp op) {
   ArrayParts parts;
+  parts.unit = getByteSize(elementType(op));
   Operation *address = op.getAddress().getDefiningOp();
-  if (auto memory = dyn_cast_or_null<BlockMemoryOp>(address))
+  if (auto memory = dyn_cast_or_null<BlockMemoryOp>(address)) {
     parts.data = advance(getBlockMemory(), memory.getOffset());
-  else if (BlockMemoryOp memory = getPlaceBehind(address))
+    if (gpu)
+      parts.alignment =
+          std::gcd(packedAlignment(parts.unit), int64_t(memory.getOffset()));
+  } else if (BlockMemoryOp memory = getPlaceBehind(address)) {
     parts.data = advance(advance(getBlockMemory(), memory.getOffset()),
                          cast<arith::AddIOp>(address).getRhs());
-  else
+  } else {
     parts.data = LLVM::IntToPtrOp::create(b, loc, dataPointer,
                                           widen(op.getAddress(), i64));
+  }
   if (isa_and_nonnull<BlockMemoryOp>(address) || getPlaceBehind(address))
     parts.owner = ArrayParts::Owner::Block;
   for (mlir::Value extent : op.getExtents())
     parts.shape.push_back(widen(extent, i32));
-  parts.unit = getByteSize(elementType(op));
   parts.isGeometry = geometry.contains(op);
   known[op] = parts;
 }
@@ -182,8 +191,10 @@ void ArrayLowering::lowerGrad(GradOp op) {
   int64_t element = getByteSize(elementType(op.getArray()));
   int64_t scale = getByteSize(elementType(op)) / element;
   parts.unit *= scale;
-  if (scale != 1)
+  if (scale != 1) {
+    parts.alignment = 1;
     for (mlir::Value &bytes : parts.strides)
       bytes = arith::MulIOp::create(b, loc, bytes, constant(i64, scale));
+  }
   known[op] = parts;
 }

@@ -123,3 +123,10 @@ def test_products():
     a, b, out = rng.normal(size=(5, 7)), rng.normal(size=(5, 3)), np.zeros((7, 3))
     run_block(multiply, [a, b, out])
     np.testing.assert_allclose(out, a.T @ b, rtol=1e-12)
+
+
+@pytest.mark.parametrize("derivative", [None, "adjoint"])
+def test_code_is_shown_for_the_blocks_that_run_it(derivative):
+    gpu = normalise.ir("launch", arch=90, derivative=derivative)
+    assert "warp.block_threads = 256" in gpu and "warp.thread_number" in gpu
+    assert "warp.block_threads = 1 " in normalise.ir("launch", derivative=derivative)
