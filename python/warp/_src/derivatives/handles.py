@@ -69,6 +69,8 @@ def show_gradients(in_use=False) -> list:
 
     in_use: slots do not lead to gradients that nobody has used yet.
     """
+    if not _alive:
+        return []
     found = []
     for owner in list(_alive):
         for word, one, start in owner._behind():
