@@ -3,12 +3,14 @@
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
 
 // The store waits for the load, and the load does not wait for the arithmetic.
+// The constant is stored last.
 // CHECK-LABEL: llvm.func {{.*}}@adjoint
 // CHECK: warp.load_components
 // CHECK: warp.load_components
 // CHECK: math.cos
-// CHECK: warp.store_components
-// CHECK-NEXT: warp.store_components
+// CHECK: %[[SUM:.*]] = arith.addf
+// CHECK-NEXT: warp.store_components(%[[SUM]])
+// CHECK-NEXT: warp.store_components(%cst)
 func.func @adjoint(%dx: !warp.array<1 x f32>, %dy: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.variant = #gpu} {
   %i = warp.tid : i32
@@ -19,6 +21,30 @@ func.func @adjoint(%dx: !warp.array<1 x f32>, %dy: !warp.array<1 x f32>)
   %h = warp.load_components %dx[%i] : !warp.array<1 x f32>, i32 -> f32
   %s = arith.addf %h, %c : f32
   warp.store_components(%s), %dx[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+
+// Stores to one array keep their order, a constant goes behind others only.
+// CHECK-LABEL: llvm.func {{.*}}@cleared_first
+// CHECK: %[[X:.*]] = warp.load_components
+// CHECK: warp.store_components(%cst)
+// CHECK-NEXT: warp.store_components(%[[X]])
+// CHECK-NEXT: warp.store_components(%[[X]])
+// CHECK-NEXT: warp.store_components(%cst)
+func.func @cleared_first(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                         %z: !warp.array<1 x f32>, %j: i32)
+    attributes {warp.kernel, warp.variant = #gpu} {
+  %i = warp.tid : i32
+  %zero = arith.constant 0.0 : f32
+  %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  warp.store_components(%zero), %y[%j] : (f32), !warp.array<1 x f32>, i32
+  warp.store_components(%zero), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  warp.store_components(%v), %y[%i] : (f32), !warp.array<1 x f32>, i32
+  warp.store_components(%v), %z[%i] : (f32), !warp.array<1 x f32>, i32
   return
 }
 

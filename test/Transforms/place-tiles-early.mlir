@@ -49,6 +49,37 @@ func.func @row(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %out: !warp.a
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
 
+// What clears an array is stored last, but before what looks at the array.
+// CHECK-LABEL: func.func @cleared
+// CHECK: warp.tile_load %arg1
+// CHECK: warp.tile_atomic add {{.*}}, %arg0
+// CHECK: warp.tile_store {{.*}}, %arg2
+// CHECK-NEXT: warp.tile_load %arg2
+// CHECK: warp.tile_store {{.*}}, %arg0
+// CHECK-NEXT: warp.tile_store {{.*}}, %arg1
+// CHECK-NEXT: return
+func.func @cleared(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64, warp.variant = #gpu} {
+  %size = warp.constant 64 : si32
+  %zero = warp.constant 0.0 : f32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %size) : (si32, si32) -> si32
+  %none = warp.tile_splat %zero : f32 -> !warp.tile<64 x f32>
+  warp.tile_store %none, %y[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  %t = warp.tile_load %g[%first] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  warp.tile_store %none, %g[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  %old = warp.tile_atomic add %t, %x[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %u = warp.tile_load %y[%first] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %s = warp.tile_reduce add %u : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
+  %all = warp.tile_broadcast %s : !warp.tile<1 x f32> -> !warp.tile<64 x f32>
+  warp.tile_store %all, %x[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+
 // A load stays behind a store to the array.
 // CHECK-LABEL: func.func @behind
 // CHECK: warp.tile_reduce add

@@ -4,7 +4,9 @@
 //
 // The adjoint of a softmax, for example, reduces a row of its argument before
 // it needs one of the gradients. A block that loads both at first waits for
-// memory once, and not once more behind each reduction.
+// memory once, and not once more behind each reduction. Tiles of a constant,
+// as those that clear gradients, are stored last instead: a store that finds
+// its line on the way from memory takes long (OrderAccesses.cpp).
 //
 //===----------------------------------------------------------------------===//
 
@@ -12,6 +14,8 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "KernelFunction.h"
+
+#include "mlir/IR/Matchers.h"
 
 using namespace mlir;
 
@@ -119,6 +123,39 @@ void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
     auto update = dyn_cast<TileAtomicOp>(op);
     if (update && !update.getPicked())
       hoister.hoist(update, update.getArray(), tileType(update.getTile()));
+  }
+}
+
+/// Whether elements of an array have to be stored before an operation.
+static bool needsStored(Operation *op, Value array,
+                        const ArrayOrigins &origins) {
+  if (auto load = dyn_cast<TileLoadOp>(op))
+    return origins.mayAlias(load.getArray(), array);
+  if (isa<TileStoreOp, TileAtomicOp>(op))
+    return origins.mayAlias(op->getOperand(1), array);
+  if (auto access = dyn_cast<AccessOp>(op))
+    return origins.mayAlias(access.getArray(), array);
+  if (isa<TileMapOp, TileFoldOp>(op))
+    return false;
+  return !isMemoryEffectFree(op) || op->getNumRegions() != 0;
+}
+
+void sinkConstants(FunctionOpInterface kernel) {
+  if (!isGpu(kernel))
+    return;
+  ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
+  SmallVector<TileStoreOp> stores;
+  kernel->walk([&](TileStoreOp store) {
+    auto splat = store.getTile().getDefiningOp<TileSplatOp>();
+    if (splat && matchPattern(splat.getValue(), m_Constant()))
+      stores.push_back(store);
+  });
+  for (TileStoreOp store : llvm::reverse(stores)) {
+    Operation *next = store->getNextNode();
+    while (!next->hasTrait<OpTrait::IsTerminator>() &&
+           !needsStored(next, store.getArray(), origins))
+      next = next->getNextNode();
+    store->moveBefore(next);
   }
 }
 

@@ -15,6 +15,9 @@ namespace warp::tiles {
 /// arrays lie, to where the block has computed little yet.
 void hoistLoads(mlir::FunctionOpInterface kernel, int64_t threads);
 
+/// Moves stores of constants on GPUs behind all that does not need them.
+void sinkConstants(mlir::FunctionOpInterface kernel);
+
 /// The first operation before which the old elements of an update may be
 /// loaded, if no other block touches them; the update itself if there is none.
 mlir::Operation *findEarliest(TileAtomicOp update);

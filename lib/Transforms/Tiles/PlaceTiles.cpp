@@ -230,6 +230,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   holdStripes(kernel, threads);
   holdNumbers(kernel, threads);
   hoistLoads(kernel, threads);
+  sinkConstants(kernel);
 }
 
 namespace {
