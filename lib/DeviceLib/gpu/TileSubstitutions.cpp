@@ -88,9 +88,10 @@ template <int rows, bool backwards> struct Substitution {
 
   WARP_INLINE void solve(Shared<float> *side, i32 columns) const {
     float x[rows];
+    // Where a lane has no row, another one writes the first.
 #pragma unroll
     for (int r = 0; r < rows; ++r)
-      x[r] = side[own[r] * columns];
+      x[r] = r * 32 + lane < n ? side[own[r] * columns] : 0;
 #pragma unroll
     for (int step = 0; step < rows; ++step)
       solveBlock(x, backwards ? rows - 1 - step : step);

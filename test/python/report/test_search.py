@@ -173,3 +173,42 @@ def test_slopes_of_smoothstep_near_its_ends(device):
         slope = 6.0 * t * rest / width
         expected = [-slope * rest, -slope * t, slope]
         np.testing.assert_allclose(p.grad.numpy(), expected, rtol=1e-5)
+
+
+def test_slopes_of_factors_of_nearly_parallel_columns(device):
+    """Rounded factors are off by the matrix's condition; what is divided by one, by its square."""
+
+    @wp.kernel(module="unique")
+    def weighed(a: wp.array(dtype=wp.mat33), s: wp.array(dtype=wp.mat33), y: wp.array(dtype=float)):
+        q, r = wp.qr3(a[0])
+        y[0] = wp.ddot(q, s[0]) + wp.ddot(r, s[1])
+
+    given = [
+        [-0.029152166098356247, 0.04395010322332382, -0.047295939177274704],
+        [-0.004345396533608437, 0.006550004705786705, -0.007049208972603083],
+        [0.004808207042515278, -0.007251665461808443, 0.007802648935467005],
+    ]
+    seeds = np.random.default_rng(5).normal(size=(2, 3, 3)).astype(np.float32)
+    a = wp.array([given], dtype=wp.mat33, requires_grad=True, device=device)
+    s = wp.array(seeds, dtype=wp.mat33, device=device)
+    y = wp.zeros(1, dtype=float, requires_grad=True, device=device)
+    with wp.Tape() as tape:
+        wp.launch(weighed, 1, [a, s, y], device=device)
+    tape.backward(y)
+
+    def exact(matrix):
+        q, r = FORMULAS["qr3"](matrix)
+        places = np.ndindex(2, 3, 3)
+        return mp.fsum((q, r)[k][i][j] * mp.mpf(float(seeds[k, i, j])) for k, i, j in places)
+
+    with mp.workdps(60):
+        matrix = [[mp.mpf(float(x)) for x in row] for row in a.numpy()[0]]
+        step, slopes = mp.mpf(10) ** -25, np.zeros((3, 3))
+        for i, j in np.ndindex(3, 3):
+            ends = []
+            for side in (step, -step):
+                moved = [list(row) for row in matrix]
+                moved[i][j] += side
+                ends.append(exact(moved))
+            slopes[i, j] = (ends[0] - ends[1]) / (2 * step)
+    np.testing.assert_allclose(a.grad.numpy()[0], slopes, rtol=1e-5)

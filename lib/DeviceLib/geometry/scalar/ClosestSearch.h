@@ -56,44 +56,10 @@ struct ClosestQuery {
   i32 face = -1, block = 0, lane = 0;
 };
 
-/// The least key of the children that are left on each level of the way down.
-/// A lane of a team has those of some levels.
-template <class Team> class Levels {
-public:
-  void clear() {
-#pragma unroll
-    for (u32 &one : least)
-      one = noKey;
-  }
-  void set(Team team, int level, u32 key) {
-    if constexpr (Team::lanes == 1) {
-      least[level] = key;
-      return;
-    }
-#pragma unroll
-    for (int i = 0; i < own; ++i)
-      least[i] = level == i * Team::lanes + team.rank() ? key : least[i];
-  }
-  /// The deepest level with a key that is not above a bound, -1 if none has.
-  int deepest(Team team, u32 farthest) const {
-    int found = -1;
-#pragma unroll
-    for (int i = 0; i < own; ++i) {
-      u32 near = team.with(least[i] <= farthest);
-      found = near ? i * Team::lanes + 31 - __builtin_clz(near) : found;
-    }
-    return found;
-  }
-
-private:
-  static constexpr int own = maxDepth / Team::lanes;
-  u32 least[own];
-};
-
 /// The searches of a team's lanes, one after the other. On each level of the
-/// way down are the children that are left; the nearest one of the deepest
-/// level that has one near enough is next. A block costs more than the way to
-/// one, so teams wait at their blocks until most are at one, or all that search.
+/// way down are the children that are left; the nearest is next. A block costs
+/// more than the way to one, so a team waits at its block until another one is
+/// at a block, too, or none can go on.
 template <class Team> class ClosestByTeam {
 public:
   ClosestByTeam(Team team, Bytes nodes, Bytes blocks, i32 root,
@@ -104,10 +70,7 @@ public:
   void run() {
     Rest left[maxDepth][own];
     u32 searching = 0;
-    levels.clear();
     for (;;) {
-      int deepest = levels.deepest(team, farthest);
-      depth = next == nowhere ? deepest : depth;
       if (team.where(isIdle() && rank < Team::lanes)) {
         begin();
         searching = team.where(rank < Team::lanes);
@@ -122,19 +85,23 @@ public:
       u32 key = team.least(u32(nearest.key));
       int child = key & 7;
       i32 to = team.of(nearest.to, child % Team::lanes);
-      bool isNear = key <= farthest;
+      bool isNear = key <= farthest, isLeft = false;
       next = isNear ? to : isWaiting ? next : nowhere;
-      if (isNear && child % Team::lanes == team.rank()) {
-        level[child / Team::lanes].key = i32(noKey);
+      if (isNear) {
+        bool isTaken = child % Team::lanes == team.rank();
+        if (isTaken)
+          level[child / Team::lanes].key = i32(noKey);
         // What is in registers need not be read again.
-        nearest.key = own == 1 ? i32(noKey) : leastOf(level).key;
+        if constexpr (own == 1)
+          isLeft = !isTaken && u32(nearest.key) <= farthest;
+        else
+          isLeft = u32(leastOf(level).key) <= farthest;
       }
-      u32 least = team.least(u32(nearest.key));
-      if (looks)
-        levels.set(team, depth, least);
+      // Nobody comes back to a level that has nothing left.
+      if (!team.with(isLeft) && looks)
+        --depth;
       u32 visitors = team.where(isAtBlock());
-      if (countBits(visitors) < mostTeams * Team::lanes &&
-          visitors != searching)
+      if (countBits(visitors) < 2 * Team::lanes && visitors != searching)
         continue;
       visit(isAtBlock());
       if (isAtBlock())
@@ -145,8 +112,6 @@ public:
 private:
   /// Children of a node, and triangles of a block, that a lane has.
   static constexpr int own = width / Team::lanes;
-  /// Teams that wait at blocks before these are looked at.
-  static constexpr int mostTeams = 3;
 
   bool isIdle() const { return depth < 0 && next == nowhere; }
   bool isAtBlock() const { return next < 0 && next != nowhere; }
@@ -177,8 +142,6 @@ private:
       return;
     query = other;
     next = i32(start);
-    depth = -1;
-    levels.clear();
     setFarthest();
   }
 
@@ -257,7 +220,6 @@ private:
   }
 
   Team team;
-  Levels<Team> levels;
   Bytes nodes, blocks;
   i32 root;
   /// What this lane asks for, and what its team is looking for.

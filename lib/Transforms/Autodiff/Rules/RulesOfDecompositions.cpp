@@ -319,7 +319,35 @@ SmallVector<Value> pushforwardEig3(RuleContext &context,
 // QR decomposition
 //===----------------------------------------------------------------------===//
 
-SmallVector<Value> pullbackQr3(RuleContext &context, const RuleInput &input) {
+/// A rule for square matrices with floats of 32 bits, in doubles. The factors
+/// are off by the matrix's condition, and so is what is divided by them: rounded
+/// factors would lose twice the digits that the derivative itself does.
+static SmallVector<Value>
+inDoubles(RuleContext &context, const RuleInput &input, RuleFunction rule) {
+  OpBuilder &b = context.builder;
+  auto given = cast<MatType>(input.operands[0].getType());
+  if (!given.getElementType().isF32())
+    return rule(context, input);
+  Type wide = MatType::get(b.getContext(), given.getRows(), given.getCols(),
+                           b.getF64Type());
+  auto castAll = [&](ValueRange values, Type type) {
+    SmallVector<Value> cast;
+    for (Value value : values)
+      cast.push_back(value ? CastOp::create(b, context.loc, type, value)
+                           : Value());
+    return cast;
+  };
+  SmallVector<Value> operands = castAll(input.operands, wide);
+  SmallVector<Value> seeds = castAll(input.seeds, wide);
+  Operation *again = createBuiltin(
+      b, context.loc, cast<BuiltinOp>(input.op).getSpec(), operands);
+  return castAll(rule(context, {again, operands, again->getResults(), seeds,
+                                input.wanted}),
+                 given);
+}
+
+static SmallVector<Value> pullbackQr(RuleContext &context,
+                                     const RuleInput &input) {
   MatrixFormula f(context, input);
   Expr q = f.getResult(0), r = f.getResult(1);
   Expr gq = f.getSeed(0), gr = f.getSeed(1);
@@ -336,8 +364,8 @@ SmallVector<Value> pullbackQr3(RuleContext &context, const RuleInput &input) {
                        f.transpose(f.call("inverse", {r})));
 }
 
-SmallVector<Value> pushforwardQr3(RuleContext &context,
-                                  const RuleInput &input) {
+static SmallVector<Value> pushforwardQr(RuleContext &context,
+                                        const RuleInput &input) {
   MatrixFormula f(context, input);
   Expr q = f.getResult(0), r = f.getResult(1);
   Expr p = f.transpose(q) * f.getSeed(0) * f.call("inverse", {r});
@@ -351,6 +379,15 @@ SmallVector<Value> pushforwardQr3(RuleContext &context,
     return row <= col ? f.get(dr, row, col) : f.number(0);
   });
   return f.getTangents({q * turn, upper});
+}
+
+SmallVector<Value> pullbackQr3(RuleContext &context, const RuleInput &input) {
+  return inDoubles(context, input, pullbackQr);
+}
+
+SmallVector<Value> pushforwardQr3(RuleContext &context,
+                                  const RuleInput &input) {
+  return inDoubles(context, input, pushforwardQr);
 }
 
 //===----------------------------------------------------------------------===//
