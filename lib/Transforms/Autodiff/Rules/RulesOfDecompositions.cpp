@@ -319,9 +319,9 @@ SmallVector<Value> pushforwardEig3(RuleContext &context,
 // QR decomposition
 //===----------------------------------------------------------------------===//
 
-/// A rule for square matrices with floats of 32 bits, in doubles. The factors
-/// are off by the matrix's condition, and so is what is divided by them: rounded
-/// factors would lose twice the digits that the derivative itself does.
+/// A rule for square matrices with floats of 32 bits, in doubles. Rounded
+/// factors are off by the matrix's condition, and so is what is divided by
+/// them: they would lose twice the digits that the derivative itself does.
 static SmallVector<Value>
 inDoubles(RuleContext &context, const RuleInput &input, RuleFunction rule) {
   OpBuilder &b = context.builder;
