@@ -13,8 +13,8 @@ namespace warp {
 
 /// Waits until all better code that was asked for is in use.
 WARP_API void waitForBackground();
-/// Waits for the task in progress and drops the others, and all to come. To be
-/// called when the process begins to exit.
+/// Has the task in progress end soon, waits for it, and drops the others and all
+/// to come. To be called when the process begins to exit.
 WARP_API void stopBackground();
 
 } // namespace warp

@@ -12,6 +12,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Abandon.h"
 #include "Compilation.h"
 
 #include "Context.h"
@@ -144,8 +145,18 @@ Compilation::~Compilation() {
   op = nullptr;
 }
 
+static thread_local const std::atomic<bool> *abandoned = nullptr;
+
+warp::Abandonable::Abandonable(const std::atomic<bool> &flag) {
+  abandoned = &flag;
+}
+warp::Abandonable::~Abandonable() { abandoned = nullptr; }
+bool warp::isAbandoned() { return abandoned && *abandoned; }
+
 void Compilation::time(const std::string &phase, double since) {
   phaseMs[phase] += now() - since;
+  if (isAbandoned())
+    throw Error(Error::Kind::Compile, "the process ends");
 }
 
 /// Has the kernel say what the code is for.

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Abandon.h"
 #include "Reductions.h"
 #include "Target.h"
 
@@ -157,6 +158,10 @@ static void setLlvmOptions() {
   // A second, narrower vector loop for what the first leaves over would cost a
   // quarter of the compile time.
   setLlvmOption("enable-epilogue-vectorization", false);
+  // Live ranges that are split across more blocks than this get the same code
+  // without being grown over all of them, which takes the square of a long
+  // kernel's size (14 s of 17 for a thousand sines).
+  setLlvmOption("grow-region-complexity-budget", 1000u);
   // A store that makes another one dead is near it; the default of 90 steps
   // takes two fifths of the passes' time where many elements are stored.
   setLlvmOption("dse-memoryssa-walklimit", 20u);
@@ -314,6 +319,8 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   (void)once;
   llvm::PassInstrumentationCallbacks callbacks;
   keepLoadsBeforeStores(callbacks);
+  callbacks.registerShouldRunOptionalPassCallback(
+      [](llvm::StringRef, llvm::Any) { return !isAbandoned(); });
   llvm::PipelineTuningOptions tuning;
   tuning.LoopVectorization = tuning.SLPVectorization = !hasLanes;
   llvm::PassBuilder builder(&machine, tuning, std::nullopt, &callbacks);

@@ -6,8 +6,10 @@
 
 #include "BackgroundThread.h"
 
+#include "Compiler/Abandon.h"
 #include "warp/Background.h"
 
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
@@ -53,7 +55,8 @@ private:
   std::deque<std::function<void()>> tasks;
   /// Those of the process.
   cpu_set_t processors{};
-  bool isStarted = false, isBusy = false, isForking = false, isStopped = false;
+  bool isStarted = false, isBusy = false, isForking = false;
+  std::atomic<bool> isStopped{false};
 };
 } // namespace
 
@@ -90,6 +93,7 @@ void Worker::run() {
   sched_setaffinity(0, sizeof(processors), &processors);
   // Of this thread alone, on Linux.
   (void)setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + politeness);
+  Abandonable tasksAre(isStopped);
   std::unique_lock<std::mutex> lock(mutex);
   for (;;) {
     changed.wait(lock, [&] { return !tasks.empty() && !isForking; });

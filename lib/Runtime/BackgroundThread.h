@@ -5,8 +5,9 @@
 // One thread of low priority, started by the first task, does tasks one after
 // another. A fork waits for the task in progress, since a child process would
 // never get the locks that it holds, and the child goes on with those that
-// wait. The exit of the process waits, too, and drops the rest: what a task
-// uses may be gone later.
+// wait. The exit of the process waits, too, but a compilation in progress is
+// given up (Compiler/Abandon.h), and the rest is dropped: what a task uses may
+// be gone later.
 //
 //===----------------------------------------------------------------------===//
 

@@ -117,13 +117,21 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   return variant.release();
 }
 
+/// Nanoseconds that quick code runs for before better code is made, which is
+/// worth it if it will run for longer than that takes: a tenth of the time that
+/// code of its size does.
+static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
+
 void Kernel::Impl::load(Variant &variant) {
   variant.code.cost = std::clamp(variant.code.cost, 1.0, 1e12);
   Stopwatch watch(times);
   if (variant.key.device == cpuDevice) {
     variant.cpu = reinterpret_cast<CpuEntry>(Jit::get().load(variant.code));
-    if (variant.quick)
+    if (variant.quick) {
       variant.quick->entry = variant.cpu;
+      variant.quick->patience = std::max<int64_t>(
+          leastPatience, patiencePerByte * variant.code.binary.size());
+    }
   } else {
     loadOnCuda(variant);
     variant.label = permanentName(name);

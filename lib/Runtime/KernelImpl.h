@@ -70,7 +70,7 @@ struct QuickCode {
   /// Of the better code.
   CompileOptions wanted;
   /// Nanoseconds that it runs for until better code is asked for.
-  std::atomic<int64_t> patience{1'000'000};
+  std::atomic<int64_t> patience{0};
   std::function<void()> ask;
   /// Held while better code is made.
   std::mutex mutex;

@@ -4,7 +4,9 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Compiler/Abandon.h"
 #include "warp/Compile.h"
+#include "warp/Error.h"
 #include "warp/Launch.h"
 
 #include <cmath>
@@ -142,4 +144,19 @@ TEST(Compile, NamesThePass) {
     EXPECT_NE(std::string(error.what()).find("in pass 'warp-verify-warp'"),
               std::string::npos);
   }
+}
+
+// A thread gives up what it compiles once nobody wants it, and only then.
+TEST(Jit, CompilationsAreGivenUp) {
+  std::atomic<bool> isUnwanted{false};
+  {
+    Abandonable scope(isUnwanted);
+    EXPECT_FALSE(compileUnary("sin", 3).binary.empty());
+    isUnwanted = true;
+    EXPECT_THROW(compileUnary("sin", 3), Error);
+    std::thread other(
+        [] { EXPECT_FALSE(compileUnary("sin", 3).binary.empty()); });
+    other.join();
+  }
+  EXPECT_FALSE(compileUnary("sin", 3).binary.empty());
 }
