@@ -157,5 +157,6 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
       options.index32, options.flat, options.large, options.under,
       options.narrow, options.disjoint, int64_t(options.blockDim),
       int64_t(options.threads), int64_t(options.minBlocks),
-      int64_t(options.lanes), int64_t(options.row), options.debug, options.fastMath, deterministic);
+      int64_t(options.lanes), int64_t(options.row), options.debug,
+      options.fastMath, deterministic);
 }

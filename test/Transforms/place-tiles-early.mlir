@@ -80,6 +80,63 @@ func.func @cleared(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %y: !warp
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
 
+// A function of elements may look at an array that has been cleared, or change
+// one that is loaded behind it; what an update gives back may say that it has
+// been cleared.
+// CHECK-LABEL: func.func @function
+// CHECK: warp.tile_store {{.*}}, %arg1
+// CHECK-NEXT: warp.tile_map
+// CHECK: warp.load %arg1
+// CHECK: warp.tile_store {{.*}}, %arg2
+// CHECK: warp.atomic add
+// CHECK-NEXT: warp.store
+// CHECK-NOT: warp.tile_store {{.*}}, %arg1
+// CHECK: warp.tile_map
+// CHECK: warp.atomic add
+// CHECK: warp.tile_load %arg1{{.*}} {striped}
+func.func @function(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: !warp.array<1 x f32>,
+                    %n: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64, warp.variant = #gpu} {
+  %size = warp.constant 64 : si32
+  %zero = warp.constant 0.0 : f32
+  %c0 = warp.constant 0 : si32
+  %c1 = warp.constant 1 : si32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %size) : (si32, si32) -> si32
+  %t = warp.tile_load %x[%first] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %none = warp.tile_splat %zero : f32 -> !warp.tile<64 x f32>
+  warp.tile_store %none, %y[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  %u = warp.tile_map(%t) {
+  ^bb0(%a: f32):
+    %v = warp.load %y[%first] : !warp.array<1 x f32>, si32 -> f32
+    %w = warp.add(%a, %v) : (f32, f32) -> f32
+    warp.tile_yield %w : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  warp.tile_store %none, %z[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  %old = warp.atomic add %c1, %n[%c0] : si32, !warp.array<1 x si32>, si32 -> si32
+  warp.store %old, %n[%i] : si32, !warp.array<1 x si32>, si32
+  %k = warp.tile_map(%u) {
+  ^bb0(%a: f32):
+    %was = warp.atomic add %a, %y[%c0] : f32, !warp.array<1 x f32>, si32 -> f32
+    warp.tile_yield %a : f32
+  } : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  %l = warp.tile_load %y[%first] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
+  %s = warp.tile_reduce add %l : !warp.tile<64 x f32> -> !warp.tile<1 x f32>
+  %all = warp.tile_broadcast %s : !warp.tile<1 x f32> -> !warp.tile<64 x f32>
+  %m = warp.tile_map(%k, %all, %l) {
+  ^bb0(%a: f32, %b: f32, %c: f32):
+    %d = warp.add(%a, %b) : (f32, f32) -> f32
+    %w = warp.add(%d, %c) : (f32, f32) -> f32
+    warp.tile_yield %w : f32
+  } : (!warp.tile<64 x f32>, !warp.tile<64 x f32>, !warp.tile<64 x f32>) -> !warp.tile<64 x f32>
+  warp.tile_store %m, %x[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+
 // A load stays behind a store to the array.
 // CHECK-LABEL: func.func @behind
 // CHECK: warp.tile_reduce add

@@ -24,19 +24,46 @@ namespace warp::tiles {
 /// Words of a thread that are loaded early, all in all.
 constexpr int64_t mostWords = 32;
 
+/// Whether an operation may write elements of an array, or read them if `reads`
+/// counts; functions of elements may do so, too.
+static bool mayTouch(Operation *op, Value array, const ArrayOrigins &origins,
+                     bool reads) {
+  if (auto load = dyn_cast<TileLoadOp>(op))
+    return reads && origins.mayAlias(load.getArray(), array);
+  if (isa<TileStoreOp, TileAtomicOp>(op))
+    return origins.mayAlias(op->getOperand(1), array);
+  if (auto access = dyn_cast<AccessOp>(op))
+    return (reads || access.mayWrite()) &&
+           origins.mayAlias(access.getArray(), array);
+  bool isFunction = isa<TileMapOp, TileFoldOp>(op);
+  if (isMemoryEffectFree(op))
+    return !isFunction && op->getNumRegions() != 0;
+  if (!isFunction)
+    return true;
+  return op
+      ->walk([&](Operation *nested) {
+        bool touches = nested->getNumRegions() == 0 &&
+                       mayTouch(nested, array, origins, reads);
+        return touches ? WalkResult::interrupt() : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 /// Whether what is loaded from an array, or from elements that nobody else
 /// changes, has to be loaded behind an operation.
 static bool keepsBefore(Operation *op, Value array,
                         const ArrayOrigins &origins) {
-  if (isInline(op) || isa<TileLoadOp>(op))
-    return false;
-  if (isa<TileStoreOp, TileAtomicOp>(op))
-    return origins.mayAlias(op->getOperand(1), array);
-  if (auto access = dyn_cast<AccessOp>(op))
-    return access.mayWrite() && origins.mayAlias(access.getArray(), array);
-  if (isa<TileMapOp, TileFoldOp>(op))
-    return false;
-  return !isMemoryEffectFree(op) || op->getNumRegions() != 0;
+  return !isInline(op) && mayTouch(op, array, origins, /*reads=*/false);
+}
+
+/// Whether elements of an array have to be stored before an operation. What an
+/// update gives back may tell other blocks that they are.
+static bool needsStored(Operation *op, Value array,
+                        const ArrayOrigins &origins) {
+  auto access = dyn_cast<AccessOp>(op);
+  bool isUpdate = isa<TileAtomicOp>(op) || (access && access.isUpdate());
+  return (isUpdate && !op->use_empty()) ||
+         mayTouch(op, array, origins, /*reads=*/true);
 }
 
 namespace {
@@ -124,20 +151,6 @@ void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
     if (update && !update.getPicked())
       hoister.hoist(update, update.getArray(), tileType(update.getTile()));
   }
-}
-
-/// Whether elements of an array have to be stored before an operation.
-static bool needsStored(Operation *op, Value array,
-                        const ArrayOrigins &origins) {
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    return origins.mayAlias(load.getArray(), array);
-  if (isa<TileStoreOp, TileAtomicOp>(op))
-    return origins.mayAlias(op->getOperand(1), array);
-  if (auto access = dyn_cast<AccessOp>(op))
-    return origins.mayAlias(access.getArray(), array);
-  if (isa<TileMapOp, TileFoldOp>(op))
-    return false;
-  return !isMemoryEffectFree(op) || op->getNumRegions() != 0;
 }
 
 void sinkConstants(FunctionOpInterface kernel) {
