@@ -83,6 +83,9 @@ struct CompileOptions {
   bool under = false;
   /// GPU: squares of indices of the last two dimensions would not fill.
   bool narrow = false;
+  /// GPU: long functions of the device library stay calls. Their machine code
+  /// is linked when the kernel is loaded (FirstCode.h).
+  bool linked = false;
 };
 
 /// A place in the user's source that an error record can name. `array` is the

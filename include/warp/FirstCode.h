@@ -20,21 +20,31 @@ constexpr int64_t anyItems = INT64_MAX;
 
 struct FirstCode {
   Code code;
-  /// It is what options with `quickLevel` give.
+  /// It is what `quickOptions` give.
   bool isQuick = false;
 };
 
-/// Whether quickly compiled code does for a launch of so many threads: it
-/// computes the same bits, and the launch has little work, or the code is so
-/// long that compiling it well takes longer than most of its launches, whatever
-/// its loops may cost. Where threads share the launch, they go over to better
-/// code as soon as it is there.
+/// The options of code that is there quickly: on CPUs little of it is
+/// optimised, on GPUs it calls the machine code of the device library.
+WARP_API CompileOptions quickOptions(CompileOptions wanted);
+
+/// Machine code of the device library's long functions for a GPU, a relocatable
+/// object to link quickly compiled kernels with; empty where there is none.
+/// target: "sm_90a", as the kernel's code has it.
+WARP_API const std::vector<char> &assembledLibrary(const std::string &target);
+
+/// Whether code quickly compiled for a CPU does for a launch of so many
+/// threads: it computes the same bits, and the launch has little work, or the
+/// code is so long that compiling it well takes longer than most of its
+/// launches, whatever its loops may cost. Where threads share the launch, they
+/// go over to better code as soon as it is there.
 WARP_API bool isQuickEnough(const Code &code, int64_t items);
 
-/// Compiles a variant for a CPU quickly if that does for a launch of so many
-/// threads, and with the effort that the options ask for otherwise. Both
-/// compute the same bits, but for the sign and payload of NaNs: what may be
-/// computed in another order, as with `fastMath`, is never compiled quickly.
+/// Compiles a variant quickly if that does for a launch of so many threads, and
+/// with the effort that the options ask for otherwise. Both compute the same
+/// bits, but for the sign and payload of NaNs: what may be computed in another
+/// order, as with `fastMath`, is never compiled quickly. On GPUs it does for all
+/// launches of kernels that call a long function of the device library.
 WARP_API FirstCode compileFirst(const Module &module,
                                 const CompileOptions &options, int64_t items);
 

@@ -38,7 +38,10 @@ public:
   /// Whether LLVM has to keep the bits of every result, of the translated
   /// module; not asked on GPUs.
   bool hasExactFloats() const;
-  /// Leaves out what makes code quicker, from now on.
+  /// Whether the translated module, for a GPU, calls functions that there is
+  /// machine code of.
+  bool callsAssembled() const;
+  /// Goes on with `quickOptions`.
   void compileQuickly();
   void optimizeModule();
   llvm::SmallVector<char, 0> emitCode(bool asText);

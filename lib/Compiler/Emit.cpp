@@ -83,6 +83,14 @@ bool warp::isQuickEnough(const Code &code, int64_t items) {
   return std::max(code.cost, 1.0) * static_cast<double>(items) <= mostQuickWork;
 }
 
+warp::CompileOptions warp::quickOptions(CompileOptions wanted) {
+  if (isGpu(wanted))
+    wanted.linked = true;
+  else
+    wanted.optLevel = quickLevel;
+  return wanted;
+}
+
 warp::FirstCode warp::compileFirst(const Module &module,
                                    const CompileOptions &options,
                                    int64_t items) {
@@ -90,7 +98,8 @@ warp::FirstCode warp::compileFirst(const Module &module,
   run.lowerTo(Phase::LLVM);
   run.translate();
   Code code = describe(run);
-  bool isQuick = isQuickEnough(code, items);
+  bool isQuick =
+      isGpu(options) ? run.callsAssembled() : isQuickEnough(code, items);
   if (isQuick)
     run.compileQuickly();
   return {finish(run, std::move(code)), isQuick};

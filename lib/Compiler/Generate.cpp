@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AssembledLibrary.h"
 #include "Compilation.h"
 
 #include "Transforms/Emit/LowerLibraryCalls.h"
@@ -161,7 +162,11 @@ bool Compilation::hasExactFloats() const {
   return true;
 }
 
-void Compilation::compileQuickly() { options.optLevel = quickLevel; }
+bool Compilation::callsAssembled() const {
+  return warp::callsAssembled(*llvmModule);
+}
+
+void Compilation::compileQuickly() { options = quickOptions(options); }
 
 void Compilation::optimizeModule() {
   double start = now();
@@ -170,8 +175,9 @@ void Compilation::optimizeModule() {
     prepareGpuModule(*llvmModule, **machine, options);
   else
     prepareCpuModule(*llvmModule, **machine, options);
-  // What the user asks for comes first, and a target takes one of both.
-  if (options.minBlocks == 0 && options.maxRegisters == 0) {
+  // What the user asks for comes first, and a target takes one of both. Code
+  // that is linked has other registers.
+  if (options.minBlocks == 0 && options.maxRegisters == 0 && !options.linked) {
     llvm::Function *kernel = llvmModule->getFunction(entry);
     if (leastBlocks)
       kernel->addFnAttr("nvvm.minctasm", std::to_string(leastBlocks));

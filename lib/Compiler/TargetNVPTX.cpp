@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AssembledLibrary.h"
 #include "Target.h"
 
 #include "llvm/IR/Constants.h"
@@ -16,6 +17,8 @@
 #include "llvm/MC/TargetRegistry.h"
 #include "llvm/Support/TargetSelect.h"
 #include "llvm/Target/TargetMachine.h"
+
+#include <optional>
 
 extern "C" const char warp_libdevice_begin[], warp_libdevice_end[];
 extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
@@ -97,6 +100,9 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                             const CompileOptions &options) {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
+  std::optional<AssembledCalls> calls;
+  if (options.linked)
+    calls.emplace(module);
   linkBitcode(module,
               {warp_devicelib_cuda_begin,
                size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin)},
@@ -105,6 +111,7 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_libdevice_begin,
                size_t(warp_libdevice_end - warp_libdevice_begin)},
               "libdevice");
+  calls.reset();
   keepNativeCalls(module);
   setReflection(module, options.fastMath);
   llvm::LLVMContext &context = module.getContext();

@@ -7,6 +7,7 @@
 #include "CudaCode.h"
 
 #include "warp/Error.h"
+#include "warp/FirstCode.h"
 
 #include <algorithm>
 #include <string_view>
@@ -33,7 +34,9 @@ struct Log {
                   (log[0] ? std::string("\n") + log : ""));
 }
 
-void CudaCode::load(Code &code) {
+void CudaCode::load(int device, Code &code) {
+  if (callsLibrary(code))
+    assembleOnCuda(device, code);
   const cuda::Driver &driver = *cuda::driver();
   // The driver wants a terminated string.
   if (code.binary.empty() || code.binary.back() != '\0')
@@ -68,14 +71,32 @@ void CudaCode::unload() {
     cuda::driver()->moduleUnload(std::exchange(module, nullptr));
 }
 
+static std::string_view textOf(const Code &code) {
+  return {code.binary.data(), code.binary.size()};
+}
+
 bool warp::isCubin(const Code &code) {
   return code.binary.size() > 4 &&
          std::equal(code.binary.begin(), code.binary.begin() + 4, "\177ELF");
 }
 
 bool warp::waitsForPredecessor(const Code &code) {
-  std::string_view text(code.binary.data(), code.binary.size());
+  std::string_view text = textOf(code);
   return !isCubin(code) && text.find("griddepcontrol.wait") != text.npos;
+}
+
+bool warp::callsLibrary(const Code &code) {
+  std::string_view text = textOf(code);
+  return !isCubin(code) && text.find("\n.extern .func warp_") != text.npos;
+}
+
+/// "sm_90a" of PTX.
+static std::string targetOf(const Code &code) {
+  static constexpr std::string_view before = "\n.target ";
+  std::string_view text = textOf(code);
+  text.remove_prefix(std::min(text.find(before), text.size() - before.size()) +
+                     before.size());
+  return std::string(text.substr(0, text.find_first_of(", \n")));
 }
 
 cuda::Result warp::queueKernel(cuda::Function function,
@@ -113,6 +134,12 @@ void warp::assembleOnCuda(int device, Code &code) {
     result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
                                 ptx.size() + 1, code.entry.c_str(), 0, nullptr,
                                 nullptr);
+  if (result == cuda::success && callsLibrary(code)) {
+    const std::vector<char> &library = assembledLibrary(targetOf(code));
+    result = driver.linkAddData(
+        link.handle, cuda::jitInputCubin, const_cast<char *>(library.data()),
+        library.size(), "device library", 0, nullptr, nullptr);
+  }
   if (result == cuda::success)
     result = driver.linkComplete(link.handle, &cubin, &size);
   if (result != cuda::success)

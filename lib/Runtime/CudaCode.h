@@ -6,7 +6,8 @@
 // keeps the machine code in a cache of its own. Its linker, the one way to get
 // machine code out of it, compiles PTX as a part of programs to come: kernels
 // take more registers, and what divides in place is called (H200: rays 1.17
-// times slower). So that is for code in files alone.
+// times slower). So that is for code in files, and for quickly compiled kernels
+// that call the assembled library (FirstCode.h).
 //
 // Several threads compile at a time if code is loaded as libraries, which
 // drivers before CUDA 12 do not know; they load modules, one after the other.
@@ -25,8 +26,8 @@ namespace warp {
 /// owner.
 class CudaCode {
 public:
-  /// Loads for the current context. Throws what the driver says against it.
-  void load(Code &code);
+  /// Loads for a device. Throws what the driver says against it.
+  void load(int device, Code &code);
   /// Throws if there is no such kernel.
   cuda::Function function(const std::string &name) const;
   void unload();
@@ -52,7 +53,11 @@ bool waitsForPredecessor(const Code &code);
 cuda::Result queueKernel(cuda::Function function, cuda::LaunchConfig config,
                          void **arguments, bool waits);
 
-/// Turns PTX into machine code for the current context, for files.
+/// Whether the PTX calls functions of the assembled library.
+bool callsLibrary(const Code &code);
+
+/// Turns PTX into machine code for a device, with what it calls of the assembled
+/// library.
 void assembleOnCuda(int device, Code &code);
 
 } // namespace warp

@@ -72,6 +72,7 @@ enum JitOption : int {
   jitMaxRegisters = 0,
   jitErrorLogBuffer = 5,
   jitErrorLogBufferSizeBytes = 6,
+  jitInputCubin = 0,
   jitInputPtx = 1,
 };
 

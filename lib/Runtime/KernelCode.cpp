@@ -6,16 +6,19 @@
 // cache or from the compiler, and loads it.
 //
 // On CPUs a first launch of few operations, and any of very long code, gets
-// code that is compiled quickly. When that has run for a while, `improve` has
-// it compiled once more, with all effort, on a thread in the background, and
-// puts the new entry in the place of the old one: both compute the same bits,
-// so launches, recorded ones and those in graphs too, go over to it without
-// knowing. A launch of many operations waits for the better code, but for that
-// of long code.
+// code that is compiled quickly; on GPUs any first launch of a kernel does that
+// calls long functions of the device library. When that has run for a while,
+// `improve` has it compiled once more, with all effort, on a thread in the
+// background, and puts the new entry in the place of the old one: both compute
+// the same bits, so launches, on CPUs recorded ones and those in graphs too, go
+// over to it without knowing. A launch of many operations on a CPU waits for
+// the better code, but for that of long code; so does one that a CUDA graph
+// records.
 //
 //===----------------------------------------------------------------------===//
 
 #include "BackgroundThread.h"
+#include "Compiler/Abandon.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "Support.h"
@@ -38,8 +41,13 @@ Kernel::Variant::~Variant() {
     Jit::get().unload(reinterpret_cast<void *>(entry));
   if (quick && quick->entry != entry)
     Jit::get().unload(reinterpret_cast<void *>(quick->entry));
-  if (loaded)
-    unloadFromCuda(key.device, loaded);
+  for (const std::unique_ptr<CudaEntry> &entry : entries)
+    unloadFromCuda(key.device, entry->loaded);
+}
+
+void Kernel::Variant::place(std::unique_ptr<CudaEntry> entry) {
+  entries.push_back(std::move(entry));
+  cuda.store(entries.back().get(), std::memory_order_release);
 }
 
 namespace {
@@ -103,7 +111,7 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   variant->flat = key.flat;
   if (saved.empty() || !obtainSaved(key, arch, *variant)) {
     CompileOptions wanted = compileOptions(key, arch);
-    FirstCode first = arch == 0 && options.quickFirst
+    FirstCode first = mayBeQuick(wanted, arch, items)
                           ? obtainFirst(wanted, items)
                           : FirstCode{obtain(wanted, times)};
     variant->code = std::move(first.code);
@@ -111,7 +119,12 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
       variant->quick = makeQuick(wanted, *variant);
     variant->isQuick = first.isQuick;
   }
-  load(*variant);
+  if (arch != 0 && variant->isQuick && !loadLinked(*variant)) {
+    variant->code = obtain(variant->quick->wanted, times);
+    variant->isQuick = false;
+  }
+  if (!variant->cuda)
+    load(*variant);
   variant->next = variants.load(std::memory_order_relaxed);
   variants.store(variant.get(), std::memory_order_release);
   return variant.release();
@@ -121,6 +134,10 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
 /// worth it if it will run for longer than that takes: a tenth of the time that
 /// code of its size does.
 static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
+
+/// Launches of a GPU's quick code, with which better code is asked for: what is
+/// launched again may well be launched often.
+static constexpr int64_t launchesUntilBetter = 2;
 
 void Kernel::Impl::load(Variant &variant) {
   variant.code.cost = std::clamp(variant.code.cost, 1.0, 1e12);
@@ -133,7 +150,9 @@ void Kernel::Impl::load(Variant &variant) {
           leastPatience, patiencePerByte * variant.code.binary.size());
     }
   } else {
-    loadOnCuda(variant);
+    variant.place(loadOnCuda(variant, variant.code));
+    if (variant.isQuick)
+      variant.quick->patience = launchesUntilBetter;
     variant.label = permanentName(name);
     if (options.debug)
       variant.record = std::make_unique<DeviceErrorRecord>(variant.key.device,
@@ -147,14 +166,26 @@ void Kernel::Impl::load(Variant &variant) {
 // Quickly compiled code
 //===----------------------------------------------------------------------===//
 
+/// Whether drivers take the assembled library, until one does not.
+static std::atomic<bool> linksLibrary{true};
+
+bool Kernel::Impl::mayBeQuick(const CompileOptions &wanted, int arch,
+                              int64_t items) const {
+  if (!options.quickFirst || wanted.debug || wanted.fastMath || wanted.lineinfo)
+    return false;
+  if (arch == 0)
+    return true;
+  bool isOpen = wanted.maxRegisters == 0 && wanted.minBlocks == 0;
+  return linksLibrary && isOpen && items != anyItems &&
+         capturesInProgress == 0 && wanted.optLevel >= 2 &&
+         !assembledLibrary(wanted.target).empty();
+}
+
 FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
                                     int64_t items) {
-  if (wanted.debug || wanted.fastMath || wanted.lineinfo)
-    return {obtain(wanted, times)};
   KernelCache &cache = KernelCache::get();
   Stopwatch watch(times);
-  CompileOptions quick = wanted;
-  quick.optLevel = quickLevel;
+  CompileOptions quick = quickOptions(wanted);
   std::string best = fingerprint(hashes(), wanted);
   std::string key = fingerprint(hashes(), quick);
   watch.lap("fingerprint");
@@ -163,7 +194,7 @@ FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
   if (isQuick)
     cached = cache.find(key);
   watch.lap("cache");
-  if (cached && (!isQuick || isQuickEnough(*cached, items)))
+  if (cached && (!isQuick || quick.linked || isQuickEnough(*cached, items)))
     return {std::move(*cached), isQuick};
   FirstCode made = compileFirst(source(), wanted, items);
   watch.lap("compile");
@@ -171,6 +202,23 @@ FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
   cache.store(made.isQuick ? key : best, made.code);
   watch.lap("cache");
   return made;
+}
+
+bool Kernel::Impl::loadLinked(Variant &variant) {
+  try {
+    load(variant);
+  } catch (const Error &) {
+    // The driver does not take machine code of this age.
+    linksLibrary = false;
+    return false;
+  }
+  if (mostThreads(*variant.cuda) >= variant.key.blockDim)
+    return true;
+  // The library is for blocks that have all registers.
+  unloadFromCuda(variant.key.device, variant.entries.back()->loaded);
+  variant.cuda = nullptr;
+  variant.entries.clear();
+  return false;
 }
 
 std::unique_ptr<QuickCode> Kernel::Impl::makeQuick(const CompileOptions &wanted,
@@ -194,9 +242,13 @@ void Kernel::Impl::improve(Variant &variant) {
     return;
   std::map<std::string, double> spent;
   CpuEntry better = nullptr;
+  std::unique_ptr<CudaEntry> entry;
   try {
     Code code = obtain(variant.quick->wanted, spent);
-    better = reinterpret_cast<CpuEntry>(Jit::get().load(code));
+    if (variant.key.device == cpuDevice)
+      better = reinterpret_cast<CpuEntry>(Jit::get().load(code));
+    else if (!isAbandoned())
+      entry = loadOnCuda(variant, code);
   } catch (...) {
     // What there is does the same.
   }
@@ -204,17 +256,21 @@ void Kernel::Impl::improve(Variant &variant) {
   addTimes(times, spent);
   if (better)
     variant.cpu = better;
+  if (entry)
+    variant.place(std::move(entry));
   variant.isQuick = false;
 }
 
 bool warp::isTooSlow(const Kernel::Variant &variant, int64_t items) {
-  return variant.isQuick.load(std::memory_order_relaxed) &&
-         !isQuickEnough(variant.code, items);
+  if (!variant.isQuick.load(std::memory_order_relaxed))
+    return false;
+  return variant.key.device == cpuDevice ? !isQuickEnough(variant.code, items)
+                                         : capturesInProgress != 0;
 }
 
-void QuickCode::spend(int64_t nanoseconds) {
-  int64_t left = patience.fetch_sub(nanoseconds, std::memory_order_relaxed);
-  if (left > 0 && left <= nanoseconds)
+void QuickCode::spend(int64_t amount) {
+  int64_t left = patience.fetch_sub(amount, std::memory_order_relaxed);
+  if (left > 0 && left <= amount)
     ask();
 }
 

@@ -90,15 +90,15 @@ static Shape tiledShape(const int32_t *dim, int rank, int64_t side,
   return {{count}, {side, blockDim / side}};
 }
 
-int warp::chooseBlock(const Kernel::Variant &variant, int64_t threads,
+int warp::chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
                       int smCount) {
-  int whole = variant.key.blockDim, half = whole / 2;
-  if (variant.residentHalves == 0)
+  int whole = blockDim, half = whole / 2;
+  if (entry.residentHalves == 0)
     return whole;
   int64_t blocks = ceilDivide(threads, whole);
-  if (blocks > int64_t(variant.residentBlocks) * smCount) {
-    int spared = variant.residentHalves - 2 * variant.residentBlocks;
-    return spared > 0 || (spared == 0 && variant.keepsStack) ? half : whole;
+  if (blocks > int64_t(entry.residentBlocks) * smCount) {
+    int spared = entry.residentHalves - 2 * entry.residentBlocks;
+    return spared > 0 || (spared == 0 && entry.keepsStack) ? half : whole;
   }
   // All blocks run at a time. What the busiest multiprocessor gets decides.
   int64_t busiest = ceilDivide(blocks, smCount) * whole;
@@ -131,27 +131,35 @@ bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
 /// What a thread has in memory if it searches a hierarchy; others spill less.
 static constexpr int stackBytes = 512;
 
-void warp::loadOnCuda(Kernel::Variant &variant) {
+std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
+                                            Code &code) {
   cuda::ContextScope scope(variant.key.device);
   cuda::RelaxedCaptures relaxed;
-  variant.programmatic = cuda::driver()->hasProgrammaticLaunches &&
-                         waitsForPredecessor(variant.code);
-  variant.loaded.load(variant.code);
-  variant.function = variant.loaded.function(variant.code.entry);
+  auto entry = std::make_unique<CudaEntry>();
+  entry->programmatic =
+      cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
+  entry->loaded.load(variant.key.device, code);
+  entry->function = entry->loaded.function(code.entry);
   if (variant.code.dynamicBytes)
-    WARP_CUDA(funcSetAttribute, variant.function,
+    WARP_CUDA(funcSetAttribute, entry->function,
               cuda::functionMostDynamicShared, variant.code.dynamicBytes);
   int threads = variant.key.blockDim;
   if (variant.code.fixedBlock || threads % 64 != 0)
-    return;
-  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentBlocks, variant.function,
+    return entry;
+  WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentBlocks, entry->function,
             threads, 0);
-  WARP_CUDA(occupancyMaxActiveBlocks, &variant.residentHalves, variant.function,
+  WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentHalves, entry->function,
             threads / 2, 0);
   int local = 0;
-  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize,
-            variant.function);
-  variant.keepsStack = local >= stackBytes;
+  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize, entry->function);
+  entry->keepsStack = local >= stackBytes;
+  return entry;
+}
+
+int warp::mostThreads(const CudaEntry &entry) {
+  int most = 0;
+  WARP_CUDA(funcGetAttribute, &most, cuda::functionMaxThreads, entry.function);
+  return most;
 }
 
 void warp::unloadFromCuda(int device, CudaCode loaded) {
@@ -179,7 +187,8 @@ static void checkRows(const int32_t *dim, const VariantKey &key,
                   std::to_string(last));
 }
 
-static cuda::Result queue(const Kernel::Variant &variant, const Shape &shape,
+static cuda::Result queue(const Kernel::Variant &variant,
+                          const CudaEntry &entry, const Shape &shape,
                           cuda::StreamHandle stream, void *params) {
   void *arguments[] = {params};
   const Extent &grid = shape.grid, &block = shape.block;
@@ -188,12 +197,13 @@ static cuda::Result queue(const Kernel::Variant &variant, const Shape &shape,
       {unsigned(block.x), unsigned(block.y), unsigned(block.z)},
       unsigned(variant.code.dynamicBytes),
       stream};
-  return queueKernel(variant.function, config, arguments, variant.programmatic);
+  return queueKernel(entry.function, config, arguments, entry.programmatic);
 }
 
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                         void *params, const Stream *stream, bool openBlock) {
   const VariantKey &key = variant.key;
+  const CudaEntry &entry = *variant.cuda.load(std::memory_order_acquire);
   LaunchHeader header;
   std::memcpy(&header, params, sizeof(header));
   Shape shape;
@@ -211,8 +221,9 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
           int32_t(ceilDivide(header.dim[key.rank - 2], code.rows));
     int blockDim = key.blockDim;
     if (openBlock)
-      blockDim = chooseBlock(variant, countThreads(header.dim, key.rank),
-                             deviceInfo(key.device).smCount);
+      blockDim =
+          chooseBlock(entry, blockDim, countThreads(header.dim, key.rank),
+                      deviceInfo(key.device).smCount);
     if (code.cooperative && !code.ragged)
       checkRows(header.dim, key, name);
     shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
@@ -225,8 +236,10 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  cuda::Result result = queue(variant, shape, work.stream(), params);
+  cuda::Result result = queue(variant, entry, shape, work.stream(), params);
   if (result == cuda::success) {
+    if (variant.isQuick.load(std::memory_order_relaxed))
+      variant.quick->spend(1);
     cudaDeviceState(key.device)
         .lastKernel.store(variant.label, std::memory_order_relaxed);
     return;

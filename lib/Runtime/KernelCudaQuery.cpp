@@ -18,7 +18,7 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   const Variant &variant = impl->loaded(device, blockDim);
   cuda::ContextScope scope(device);
   CudaProperties result;
-  cuda::Function function = variant.function;
+  cuda::Function function = variant.cuda.load()->function;
   result.registers = attributeOf(function, cuda::functionRegisters);
   result.localMemory = attributeOf(function, cuda::functionLocalSize);
   result.sharedMemory = attributeOf(function, cuda::functionSharedSize) +
@@ -43,7 +43,7 @@ std::pair<int, int> Kernel::suggestedBlock(int device) {
   const Variant &variant = impl->loaded(device, most);
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;
-  WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads, variant.function,
-            nullptr, 0, most);
+  WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads,
+            variant.cuda.load()->function, nullptr, 0, most);
   return {threads, blocks};
 }

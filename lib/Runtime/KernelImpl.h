@@ -69,13 +69,28 @@ struct QuickCode {
   CpuEntry entry = nullptr;
   /// Of the better code.
   CompileOptions wanted;
-  /// Nanoseconds that it runs for until better code is asked for.
+  /// Nanoseconds on a CPU, or launches on a GPU, that it runs for until better
+  /// code is asked for.
   std::atomic<int64_t> patience{0};
   std::function<void()> ask;
   /// Held while better code is made.
   std::mutex mutex;
 
-  void spend(int64_t nanoseconds);
+  void spend(int64_t amount);
+};
+
+/// Code that a CUDA device has, and what launches need to know of it.
+struct CudaEntry {
+  CudaCode loaded;
+  cuda::Function function = nullptr;
+  /// Whether it may start before the kernel before it on its stream has ended.
+  bool programmatic = false;
+  /// Blocks of the variant's size that a multiprocessor runs at a time, and
+  /// blocks of half as many threads; 0 where the code is for one size of blocks.
+  int residentBlocks = 0, residentHalves = 0;
+  /// Whether threads keep a stack in memory: some search longer than others,
+  /// and a block's room is free when its last thread has ended.
+  bool keepsStack = false;
 };
 
 struct Kernel::Variant {
@@ -84,22 +99,15 @@ struct Kernel::Variant {
   Code code;
   /// May be exchanged while others run it, for code that does the same.
   std::atomic<CpuEntry> cpu{nullptr};
-  /// Whether `cpu` was compiled quickly.
+  /// Whether what runs was compiled quickly.
   std::atomic<bool> isQuick{false};
   /// Stays when better code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
   /// What its launches taught the thread pool.
   mutable LoopHistory history;
-  CudaCode loaded;
-  cuda::Function function = nullptr;
-  /// Whether it may start before the kernel before it on its stream has ended.
-  bool programmatic = false;
-  /// Blocks of `key.blockDim` threads that a multiprocessor runs at a time, and
-  /// blocks of half as many; 0 where the code is for one size of blocks.
-  int residentBlocks = 0, residentHalves = 0;
-  /// Whether threads keep a stack in memory: some search longer than others,
-  /// and a block's room is free when its last thread has ended.
-  bool keepsStack = false;
+  /// The same on a GPU: one of `entries`, the last. Graphs may have the others.
+  std::atomic<const CudaEntry *> cuda{nullptr};
+  std::vector<std::unique_ptr<CudaEntry>> entries;
   std::unique_ptr<DeviceErrorRecord> record;
   /// Whether the code counts threads along one axis.
   bool flat = false;
@@ -110,6 +118,8 @@ struct Kernel::Variant {
 
   ~Variant();
 
+  /// Launches on a GPU run it from now on.
+  void place(std::unique_ptr<CudaEntry> entry);
   /// On a CPU.
   void run(const void *params, int64_t begin, int64_t end) const;
   /// Whether launches of this kind may run it.
@@ -197,14 +207,21 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// `spent` gets the milliseconds of each phase.
   Code obtain(const CompileOptions &compileOptions,
               std::map<std::string, double> &spent);
+  /// Whether quick code would do for such options, 0 for a CPU, and a launch
+  /// of so many threads.
+  bool mayBeQuick(const CompileOptions &wanted, int arch, int64_t items) const;
   /// Code that was compiled quickly, if that does for so many threads.
   FirstCode obtainFirst(const CompileOptions &wanted, int64_t items);
+  /// Loads quick code for a GPU; false if the driver does not take it, or not
+  /// for blocks of that size.
+  bool loadLinked(Variant &variant);
   std::unique_ptr<QuickCode> makeQuick(const CompileOptions &wanted,
                                        Variant &variant);
   void load(Variant &variant);
 };
 
-/// Whether a launch of so many threads had better wait for better code.
+/// Whether a launch of so many threads had better wait for better code: one
+/// that a graph records, which keeps the code, has to.
 bool isTooSlow(const Kernel::Variant &variant, int64_t items);
 
 Error launchError(Error::Kind kind, const std::string &kernel,
@@ -216,8 +233,11 @@ bool isIntegerScalar(const Param &param);
 /// Runs the indices below `items`; on this thread if `serial`.
 void launchOnCpu(const Kernel::Variant &variant, const void *params,
                  size_t paramSize, int64_t items, bool serial);
-/// Loads PTX or machine code on a device.
-void loadOnCuda(Kernel::Variant &variant);
+/// Loads PTX or machine code on the variant's device.
+std::unique_ptr<CudaEntry> loadOnCuda(const Kernel::Variant &variant,
+                                      Code &code);
+/// Threads that a block may have, for the registers that they take.
+int mostThreads(const CudaEntry &entry);
 /// Unloads it; while a graph is recorded that may use it, later.
 void unloadFromCuda(int device, CudaCode loaded);
 /// `openBlock`: blocks may be smaller than those that the variant is named for.
@@ -225,7 +245,8 @@ void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                   void *params, const Stream *stream, bool openBlock = false);
 /// Threads of a block for so many in all: half of the variant's if that keeps
 /// more of the card at work.
-int chooseBlock(const Kernel::Variant &variant, int64_t threads, int smCount);
+int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
+                int smCount);
 /// Whether one grid axis per dimension can express the launch.
 bool fitsGrid(const int32_t *dim, int rank, int blockDim);
 

@@ -41,27 +41,28 @@ static std::string describeKind(const VariantKey &key, int arch) {
 
 static void addCuda(const Kernel::Variant &variant,
                     std::vector<Choice> &choices) {
-  if (!variant.function)
+  const CudaEntry *entry = variant.cuda.load(std::memory_order_acquire);
+  if (!entry)
     return;
   cuda::ContextScope scope(variant.key.device);
   int registers = 0, local = 0;
   WARP_CUDA(funcGetAttribute, &registers, cuda::functionRegisters,
-            variant.function);
+            entry->function);
   WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize,
-            variant.function);
+            entry->function);
   choices.push_back({"registers", std::to_string(registers),
                      std::to_string(local) + " bytes of local memory"});
   int whole = variant.key.blockDim;
   std::string block = std::to_string(whole);
-  if (variant.residentHalves == 0) {
+  if (entry->residentHalves == 0) {
     choices.push_back({"block", block, "its threads wait for each other"});
     return;
   }
   choices.push_back(
       {"block", block + " or " + std::to_string(whole / 2),
        "what keeps more of the card at work; a multiprocessor holds " +
-           std::to_string(variant.residentBlocks) + " or " +
-           std::to_string(variant.residentHalves)});
+           std::to_string(entry->residentBlocks) + " or " +
+           std::to_string(entry->residentHalves)});
 }
 
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,

@@ -45,6 +45,7 @@ static void visitOptions(Options &options, Visitor visit) {
   visit("min-blocks", options.minBlocks);
   visit("lanes", options.lanes);
   visit("row", options.row);
+  visit("linked", options.linked);
 }
 
 static bool parse(StringRef text, std::string &value) {

@@ -314,7 +314,7 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
     variant.key = {.device = 0, .rank = 3, .blockDim = 256};
     variant.code.binary.assign(ptx, ptx + std::strlen(ptx) + 1);
     variant.code.entry = "mark";
-    loadOnCuda(variant);
+    variant.place(loadOnCuda(variant, variant.code));
     int count = x * y * z;
     Buffer buffer(0, count * 4);
     setMemory(buffer.data(), 0, 0, count * 4);
@@ -345,7 +345,7 @@ TEST_F(Cuda, StartsEarlyWhatWaits) {
     std::string ptx = ".visible .entry k() {" + body + "ret; }";
     variant.code.entry = "k";
     variant.code.binary.assign(ptx.begin(), ptx.end());
-    loadOnCuda(variant);
+    variant.place(loadOnCuda(variant, variant.code));
     LaunchHeader header;
     header.dim[0] = 1;
     int before = launches();
@@ -366,6 +366,7 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
     Kernel::Variant variant;
     variant.key = {.device = 0, .rank = rank, .flat = flat, .blockDim = 256};
     variant.flat = flat;
+    variant.place(std::make_unique<CudaEntry>());
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launchOnCuda(variant, "shape", &header, nullptr);
@@ -387,6 +388,7 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
     Kernel::Variant variant;
     variant.key = {.device = 0, .rank = rank, .blockDim = 256};
     variant.code = code;
+    variant.place(std::make_unique<CudaEntry>());
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launchOnCuda(variant, "shape", &header, nullptr, /*openBlock=*/true);
@@ -408,12 +410,11 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
 TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
   auto choose = [](int blocks, int halves, int64_t threads,
                    bool keepsStack = false) {
-    Kernel::Variant variant;
-    variant.keepsStack = keepsStack;
-    variant.key = {.device = 0, .blockDim = 256};
-    variant.residentBlocks = blocks;
-    variant.residentHalves = halves;
-    return chooseBlock(variant, threads, 132);
+    CudaEntry entry;
+    entry.keepsStack = keepsStack;
+    entry.residentBlocks = blocks;
+    entry.residentHalves = halves;
+    return chooseBlock(entry, 256, threads, 132);
   };
   EXPECT_EQ(choose(8, 16, 1), 256 / 2);
   EXPECT_EQ(choose(8, 16, 16384), 128);

@@ -91,7 +91,8 @@ template <int width> struct Factor : Panels<width> {
   /// A row of the panel that begins at a column, less what is before it. What
   /// is beyond the matrix is a unit matrix, or whatever else: nobody needs it.
   WARP_INLINE void take(float (&a)[width], i32 i, i32 first) const {
-    i32 row = i < n ? i : 0;
+    // A lane without a row reads the last one, which its own warp writes.
+    i32 row = i < n ? i : n - 1;
 #pragma unroll
     for (int k = 0; k < width; k += 4) {
       Four values = {0, 0, 0, 0};

@@ -1,0 +1,43 @@
+//===- AssembledLibrary.h - The device library as GPU code ------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What LibraryObject.h is for CPUs: searches and the algebra of tiles, for which
+// the driver's assembler needs most of a first launch, are assembled when the
+// library is built, once for each family of GPUs. Quickly compiled kernels call
+// them, and the driver links both. In better code they are part of the kernel,
+// for what it passes and with its registers.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_COMPILER_ASSEMBLEDLIBRARY_H
+#define WARP_LIB_COMPILER_ASSEMBLEDLIBRARY_H
+
+#include "llvm/ADT/StringRef.h"
+
+namespace llvm {
+class Module;
+} // namespace llvm
+
+namespace warp {
+
+/// Whether the assembled library has a function: one of those exported by the
+/// sources that lib/DeviceLib/CMakeLists.txt lists for it, and long.
+bool isAssembled(llvm::StringRef symbol);
+/// Whether a module declares any such function.
+bool callsAssembled(const llvm::Module &module);
+
+/// Keeps such declarations as calls while it lives: linking a library does not
+/// see them.
+class AssembledCalls {
+public:
+  explicit AssembledCalls(llvm::Module &module);
+  ~AssembledCalls();
+
+private:
+  llvm::Module &module;
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_COMPILER_ASSEMBLEDLIBRARY_H

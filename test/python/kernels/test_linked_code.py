@@ -1,0 +1,222 @@
+"""First launches of kernels that search or solve on a GPU run code that is linked with the device
+library's machine code, and better code later, with the same bits."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+from warp import _native
+
+pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
+
+
+def codes(folder):
+    """Pieces of machine code in a cache."""
+    return len(list(folder.glob("*.code")))
+
+
+def ball(device):
+    """A mesh around the origin."""
+    angles = np.linspace(0, np.pi, 40), np.linspace(0, 2 * np.pi, 80, endpoint=False)
+    polar, around = np.meshgrid(*angles, indexing="ij")
+    points = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1
+    )
+    i, j = np.meshgrid(np.arange(39), np.arange(80), indexing="ij")
+    corners = [i * 80 + j, (i + 1) * 80 + j, (i + 1) * 80 + (j + 1) % 80, i * 80 + (j + 1) % 80]
+    faces = np.stack([corners[k] for k in (0, 1, 2, 0, 2, 3)], -1)
+    return wp.Mesh(
+        wp.array(points.reshape(-1, 3), dtype=wp.vec3, device=device),
+        wp.array(faces.ravel(), dtype=int, device=device),
+    )
+
+
+def make_search():
+    @wp.kernel(module="unique")
+    def search(
+        mesh: wp.uint64,
+        bvh: wp.uint64,
+        x: wp.array(dtype=wp.vec3),
+        near: wp.array(dtype=wp.vec3),
+        hits: wp.array(dtype=float),
+        counts: wp.array(dtype=int),
+    ):
+        i = wp.tid()
+        p = x[i]
+        point = wp.mesh_query_point(mesh, p, 10.0)
+        if point.result:
+            near[i] = wp.mesh_eval_position(mesh, point.face, point.u, point.v)
+        ray = wp.mesh_query_ray(mesh, p, wp.normalize(wp.vec3(0.3, 0.2, 1.0)), 10.0)
+        if ray.result:
+            hits[i] = ray.t
+        q = wp.bvh_query_aabb(bvh, p - wp.vec3(0.2), p + wp.vec3(0.2))
+        item = int(0)
+        while wp.bvh_query_next(q, item):
+            counts[i] += 1
+
+    return search
+
+
+def make_factor(n=20):
+    @wp.kernel(module="unique")
+    def factor(a: wp.array3d(dtype=float), b: wp.array2d(dtype=float), x: wp.array2d(dtype=float)):
+        i = wp.tid()
+        lower = wp.tile_cholesky(wp.tile_load(a[i], shape=(n, n)))
+        wp.tile_store(x[i], wp.tile_cholesky_solve(lower, wp.tile_load(b[i], shape=n)))
+
+    return factor
+
+
+def make_transform(n=256):
+    @wp.kernel(module="unique")
+    def transform(x: wp.array2d(dtype=wp.vec2), y: wp.array2d(dtype=wp.vec2)):
+        i = wp.tid()
+        t = wp.tile_load(x, shape=(1, n), offset=(i, 0))
+        wp.tile_fft(t)
+        wp.tile_store(y, t, offset=(i, 0))
+
+    return transform
+
+
+class Searches:
+    """Points and boxes against a ball."""
+
+    def __init__(self, device, count=3000):
+        self.kernel, self.device, self.count = make_search(), device, count
+        self.mesh = ball(device)
+        x = np.random.default_rng(3).normal(size=(count, 3)).astype(np.float32)
+        self.x = wp.array(x, dtype=wp.vec3, device=device)
+        low = wp.array(x - 0.1, dtype=wp.vec3, device=device)
+        high = wp.array(x + 0.1, dtype=wp.vec3, device=device)
+        self.bvh = wp.Bvh(low, high)
+        self.expected = (np.abs(x[:, None] - x[None]) <= 0.3 + 1e-6).all(2).sum(1)
+        self.prepare()
+
+    def prepare(self):
+        self.near = wp.zeros(self.count, dtype=wp.vec3, device=self.device)
+        self.hits = wp.zeros(self.count, dtype=float, device=self.device)
+        self.counts = wp.zeros(self.count, dtype=int, device=self.device)
+
+    def launch(self):
+        inputs = [self.mesh.id, self.bvh.id, self.x]
+        outputs = [self.near, self.hits, self.counts]
+        wp.launch(self.kernel, self.count, inputs, outputs, device=self.device)
+
+    def result(self):
+        return [one.numpy() for one in (self.near, self.hits, self.counts)]
+
+    def check(self, found):
+        near, _, counts = found
+        assert np.abs(np.linalg.norm(near, axis=1) - 1).max() < 4e-3
+        assert np.abs(counts - self.expected).max() <= 1
+
+
+class Tiles:
+    """Systems, or transforms, a block each."""
+
+    def __init__(self, device, kernel, arrays, shape, dtype, check):
+        self.kernel, self.device, self.check_one = kernel, device, check
+        self.arrays = [wp.array(a, dtype=dtype, device=device) for a in arrays]
+        self.shape, self.dtype = shape, dtype
+        self.prepare()
+
+    def prepare(self):
+        self.out = wp.zeros(self.shape, dtype=self.dtype, device=self.device)
+
+    def launch(self):
+        wp.launch_tiled(
+            self.kernel, [self.shape[0]], [*self.arrays, self.out], block_dim=64, device=self.device
+        )
+
+    def result(self):
+        return [self.out.numpy()]
+
+    def check(self, found):
+        self.check_one(found[0])
+
+
+def factors(device, n=20, count=50):
+    rng = np.random.default_rng(1)
+    g = rng.normal(size=(count, n, n))
+    a, b = (g @ g.transpose(0, 2, 1) / n + np.eye(n)).astype("f4"), rng.normal(size=(count, n))
+    expected = np.linalg.solve(a.astype(float), b.astype("f4").astype(float)[..., None])[..., 0]
+
+    def check(x):
+        assert np.abs(x - expected).max() < 1e-4 * np.abs(expected).max()
+
+    return Tiles(device, make_factor(n), [a, b.astype("f4")], (count, n), float, check)
+
+
+def transforms(device, n=256, count=40):
+    x = np.random.default_rng(2).normal(size=(count, n, 2)).astype("f4")
+    expected = np.fft.fft(x[..., 0].astype(float) + 1j * x[..., 1])
+
+    def check(y):
+        assert np.abs(y[..., 0] + 1j * y[..., 1] - expected).max() < 1e-5 * np.abs(expected).max()
+
+    return Tiles(device, make_transform(n), [x], (count, n), wp.vec2, check)
+
+
+@pytest.fixture(params=[Searches, factors, transforms])
+def program(request, device, fresh_cache):
+    if not wp.get_device(device).is_cuda:
+        pytest.skip("of GPUs")
+    made = request.param(device)
+    wp.synchronize()
+    for entry in fresh_cache.glob("*.code"):  # of the mesh and the hierarchy
+        entry.unlink()
+    return made
+
+
+def same(one, other):
+    return all(a.tobytes() == b.tobytes() for a, b in zip(one, other, strict=True))
+
+
+def test_better_code_comes_with_the_second_launch(program, fresh_cache):
+    program.launch()
+    first = program.result()
+    program.check(first)
+    assert codes(fresh_cache) == 1
+    program.prepare()
+    program.launch()
+    assert same(program.result(), first)
+    _native.wait_for_background()
+    assert codes(fresh_cache) == 2
+    program.prepare()
+    program.launch()
+    assert same(program.result(), first)
+    assert codes(fresh_cache) == 2
+
+
+def test_graphs_have_the_better_code(program, fresh_cache):
+    program.launch()
+    first = program.result()
+    program.prepare()
+    with wp.ScopedCapture(program.device) as capture:
+        program.launch()
+    assert codes(fresh_cache) == 2
+    wp.capture_launch(capture.graph)
+    assert same(program.result(), first)
+
+
+def test_a_kernel_that_a_graph_records_first_has_no_other(program, fresh_cache):
+    with wp.ScopedCapture(program.device) as capture:
+        program.launch()
+    assert codes(fresh_cache) == 1
+    wp.capture_launch(capture.graph)
+    recorded = program.result()
+    program.check(recorded)
+    program.prepare()
+    program.launch()
+    _native.wait_for_background()
+    assert same(program.result(), recorded)
+    assert codes(fresh_cache) == 1
+
+
+def test_blocks_that_need_fewer_registers_have_their_own_code(device, fresh_cache):
+    if not wp.get_device(device).is_cuda:
+        pytest.skip("of GPUs")
+    program = factors(device)
+    inputs = [*program.arrays, program.out]
+    wp.launch_tiled(program.kernel, [program.shape[0]], inputs, block_dim=1024, device=device)
+    program.check(program.result())

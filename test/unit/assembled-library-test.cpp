@@ -1,0 +1,79 @@
+//===- assembled-library-test.cpp - The device library as GPU code --------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Whatever quickly compiled kernels may call is in the object of every
+// architecture that there is one for.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Compiler/AssembledLibrary.h"
+
+#include "warp/FirstCode.h"
+
+#include "llvm/ADT/StringSet.h"
+#include "llvm/Bitcode/BitcodeReader.h"
+#include "llvm/IR/LLVMContext.h"
+#include "llvm/IR/Module.h"
+#include "llvm/Object/ELF.h"
+#include "llvm/Support/MemoryBuffer.h"
+
+#include <gtest/gtest.h>
+
+extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
+
+using namespace warp;
+
+namespace {
+
+/// Functions that an object defines for others.
+llvm::StringSet<> definedIn(llvm::StringRef object) {
+  using Elf = llvm::object::ELF64LEFile;
+  llvm::StringSet<> names;
+  Elf file = llvm::cantFail(Elf::create(object));
+  for (const auto &section : llvm::cantFail(file.sections())) {
+    if (section.sh_type != llvm::ELF::SHT_SYMTAB)
+      continue;
+    llvm::StringRef strings =
+        llvm::cantFail(file.getStringTableForSymtab(section));
+    for (const auto &symbol : llvm::cantFail(file.symbols(&section)))
+      if (symbol.getBinding() == llvm::ELF::STB_GLOBAL &&
+          symbol.st_shndx != llvm::ELF::SHN_UNDEF)
+        names.insert(llvm::cantFail(symbol.getName(strings)));
+  }
+  return names;
+}
+
+class AssembledLibrary : public testing::TestWithParam<const char *> {};
+
+} // namespace
+
+TEST_P(AssembledLibrary, HasAllThatMayBeCalled) {
+  const std::vector<char> &object = assembledLibrary(GetParam());
+  ASSERT_FALSE(object.empty());
+  llvm::StringSet<> names = definedIn({object.data(), object.size()});
+  llvm::LLVMContext context;
+  llvm::StringRef bitcode(
+      warp_devicelib_cuda_begin,
+      size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin));
+  auto library = llvm::cantFail(
+      llvm::getLazyBitcodeModule({bitcode, "device library"}, context));
+  int count = 0;
+  for (const llvm::Function &function : *library)
+    if (function.hasExternalLinkage() && !function.isDeclaration() &&
+        isAssembled(function.getName())) {
+      EXPECT_TRUE(names.contains(function.getName()))
+          << function.getName().str();
+      ++count;
+    }
+  EXPECT_GE(count, 20);
+}
+
+INSTANTIATE_TEST_SUITE_P(Architectures, AssembledLibrary,
+                         testing::Values("sm_80", "sm_86", "sm_89", "sm_90a",
+                                         "sm_100", "sm_120"));
+
+TEST(AssembledLibraries, AreOnlyForArchitecturesThatHaveOne) {
+  for (const char *target : {"sm_75", "sm_90", "sm_101", "sm_8", "cpu", ""})
+    EXPECT_TRUE(assembledLibrary(target).empty()) << target;
+}
