@@ -11,9 +11,10 @@
 # C++ to machine code, once for each level of x86-64, and embeds the objects as
 # NAME_v1, NAME_v3 and NAME_v4.
 #
-# warp_add_device_cubins(NAME FROM BITCODE stem... ARCHITECTURES 80 90a... PTX 81)
-# assembles parts of that bitcode (TARGET nvptx) into a relocatable object for
-# each architecture, and embeds all as one compressed archive.
+# warp_add_device_cubins(NAME FROM BITCODE PARTS stem[:registers]...
+# ARCHITECTURES 80 90a... PTX 81) assembles parts of that bitcode (TARGET nvptx)
+# into relocatable objects for each architecture, of at most so many registers,
+# and embeds all as one compressed archive.
 #
 # warp_add_device_kernels(SOURCE) compiles a file of kernels in freestanding C++
 # to PTX and embeds it, terminated by a zero, as cuda_<stem of the file>. Clang
@@ -122,31 +123,30 @@ function(warp_add_device_objects name)
 endfunction()
 
 function(warp_add_device_cubins name)
-  cmake_parse_arguments(arg "" "PTX" "FROM;ARCHITECTURES" ${ARGN})
-  list(POP_FRONT arg_FROM bitcode)
-  list(TRANSFORM arg_FROM PREPEND
-    "${PROJECT_BINARY_DIR}/bitcode/${bitcode}/" OUTPUT_VARIABLE parts)
-  list(TRANSFORM parts APPEND ".bc")
+  cmake_parse_arguments(arg "" "FROM;PTX" "PARTS;ARCHITECTURES" ${ARGN})
   set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
   file(MAKE_DIRECTORY "${folder}")
-  set(linked "${folder}/${name}.bc")
-  add_custom_command(OUTPUT "${linked}"
-    COMMAND "${WARP_LLVM_LINK}" ${parts} -o "${linked}"
-    DEPENDS ${parts} VERBATIM)
   set(cubins "")
-  foreach(architecture IN LISTS arg_ARCHITECTURES)
-    set(target "sm_${architecture}")
-    set(ptx "${folder}/${target}.ptx")
-    set(cubin "${folder}/${target}.cubin")
-    add_custom_command(OUTPUT "${cubin}"
-      COMMAND "${WARP_CLANG}" --target=nvptx64-nvidia-cuda -march=${target} -O2
-        -nogpulib -Wno-unknown-cuda-version
-        -Xclang -target-feature -Xclang +ptx${arg_PTX}
-        -Xclang -mlink-builtin-bitcode -Xclang "${WARP_LIBDEVICE}"
-        -S -x ir "${linked}" -o "${ptx}"
-      COMMAND "${WARP_PTXAS}" -c -arch=${target} "${ptx}" -o "${cubin}"
-      DEPENDS "${linked}" COMMENT "Assembling ${name} for ${target}" VERBATIM)
-    list(APPEND cubins "${cubin}")
+  foreach(part IN LISTS arg_PARTS)
+    string(REPLACE ":" ";" part "${part}")
+    list(POP_FRONT part stem)
+    set(bitcode "${PROJECT_BINARY_DIR}/bitcode/${arg_FROM}/${stem}.bc")
+    list(TRANSFORM part PREPEND "-maxrregcount=" OUTPUT_VARIABLE registers)
+    foreach(architecture IN LISTS arg_ARCHITECTURES)
+      set(target "sm_${architecture}")
+      set(ptx "${folder}/${target}.${stem}.ptx")
+      set(cubin "${folder}/${target}.${stem}.cubin")
+      add_custom_command(OUTPUT "${cubin}"
+        COMMAND "${WARP_CLANG}" --target=nvptx64-nvidia-cuda -march=${target}
+          -O2 -nogpulib -Wno-unknown-cuda-version -mllvm -inline-threshold=700
+          -Xclang -target-feature -Xclang +ptx${arg_PTX}
+          -Xclang -mlink-builtin-bitcode -Xclang "${WARP_LIBDEVICE}"
+          -S -x ir "${bitcode}" -o "${ptx}"
+        COMMAND "${WARP_PTXAS}" -c -arch=${target} ${registers} "${ptx}"
+          -o "${cubin}"
+        DEPENDS "${bitcode}" COMMENT "Assembling ${stem} for ${target}" VERBATIM)
+      list(APPEND cubins "${cubin}")
+    endforeach()
   endforeach()
   set(packed "${folder}/${name}.a.zst")
   add_custom_command(OUTPUT "${packed}"
@@ -157,7 +157,7 @@ function(warp_add_device_cubins name)
     DEPENDS ${cubins} VERBATIM)
   add_custom_target(${name}_cubins DEPENDS "${packed}")
   # Its rules make the parts.
-  add_dependencies(${name}_cubins ${bitcode}_bitcode)
+  add_dependencies(${name}_cubins ${arg_FROM}_bitcode)
   warp_embed_file(${name} "${packed}")
   add_dependencies(warp_embed_${name} ${name}_cubins)
 endfunction()

@@ -28,10 +28,13 @@ struct FirstCode {
 /// optimised, on GPUs it calls the machine code of the device library.
 WARP_API CompileOptions quickOptions(CompileOptions wanted);
 
-/// Machine code of the device library's long functions for a GPU, a relocatable
-/// object to link quickly compiled kernels with; empty where there is none.
+/// Whether there is machine code of the device library's long functions.
 /// target: "sm_90a", as the kernel's code has it.
-WARP_API const std::vector<char> &assembledLibrary(const std::string &target);
+WARP_API bool hasAssembledLibrary(const std::string &target);
+/// That code, relocatable objects to link quickly compiled kernels with; empty
+/// where there is none.
+WARP_API const std::vector<std::vector<char>> &
+assembledLibrary(const std::string &target);
 
 /// Whether code quickly compiled for a CPU does for a launch of so many
 /// threads: it computes the same bits, and the launch has little work, or the

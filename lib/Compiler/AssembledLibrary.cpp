@@ -8,6 +8,7 @@
 
 #include "warp/FirstCode.h"
 
+#include "llvm/ADT/StringSwitch.h"
 #include "llvm/IR/Module.h"
 #include "llvm/Object/Archive.h"
 #include "llvm/Support/MemoryBuffer.h"
@@ -18,8 +19,8 @@
 
 using namespace warp;
 
-// lib/DeviceLib/CMakeLists.txt makes them: archives, compressed, of an object
-// for each architecture of a family, which are much alike.
+// lib/DeviceLib/CMakeLists.txt makes them: archives, compressed, of objects for
+// each architecture of a family, which are much alike.
 #define WARP_FAMILY(family)                                                    \
   extern "C" const char warp_devicelib_##family##_begin[],                     \
       warp_devicelib_##family##_end[];
@@ -32,19 +33,24 @@ static llvm::StringRef archiveFor(llvm::StringRef target) {
   auto bytes = [](const char *begin, const char *end) {
     return llvm::StringRef(begin, size_t(end - begin));
   };
-  target.consume_front("sm_");
-  if (target.starts_with("8"))
-    return bytes(warp_devicelib_ampere_begin, warp_devicelib_ampere_end);
-  if (target.starts_with("9"))
-    return bytes(warp_devicelib_hopper_begin, warp_devicelib_hopper_end);
-  if (target.starts_with("1"))
-    return bytes(warp_devicelib_blackwell_begin, warp_devicelib_blackwell_end);
-  return {};
+  return llvm::StringSwitch<llvm::StringRef>(target)
+      .Cases({"sm_80", "sm_86", "sm_89"},
+             bytes(warp_devicelib_ampere_begin, warp_devicelib_ampere_end))
+      .Case("sm_90a",
+            bytes(warp_devicelib_hopper_begin, warp_devicelib_hopper_end))
+      .Cases({"sm_100", "sm_120"}, bytes(warp_devicelib_blackwell_begin,
+                                         warp_devicelib_blackwell_end))
+      .Default({});
 }
 
-/// Empty if it cannot be read: kernels have their own code then.
-static std::vector<char> unpack(llvm::StringRef archive,
-                                const std::string &member) {
+bool warp::hasAssembledLibrary(const std::string &target) {
+  return !archiveFor(target).empty();
+}
+
+/// Members of an archive whose names begin like that; none if it cannot be
+/// read: kernels have their own code then.
+static std::vector<std::vector<char>> unpack(llvm::StringRef archive,
+                                             llvm::StringRef prefix) {
   auto size = ZSTD_getFrameContentSize(archive.data(), archive.size());
   if (archive.empty() || size > (1u << 30))
     return {};
@@ -58,13 +64,13 @@ static std::vector<char> unpack(llvm::StringRef archive,
     llvm::consumeError(opened.takeError());
     return {};
   }
-  std::vector<char> found;
+  std::vector<std::vector<char>> found;
   llvm::Error error = llvm::Error::success();
   for (const auto &child : (*opened)->children(error)) {
     auto name = child.getName();
     auto content = child.getBuffer();
-    if (name && content && *name == member)
-      found.assign(content->begin(), content->end());
+    if (name && content && name->starts_with(prefix))
+      found.emplace_back(content->begin(), content->end());
     llvm::consumeError(name.takeError());
     llvm::consumeError(content.takeError());
   }
@@ -72,19 +78,21 @@ static std::vector<char> unpack(llvm::StringRef archive,
   return found;
 }
 
-const std::vector<char> &warp::assembledLibrary(const std::string &target) {
+const std::vector<std::vector<char>> &
+warp::assembledLibrary(const std::string &target) {
   static std::mutex mutex;
-  static auto *known = new std::map<std::string, std::vector<char>>;
+  static auto *known =
+      new std::map<std::string, std::vector<std::vector<char>>>;
   std::lock_guard<std::mutex> guard(mutex);
   auto [entry, isNew] = known->try_emplace(target);
   if (isNew)
-    entry->second = unpack(archiveFor(target), target + ".cubin");
+    entry->second = unpack(archiveFor(target), target + ".");
   return entry->second;
 }
 
 bool warp::isAssembled(llvm::StringRef symbol) {
   for (llvm::StringRef group :
-       {"warp_mesh_", "warp_overlap_", "warp_tile_factor_",
+       {"warp_mesh_", "warp_overlap_next", "warp_tile_factor_",
         "warp_tile_differentiate_factor_", "warp_tile_substitute_",
         "warp_tile_transform_"})
     if (symbol.starts_with(group))
@@ -111,8 +119,12 @@ AssembledCalls::AssembledCalls(llvm::Module &module) : module(module) {
     }
 }
 
+bool AssembledCalls::isKept(const llvm::Function &function) {
+  return function.getName().starts_with(hidden);
+}
+
 AssembledCalls::~AssembledCalls() {
   for (llvm::Function &function : module)
-    if (function.getName().starts_with(hidden))
+    if (isKept(function))
       function.setName(function.getName().drop_front(hidden.size()));
 }

@@ -16,6 +16,7 @@
 #include "llvm/ADT/StringRef.h"
 
 namespace llvm {
+class Function;
 class Module;
 } // namespace llvm
 
@@ -28,11 +29,13 @@ bool isAssembled(llvm::StringRef symbol);
 bool callsAssembled(const llvm::Module &module);
 
 /// Keeps such declarations as calls while it lives: linking a library does not
-/// see them.
+/// see them, and `isKept` says so.
 class AssembledCalls {
 public:
   explicit AssembledCalls(llvm::Module &module);
   ~AssembledCalls();
+
+  static bool isKept(const llvm::Function &function);
 
 private:
   llvm::Module &module;

@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Abandon.h"
+#include "AssembledLibrary.h"
 #include "Reductions.h"
 #include "Target.h"
 
@@ -112,7 +113,8 @@ MachineLease MachineLease::get(const CompileOptions &options) {
 void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
                        llvm::StringRef name) {
   bool missing = llvm::any_of(module, [](llvm::Function &function) {
-    return function.isDeclaration() && !function.isIntrinsic();
+    return function.isDeclaration() && !function.isIntrinsic() &&
+           !AssembledCalls::isKept(function);
   });
   if (!missing)
     return;

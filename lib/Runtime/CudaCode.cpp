@@ -134,12 +134,13 @@ void warp::assembleOnCuda(int device, Code &code) {
     result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
                                 ptx.size() + 1, code.entry.c_str(), 0, nullptr,
                                 nullptr);
-  if (result == cuda::success && callsLibrary(code)) {
-    const std::vector<char> &library = assembledLibrary(targetOf(code));
-    result = driver.linkAddData(
-        link.handle, cuda::jitInputCubin, const_cast<char *>(library.data()),
-        library.size(), "device library", 0, nullptr, nullptr);
-  }
+  static const std::vector<std::vector<char>> none;
+  for (const std::vector<char> &object :
+       callsLibrary(code) ? assembledLibrary(targetOf(code)) : none)
+    if (result == cuda::success)
+      result = driver.linkAddData(
+          link.handle, cuda::jitInputCubin, const_cast<char *>(object.data()),
+          object.size(), "device library", 0, nullptr, nullptr);
   if (result == cuda::success)
     result = driver.linkComplete(link.handle, &cubin, &size);
   if (result != cuda::success)

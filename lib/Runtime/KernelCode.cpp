@@ -111,7 +111,7 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   variant->flat = key.flat;
   if (saved.empty() || !obtainSaved(key, arch, *variant)) {
     CompileOptions wanted = compileOptions(key, arch);
-    FirstCode first = mayBeQuick(wanted, arch, items)
+    FirstCode first = mayBeQuick(key, wanted, items)
                           ? obtainFirst(wanted, items)
                           : FirstCode{obtain(wanted, times)};
     variant->code = std::move(first.code);
@@ -136,8 +136,9 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
 static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 
 /// Launches of a GPU's quick code, with which better code is asked for: what is
-/// launched again may well be launched often.
-static constexpr int64_t launchesUntilBetter = 2;
+/// launched again may well be launched often. One launch will do if it fills a
+/// card.
+static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;
 
 void Kernel::Impl::load(Variant &variant) {
   variant.code.cost = std::clamp(variant.code.cost, 1.0, 1e12);
@@ -169,16 +170,17 @@ void Kernel::Impl::load(Variant &variant) {
 /// Whether drivers take the assembled library, until one does not.
 static std::atomic<bool> linksLibrary{true};
 
-bool Kernel::Impl::mayBeQuick(const CompileOptions &wanted, int arch,
+bool Kernel::Impl::mayBeQuick(const VariantKey &key,
+                              const CompileOptions &wanted,
                               int64_t items) const {
   if (!options.quickFirst || wanted.debug || wanted.fastMath || wanted.lineinfo)
     return false;
-  if (arch == 0)
+  if (key.device == cpuDevice)
     return true;
   bool isOpen = wanted.maxRegisters == 0 && wanted.minBlocks == 0;
   return linksLibrary && isOpen && items != anyItems &&
-         capturesInProgress == 0 && wanted.optLevel >= 2 &&
-         !assembledLibrary(wanted.target).empty();
+         !isCapturing(key.device) && wanted.optLevel >= 2 &&
+         hasAssembledLibrary(wanted.target);
 }
 
 FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
@@ -265,13 +267,17 @@ bool warp::isTooSlow(const Kernel::Variant &variant, int64_t items) {
   if (!variant.isQuick.load(std::memory_order_relaxed))
     return false;
   return variant.key.device == cpuDevice ? !isQuickEnough(variant.code, items)
-                                         : capturesInProgress != 0;
+                                         : isCapturing(variant.key.device);
 }
 
 void QuickCode::spend(int64_t amount) {
   int64_t left = patience.fetch_sub(amount, std::memory_order_relaxed);
   if (left > 0 && left <= amount)
     ask();
+}
+
+void QuickCode::spendLaunch(int64_t threads) {
+  spend(threads >= manyThreads ? launchesUntilBetter : 1);
 }
 
 //===----------------------------------------------------------------------===//

@@ -90,6 +90,11 @@ static Shape tiledShape(const int32_t *dim, int rank, int64_t side,
   return {{count}, {side, blockDim / side}};
 }
 
+static int64_t countThreads(const Shape &shape) {
+  const Extent &grid = shape.grid, &block = shape.block;
+  return grid.x * grid.y * grid.z * block.x * block.y * block.z;
+}
+
 int warp::chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
                       int smCount) {
   int whole = blockDim, half = whole / 2;
@@ -239,7 +244,7 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   cuda::Result result = queue(variant, entry, shape, work.stream(), params);
   if (result == cuda::success) {
     if (variant.isQuick.load(std::memory_order_relaxed))
-      variant.quick->spend(1);
+      variant.quick->spendLaunch(countThreads(shape));
     cudaDeviceState(key.device)
         .lastKernel.store(variant.label, std::memory_order_relaxed);
     return;

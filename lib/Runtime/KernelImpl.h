@@ -77,6 +77,8 @@ struct QuickCode {
   std::mutex mutex;
 
   void spend(int64_t amount);
+  /// A launch on a GPU.
+  void spendLaunch(int64_t threads);
 };
 
 /// Code that a CUDA device has, and what launches need to know of it.
@@ -207,9 +209,9 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// `spent` gets the milliseconds of each phase.
   Code obtain(const CompileOptions &compileOptions,
               std::map<std::string, double> &spent);
-  /// Whether quick code would do for such options, 0 for a CPU, and a launch
-  /// of so many threads.
-  bool mayBeQuick(const CompileOptions &wanted, int arch, int64_t items) const;
+  /// Whether quick code may do for a launch of so many threads.
+  bool mayBeQuick(const VariantKey &key, const CompileOptions &wanted,
+                  int64_t items) const;
   /// Code that was compiled quickly, if that does for so many threads.
   FirstCode obtainFirst(const CompileOptions &wanted, int64_t items);
   /// Loads quick code for a GPU; false if the driver does not take it, or not

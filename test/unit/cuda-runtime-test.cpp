@@ -9,6 +9,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "Runtime/KernelImpl.h"
+#include "warp/Background.h"
+#include "warp/Graph.h"
+#include "warp/KernelCache.h"
 #include "warp/Runtime.h"
 
 #include <cstdlib>
@@ -465,4 +468,93 @@ TEST_F(Cuda, FailedChecksAreRaisedAtSynchronisation) {
     EXPECT_EQ(error.line, 7);
   }
   synchronizeDevice(0);
+}
+
+namespace {
+/// Kernels that search a mesh.
+class LinkedCode : public Cuda {
+protected:
+  void SetUp() override {
+    Cuda::SetUp();
+    KernelCache::get().setEnabled(false);
+    objects = fakeSymbol<int()>("fakeCudaLinkedObjects");
+    setLinksObjects = fakeSymbol<void(bool)>("fakeCudaSetLinksObjects");
+    if (!objects && !IsSkipped())
+      GTEST_SKIP() << "needs the fake driver";
+  }
+
+  std::unique_ptr<Kernel> kernelOf(bool searches, bool fastMath = false) {
+    std::string text = R"(
+func.func @cast(%mesh: ui64, %x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %root = warp.constant -1 : si32
+  %far = warp.constant 1.0e+03 : f32
+  %zero = warp.constant 0.0 : f32
+  %from = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %hit:4 = warp.library_call "warp_mesh_ray"(%mesh, %from, %zero, %zero, %zero, %zero, %far, %far, %root)
+      : (ui64, f32, f32, f32, f32, f32, f32, f32, si32) -> (si32, f32, f32, f32)
+  warp.store )";
+    text += searches ? "%hit#1" : "%far";
+    text += R"(, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+})";
+    KernelOptions options;
+    options.quickFirst = true;
+    options.fastMath = fastMath;
+    return std::make_unique<Kernel>(Module::fromText(text), "cast", options);
+  }
+
+  /// Objects that a launch had linked.
+  int launch(Kernel &kernel, int count) {
+    std::vector<char> params(kernel.parameterSize());
+    ArrayDescriptor x = view(nullptr, {count}, {4});
+    std::memcpy(params.data() + kernel.parameters()[1].offset, &x, sizeof(x));
+    LaunchDim dim;
+    dim.extent[0] = count;
+    int before = objects();
+    kernel.launch(0, dim, params.data());
+    return objects() - before;
+  }
+
+  int (*objects)() = nullptr;
+  void (*setLinksObjects)(bool) = nullptr;
+};
+} // namespace
+
+// The first code of a kernel that searches is linked, better code comes with
+// the second launch, with a first one of many threads, or by a graph.
+TEST_F(LinkedCode, IsThereFirst) {
+  std::unique_ptr<Kernel> small = kernelOf(true), large = kernelOf(true);
+  auto optimised = [](Kernel &kernel) {
+    waitForBackground();
+    return kernel.compileTimes()["compile"];
+  };
+  EXPECT_GT(launch(*small, 100), 0);
+  double first = optimised(*small);
+  EXPECT_EQ(launch(*small, 100), 0);
+  EXPECT_GT(optimised(*small), first);
+  first = optimised(*small);
+  EXPECT_EQ(launch(*small, 100), 0);
+  EXPECT_EQ(optimised(*small), first);
+
+  EXPECT_GT(launch(*large, 1 << 21), 0);
+  first = optimised(*large);
+  EXPECT_EQ(launch(*large, 1 << 21), 0);
+  EXPECT_EQ(optimised(*large), first);
+}
+
+TEST_F(LinkedCode, IsOnlyForKernelsThatCallTheLibrary) {
+  EXPECT_EQ(launch(*kernelOf(false), 100), 0);
+  EXPECT_EQ(launch(*kernelOf(true, /*fastMath=*/true), 100), 0);
+  auto capture = Capture::begin(0);
+  EXPECT_EQ(launch(*kernelOf(true), 100), 0);
+  capture->end();
+}
+
+// Last: who was refused once does not ask again.
+TEST_F(LinkedCode, IsNotNeeded) {
+  setLinksObjects(false);
+  EXPECT_EQ(launch(*kernelOf(true), 100), 1);
+  setLinksObjects(true);
+  EXPECT_EQ(launch(*kernelOf(true), 100), 0);
 }

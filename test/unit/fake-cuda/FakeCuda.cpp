@@ -56,6 +56,11 @@ EXPORT int fakeCudaProgrammaticLaunches() { return programmaticLaunches; }
 /// Streams and events are done at once, or never.
 EXPORT void fakeCudaSetBusy(bool busy) { streamsBusy = busy; }
 EXPORT void fakeCudaSetFault(int result) { fault = result; }
+/// Objects that were linked, and whether any will be.
+static int linkedObjects = 0;
+static bool linksObjects = true;
+EXPORT int fakeCudaLinkedObjects() { return linkedObjects; }
+EXPORT void fakeCudaSetLinksObjects(bool links) { linksObjects = links; }
 /// The calls since the last time.
 EXPORT const char *fakeCudaTakeStreamLog() {
   static std::string taken;
@@ -202,7 +207,8 @@ static int checkCode(const std::string &code, unsigned count, int *options,
       std::strcpy(static_cast<char *>(values[i]), "no entry in this PTX");
   return 218;
 }
-/// Linking checks the text and keeps it: the fake's machine code is PTX.
+/// Linking checks the text and keeps it: the fake's machine code is PTX. What is
+/// machine code already adds nothing.
 struct FakeLink {
   unsigned count;
   int *options;
@@ -214,10 +220,15 @@ EXPORT int cuLinkCreate_v2(unsigned count, int *options, void **values,
   *link = new FakeLink{count, options, values, {}};
   return success;
 }
-EXPORT int cuLinkAddData_v2(void *link, int, void *data, size_t size,
+EXPORT int cuLinkAddData_v2(void *link, int type, void *data, size_t size,
                             const char *, unsigned, int *, void **) {
   auto *target = static_cast<FakeLink *>(link);
-  target->code.assign(static_cast<char *>(data), size);
+  std::string code(static_cast<char *>(data), size);
+  if (type == 0) {
+    ++linkedObjects;
+    return code.rfind("\177ELF", 0) == 0 && linksObjects ? success : 209;
+  }
+  target->code = std::move(code);
   return checkCode(target->code, target->count, target->options,
                    target->values);
 }
