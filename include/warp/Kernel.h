@@ -41,8 +41,8 @@ struct KernelOptions {
   bool sameOnDevices = false;
   bool lineinfo = false;
   int optLevel = 2;
-  /// CPU: small launches begin with code that is compiled quickly and get what
-  /// `optLevel` gives when they have run for a while.
+  /// Launches may begin with code that is compiled quickly, and get what
+  /// `optLevel` gives when they have run for a while (FirstCode.h).
   bool quickFirst = false;
   int blockDim = 256;
   int maxRegisters = 0;
