@@ -16,9 +16,10 @@
 # into relocatable objects for each architecture, of at most so many registers,
 # and embeds all as one compressed archive.
 #
-# warp_add_device_kernels(SOURCE) compiles a file of kernels in freestanding C++
-# to PTX and embeds it, terminated by a zero, as cuda_<stem of the file>. Clang
-# takes it as CUDA for the sake of a few attributes; no toolkit is needed.
+# warp_add_device_kernels(NAME SOURCES file... ASSEMBLED stem...) compiles files of
+# kernels in freestanding C++ to PTX and embeds an archive of them as NAME_ptx;
+# those that are assembled, too, as NAME_ampere and NAME_hopper. Clang takes them
+# as CUDA for the sake of a few attributes; no toolkit is needed.
 
 function(warp_embed_file name file)
   cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
@@ -122,6 +123,25 @@ function(warp_add_device_objects name)
   endforeach()
 endfunction()
 
+# Embeds files as one compressed archive; rules of the targets in DEPENDS make
+# them.
+function(warp_embed_archive name folder)
+  cmake_parse_arguments(arg "" "" "FILES;DEPENDS" ${ARGN})
+  set(packed "${folder}/${name}.a.zst")
+  add_custom_command(OUTPUT "${packed}"
+    COMMAND "${CMAKE_COMMAND}" -E rm -f "${folder}/${name}.a"
+    COMMAND "${WARP_LLVM_AR}" rcSD "${folder}/${name}.a" ${arg_FILES}
+    COMMAND "${WARP_ZSTD_TOOL}" -q -f --ultra -22 --long=27
+      "${folder}/${name}.a" -o "${packed}"
+    DEPENDS ${arg_FILES} VERBATIM)
+  add_custom_target(${name}_archive DEPENDS "${packed}")
+  if(arg_DEPENDS)
+    add_dependencies(${name}_archive ${arg_DEPENDS})
+  endif()
+  warp_embed_file(${name} "${packed}")
+  add_dependencies(warp_embed_${name} ${name}_archive)
+endfunction()
+
 function(warp_add_device_cubins name)
   cmake_parse_arguments(arg "" "FROM;PTX" "PARTS;ARCHITECTURES" ${ARGN})
   set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
@@ -148,37 +168,53 @@ function(warp_add_device_cubins name)
       list(APPEND cubins "${cubin}")
     endforeach()
   endforeach()
-  set(packed "${folder}/${name}.a.zst")
-  add_custom_command(OUTPUT "${packed}"
-    COMMAND "${CMAKE_COMMAND}" -E rm -f "${folder}/${name}.a"
-    COMMAND "${WARP_LLVM_AR}" rcSD "${folder}/${name}.a" ${cubins}
-    COMMAND "${WARP_ZSTD_TOOL}" -q -f --ultra -22 --long=27
-      "${folder}/${name}.a" -o "${packed}"
-    DEPENDS ${cubins} VERBATIM)
-  add_custom_target(${name}_cubins DEPENDS "${packed}")
-  # Its rules make the parts.
-  add_dependencies(${name}_cubins ${arg_FROM}_bitcode)
-  warp_embed_file(${name} "${packed}")
-  add_dependencies(warp_embed_${name} ${name}_cubins)
+  warp_embed_archive(${name} "${folder}"
+    FILES ${cubins} DEPENDS ${arg_FROM}_bitcode)
 endfunction()
 
-function(warp_add_device_kernels source)
-  get_filename_component(source "${source}" ABSOLUTE)
-  get_filename_component(stem "${source}" NAME_WE)
-  set(folder "${PROJECT_BINARY_DIR}/bitcode/cuda")
+function(warp_add_device_kernels name)
+  cmake_parse_arguments(arg "" "" "SOURCES;ASSEMBLED" ${ARGN})
+  set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
   file(MAKE_DIRECTORY "${folder}")
-  set(ptx "${folder}/${stem}.ptx")
-  add_custom_command(OUTPUT "${ptx}"
-    COMMAND "${WARP_CLANG}" -x cuda --cuda-device-only --cuda-gpu-arch=sm_75
-      -nocudainc -nocudalib -Wno-unknown-cuda-version
-      -Xclang -target-feature -Xclang -ptx88
-      -Xclang -target-feature -Xclang +ptx80
-      -std=c++20 -O3 -ffreestanding -fno-exceptions -fno-rtti
-      -ffp-contract=off -fvisibility=hidden -nostdinc++ -Wall -Wextra -MD -MF "${ptx}.d" -MT "${ptx}"
-      -S "${source}" -o "${ptx}"
-    DEPENDS "${source}" DEPFILE "${ptx}.d"
-    COMMENT "Building PTX ${stem}" VERBATIM)
-  add_custom_target(cuda_${stem}_ptx DEPENDS "${ptx}")
-  warp_embed_file(cuda_${stem} "${ptx}")
-  add_dependencies(warp_embed_cuda_${stem} cuda_${stem}_ptx)
+  set(files "")
+  set(ampere "")
+  set(hopper "")
+  foreach(source IN LISTS arg_SOURCES)
+    get_filename_component(source "${source}" ABSOLUTE)
+    get_filename_component(stem "${source}" NAME_WE)
+    set(ptx "${folder}/${stem}.ptx")
+    add_custom_command(OUTPUT "${ptx}"
+      COMMAND "${WARP_CLANG}" -x cuda --cuda-device-only --cuda-gpu-arch=sm_75
+        -nocudainc -nocudalib -Wno-unknown-cuda-version
+        -Xclang -target-feature -Xclang -ptx88
+        -Xclang -target-feature -Xclang +ptx80
+        -std=c++20 -O3 -ffreestanding -fno-exceptions -fno-rtti
+        -ffp-contract=off -fvisibility=hidden -nostdinc++ -Wall -Wextra
+        -MD -MF "${ptx}.d" -MT "${ptx}" -S "${source}" -o "${ptx}"
+      DEPENDS "${source}" DEPFILE "${ptx}.d"
+      COMMENT "Building PTX ${stem}" VERBATIM)
+    list(APPEND files "${ptx}")
+    if(NOT stem IN_LIST arg_ASSEMBLED)
+      continue()
+    endif()
+    foreach(architecture 80 86 89)
+      set(cubin "${folder}/sm_${architecture}.${stem}.cubin")
+      add_custom_command(OUTPUT "${cubin}"
+        COMMAND "${WARP_PTXAS}" -arch=sm_${architecture} "${ptx}" -o "${cubin}"
+        DEPENDS "${ptx}" VERBATIM)
+      list(APPEND ampere "${cubin}")
+    endforeach()
+    set(cubin "${folder}/sm_90.${stem}.cubin")
+    set(waiting "${folder}/sm_90.${stem}.ptx")
+    add_custom_command(OUTPUT "${cubin}"
+      COMMAND "${CMAKE_COMMAND}" -DIN=${ptx} -DOUT=${waiting}
+        -P "${PROJECT_SOURCE_DIR}/cmake/WaitingKernels.cmake"
+      COMMAND "${WARP_PTXAS}" -arch=sm_90 "${waiting}" -o "${cubin}"
+      DEPENDS "${ptx}" "${PROJECT_SOURCE_DIR}/cmake/WaitingKernels.cmake"
+      VERBATIM)
+    list(APPEND hopper "${cubin}")
+  endforeach()
+  warp_embed_archive(${name}_ptx "${folder}" FILES ${files})
+  warp_embed_archive(${name}_ampere "${folder}" FILES ${ampere})
+  warp_embed_archive(${name}_hopper "${folder}" FILES ${hopper})
 endfunction()

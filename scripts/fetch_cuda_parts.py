@@ -3,7 +3,8 @@
 Usage: fetch_cuda_parts.py FOLDER
 
 Downloads one pinned wheel from PyPI with pip and takes from it
-`libdevice.10.bc` (embedded into libwarp.so) and `ptxas` (used by tests only).
+`libdevice.10.bc` (embedded into libwarp.so) and `ptxas` (assembles what
+libwarp.so has for common GPUs).
 """
 
 from __future__ import annotations

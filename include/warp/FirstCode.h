@@ -28,14 +28,6 @@ struct FirstCode {
 /// optimised, on GPUs it calls the machine code of the device library.
 WARP_API CompileOptions quickOptions(CompileOptions wanted);
 
-/// Whether there is machine code of the device library's long functions.
-/// target: "sm_90a", as the kernel's code has it.
-WARP_API bool hasAssembledLibrary(const std::string &target);
-/// That code, relocatable objects to link quickly compiled kernels with; empty
-/// where there is none.
-WARP_API const std::vector<std::vector<char>> &
-assembledLibrary(const std::string &target);
-
 /// Whether code quickly compiled for a CPU does for a launch of so many
 /// threads: it computes the same bits, and the launch has little work, or the
 /// code is so long that compiling it well takes longer than most of its

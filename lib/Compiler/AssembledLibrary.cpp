@@ -6,7 +6,7 @@
 
 #include "AssembledLibrary.h"
 
-#include "warp/FirstCode.h"
+#include "warp/LibraryCode.h"
 
 #include "llvm/ADT/StringSwitch.h"
 #include "llvm/IR/Module.h"
@@ -19,32 +19,38 @@
 
 using namespace warp;
 
-// lib/DeviceLib/CMakeLists.txt makes them: archives, compressed, of objects for
-// each architecture of a family, which are much alike.
-#define WARP_FAMILY(family)                                                    \
-  extern "C" const char warp_devicelib_##family##_begin[],                     \
-      warp_devicelib_##family##_end[];
-WARP_FAMILY(ampere)
-WARP_FAMILY(hopper)
-WARP_FAMILY(blackwell)
-#undef WARP_FAMILY
+// lib/DeviceLib/CMakeLists.txt makes them: compressed archives; the objects for
+// the architectures of a family are much alike.
+#define WARP_ARCHIVES(use)                                                     \
+  use(devicelib_ampere) use(devicelib_hopper) use(devicelib_blackwell)         \
+      use(kernels_ampere) use(kernels_hopper) use(kernels_ptx)
+#define WARP_DECLARE(name)                                                     \
+  extern "C" const char warp_##name##_begin[], warp_##name##_end[];
+#define WARP_ARCHIVE(name)                                                     \
+  static llvm::StringRef name() {                                              \
+    return {warp_##name##_begin,                                               \
+            size_t(warp_##name##_end - warp_##name##_begin)};                  \
+  }
+WARP_ARCHIVES(WARP_DECLARE)
+WARP_ARCHIVES(WARP_ARCHIVE)
 
-static llvm::StringRef archiveFor(llvm::StringRef target) {
-  auto bytes = [](const char *begin, const char *end) {
-    return llvm::StringRef(begin, size_t(end - begin));
-  };
+static llvm::StringRef libraryFor(llvm::StringRef target) {
   return llvm::StringSwitch<llvm::StringRef>(target)
-      .Cases({"sm_80", "sm_86", "sm_89"},
-             bytes(warp_devicelib_ampere_begin, warp_devicelib_ampere_end))
-      .Case("sm_90a",
-            bytes(warp_devicelib_hopper_begin, warp_devicelib_hopper_end))
-      .Cases({"sm_100", "sm_120"}, bytes(warp_devicelib_blackwell_begin,
-                                         warp_devicelib_blackwell_end))
+      .Cases({"sm_80", "sm_86", "sm_89"}, devicelib_ampere())
+      .Case("sm_90a", devicelib_hopper())
+      .Cases({"sm_100", "sm_120"}, devicelib_blackwell())
       .Default({});
 }
 
+static llvm::StringRef kernelsFor(int arch) {
+  if (arch == 90)
+    return kernels_hopper();
+  return arch == 80 || arch == 86 || arch == 89 ? kernels_ampere()
+                                                : llvm::StringRef();
+}
+
 bool warp::hasAssembledLibrary(const std::string &target) {
-  return !archiveFor(target).empty();
+  return !libraryFor(target).empty();
 }
 
 /// Members of an archive whose names begin like that; none if it cannot be
@@ -86,8 +92,21 @@ warp::assembledLibrary(const std::string &target) {
   std::lock_guard<std::mutex> guard(mutex);
   auto [entry, isNew] = known->try_emplace(target);
   if (isNew)
-    entry->second = unpack(archiveFor(target), target + ".");
+    entry->second = unpack(libraryFor(target), target + ".");
   return entry->second;
+}
+
+std::vector<char> warp::assembledKernels(const std::string &file, int arch) {
+  auto found =
+      unpack(kernelsFor(arch), "sm_" + std::to_string(arch) + "." + file + ".");
+  return found.empty() ? std::vector<char>() : std::move(found.front());
+}
+
+std::string warp::kernelText(const std::string &file) {
+  auto found = unpack(kernels_ptx(), file + ".");
+  return found.empty()
+             ? ""
+             : std::string(found.front().begin(), found.front().end());
 }
 
 bool warp::isAssembled(llvm::StringRef symbol) {

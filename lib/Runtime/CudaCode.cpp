@@ -7,7 +7,7 @@
 #include "CudaCode.h"
 
 #include "warp/Error.h"
-#include "warp/FirstCode.h"
+#include "warp/LibraryCode.h"
 
 #include <algorithm>
 #include <string_view>

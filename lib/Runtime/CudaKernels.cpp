@@ -7,6 +7,7 @@
 #include "CudaKernels.h"
 
 #include "GraphDriver.h"
+#include "warp/LibraryCode.h"
 
 #include <map>
 #include <mutex>
@@ -41,22 +42,58 @@ static std::string textOf(std::string file, const std::string &name,
   return file;
 }
 
-LibraryKernel warp::kernelOf(int device, const char *file,
+namespace {
+/// What one device has of a file of kernels.
+struct KernelFile {
+  /// All of them, if they come as machine code that the driver takes.
+  cuda::ModuleHandle assembled = nullptr;
+  std::string text;
+};
+} // namespace
+
+static KernelFile open(int device, const std::string &file) {
+  KernelFile result;
+  std::vector<char> code = assembledKernels(file, deviceInfo(device).arch);
+  if (!code.empty() &&
+      cuda::driver()->moduleLoadDataEx(&result.assembled, code.data(), 0,
+                                       nullptr, nullptr) != cuda::success)
+    result.assembled = nullptr;
+  return result;
+}
+
+static cuda::Function load(KernelFile &file, const std::string &fileName,
+                           const std::string &name, bool waits) {
+  cuda::Function function = nullptr;
+  if (file.assembled &&
+      cuda::driver()->moduleGetFunction(&function, file.assembled,
+                                        name.c_str()) == cuda::success)
+    return function;
+  if (file.text.empty())
+    file.text = kernelText(fileName);
+  cuda::ModuleHandle module = nullptr;
+  WARP_CUDA(moduleLoadDataEx, &module, textOf(file.text, name, waits).c_str(),
+            0, nullptr, nullptr);
+  WARP_CUDA(moduleGetFunction, &function, module, name.c_str());
+  return function;
+}
+
+LibraryKernel warp::kernelOf(int device, const std::string &file,
                              const std::string &name) {
   static std::mutex mutex;
+  static auto *files = new std::map<std::pair<int, std::string>, KernelFile>;
   static auto *kernels =
       new std::map<std::pair<int, std::string>, LibraryKernel>;
   std::lock_guard<std::mutex> lock(mutex);
   LibraryKernel &kernel = (*kernels)[{device, name}];
   if (kernel.function)
     return kernel;
+  cuda::RelaxedCaptures relaxed;
+  auto [entry, isNew] = files->try_emplace({device, file});
+  if (isNew)
+    entry->second = open(device, file);
   bool waits =
       cuda::driver()->hasProgrammaticLaunches && deviceInfo(device).arch >= 90;
-  cuda::RelaxedCaptures relaxed;
-  cuda::ModuleHandle module = nullptr;
-  WARP_CUDA(moduleLoadDataEx, &module, textOf(file, name, waits).c_str(), 0,
-            nullptr, nullptr);
-  WARP_CUDA(moduleGetFunction, &kernel.function, module, name.c_str());
+  kernel.function = load(entry->second, file, name, waits);
   kernel.waits = waits;
   return kernel;
 }

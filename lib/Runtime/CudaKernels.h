@@ -26,9 +26,10 @@ struct LibraryKernel {
   bool waits = false;
 };
 
-/// A kernel of a file by its name; loaded once per device, alone, and never
-/// unloaded.
-LibraryKernel kernelOf(int device, const char *file, const std::string &name);
+/// A kernel of a file, "Sort", by its name; loaded once per device, alone if the
+/// driver has to assemble it, and never unloaded.
+LibraryKernel kernelOf(int device, const std::string &file,
+                       const std::string &name);
 
 /// Queues a kernel for blocks of `threads`; `Args` are its parameters.
 template <typename... Args>

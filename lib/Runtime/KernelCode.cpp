@@ -24,6 +24,7 @@
 #include "Support.h"
 #include "warp/FirstCode.h"
 #include "warp/KernelCache.h"
+#include "warp/LibraryCode.h"
 #include "warp/SavedModule.h"
 
 #include <algorithm>

@@ -21,10 +21,6 @@
 
 using namespace warp;
 
-extern "C" const char warp_cuda_Scan_begin[], warp_cuda_Sort_begin[],
-    warp_cuda_SortSegments_begin[], warp_cuda_SortLongSegments_begin[],
-    warp_cuda_Runs_begin[];
-
 static constexpr int threads = 256;
 /// Bytes that a thread of a scan has in registers.
 static constexpr int64_t scanBytes = 128;
@@ -74,9 +70,7 @@ void warp::scanOnCuda(int device, NumberType kind, int width, Sequence out,
   if (words)
     setMemory(state.data(), device, 0, state.size(), stream);
   QueuedWork work(device, stream);
-  launch(work,
-         kernelOf(device, warp_cuda_Scan_begin,
-                  std::string("scan_") + sumName(kind)),
+  launch(work, kernelOf(device, "Scan", std::string("scan_") + sumName(kind)),
          tiles * width, 1, in.data, in.stride, out.data, out.stride, count,
          width, int(tiles), state.data(), int(inclusive));
 }
@@ -122,15 +116,13 @@ bool SortState::move(const QueuedWork &work, uint32_t *state) const {
   std::string types = (isFloat(pairs.kind) ? "f" : "i") +
                       std::to_string(8 * keySize) + "_" +
                       std::to_string(8 * pairs.valueSize);
-  launch(work, kernelOf(device, warp_cuda_Sort_begin, "sort_starts"), passes, 1,
-         state);
+  launch(work, kernelOf(device, "Sort", "sort_starts"), passes, 1, state);
   auto *keys = static_cast<char *>(pairs.keys);
   auto *values = static_cast<char *>(pairs.values);
   char *otherKeys = keys + pairs.count * keySize;
   char *otherValues = values + pairs.count * pairs.valueSize;
-  LibraryKernel move =
-      kernelOf(device, warp_cuda_Sort_begin,
-               "sort_move_" + types + (isShort ? "_short" : ""));
+  LibraryKernel move = kernelOf(
+      device, "Sort", "sort_move_" + types + (isShort ? "_short" : ""));
   uint32_t *heads = state + counts, *published = heads + keySize;
   for (int pass = 0; pass < passes; ++pass) {
     int shift = beginBit + pass * radixBits;
@@ -161,9 +153,8 @@ bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
       (isFloat(pairs.kind) ? "f" : "i") + std::to_string(8 * keySize);
   int64_t counters =
       std::min(mostCounters, ceilDivide(pairs.count, 4 * threads));
-  launch(work, kernelOf(device, warp_cuda_Sort_begin, "sort_count_" + key),
-         counters, 1, pairs.keys, pairs.count, signOf(pairs.kind), beginBit,
-         endBit, state);
+  launch(work, kernelOf(device, "Sort", "sort_count_" + key), counters, 1,
+         pairs.keys, pairs.count, signOf(pairs.kind), beginBit, endBit, state);
   return sort.move(work, state);
 }
 
@@ -216,7 +207,7 @@ void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
     if (!listed && kernel.most < 512 && pairs.count > kernel.most * segments)
       continue;
     int64_t blocks = ceilDivide(left * kernel.lanes, threads);
-    queue(warp_cuda_SortSegments_begin, kernel.name,
+    queue("SortSegments", kernel.name,
           std::min(blocks, listed ? listBlocks : 1 << 20), int(segments),
           listed, lists[0], sizes, lists[1]);
     if (pairs.count <= kernel.most)
@@ -225,8 +216,8 @@ void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
     listed = sizes++;
     std::swap(lists[0], lists[1]);
   }
-  queue(warp_cuda_SortLongSegments_begin, "segments_long",
-        std::min(left, listBlocks), listed, lists[0], sizes);
+  queue("SortLongSegments", "segments_long", std::min(left, listBlocks), listed,
+        lists[0], sizes);
 }
 
 void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {
@@ -241,8 +232,7 @@ void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {
   setMemory(states.data(), device, 0, states.size(), stream);
   QueuedWork work(device, stream);
   launch(work,
-         kernelOf(device, warp_cuda_Runs_begin,
-                  runs.size == 4 ? "runs_u32" : "runs_u64"),
+         kernelOf(device, "Runs", runs.size == 4 ? "runs_u32" : "runs_u64"),
          tiles, 1, runs.numbers, runs.count, runs.runNumbers, runs.runLengths,
          runs.runCount, states.data());
 }

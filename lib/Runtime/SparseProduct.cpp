@@ -16,8 +16,6 @@
 
 using namespace warp;
 
-extern "C" const char warp_cuda_SparseProduct_begin[];
-
 static constexpr int threads = 256;
 /// Entries and ends of rows that a block takes.
 static constexpr int64_t tileLength = 7 * threads;
@@ -51,7 +49,7 @@ void warp::multiplyRows(int device, const SparseProduct &product,
   setMemory(sums.data(), device, 0, sums.size(), stream);
   QueuedWork work(device, stream);
   LibraryKernel kernel =
-      kernelOf(device, warp_cuda_SparseProduct_begin,
+      kernelOf(device, "SparseProduct",
                isWide ? "sparse_product_f64" : "sparse_product_f32");
   isWide ? launch<double>(work, kernel, tiles, product, sums.data())
          : launch<float>(work, kernel, tiles, product, sums.data());

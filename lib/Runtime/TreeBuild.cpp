@@ -18,9 +18,6 @@
 
 using namespace warp;
 
-extern "C" const char warp_cuda_TreeOrder_begin[], warp_cuda_TreeHalves_begin[],
-    warp_cuda_TreeFill_begin[];
-
 namespace {
 constexpr int threads = 256, halvers = 1024, fillers = 512, toppers = 1024;
 constexpr int64_t mostBlocks = 1056;
@@ -155,10 +152,10 @@ Building::Building(int device, const TreeBuild &build, const Stream *stream)
 LibraryKernel Building::kernel(const char *name) const {
   std::string_view text = name;
   const char *code =
-      text == "tree_fill" || text == "tree_top" ? warp_cuda_TreeFill_begin
+      text == "tree_fill" || text == "tree_top" ? "TreeFill"
       : text == "tree_count" || text == "tree_part" || text == "tree_halve"
-          ? warp_cuda_TreeHalves_begin
-          : warp_cuda_TreeOrder_begin;
+          ? "TreeHalves"
+          : "TreeOrder";
   return kernelOf(device, code, name);
 }
 

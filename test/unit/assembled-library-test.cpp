@@ -9,7 +9,7 @@
 
 #include "Compiler/AssembledLibrary.h"
 
-#include "warp/FirstCode.h"
+#include "warp/LibraryCode.h"
 
 #include "llvm/ADT/StringSet.h"
 #include "llvm/Bitcode/BitcodeReader.h"
@@ -75,4 +75,31 @@ INSTANTIATE_TEST_SUITE_P(Architectures, AssembledLibrary,
 TEST(AssembledLibraries, AreOnlyForArchitecturesThatHaveOne) {
   for (const char *target : {"sm_75", "sm_90", "sm_101", "sm_8", "cpu", ""})
     EXPECT_FALSE(hasAssembledLibrary(target)) << target;
+}
+
+// Kernels that first builds wait for, and the text of all.
+TEST(AssembledLibraries, HaveTheRuntimesKernels) {
+  for (const char *file :
+       {"Scan", "Sort", "TreeFill", "TreeHalves", "TreeOrder"}) {
+    std::string text = kernelText(file);
+    EXPECT_EQ(text.find("//"), 0u) << file;
+    for (int arch : {80, 86, 89, 90}) {
+      std::vector<char> code = assembledKernels(file, arch);
+      llvm::StringSet<> names;
+      ASSERT_FALSE(code.empty()) << file << arch;
+      addDefined({code.data(), code.size()}, names);
+      size_t count = 0, at = 0;
+      static const std::string entry = "\n.visible .entry ";
+      while ((at = text.find(entry, at)) != text.npos) {
+        at += entry.size();
+        EXPECT_TRUE(names.contains(text.substr(at, text.find('(', at) - at)));
+        ++count;
+      }
+      EXPECT_GT(count, 0u);
+    }
+  }
+  EXPECT_FALSE(kernelText("SortSegments").empty());
+  EXPECT_TRUE(assembledKernels("SortSegments", 90).empty());
+  EXPECT_TRUE(assembledKernels("Sort", 75).empty());
+  EXPECT_TRUE(kernelText("Sor").empty());
 }
