@@ -78,7 +78,8 @@ function(warp_add_device_bitcode name)
   endforeach()
   set(linked "${folder}/${name}.bc")
   add_custom_command(OUTPUT "${linked}"
-    COMMAND "${WARP_LLVM_LINK}" ${parts} -o "${linked}"
+    COMMAND "${WARP_LLVM_LINK}" --preserve-bc-uselistorder=false
+      ${parts} -o "${linked}"
     DEPENDS ${parts} VERBATIM)
   add_custom_target(${name}_bitcode DEPENDS "${linked}")
   warp_embed_file(${name} "${linked}")
@@ -197,13 +198,11 @@ function(warp_add_device_kernels name)
     if(NOT stem IN_LIST arg_ASSEMBLED)
       continue()
     endif()
-    foreach(architecture 80 86 89)
-      set(cubin "${folder}/sm_${architecture}.${stem}.cubin")
-      add_custom_command(OUTPUT "${cubin}"
-        COMMAND "${WARP_PTXAS}" -arch=sm_${architecture} "${ptx}" -o "${cubin}"
-        DEPENDS "${ptx}" VERBATIM)
-      list(APPEND ampere "${cubin}")
-    endforeach()
+    set(cubin "${folder}/sm_80.${stem}.cubin")
+    add_custom_command(OUTPUT "${cubin}"
+      COMMAND "${WARP_PTXAS}" -arch=sm_80 "${ptx}" -o "${cubin}"
+      DEPENDS "${ptx}" VERBATIM)
+    list(APPEND ampere "${cubin}")
     set(cubin "${folder}/sm_90.${stem}.cubin")
     set(waiting "${folder}/sm_90.${stem}.ptx")
     add_custom_command(OUTPUT "${cubin}"

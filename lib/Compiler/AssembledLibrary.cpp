@@ -42,13 +42,6 @@ static llvm::StringRef libraryFor(llvm::StringRef target) {
       .Default({});
 }
 
-static llvm::StringRef kernelsFor(int arch) {
-  if (arch == 90)
-    return kernels_hopper();
-  return arch == 80 || arch == 86 || arch == 89 ? kernels_ampere()
-                                                : llvm::StringRef();
-}
-
 bool warp::hasAssembledLibrary(const std::string &target) {
   return !libraryFor(target).empty();
 }
@@ -97,8 +90,13 @@ warp::assembledLibrary(const std::string &target) {
 }
 
 std::vector<char> warp::assembledKernels(const std::string &file, int arch) {
+  // Whole programs run on all later GPUs of their generation.
+  int generation = arch / 10;
+  llvm::StringRef archive = generation == 8   ? kernels_ampere()
+                            : generation == 9 ? kernels_hopper()
+                                              : llvm::StringRef();
   auto found =
-      unpack(kernelsFor(arch), "sm_" + std::to_string(arch) + "." + file + ".");
+      unpack(archive, "sm_" + std::to_string(generation) + "0." + file + ".");
   return found.empty() ? std::vector<char>() : std::move(found.front());
 }
 

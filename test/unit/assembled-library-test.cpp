@@ -83,7 +83,7 @@ TEST(AssembledLibraries, HaveTheRuntimesKernels) {
        {"Scan", "Sort", "TreeFill", "TreeHalves", "TreeOrder"}) {
     std::string text = kernelText(file);
     EXPECT_EQ(text.find("//"), 0u) << file;
-    for (int arch : {80, 86, 89, 90}) {
+    for (int arch : {80, 87, 89, 90}) {
       std::vector<char> code = assembledKernels(file, arch);
       llvm::StringSet<> names;
       ASSERT_FALSE(code.empty()) << file << arch;
