@@ -42,8 +42,6 @@ Kernel::Variant::~Variant() {
     Jit::get().unload(reinterpret_cast<void *>(entry));
   if (quick && quick->entry != entry)
     Jit::get().unload(reinterpret_cast<void *>(quick->entry));
-  for (const std::unique_ptr<CudaEntry> &entry : entries)
-    unloadFromCuda(key.device, entry->loaded);
 }
 
 void Kernel::Variant::place(std::unique_ptr<CudaEntry> entry) {
@@ -210,15 +208,16 @@ FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
 bool Kernel::Impl::loadLinked(Variant &variant) {
   try {
     load(variant);
-  } catch (const Error &) {
+  } catch (const Error &error) {
     // The driver does not take machine code of this age.
-    linksLibrary = false;
+    if (error.kind == Error::Kind::Compile)
+      linksLibrary = false;
     return false;
   }
+  cuda::ContextScope scope(variant.key.device);
   if (mostThreads(*variant.cuda) >= variant.key.blockDim)
     return true;
   // The library is for blocks that have all registers.
-  unloadFromCuda(variant.key.device, variant.entries.back()->loaded);
   variant.cuda = nullptr;
   variant.entries.clear();
   return false;

@@ -141,6 +141,7 @@ std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
   cuda::ContextScope scope(variant.key.device);
   cuda::RelaxedCaptures relaxed;
   auto entry = std::make_unique<CudaEntry>();
+  entry->device = variant.key.device;
   entry->programmatic =
       cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
   entry->loaded.load(variant.key.device, code);
@@ -159,6 +160,11 @@ std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
   WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize, entry->function);
   entry->keepsStack = local >= stackBytes;
   return entry;
+}
+
+CudaEntry::~CudaEntry() {
+  if (loaded)
+    unloadFromCuda(device, loaded);
 }
 
 int warp::mostThreads(const CudaEntry &entry) {

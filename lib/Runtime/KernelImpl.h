@@ -83,6 +83,12 @@ struct QuickCode {
 
 /// Code that a CUDA device has, and what launches need to know of it.
 struct CudaEntry {
+  CudaEntry() = default;
+  CudaEntry(const CudaEntry &) = delete;
+  CudaEntry &operator=(const CudaEntry &) = delete;
+  ~CudaEntry();
+
+  int device = 0;
   CudaCode loaded;
   cuda::Function function = nullptr;
   /// Whether it may start before the kernel before it on its stream has ended.
