@@ -38,8 +38,8 @@ WARP_API bool isQuickEnough(const Code &code, int64_t items);
 /// Compiles a variant quickly if that does for a launch of so many threads, and
 /// with the effort that the options ask for otherwise. Both compute the same
 /// bits, but for the sign and payload of NaNs: what may be computed in another
-/// order, as with `fastMath`, is never compiled quickly. On GPUs it does for all
-/// launches of kernels that call a long function of the device library.
+/// order, as with `fastMath`, is never compiled quickly. On GPUs it does for
+/// all launches of kernels that call a long function of the device library.
 WARP_API FirstCode compileFirst(const Module &module,
                                 const CompileOptions &options, int64_t items);
 

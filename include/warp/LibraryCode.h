@@ -25,8 +25,8 @@ WARP_API bool hasAssembledLibrary(const std::string &target);
 WARP_API const std::vector<std::vector<char>> &
 assembledLibrary(const std::string &target);
 
-/// The kernels of a file of lib/DeviceLib/cuda as machine code, empty if there is
-/// none for an architecture, 90 for "sm_90"; and as PTX.
+/// The kernels of a file of lib/DeviceLib/cuda as machine code, empty if there
+/// is none for an architecture, 90 for "sm_90"; and as PTX.
 WARP_API std::vector<char> assembledKernels(const std::string &file, int arch);
 WARP_API std::string kernelText(const std::string &file);
 

@@ -107,6 +107,11 @@ std::string warp::kernelText(const std::string &file) {
              : std::string(found.front().begin(), found.front().end());
 }
 
+/// What searches need besides, too short to be worth linking for it alone.
+static bool isShort(llvm::StringRef symbol) {
+  return symbol == "warp_slot" || symbol == "warp_group_root";
+}
+
 bool warp::isAssembled(llvm::StringRef symbol) {
   for (llvm::StringRef group :
        {"warp_mesh_", "warp_overlap_next", "warp_tile_factor_",
@@ -114,7 +119,7 @@ bool warp::isAssembled(llvm::StringRef symbol) {
         "warp_tile_transform_"})
     if (symbol.starts_with(group))
       return true;
-  return false;
+  return isShort(symbol);
 }
 
 static bool isCall(const llvm::Function &function) {
@@ -122,7 +127,9 @@ static bool isCall(const llvm::Function &function) {
 }
 
 bool warp::callsAssembled(const llvm::Module &module) {
-  return llvm::any_of(module, isCall);
+  return llvm::any_of(module, [](const llvm::Function &function) {
+    return isCall(function) && !isShort(function.getName());
+  });
 }
 
 static constexpr llvm::StringLiteral hidden = "assembled.";

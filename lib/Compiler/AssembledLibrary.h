@@ -2,11 +2,11 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What LibraryObject.h is for CPUs: searches and the algebra of tiles, for which
-// the driver's assembler needs most of a first launch, are assembled when the
-// library is built, once for each family of GPUs. Quickly compiled kernels call
-// them, and the driver links both. In better code they are part of the kernel,
-// for what it passes and with its registers.
+// What LibraryObject.h is for CPUs: searches and the algebra of tiles, for
+// which the driver's assembler needs most of a first launch, are assembled when
+// the library is built, once for each family of GPUs. Quickly compiled kernels
+// call them, and the driver links both. In better code they are part of the
+// kernel, for what it passes and with its registers.
 //
 //===----------------------------------------------------------------------===//
 
@@ -23,9 +23,9 @@ class Module;
 namespace warp {
 
 /// Whether the assembled library has a function: one of those exported by the
-/// sources that lib/DeviceLib/CMakeLists.txt lists for it, and long.
+/// sources that lib/DeviceLib/CMakeLists.txt lists for it.
 bool isAssembled(llvm::StringRef symbol);
-/// Whether a module declares any such function.
+/// Whether a module declares any such function that is long.
 bool callsAssembled(const llvm::Module &module);
 
 /// Keeps such declarations as calls while it lives: linking a library does not

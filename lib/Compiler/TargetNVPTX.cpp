@@ -107,10 +107,10 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
               {warp_devicelib_cuda_begin,
                size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin)},
               "device library");
-  linkBitcode(module,
-              {warp_libdevice_begin,
-               size_t(warp_libdevice_end - warp_libdevice_begin)},
-              "libdevice");
+  linkBitcode(
+      module,
+      {warp_libdevice_begin, size_t(warp_libdevice_end - warp_libdevice_begin)},
+      "libdevice");
   calls.reset();
   keepNativeCalls(module);
   setReflection(module, options.fastMath);
@@ -124,8 +124,8 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
     if (function.getCallingConv() != llvm::CallingConv::PTX_Kernel)
       continue;
     // Nobody writes to the parameters, so they need no copy.
-    function.addParamAttr(
-        0, llvm::Attribute::get(context, "nvvm.grid_constant"));
+    function.addParamAttr(0,
+                          llvm::Attribute::get(context, "nvvm.grid_constant"));
     if (options.maxRegisters > 0)
       function.addFnAttr("nvvm.maxnreg", std::to_string(options.maxRegisters));
     if (options.minBlocks > 0)

@@ -3,8 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The table says what lib/DeviceLib defines: for geometry in the files of the
-// folder itself, and for tiles in cpu/Tile*.cpp and gpu/Tile*.cpp. A star stands
-// for several endings.
+// folder itself, and for tiles in cpu/Tile*.cpp and gpu/Tile*.cpp. A star
+// stands for several endings.
 //
 //===----------------------------------------------------------------------===//
 

@@ -56,8 +56,8 @@ cuda::Result queueKernel(cuda::Function function, cuda::LaunchConfig config,
 /// Whether the PTX calls functions of the assembled library.
 bool callsLibrary(const Code &code);
 
-/// Turns PTX into machine code for a device, with what it calls of the assembled
-/// library.
+/// Turns PTX into machine code for a device, with what it calls of the
+/// assembled library.
 void assembleOnCuda(int device, Code &code);
 
 } // namespace warp

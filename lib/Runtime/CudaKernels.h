@@ -26,8 +26,8 @@ struct LibraryKernel {
   bool waits = false;
 };
 
-/// A kernel of a file, "Sort", by its name; loaded once per device, alone if the
-/// driver has to assemble it, and never unloaded.
+/// A kernel of a file, "Sort", by its name; loaded once per device, alone if
+/// the driver has to assemble it, and never unloaded.
 LibraryKernel kernelOf(int device, const std::string &file,
                        const std::string &name);
 

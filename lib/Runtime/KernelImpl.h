@@ -94,7 +94,8 @@ struct CudaEntry {
   /// Whether it may start before the kernel before it on its stream has ended.
   bool programmatic = false;
   /// Blocks of the variant's size that a multiprocessor runs at a time, and
-  /// blocks of half as many threads; 0 where the code is for one size of blocks.
+  /// blocks of half as many threads; 0 where the code is for one size of
+  /// blocks.
   int residentBlocks = 0, residentHalves = 0;
   /// Whether threads keep a stack in memory: some search longer than others,
   /// and a block's room is free when its last thread has ended.

@@ -20,8 +20,8 @@ static constexpr int usualMultiprocessors = 128;
 
 static std::string describeKind(const VariantKey &key, int arch) {
   std::string text = key.device != cpuDevice ? deviceInfo(key.device).alias
-                     : arch == 0 ? "cpu"
-                                 : "sm_" + std::to_string(arch);
+                     : arch == 0             ? "cpu"
+                                             : "sm_" + std::to_string(arch);
   text += ", " + std::to_string(key.rank) +
           (key.rank == 1 ? " dimension" : " dimensions");
   if (key.large)
@@ -48,8 +48,7 @@ static void addCuda(const Kernel::Variant &variant,
   int registers = 0, local = 0;
   WARP_CUDA(funcGetAttribute, &registers, cuda::functionRegisters,
             entry->function);
-  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize,
-            entry->function);
+  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize, entry->function);
   choices.push_back({"registers", std::to_string(registers),
                      std::to_string(local) + " bytes of local memory"});
   int whole = variant.key.blockDim;
@@ -82,8 +81,8 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
   result.choices = schedule(source(), compiled);
   if (arch == 0) {
     std::string threads = std::to_string(ThreadPool::size());
-    result.choices.push_back({"threads", "at most " + threads,
-                              "as many as a launch has work for"});
+    result.choices.push_back(
+        {"threads", "at most " + threads, "as many as a launch has work for"});
     return result;
   }
   std::string ptx = emitText(source(), compiled, "ptx");
@@ -106,9 +105,7 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
                       impl->describe(variant->key, arch, variant));
   if (!result.empty())
     return result;
-  int rank = dim                 ? dim->rank
-             : impl->hasSource() ? impl->threadRank()
-                                 : 1;
+  int rank = dim ? dim->rank : impl->hasSource() ? impl->threadRank() : 1;
   VariantKey key = impl->usualKey(rank);
   key.device = device;
   if (arch != 0) {

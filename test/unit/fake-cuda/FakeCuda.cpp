@@ -207,8 +207,8 @@ static int checkCode(const std::string &code, unsigned count, int *options,
       std::strcpy(static_cast<char *>(values[i]), "no entry in this PTX");
   return 218;
 }
-/// Linking checks the text and keeps it: the fake's machine code is PTX. What is
-/// machine code already adds nothing.
+/// Linking checks the text and keeps it: the fake's machine code is PTX. What
+/// is machine code already adds nothing.
 struct FakeLink {
   unsigned count;
   int *options;
