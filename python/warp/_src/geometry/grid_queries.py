@@ -9,9 +9,10 @@ caller's to check.
 # What is assigned to a reference, the caller reads.
 # ruff: noqa: F841
 
-from warp._src.geometry.handles import GRID, integers, words
+from warp._src.geometry.handles import GRID, integers, publish, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
+from warp._src.types import dtypes
 from warp._src.types.annotations import ref
 from warp._src.types.dtypes import Float, vec3d, vec3f, vec3h, vector
 from warp._src.types.native import ArrayType
@@ -220,3 +221,9 @@ FUNCTIONS = {
 for _form in (_query_half, _query_double, _group_single, _group_half, _group_double):
     FUNCTIONS["hash_grid_query"].add_overload(_form)
 FUNCTIONS["hash_grid_query_next"].add_overload(_next_of_group)
+publish(FUNCTIONS)
+TYPES = {"HashGridQuery": HashGridQuery}
+NEXT = (
+    (dtypes.native_type(HashGridQuery), ADVANCE),
+    (dtypes.native_type(HashGridGroupQuery), ADVANCE_GROUP),
+)

@@ -21,3 +21,12 @@ def _integers(address: uint64, count: int):
 
 words = Function(_words, "words")
 integers = Function(_integers, "integers")
+
+
+def publish(functions: dict) -> None:
+    """Makes functions public names of kernels, whose launches check the handles they get."""
+    for name, function in functions.items():
+        function.__module__ = "warp"
+        if not name.endswith(("_next", "_next_tiled", "_valid")):
+            kind = name.removeprefix("tile_").partition("_")[0]
+            function.handle = {"hash": GRID, "bvh": BVH, "mesh": MESH}[kind]

@@ -8,6 +8,7 @@ forms of these queries: they leave variables as they are if nothing is found.
 # What is assigned to a reference, the caller reads.
 # ruff: noqa: F841
 
+from warp._src.geometry.handles import publish
 from warp._src.geometry.mesh_arrays import corners, indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant, meeting, weights
 from warp._src.kernels.function import Function
@@ -237,3 +238,5 @@ FUNCTIONS = {
 FUNCTIONS["mesh_query_point"].add_overload(_point_into)
 FUNCTIONS["mesh_query_point_no_sign"].add_overload(_no_sign_into)
 FUNCTIONS["mesh_query_ray"].add_overload(_ray_into)
+publish(FUNCTIONS)
+TYPES = {"MeshQueryPoint": MeshQueryPoint, "MeshQueryRay": MeshQueryRay}

@@ -1,6 +1,7 @@
 """More ways to tell the sides of a mesh, distances with a sign, and the arrays of a mesh."""
 
 from warp._src.derivatives.functions import custom_vjp
+from warp._src.geometry.handles import publish
 from warp._src.geometry.mesh_arrays import indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant
 from warp._src.geometry.mesh_queries import (
@@ -212,5 +213,10 @@ FUNCTIONS = {
 }
 FUNCTIONS["mesh_query_point_sign_winding_number"].add_overload(_winding_into)
 FUNCTIONS["mesh_query_point_sign_parity"].add_overload(_parity_into)
-QUERIES["mesh_query_point_sign_normal"].add_overload(_normal_into)
-QUERIES["mesh_query_furthest_point_no_sign"].add_overload(_furthest_into)
+for _form, _name in (
+    (_normal_into, "mesh_query_point_sign_normal"),
+    (_furthest_into, "mesh_query_furthest_point_no_sign"),
+):
+    FUNCTIONS[_name] = QUERIES[_name]
+    FUNCTIONS[_name].add_overload(_form)
+publish(FUNCTIONS)

@@ -6,6 +6,7 @@ then each has an iterator of its own, and one that is at its end gives -1 until 
 
 # What is assigned to a reference, the caller reads.
 
+from warp._src.geometry.handles import publish
 from warp._src.geometry.tree_queries import Cursor, step
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -119,3 +120,5 @@ FORMER = {
     "mesh_query_aabb_tiled": "tile_mesh_query_aabb",
 }
 FUNCTIONS.update({former: FUNCTIONS[name] for former, name in FORMER.items()})
+publish(FUNCTIONS)
+TYPES = {"BvhQueryTiled": BvhQueryTiled, "MeshQueryAABBTiled": MeshQueryAABBTiled}

@@ -5,8 +5,10 @@ A query is a shape and a cursor (lib/DeviceLib/geometry/Overlap.h); the device l
 
 # What is assigned to a reference, the caller reads.
 
+from warp._src.geometry.handles import publish
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
+from warp._src.types import dtypes
 from warp._src.types.annotations import ref
 from warp._src.types.dtypes import vec3f
 from warp._src.types.scalars import float32, int32, uint64
@@ -150,3 +152,9 @@ FUNCTIONS = {
     )
 }
 FUNCTIONS["mesh_query_aabb_next"] = FUNCTIONS["mesh_query_next"]
+publish(FUNCTIONS)
+TYPES = {"BvhQuery": BvhQuery, "MeshQuery": MeshQuery, "MeshQueryAABB": MeshQuery}
+NEXT = (
+    (dtypes.native_type(BvhQuery), ADVANCE_BVH),
+    (dtypes.native_type(MeshQuery), ADVANCE_MESH),
+)

@@ -64,26 +64,41 @@ LIBRARY_NAMES = (
     *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
     *("transform_wrench", "velocity_at_point"),
 )
-# What kernels ask geometry; loaded when first used.
-_GEOMETRY_QUERIES = frozenset(
-    (
-        *("BvhQuery", "HashGridQuery", "MeshQuery", "MeshQueryAABB", "MeshQueryPoint"),
-        *("MeshQueryRay", "bvh_query_aabb", "bvh_query_next", "bvh_query_ray", "bvh_query_sphere"),
-        *("hash_grid_point_id", "hash_grid_query", "hash_grid_query_next", "mesh_eval_face_normal"),
-        *("mesh_eval_position", "mesh_eval_velocity", "mesh_get_bvh", "mesh_get_index"),
-        *("mesh_get_point", "mesh_get_velocity", "mesh_query_aabb", "mesh_query_aabb_next"),
-        *("mesh_query_furthest_point_no_sign", "mesh_query_next", "mesh_query_point"),
-        *("mesh_query_point_no_sign", "mesh_query_ray", "mesh_query_ray_anyhit"),
-        *("mesh_query_point_sign_normal", "mesh_query_sphere", "bvh_get_group_root"),
-        *("bvh_query_capsule", "closest_point_edge_edge", "intersect_tri_tri", "mesh_get"),
-        *("mesh_get_group_root", "mesh_query_point_sign_parity", "mesh_sdf"),
-        *("mesh_query_point_sign_winding_number", "mesh_query_ray_count_intersections"),
-        *("BvhQueryTiled", "MeshQueryAABBTiled", "bvh_query_aabb_tiled", "bvh_query_next_tiled"),
-        *("bvh_query_ray_tiled", "mesh_query_aabb_next_tiled", "mesh_query_aabb_tiled"),
-        *("tile_bvh_query_aabb", "tile_bvh_query_next", "tile_bvh_query_ray"),
-        *("tile_mesh_query_aabb", "tile_mesh_query_aabb_next", "tile_query_valid"),
-    )
-)
+# What kernels ask geometry, by the module of warp._src.geometry that is loaded for it.
+_GEOMETRY_QUERIES = {
+    name: module
+    for module, names in {
+        "grid_queries": (
+            *("HashGridQuery", "hash_grid_point_id", "hash_grid_query", "hash_grid_query_next"),
+        ),
+        "tree_queries": (
+            *("BvhQuery", "MeshQuery", "MeshQueryAABB", "bvh_query_aabb", "bvh_query_capsule"),
+            *("bvh_query_next", "bvh_query_ray", "bvh_query_sphere", "mesh_query_aabb"),
+            *("mesh_query_aabb_next", "mesh_query_next", "mesh_query_sphere"),
+        ),
+        "mesh_queries": (
+            *("MeshQueryPoint", "MeshQueryRay", "mesh_eval_face_normal", "mesh_eval_position"),
+            *("mesh_eval_velocity", "mesh_get_bvh", "mesh_get_index", "mesh_get_point"),
+            *("mesh_get_velocity", "mesh_query_point", "mesh_query_point_no_sign"),
+            *("mesh_query_ray", "mesh_query_ray_anyhit"),
+        ),
+        "mesh_signs": (
+            *("bvh_get_group_root", "mesh_get", "mesh_get_group_root"),
+            *("mesh_query_furthest_point_no_sign", "mesh_query_point_sign_normal"),
+            *("mesh_query_point_sign_parity", "mesh_query_point_sign_winding_number"),
+            *("mesh_query_ray_count_intersections", "mesh_sdf"),
+        ),
+        "tile_queries": (
+            *("BvhQueryTiled", "MeshQueryAABBTiled", "bvh_query_aabb_tiled"),
+            *("bvh_query_next_tiled", "bvh_query_ray_tiled", "mesh_query_aabb_next_tiled"),
+            *("mesh_query_aabb_tiled", "tile_bvh_query_aabb", "tile_bvh_query_next"),
+            *("tile_bvh_query_ray", "tile_mesh_query_aabb", "tile_mesh_query_aabb_next"),
+            *("tile_query_valid",),
+        ),
+        "proximity": (*("closest_point_edge_edge", "intersect_tri_tri"),),
+    }.items()
+    for name in names
+}
 _VOLUME_QUERIES = frozenset(
     (
         *("volume_index_to_world", "volume_index_to_world_dir", "volume_lookup"),
@@ -102,8 +117,8 @@ def _find_geometry(name: str):
     """What kernels ask geometry, or None."""
     if name == "MarchingCubes":
         return importlib.import_module("warp.geometry").IsoSurfaceMarchingCubes
-    if name in _GEOMETRY_QUERIES:
-        queries = importlib.import_module("warp._src.geometry.queries")
+    if module := _GEOMETRY_QUERIES.get(name):
+        queries = importlib.import_module(f"warp._src.geometry.{module}")
         return queries.FUNCTIONS.get(name) or queries.TYPES[name]
     if name in _VOLUME_QUERIES:
         return importlib.import_module("warp._src.geometry.volumes.queries").FUNCTIONS[name]
