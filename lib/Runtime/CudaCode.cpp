@@ -34,9 +34,7 @@ struct Log {
                   (log[0] ? std::string("\n") + log : ""));
 }
 
-void CudaCode::load(int device, Code &code) {
-  if (callsLibrary(code))
-    assembleOnCuda(device, code);
+void CudaCode::load(Code &code) {
   const cuda::Driver &driver = *cuda::driver();
   // The driver wants a terminated string.
   if (code.binary.empty() || code.binary.back() != '\0')
@@ -62,6 +60,12 @@ cuda::Function CudaCode::function(const std::string &name) const {
   WARP_CUDA(libraryGetKernel, &kernel, library, name.c_str());
   WARP_CUDA(kernelGetFunction, &found, kernel);
   return found;
+}
+
+int warp::attributeOf(cuda::Function function, cuda::FunctionAttribute which) {
+  int value = 0;
+  WARP_CUDA(funcGetAttribute, &value, which, function);
+  return value;
 }
 
 void CudaCode::unload() {
@@ -134,13 +138,12 @@ void warp::assembleOnCuda(int device, Code &code) {
     result = driver.linkAddData(link.handle, cuda::jitInputPtx, ptx.data(),
                                 ptx.size() + 1, code.entry.c_str(), 0, nullptr,
                                 nullptr);
-  static const std::vector<std::vector<char>> none;
-  for (const std::vector<char> &object :
-       callsLibrary(code) ? assembledLibrary(targetOf(code)) : none)
-    if (result == cuda::success)
-      result = driver.linkAddData(
-          link.handle, cuda::jitInputCubin, const_cast<char *>(object.data()),
-          object.size(), "device library", 0, nullptr, nullptr);
+  if (callsLibrary(code))
+    for (const std::vector<char> &object : assembledLibrary(targetOf(code)))
+      if (result == cuda::success)
+        result = driver.linkAddData(
+            link.handle, cuda::jitInputCubin, const_cast<char *>(object.data()),
+            object.size(), "device library", 0, nullptr, nullptr);
   if (result == cuda::success)
     result = driver.linkComplete(link.handle, &cubin, &size);
   if (result != cuda::success)

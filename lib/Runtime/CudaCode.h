@@ -26,8 +26,8 @@ namespace warp {
 /// owner.
 class CudaCode {
 public:
-  /// Loads for a device. Throws what the driver says against it.
-  void load(int device, Code &code);
+  /// Loads for the current context. Throws what the driver says against it.
+  void load(Code &code);
   /// Throws if there is no such kernel.
   cuda::Function function(const std::string &name) const;
   void unload();
@@ -37,6 +37,9 @@ private:
   cuda::LibraryHandle library = nullptr;
   cuda::ModuleHandle module = nullptr;
 };
+
+/// What the driver says of a kernel, in the current context.
+int attributeOf(cuda::Function function, cuda::FunctionAttribute which);
 
 /// Whether the code is an ELF object, no text.
 bool isCubin(const Code &code);

@@ -77,7 +77,7 @@ static cuda::Function load(KernelFile &file, const std::string &fileName,
   return function;
 }
 
-LibraryKernel warp::kernelOf(int device, const std::string &file,
+LibraryKernel warp::kernelOf(int device, const char *file,
                              const std::string &name) {
   static std::mutex mutex;
   static auto *files = new std::map<std::pair<int, std::string>, KernelFile>;

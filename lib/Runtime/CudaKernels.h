@@ -28,8 +28,7 @@ struct LibraryKernel {
 
 /// A kernel of a file, "Sort", by its name; loaded once per device, alone if
 /// the driver has to assemble it, and never unloaded.
-LibraryKernel kernelOf(int device, const std::string &file,
-                       const std::string &name);
+LibraryKernel kernelOf(int device, const char *file, const std::string &name);
 
 /// Queues a kernel for blocks of `threads`; `Args` are its parameters.
 template <typename... Args>

@@ -215,9 +215,10 @@ bool Kernel::Impl::loadLinked(Variant &variant) {
     return false;
   }
   cuda::ContextScope scope(variant.key.device);
-  if (mostThreads(*variant.cuda) >= variant.key.blockDim)
+  cuda::Function function = variant.cuda.load()->function;
+  if (attributeOf(function, cuda::functionMaxThreads) >= variant.key.blockDim)
     return true;
-  // The library is for blocks that have all registers.
+  // The library's functions take more registers than such blocks have.
   variant.cuda = nullptr;
   variant.entries.clear();
   return false;

@@ -144,7 +144,9 @@ std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
   entry->device = variant.key.device;
   entry->programmatic =
       cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
-  entry->loaded.load(variant.key.device, code);
+  if (callsLibrary(code))
+    assembleOnCuda(variant.key.device, code);
+  entry->loaded.load(code);
   entry->function = entry->loaded.function(code.entry);
   if (variant.code.dynamicBytes)
     WARP_CUDA(funcSetAttribute, entry->function,
@@ -156,21 +158,14 @@ std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
             threads, 0);
   WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentHalves, entry->function,
             threads / 2, 0);
-  int local = 0;
-  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize, entry->function);
-  entry->keepsStack = local >= stackBytes;
+  entry->keepsStack =
+      attributeOf(entry->function, cuda::functionLocalSize) >= stackBytes;
   return entry;
 }
 
 CudaEntry::~CudaEntry() {
   if (loaded)
     unloadFromCuda(device, loaded);
-}
-
-int warp::mostThreads(const CudaEntry &entry) {
-  int most = 0;
-  WARP_CUDA(funcGetAttribute, &most, cuda::functionMaxThreads, entry.function);
-  return most;
 }
 
 void warp::unloadFromCuda(int device, CudaCode loaded) {

@@ -8,12 +8,6 @@
 
 using namespace warp;
 
-static int attributeOf(cuda::Function function, cuda::FunctionAttribute which) {
-  int value = 0;
-  WARP_CUDA(funcGetAttribute, &value, which, function);
-  return value;
-}
-
 CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   const Variant &variant = impl->loaded(device, blockDim);
   cuda::ContextScope scope(device);

@@ -245,8 +245,6 @@ void launchOnCpu(const Kernel::Variant &variant, const void *params,
 /// Loads PTX or machine code on the variant's device.
 std::unique_ptr<CudaEntry> loadOnCuda(const Kernel::Variant &variant,
                                       Code &code);
-/// Threads that a block may have, for the registers that they take.
-int mostThreads(const CudaEntry &entry);
 /// Unloads it; while a graph is recorded that may use it, later.
 void unloadFromCuda(int device, CudaCode loaded);
 /// `openBlock`: blocks may be smaller than those that the variant is named for.

@@ -45,10 +45,8 @@ static void addCuda(const Kernel::Variant &variant,
   if (!entry)
     return;
   cuda::ContextScope scope(variant.key.device);
-  int registers = 0, local = 0;
-  WARP_CUDA(funcGetAttribute, &registers, cuda::functionRegisters,
-            entry->function);
-  WARP_CUDA(funcGetAttribute, &local, cuda::functionLocalSize, entry->function);
+  int registers = attributeOf(entry->function, cuda::functionRegisters);
+  int local = attributeOf(entry->function, cuda::functionLocalSize);
   choices.push_back({"registers", std::to_string(registers),
                      std::to_string(local) + " bytes of local memory"});
   int whole = variant.key.blockDim;

@@ -5,28 +5,23 @@ import numpy as np
 import pytest
 
 import warp as wp
+from kernel_cache import codes
+from spheres import sphere
 from warp import _native
 
-pytestmark = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
 
-
-def codes(folder):
-    """Pieces of machine code in a cache."""
-    return len(list(folder.glob("*.code")))
+@pytest.fixture
+def gpu(device):
+    if not wp.get_device(device).is_cuda:
+        pytest.skip("of GPUs")
+    return device
 
 
 def ball(device):
     """A mesh around the origin."""
-    angles = np.linspace(0, np.pi, 40), np.linspace(0, 2 * np.pi, 80, endpoint=False)
-    polar, around = np.meshgrid(*angles, indexing="ij")
-    points = np.stack(
-        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], -1
-    )
-    i, j = np.meshgrid(np.arange(39), np.arange(80), indexing="ij")
-    corners = [i * 80 + j, (i + 1) * 80 + j, (i + 1) * 80 + (j + 1) % 80, i * 80 + (j + 1) % 80]
-    faces = np.stack([corners[k] for k in (0, 1, 2, 0, 2, 3)], -1)
+    points, faces = sphere(40)
     return wp.Mesh(
-        wp.array(points.reshape(-1, 3), dtype=wp.vec3, device=device),
+        wp.array(points, dtype=wp.vec3, device=device),
         wp.array(faces.ravel(), dtype=int, device=device),
     )
 
@@ -158,10 +153,8 @@ def transforms(device, n=256, count=40):
 
 
 @pytest.fixture(params=[Searches, factors, transforms])
-def program(request, device, fresh_cache):
-    if not wp.get_device(device).is_cuda:
-        pytest.skip("of GPUs")
-    made = request.param(device)
+def program(request, gpu, fresh_cache):
+    made = request.param(gpu)
     wp.synchronize()
     for entry in fresh_cache.glob("*.code"):  # of the mesh and the hierarchy
         entry.unlink()
@@ -213,10 +206,8 @@ def test_a_kernel_that_a_graph_records_first_has_no_other(program, fresh_cache):
     assert codes(fresh_cache) == 1
 
 
-def test_blocks_that_need_fewer_registers_have_their_own_code(device, fresh_cache):
-    if not wp.get_device(device).is_cuda:
-        pytest.skip("of GPUs")
-    program = factors(device)
+def test_blocks_that_need_fewer_registers_have_their_own_code(gpu, fresh_cache):
+    program = factors(gpu)
     inputs = [*program.arrays, program.out]
-    wp.launch_tiled(program.kernel, [program.shape[0]], inputs, block_dim=1024, device=device)
+    wp.launch_tiled(program.kernel, [program.shape[0]], inputs, block_dim=1024, device=gpu)
     program.check(program.result())

@@ -10,6 +10,7 @@ import pytest
 
 import programs
 import warp as wp
+from kernel_cache import codes
 from warp import _native
 
 
@@ -42,11 +43,6 @@ def run(kernel, count=40, trips=7):
     turns = wp.zeros(count, dtype=wp.quat, device="cpu")
     wp.launch(kernel, count, [x, trips], [y, total, turns], device="cpu")
     return b"".join(one.numpy().tobytes() for one in (y, total, turns))
-
-
-def codes(folder):
-    """Pieces of machine code in a cache."""
-    return len(list(folder.glob("*.code")))
 
 
 def launch_until_better(folder, launch, seconds=60.0):
