@@ -4,17 +4,20 @@
 #   extern "C" const char warp_NAME_begin[], warp_NAME_end[];
 # and appends the assembled object to the global property WARP_EMBEDDED.
 #
-# warp_add_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
-# freestanding C++ to one LLVM bitcode module and embeds it under NAME.
+# warp_compile_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
+# freestanding C++ to LLVM bitcode, NAME_parts.
+#
+# warp_add_device_bitcode(NAME ...) also makes one module of it and embeds that
+# under NAME.
 #
 # warp_add_device_objects(NAME SOURCES file... OPTIONS ...) compiles freestanding
 # C++ to machine code, once for each level of x86-64, and embeds the objects as
 # NAME_v1, NAME_v3 and NAME_v4.
 #
-# warp_add_device_cubins(NAME FROM BITCODE PARTS stem[:registers]...
-# ARCHITECTURES 80 90a... PTX 81) assembles parts of that bitcode (TARGET nvptx)
-# into relocatable objects for each architecture, of at most so many registers,
-# and embeds all as one compressed archive.
+# warp_add_device_cubins(NAME PARTS bitcode/stem[:registers]...
+# ARCHITECTURES 80 90a... PTX 81) assembles parts of bitcode (TARGET nvptx) into
+# relocatable objects for each architecture, of at most so many registers, and
+# embeds all as one compressed archive.
 #
 # warp_add_device_kernels(NAME SOURCES file... ASSEMBLED stem...) compiles files of
 # kernels in freestanding C++ to PTX and embeds an archive of them as NAME_ptx;
@@ -46,7 +49,7 @@ warp_@name@_end:
   set_property(GLOBAL APPEND PROPERTY WARP_EMBEDDED warp_embed_${name})
 endfunction()
 
-function(warp_add_device_bitcode name)
+function(warp_compile_device_bitcode name)
   cmake_parse_arguments(arg "" "TARGET" "SOURCES;OPTIONS" ${ARGN})
   if(arg_TARGET STREQUAL "x86-64")
     set(triple x86_64-unknown-linux-gnu)
@@ -76,11 +79,17 @@ function(warp_add_device_bitcode name)
       COMMENT "Building ${arg_TARGET} bitcode ${stem}" VERBATIM)
     list(APPEND parts "${part}")
   endforeach()
-  set(linked "${folder}/${name}.bc")
+  add_custom_target(${name}_parts DEPENDS ${parts})
+  set(${name}_parts "${parts}" PARENT_SCOPE)
+endfunction()
+
+function(warp_add_device_bitcode name)
+  warp_compile_device_bitcode(${name} ${ARGN})
+  set(linked "${PROJECT_BINARY_DIR}/bitcode/${name}/${name}.bc")
   add_custom_command(OUTPUT "${linked}"
     COMMAND "${WARP_LLVM_LINK}" --preserve-bc-uselistorder=false
-      ${parts} -o "${linked}"
-    DEPENDS ${parts} VERBATIM)
+      ${${name}_parts} -o "${linked}"
+    DEPENDS ${${name}_parts} VERBATIM)
   add_custom_target(${name}_bitcode DEPENDS "${linked}")
   warp_embed_file(${name} "${linked}")
   add_dependencies(warp_embed_${name} ${name}_bitcode)
@@ -144,14 +153,18 @@ function(warp_embed_archive name folder)
 endfunction()
 
 function(warp_add_device_cubins name)
-  cmake_parse_arguments(arg "" "FROM;PTX" "PARTS;ARCHITECTURES" ${ARGN})
+  cmake_parse_arguments(arg "" "PTX" "PARTS;ARCHITECTURES" ${ARGN})
   set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
   file(MAKE_DIRECTORY "${folder}")
   set(cubins "")
+  set(made "")
   foreach(part IN LISTS arg_PARTS)
     string(REPLACE ":" ";" part "${part}")
-    list(POP_FRONT part stem)
-    set(bitcode "${PROJECT_BINARY_DIR}/bitcode/${arg_FROM}/${stem}.bc")
+    list(POP_FRONT part path)
+    set(bitcode "${PROJECT_BINARY_DIR}/bitcode/${path}.bc")
+    get_filename_component(stem "${path}" NAME)
+    get_filename_component(from "${path}" DIRECTORY)
+    list(APPEND made ${from}_parts)
     list(TRANSFORM part PREPEND "-maxrregcount=" OUTPUT_VARIABLE registers)
     foreach(architecture IN LISTS arg_ARCHITECTURES)
       set(target "sm_${architecture}")
@@ -159,7 +172,8 @@ function(warp_add_device_cubins name)
       set(cubin "${folder}/${target}.${stem}.cubin")
       add_custom_command(OUTPUT "${cubin}"
         COMMAND "${WARP_CLANG}" --target=nvptx64-nvidia-cuda -march=${target}
-          -O2 -nogpulib -Wno-unknown-cuda-version -mllvm -inline-threshold=700
+          -O2 -nogpulib -Wno-unknown-cuda-version -Wno-pass-failed
+          -mllvm -inline-threshold=700
           -Xclang -target-feature -Xclang +ptx${arg_PTX}
           -Xclang -mlink-builtin-bitcode -Xclang "${WARP_LIBDEVICE}"
           -S -x ir "${bitcode}" -o "${ptx}"
@@ -170,7 +184,7 @@ function(warp_add_device_cubins name)
     endforeach()
   endforeach()
   warp_embed_archive(${name} "${folder}"
-    FILES ${cubins} DEPENDS ${arg_FROM}_bitcode)
+    FILES ${cubins} DEPENDS ${made})
 endfunction()
 
 function(warp_add_device_kernels name)

@@ -82,7 +82,8 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     launch. `large`: the launch fills the GPU many times over; `under`: it has
     too few threads to fill it, or on a CPU fewer than 16 (scalar code, compiled
     with less effort, where no loop may be long); `narrow`: squares of indices of
-    its last two dimensions would not fill. `disjoint`: no memory that the launch writes
+    its last two dimensions would not fill; `joinable`: so many blocks in a row
+    may be one, and there are enough. `disjoint`: no memory that the launch writes
     overlaps another one. `block`: threads of a GPU block. `threads`: those that
     would share a CPU launch. `min_blocks`:
     fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:
@@ -91,7 +92,7 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     most so many threads, which lanes are; 0 says nothing.
 
     (C1) `rank` is 1 to 4. (C2) `block` and `threads` are 1 or more. (C3) `lanes`
-    and `row` are 0 or a power of two up to 64.
+    and `row` are 0 or a power of two up to 64. (C4) `joinable` is 1, 2 or 4.
 
     ```mlir
     #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, debug = true>
@@ -101,7 +102,8 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
                         DefaultValuedParameter<"uint64_t", "0">:$contiguous,
                         Warp_Flag<"true">:$index32, Warp_Flag<>:$flat,
                         Warp_Flag<>:$large, Warp_Flag<>:$under,
-                        Warp_Flag<>:$narrow, Warp_Flag<>:$disjoint,
+                        Warp_Flag<>:$narrow, Warp_Number<"1">:$joinable,
+                        Warp_Flag<>:$disjoint,
                         Warp_Number<"256">:$block, Warp_Number<"16">:$threads,
                         Warp_Number<"0">:$min_blocks, Warp_Number<"0">:$lanes,
                         Warp_Number<"0">:$row, Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
@@ -168,7 +170,8 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
     the threads of its only block. `rows`: those of them that follow each other
     in the dimension before the last. `tile`: indices of each of the last two
     dimensions that a GPU block takes as a square, 0 without squares. `split`:
-    threads of a GPU block that share one index. `facts`: what of the size of a
+    threads of a GPU block that share one index. `joined`: GPU blocks in a row of
+    the launch's last dimension of blocks that are one. `facts`: what of the size of a
     launch the code depends on, `SizeFact` of warp/SizeFacts.h as a mask.
     `exclusive`: one thread runs a CPU launch, one block a GPU launch; `copied`:
     or several workers with copies of these arrays. `cost`: rough operations of
@@ -178,6 +181,7 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
   }];
   let parameters = (ins Warp_Number<"1">:$items, Warp_Number<"1">:$rows,
                         Warp_Number<"0">:$tile, Warp_Number<"1">:$split,
+                        Warp_Number<"1">:$joined,
                         Warp_Number<"0">:$facts, Warp_Flag<>:$exclusive,
                         OptionalParameter<"::warp::CopiedAttr">:$copied,
                         Warp_Number<"0">:$cost, Warp_Number<"1">:$lanes,
@@ -189,6 +193,7 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
     RecipeAttr withRows(int64_t rows) const;
     RecipeAttr withTile(int64_t tile) const;
     RecipeAttr withSplit(int64_t split) const;
+    RecipeAttr withJoined(int64_t joined) const;
     /// In addition to those that it has.
     RecipeAttr withFacts(int64_t facts) const;
     RecipeAttr withExclusive() const;

@@ -83,6 +83,8 @@ struct CompileOptions {
   bool under = false;
   /// GPU: squares of indices of the last two dimensions would not fill.
   bool narrow = false;
+  /// GPU: blocks in a row of the launch that may be one: 1, 2 or 4.
+  int joinable = 1;
   /// GPU: long functions of the device library stay calls. Their machine code
   /// is linked when the kernel is loaded (FirstCode.h).
   bool linked = false;
@@ -154,6 +156,8 @@ struct Code {
   /// GPU: what of the size of a launch the code depends on, a mask of
   /// `SizeFact`. A launch that differs in another way may run it, too.
   int sizeFacts = 0;
+  /// GPU: blocks in a row, of the dimension before the last, that are one.
+  int joined = 1;
 };
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.

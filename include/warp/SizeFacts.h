@@ -14,7 +14,8 @@ enum SizeFact : int {
   largeFact = 1,
   underFact = 2,
   narrowFact = 4,
-  rowFact = 8
+  rowFact = 8,
+  joinableFact = 16
 };
 
 } // namespace warp

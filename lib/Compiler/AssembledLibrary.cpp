@@ -42,6 +42,9 @@ static llvm::StringRef libraryFor(llvm::StringRef target) {
       .Default({});
 }
 
+/// Whether the objects for a target have products of tiles.
+static bool hasProducts(llvm::StringRef target) { return target == "sm_90a"; }
+
 bool warp::hasAssembledLibrary(const std::string &target) {
   return !libraryFor(target).empty();
 }
@@ -107,36 +110,53 @@ std::string warp::kernelText(const std::string &file) {
              : std::string(found.front().begin(), found.front().end());
 }
 
-/// What searches need besides, too short to be worth linking for it alone.
-static bool isShort(llvm::StringRef symbol) {
-  return symbol == "warp_slot" || symbol == "warp_group_root";
+static bool isOneOf(llvm::StringRef symbol,
+                    llvm::ArrayRef<llvm::StringRef> groups) {
+  return llvm::any_of(groups, [&](llvm::StringRef group) {
+    return symbol.starts_with(group);
+  });
 }
 
-bool warp::isAssembled(llvm::StringRef symbol) {
-  for (llvm::StringRef group :
-       {"warp_mesh_", "warp_overlap_next", "warp_tile_factor_",
-        "warp_tile_differentiate_factor_", "warp_tile_substitute_",
-        "warp_tile_transform_"})
-    if (symbol.starts_with(group))
-      return true;
-  return isShort(symbol);
+/// What searches and products need besides, too short to be worth linking for
+/// it alone.
+static bool isShort(llvm::StringRef symbol, llvm::StringRef target) {
+  if (isOneOf(symbol, {"warp_slot", "warp_group_root"}))
+    return true;
+  return hasProducts(target) &&
+         isOneOf(symbol, {"warp_tile_await_", "warp_tile_close_",
+                          "warp_tile_copy_", "warp_tile_expect_",
+                          "warp_tile_fetch_", "warp_tile_leave_",
+                          "warp_tile_open_", "warp_tile_publish_"});
 }
 
-static bool isCall(const llvm::Function &function) {
-  return function.isDeclaration() && isAssembled(function.getName());
+static bool isLong(llvm::StringRef symbol, llvm::StringRef target) {
+  if (isOneOf(symbol, {"warp_mesh_", "warp_overlap_next", "warp_tile_factor_",
+                       "warp_tile_differentiate_factor_",
+                       "warp_tile_substitute_", "warp_tile_transform_"}))
+    return true;
+  return hasProducts(target) &&
+         isOneOf(symbol,
+                 {"warp_tile_add_", "warp_tile_give_", "warp_tile_multiply_",
+                  "warp_tile_set_", "warp_tile_store_", "warp_tile_take_"});
 }
 
-bool warp::callsAssembled(const llvm::Module &module) {
-  return llvm::any_of(module, [](const llvm::Function &function) {
-    return isCall(function) && !isShort(function.getName());
+bool warp::isAssembled(llvm::StringRef symbol, llvm::StringRef target) {
+  return hasAssembledLibrary(target.str()) &&
+         (isShort(symbol, target) || isLong(symbol, target));
+}
+
+bool warp::callsAssembled(const llvm::Module &module, llvm::StringRef target) {
+  return llvm::any_of(module, [&](const llvm::Function &function) {
+    return function.isDeclaration() && isLong(function.getName(), target);
   });
 }
 
 static constexpr llvm::StringLiteral hidden = "assembled.";
 
-AssembledCalls::AssembledCalls(llvm::Module &module) : module(module) {
+AssembledCalls::AssembledCalls(llvm::Module &module, llvm::StringRef target)
+    : module(module) {
   for (llvm::Function &function : module)
-    if (isCall(function)) {
+    if (function.isDeclaration() && isAssembled(function.getName(), target)) {
       // Threads may meet in them.
       function.setConvergent();
       function.setName(hidden + function.getName());

@@ -22,17 +22,17 @@ class Module;
 
 namespace warp {
 
-/// Whether the assembled library has a function: one of those exported by the
-/// sources that lib/DeviceLib/CMakeLists.txt lists for it.
-bool isAssembled(llvm::StringRef symbol);
+/// Whether the assembled library for a target, "sm_90a", has a function: one of
+/// those exported by the sources that lib/DeviceLib/CMakeLists.txt lists for it.
+bool isAssembled(llvm::StringRef symbol, llvm::StringRef target);
 /// Whether a module declares any such function that is long.
-bool callsAssembled(const llvm::Module &module);
+bool callsAssembled(const llvm::Module &module, llvm::StringRef target);
 
 /// Keeps such declarations as calls while it lives: linking a library does not
 /// see them, and `isKept` says so.
 class AssembledCalls {
 public:
-  explicit AssembledCalls(llvm::Module &module);
+  AssembledCalls(llvm::Module &module, llvm::StringRef target);
   ~AssembledCalls();
 
   static bool isKept(const llvm::Function &function);

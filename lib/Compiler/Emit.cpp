@@ -50,6 +50,7 @@ static warp::Code describe(warp::Compilation &run) {
   code.rows = run.rows;
   code.tile = run.tile;
   code.split = run.split;
+  code.joined = run.joined;
   code.sizeFacts = run.sizeFacts;
   code.sums = std::move(run.sums);
   return code;

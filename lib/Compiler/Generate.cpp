@@ -105,6 +105,7 @@ void Compilation::collectFacts(ModuleOp module) {
     rows = int(recipe.getRows());
     tile = int(recipe.getTile());
     split = int(recipe.getSplit());
+    joined = int(recipe.getJoined());
     sizeFacts = int(recipe.getFacts()) | (isBrief ? underFact : 0);
     hasLanes = recipe.getLanes() > 1;
     for (SummedArrayAttr array : recipe.getSummedArrays())
@@ -163,7 +164,7 @@ bool Compilation::hasExactFloats() const {
 }
 
 bool Compilation::callsAssembled() const {
-  return warp::callsAssembled(*llvmModule);
+  return warp::callsAssembled(*llvmModule, options.target);
 }
 
 void Compilation::compileQuickly() { options = quickOptions(options); }

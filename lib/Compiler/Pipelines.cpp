@@ -193,6 +193,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     // Layout, memory, barriers, in this order; nothing for other kernels.
     pm.addPass(createMaskThreads());
     pm.addPass(createCheckTiles());
+    pm.addPass(createJoinBlocks());
     pm.addPass(createScalarizeTiles());
     pm.addPass(createFormLaneLoops());
     pm.addPass(createFuseTiles());

@@ -102,7 +102,7 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
   module.setDataLayout(machine.createDataLayout());
   std::optional<AssembledCalls> calls;
   if (options.linked)
-    calls.emplace(module);
+    calls.emplace(module, options.target);
   linkBitcode(module,
               {warp_devicelib_cuda_begin,
                size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin)},

@@ -72,9 +72,10 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 
 LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
                                         int64_t rank, uint64_t, bool, bool,
-                                        bool, bool, bool, bool, int64_t block,
-                                        int64_t threads, int64_t, int64_t lanes,
-                                        int64_t row, bool, bool, Determinism) {
+                                        bool, bool, bool, int64_t joinable,
+                                        bool, int64_t block, int64_t threads,
+                                        int64_t, int64_t lanes, int64_t row,
+                                        bool, bool, Determinism) {
   if (rank < 1 || rank > 4)
     return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
                        << rank;
@@ -86,6 +87,10 @@ LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
         (number > 0 && !llvm::isPowerOf2_64(number)))
       return emitError() << "(C3) expects 1 to 64 " << what
                          << ", a power of two, or 0, but got " << number;
+  if (joinable != 1 && joinable != 2 && joinable != 4)
+    return emitError()
+           << "(C4) expects 1, 2 or 4 blocks that may be one, but got "
+           << joinable;
   return success();
 }
 
@@ -93,7 +98,8 @@ warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
   return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
              /*flat=*/false, /*large=*/false, /*under=*/false,
-             /*narrow=*/false, /*disjoint=*/false, /*block=*/256,
+             /*narrow=*/false, /*joinable=*/1, /*disjoint=*/false,
+             /*block=*/256,
              /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0, /*row=*/0,
              /*debug=*/false, /*fast_math=*/false, Determinism::none);
 }
@@ -113,18 +119,19 @@ struct Fields {
   explicit Fields(warp::RecipeAttr recipe)
       : context(recipe.getContext()), items(recipe.getItems()),
         rows(recipe.getRows()), tile(recipe.getTile()),
-        split(recipe.getSplit()), facts(recipe.getFacts()),
+        split(recipe.getSplit()), joined(recipe.getJoined()),
+        facts(recipe.getFacts()),
         cost(recipe.getCost()), lanes(recipe.getLanes()),
         exclusive(recipe.getExclusive()), copied(recipe.getCopied()),
         sums(recipe.getSums()) {}
 
   operator warp::RecipeAttr() const {
-    return warp::RecipeAttr::get(context, items, rows, tile, split, facts,
-                                 exclusive, copied, cost, lanes, sums);
+    return warp::RecipeAttr::get(context, items, rows, tile, split, joined,
+                                 facts, exclusive, copied, cost, lanes, sums);
   }
 
   MLIRContext *context;
-  int64_t items, rows, tile, split, facts, cost, lanes;
+  int64_t items, rows, tile, split, joined, facts, cost, lanes;
   bool exclusive;
   warp::CopiedAttr copied;
   ArrayAttr sums;
@@ -133,7 +140,7 @@ struct Fields {
 
 warp::RecipeAttr warp::RecipeAttr::getUnknown(MLIRContext *context) {
   return get(context, /*items=*/1, /*rows=*/1, /*tile=*/0, /*split=*/1,
-             /*facts=*/0, /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
+             /*joined=*/1, /*facts=*/0, /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
              /*lanes=*/1, ArrayAttr());
 }
 
@@ -158,6 +165,12 @@ warp::RecipeAttr warp::RecipeAttr::withTile(int64_t tile) const {
 warp::RecipeAttr warp::RecipeAttr::withSplit(int64_t split) const {
   Fields fields(*this);
   fields.split = split;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withJoined(int64_t joined) const {
+  Fields fields(*this);
+  fields.joined = joined;
   return fields;
 }
 

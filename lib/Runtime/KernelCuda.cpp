@@ -232,6 +232,8 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                       deviceInfo(key.device).smCount);
     if (code.cooperative && !code.ragged)
       checkRows(header.dim, key, name);
+    if (code.joined > 1)
+      header.dim[key.rank - 2] /= code.joined;
     shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
                     blockDim / code.split, code.items);
     shape.block.y *= code.split;
@@ -242,7 +244,14 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
+  // Joined blocks count each other; whoever launches again has its extents.
+  int joined = variant.code.joined;
+  int32_t *dim = static_cast<LaunchHeader *>(params)->dim;
+  if (joined > 1)
+    dim[key.rank - 2] /= joined;
   cuda::Result result = queue(variant, entry, shape, work.stream(), params);
+  if (joined > 1)
+    dim[key.rank - 2] *= joined;
   if (result == cuda::success) {
     if (variant.isQuick.load(std::memory_order_relaxed))
       variant.quick->spendLaunch(countThreads(shape));

@@ -30,6 +30,8 @@ struct VariantKey {
   bool large = false;
   bool under = false;
   bool narrow = false;
+  /// `CompileOptions::joinable`.
+  int joinable = 1;
   bool disjoint = false;
   bool ordered = false;
   /// Arrays lie such that the copy engine cannot take boxes of them.
@@ -43,7 +45,7 @@ struct VariantKey {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
            large == other.large && under == other.under &&
-           narrow == other.narrow && disjoint == other.disjoint &&
+           narrow == other.narrow && joinable == other.joinable && disjoint == other.disjoint &&
            ordered == other.ordered && unmapped == other.unmapped &&
            blockDim == other.blockDim && row == other.row &&
            contiguous == other.contiguous;
@@ -60,6 +62,8 @@ struct VariantKey {
       other.narrow = narrow;
     if (!(facts & rowFact))
       other.row = row;
+    if (!(facts & joinableFact))
+      other.joinable = joinable;
     return *this == other;
   }
 };

@@ -68,6 +68,23 @@ bool warp::isIntegerScalar(const Param &param) {
          (param.type[0] == 's' || param.type[0] == 'u') && param.type[1] == 'i';
 }
 
+/// Blocks in a row that may be one: multiprocessors are then at work as long as
+/// with each of them alone.
+static int countJoinable(const VariantKey &key, const LaunchDim &dim,
+                         int64_t items, int smCount) {
+  if (dim.rank < 2 || dim.extent[dim.rank - 1] != key.blockDim)
+    return 1;
+  auto rounds = [&](int joined) {
+    int64_t blocks = items / key.blockDim / joined;
+    return (blocks + smCount - 1) / smCount * joined;
+  };
+  int most = 4;
+  while (most > 1 && (dim.extent[dim.rank - 2] % most != 0 ||
+                      rounds(most) > rounds(1)))
+    most /= 2;
+  return most;
+}
+
 void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
                            int smCount) {
   key.large =
@@ -75,6 +92,7 @@ void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
   key.under = items < fewThreads * smCount;
   key.narrow = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
                                 dim.extent[dim.rank - 2] < wideExtent);
+  key.joinable = countJoinable(key, dim, items, smCount);
 }
 
 void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
@@ -195,6 +213,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.large = key.large;
   result.under = key.under;
   result.narrow = key.narrow;
+  result.joinable = key.joinable;
   result.disjoint = key.disjoint;
   // For such devices alone, so with what later architectures do not have.
   if (arch == 90 && !key.unmapped)

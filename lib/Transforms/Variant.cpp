@@ -31,6 +31,7 @@ static void visitOptions(Options &options, Visitor visit) {
   visit("large", options.large);
   visit("under", options.under);
   visit("narrow", options.narrow);
+  visit("joinable", options.joinable);
   visit("disjoint", options.disjoint);
   visit("debug", options.debug);
   visit("fast-math", options.fastMath);
@@ -156,7 +157,7 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
   return VariantAttr::getChecked(
       emitError, context, target, int64_t(options.rank), options.contiguous,
       options.index32, options.flat, options.large, options.under,
-      options.narrow, options.disjoint, int64_t(options.blockDim),
+      options.narrow, int64_t(options.joinable), options.disjoint, int64_t(options.blockDim),
       int64_t(options.threads), int64_t(options.minBlocks),
       int64_t(options.lanes), int64_t(options.row), options.debug,
       options.fastMath, deterministic);

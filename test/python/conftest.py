@@ -3,6 +3,8 @@
 `device` runs a test once per device: "cpu", and "cuda:0" where one answers.
 WARP_TEST_DEVICE="cuda:0" (or a comma-separated list) overrides the choice.
 Tests marked `cuda` are skipped, and counted so, where there is no device.
+WARP_TEST_LEVEL is the optimization level of kernels that ask for none: with one
+there is no quick first code.
 Every session compiles into its own empty kernel cache.
 """
 
@@ -78,6 +80,8 @@ def fresh_cache(tmp_path, monkeypatch):
 @pytest.fixture(scope="session", autouse=True)
 def no_notices():
     wp.config.quiet = True
+    if "WARP_TEST_LEVEL" in os.environ:
+        wp.config.optimization_level = int(os.environ["WARP_TEST_LEVEL"])
 
 
 @pytest.fixture

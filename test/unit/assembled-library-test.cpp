@@ -60,7 +60,7 @@ TEST_P(AssembledLibrary, HasAllThatMayBeCalled) {
   int count = 0;
   for (const llvm::Function &function : *library)
     if (function.hasExternalLinkage() && !function.isDeclaration() &&
-        isAssembled(function.getName())) {
+        isAssembled(function.getName(), GetParam())) {
       EXPECT_TRUE(names.contains(function.getName()))
           << function.getName().str();
       ++count;

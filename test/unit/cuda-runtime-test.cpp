@@ -395,9 +395,10 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launchOnCuda(variant, "shape", &header, nullptr, /*openBlock=*/true);
+    EXPECT_TRUE(std::equal(dim.begin(), dim.end(), header.dim));
     return std::string(lastLaunch());
   };
-  Code split, tiles, patches;
+  Code split, tiles, patches, joined;
   split.split = 8;
   EXPECT_EQ(shape(split, 1, {1000, 1, 1, 1}), "(32, 1, 1) x (32, 8, 1)");
   tiles.tile = 32;
@@ -406,6 +407,10 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
   patches.items = 8;
   patches.rows = 2;
   EXPECT_EQ(shape(patches, 3, {64, 10, 40, 1}), "(1, 2, 16) x (64, 4, 1)");
+  joined.joined = 4;
+  joined.cooperative = joined.fixedBlock = true;
+  EXPECT_EQ(shape(joined, 3, {5, 8, 256, 1}), "(10, 1, 1) x (256, 1, 1)");
+  EXPECT_EQ(shape(joined, 2, {8, 256, 1, 1}), "(2, 1, 1) x (256, 1, 1)");
 }
 
 // Half a block's threads where that spreads a launch over more of the card,

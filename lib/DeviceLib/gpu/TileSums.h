@@ -13,7 +13,21 @@
 
 #include "Tiles.h"
 
+// Where kernels call these functions, sums lie in the thread's memory, and code
+// is to be short.
+#ifdef WARP_CALLED
+#define WARP_FOR_SUMS _Pragma("clang loop unroll(disable)")
+#else
+#define WARP_FOR_SUMS _Pragma("unroll")
+#endif
+
 namespace {
+
+#ifdef WARP_CALLED
+constexpr bool isCalled = true;
+#else
+constexpr bool isCalled = false;
+#endif
 
 /// A warp has rows x columns, in the fragments of mma.m16n8k16 or m16n8k4 (PTX
 /// ISA, warp-level matrix instructions).
@@ -39,7 +53,7 @@ template <int R, int C, class S = float> struct Warps {
 
 template <class Layout>
 WARP_INLINE void set(u64 sums, typename Layout::Sum value) {
-#pragma unroll
+  WARP_FOR_SUMS
   for (int i = 0; i < Layout::slots; ++i)
     own<typename Layout::Sum>(sums)[i] = value;
 }
@@ -61,7 +75,7 @@ WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
   using Sum = typename Layout::Sum;
   Layout layout(m, n, threadNumber());
   Sum *kept = own<Sum>(sums);
-#pragma unroll
+  WARP_FOR_SUMS
   for (int slot = 0; slot < Layout::slots; slot += run) {
     auto *at =
         (Shared<Run> *)(shared<Element>(memory) + layout.runRow(slot) * n +
@@ -86,17 +100,22 @@ WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
 template <class Layout, class Use>
 WARP_INLINE void forThoseInside(u64 sums, const Window &window, Use use) {
   constexpr int run = Layout::run;
+  using Sum = typename Layout::Sum;
   Layout layout(window.rows, window.columns, threadNumber());
-  typename Layout::Sum copies[Layout::slots];
+  const Sum *kept = own<Sum>(sums);
+  Sum copies[Layout::slots];
+  if constexpr (!isCalled) {
 #pragma unroll
-  for (int slot = 0; slot < Layout::slots; ++slot)
-    copies[slot] = own<typename Layout::Sum>(sums)[slot];
+    for (int slot = 0; slot < Layout::slots; ++slot)
+      copies[slot] = kept[slot];
+    kept = copies;
+  }
 #pragma clang loop unroll(disable)
   for (int slot = 0; slot < Layout::slots; ++slot) {
     i32 row = layout.runRow(slot / run * run),
         column = layout.runColumn(slot / run * run) + slot % run;
     if (window.has(row, column))
-      use(window.at(row, column), copies[slot]);
+      use(window.at(row, column), kept[slot]);
   }
 }
 
@@ -106,7 +125,8 @@ template <class Layout> WARP_INLINE void store(u64 sums, const Window &window) {
   using Run = Vec<Sum, run>;
   Layout layout(window.rows, window.columns, threadNumber());
   const Sum *kept = own<Sum>(sums);
-  if (!window.isAligned(sizeof(Sum), run * sizeof(Sum)) || !window.isInside()) {
+  if (isCalled || !window.isAligned(sizeof(Sum), run * sizeof(Sum)) ||
+      !window.isInside()) {
     forThoseInside<Layout>(sums, window, [](u64 address, Sum value) {
       *global<Sum>(address) = value;
     });
@@ -139,7 +159,7 @@ template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
   constexpr int run = Layout::run;
   Layout layout(window.rows, window.columns, threadNumber());
   const auto *kept = own<typename Layout::Sum>(sums);
-  if (!window.isInside()) {
+  if (isCalled || !window.isInside()) {
     forThoseInside<Layout>(sums, window, [](u64 address, auto value) {
       addAtomically(address, value);
     });

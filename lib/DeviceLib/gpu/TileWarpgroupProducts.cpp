@@ -133,17 +133,28 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
   for (int i = 0; i < Layout::slots; ++i)
     sum[i] = kept[i];
-  asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
-  for (i32 k = 0; k < depth; k += 64)
+  auto multiplySome = [&](i32 k) {
 #pragma unroll
-    for (i32 part = 0; part < 64; part += 16)
-      if (k + part < depth)
+    for (int i = 0; i < R / 64; ++i)
+      multiplyFragment<isBrain, C, aAlong, bAlong>(
+          sum + i * (C / 2), x.describe(row + i * 64, k), y.describe(column, k));
+  };
+  if constexpr (isCalled) {
+    for (i32 k = 0; k < depth; k += 16) {
+      asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
+      multiplySome(k);
+      asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+      asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+    }
+  } else {
+    asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
+    for (i32 k = 0; k < depth; k += 64)
 #pragma unroll
-        for (int i = 0; i < R / 64; ++i)
-          multiplyFragment<isBrain, C, aAlong, bAlong>(
-              sum + i * (C / 2), x.describe(row + i * 64, k + part),
-              y.describe(column, k + part));
-  asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+      for (i32 part = 0; part < 64; part += 16)
+        if (k + part < depth)
+          multiplySome(k + part);
+    asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+  }
 #pragma unroll
   for (int i = 0; i < Layout::slots; ++i)
     kept[i] = sum[i];

@@ -33,6 +33,8 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
 /// shape, are missing (WarpgroupProducts.cpp).
 std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
                                              TargetAttr target);
+/// Whether warpgroups can share so many rows and columns of sums.
+bool hasWarpgroupPatch(llvm::ArrayRef<int64_t> shape, int64_t threads);
 /// Chooses how a loop loads the factors of its product ahead: how many steps at
 /// a time, and by whom (PlanLoads.cpp).
 void planLoads(mlir::FunctionOpInterface kernel, mlir::scf::ForOp loop,

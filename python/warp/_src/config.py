@@ -143,7 +143,7 @@ SETTINGS = {
             "optimization_level",
             _MAYBE_INT,
             None,
-            "0 to 3; None is 2, but small first launches on CPUs begin with code of level 0",
+            "0 to 3; None is 2, but first launches may begin with code that is there sooner",
         ),
         Setting("fast_math", bool, False, "allow reassociation and approximate functions"),
         Setting("lineinfo", bool, False, "keep source lines in compiled code, for profilers"),

@@ -1,5 +1,5 @@
-"""First launches of kernels that search or solve on a GPU run code that is linked with the device
-library's machine code, and better code later, with the same bits."""
+"""First launches of kernels that search, solve or multiply tiles on a GPU run code that is linked with
+the device library's machine code, and better code later, with the same bits."""
 
 import numpy as np
 import pytest
@@ -106,13 +106,41 @@ class Searches:
         assert np.abs(counts - self.expected).max() <= 1
 
 
-class Tiles:
-    """Systems, or transforms, a block each."""
+def make_product(dtype, tile, steps):
+    """Sums that a loop adds up, stored and added once more, and a product of one step."""
+    m, n, depth = tile
+    Sum = wp.float64 if dtype is wp.float64 else wp.float32
 
-    def __init__(self, device, kernel, arrays, shape, dtype, check):
+    @wp.kernel(module="unique")
+    def product(
+        a: wp.array2d(dtype=dtype),
+        b: wp.array2d(dtype=dtype),
+        one: wp.array2d(dtype=dtype),
+        total: wp.array2d(dtype=Sum),
+    ):
+        i, j = wp.tid()
+        sums = wp.tile_zeros(shape=(m, n), dtype=Sum)
+        for step in range(steps):
+            x = wp.tile_load(a, shape=(m, depth), offset=(i * m, step * depth))
+            y = wp.tile_load(b, shape=(depth, n), offset=(step * depth, j * n))
+            wp.tile_matmul(x, y, sums)
+        wp.tile_store(total, sums, offset=(i * m, j * n))
+        wp.tile_atomic_add(total, sums, offset=(i * m, j * n))
+        first = wp.tile_load(a, shape=(m, depth), offset=(i * m, 0))
+        second = wp.tile_load(b, shape=(depth, n), offset=(0, j * n))
+        wp.tile_store(one, wp.tile_map(wp.neg, wp.tile_matmul(first, second)), offset=(i * m, j * n))
+
+    return product
+
+
+class Tiles:
+    """Blocks that work on arrays."""
+
+    def __init__(self, device, kernel, arrays, shape, dtype, check, dims=None, block=64):
         self.kernel, self.device, self.check_one = kernel, device, check
         self.arrays = [wp.array(a, dtype=dtype, device=device) for a in arrays]
         self.shape, self.dtype = shape, dtype
+        self.dims, self.block = dims or shape[:1], block
         self.prepare()
 
     def prepare(self):
@@ -120,7 +148,11 @@ class Tiles:
 
     def launch(self):
         wp.launch_tiled(
-            self.kernel, [self.shape[0]], [*self.arrays, self.out], block_dim=64, device=self.device
+            self.kernel,
+            self.dims,
+            [*self.arrays, self.out],
+            block_dim=self.block,
+            device=self.device,
         )
 
     def result(self):
@@ -152,7 +184,65 @@ def transforms(device, n=256, count=40):
     return Tiles(device, make_transform(n), [x], (count, n), wp.vec2, check)
 
 
-@pytest.fixture(params=[Searches, factors, transforms])
+class Products(Tiles):
+    """A matrix, two blocks high and wide, of which the last ones stick out."""
+
+    def __init__(self, device, dtype, tile, block):
+        m, n, depth = tile
+        rng = np.random.default_rng(5)
+        # Few digits, which all types hold.
+        a, b = (rng.integers(-32, 33, size) / 64.0 for size in ((m + 9, 96), (96, n + 16)))
+        steps = -(-96 // depth)
+        self.sum = wp.float64 if dtype is wp.float64 else wp.float32
+        expected = 2 * a @ b, -a[:, :depth] @ b[:depth]
+
+        def check(total, one):
+            np.testing.assert_array_equal(total, expected[0])
+            unit = {wp.float16: 2.0**-11, wp.bfloat16: 2.0**-8}.get(dtype, 0)
+            assert np.all(np.abs(one - expected[1]) <= unit * np.abs(expected[1]))
+
+        kernel = make_product(dtype, tile, steps)
+        arrays = [np.asarray(v, dtype="f4" if dtype is wp.bfloat16 else None) for v in (a, b)]
+        super().__init__(device, kernel, arrays, expected[0].shape, dtype, check, (2, 2), block)
+
+    def prepare(self):
+        super().prepare()
+        self.total = wp.zeros(self.shape, dtype=self.sum, device=self.device)
+
+    def launch(self):
+        wp.launch_tiled(
+            self.kernel,
+            self.dims,
+            [*self.arrays, self.out, self.total],
+            block_dim=self.block,
+            device=self.device,
+        )
+
+    def result(self):
+        return [self.total.numpy(), self.out.numpy().astype(float)]
+
+    def check(self, found):
+        self.check_one(*found)
+
+
+PRODUCTS = {
+    "floats": (wp.float32, (128, 128, 32), 256),
+    "few floats": (wp.float32, (32, 64, 8), 64),
+    "halves": (wp.float16, (128, 128, 32), 256),
+    "short floats": (wp.bfloat16, (64, 64, 32), 128),
+    "few halves": (wp.float16, (32, 32, 16), 64),
+    "doubles": (wp.float64, (64, 32, 16), 128),
+}
+
+
+def products(name):
+    return lambda device: Products(device, *PRODUCTS[name])
+
+
+@pytest.fixture(
+    params=[Searches, factors, transforms, *map(products, PRODUCTS)],
+    ids=["searches", "factors", "transforms", *PRODUCTS],
+)
 def program(request, gpu, fresh_cache):
     made = request.param(gpu)
     wp.synchronize()

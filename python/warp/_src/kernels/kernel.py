@@ -307,6 +307,10 @@ class Kernel:
         """What is compiled for an architecture; 0 is the CPU."""
         return native
 
+    def launched_on(self, native, arch) -> list:
+        """The native kernels that launches on an architecture have used."""
+        return [native]
+
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.
 

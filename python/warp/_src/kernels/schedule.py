@@ -74,8 +74,14 @@ def schedules_of(kernel, device, dim, arch) -> Schedules:
     if arch is None:
         place = get_device(device)
         index, arch = (-1 if place.is_cpu else place.index), place.arch
-    found = kernel.prepare().schedules(index, arch or 0, dim)
+    arch = arch or 0
+    native = kernel.prepare()
+    if dim is None and index >= 0:
+        natives = kernel.launched_on(native, arch)
+    else:
+        natives = [kernel.code_for(native, arch)]
     return Schedules(
         Schedule(kernel.key, launch, tuple(Choice(*choice) for choice in choices))
-        for launch, choices in found
+        for one in natives
+        for launch, choices in one.schedules(index, arch, dim)
     )

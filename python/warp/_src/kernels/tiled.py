@@ -123,6 +123,16 @@ class TiledKernel(Kernel):
             return native
         return self.for_blocks(None, self.option("block_dim") or DEFAULT_THREADS)
 
+    def launched_on(self, native, arch) -> list:
+        """On GPUs, one for each size of blocks."""
+        known = self.__dict__.get("_by_threads", {}) if arch else {}
+        made = [
+            found
+            for (epoch, arguments, _), found in known.items()
+            if epoch is Epoch.current and arguments is None
+        ]
+        return made or [self.code_for(native, arch)]
+
 
 def launch_tiled(
     kernel, dim, inputs=(), outputs=(), *args, block_dim=0, device=None, stream=None, **options

@@ -1,0 +1,383 @@
+//===- JoinBlocks.cpp - One block for several next to each other ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Blocks of a matrix product that lie next to each other load the same rows of
+// one factor. Where block j has columns [T j, T j + T) of the other factor and
+// of the result, and does nothing else with j, one block of as many threads can
+// have the columns of several: tiles become wider, and each element is computed
+// as before. Threads hold more sums then, and read less of the block's memory
+// for each.
+//
+//   for k:                              for k:
+//     x = tile_load a[i, k]               x = tile_load a[i, k]
+//     y = tile_load b[k, T j]  64 x 64    y = tile_load b[k, 2 T j]  64 x 128
+//     s = x y + s              64 x 64    s = x y + s                64 x 128
+//   tile_store s, c[i, T j]             tile_store s, c[i, 2 T j]
+//
+// The launch has fewer blocks, so it is for those that fill the card all the
+// same (`joinable`).
+//
+//===----------------------------------------------------------------------===//
+
+#include "KernelFunction.h"
+#include "LowerTiles.h"
+#include "Schedule.h"
+#include "TileProducts.h"
+
+#include "Analysis/Forms.h"
+#include "WarpDialect/TileOps.h"
+#include "WarpDialect/TilePasses.h"
+#include "warp/SizeFacts.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+#include "llvm/ADT/MapVector.h"
+#include "llvm/ADT/TypeSwitch.h"
+
+namespace warp {
+#define GEN_PASS_DEF_JOINBLOCKS
+#include "WarpDialect/TilePasses.h.inc"
+} // namespace warp
+
+using namespace mlir;
+using namespace warp;
+using namespace warp::tiles;
+
+namespace {
+
+/// Most rows and columns of the copy engine's boxes and of instructions.
+constexpr int64_t mostExtent = 256;
+/// Sums that a thread can hold: of matrix instructions, and its own.
+constexpr int64_t mostSums = 128, mostOwnSums = 64;
+constexpr int64_t mostBlocks = 4;
+/// Of block memory, so that there is room for some of what loops load ahead.
+constexpr int64_t mostBytes = 128 * 1024;
+
+class Joiner {
+public:
+  explicit Joiner(FunctionOpInterface kernel)
+      : kernel(kernel), dimension(getVariant(kernel).getRank() - 2) {}
+
+  /// Whether neighbouring blocks can be one.
+  bool canJoin();
+  /// How many, of at most so many.
+  int64_t chooseFactor(int64_t most, int64_t threads) const;
+  void join(int64_t factor);
+
+private:
+  bool findWindows();
+  bool findWindow(OpOperand &use, int64_t extent);
+  /// Tiles that become wider along an axis.
+  void mark(Value tile, int64_t axis);
+  bool spread();
+  bool spreadToOperands(Value tile, int64_t axis);
+  bool spreadToUser(OpOperand &use, int64_t axis);
+  void markCarried(scf::ForOp loop, unsigned number, int64_t axis);
+  bool markMap(TileMapOp op, int64_t axis);
+  bool isAllowed(Operation *op) const;
+  bool isMarked(Value tile, int64_t axis) const {
+    auto known = axes.find(tile);
+    return known != axes.end() && known->second == axis;
+  }
+
+  FunctionOpInterface kernel;
+  /// The last dimension of blocks.
+  int64_t dimension;
+  /// T j, and T.
+  SmallVector<std::pair<MulOp, int64_t>> starts;
+  llvm::MapVector<Value, int64_t> axes;
+  SmallVector<Value> open;
+  /// Loads and stores at T j.
+  llvm::DenseSet<Operation *> windows;
+  SmallVector<TileMatmulOp> products;
+  /// `agree`: no tile has two axes along which it would become wider.
+  bool agree = true, hasMaps = false;
+};
+
+} // namespace
+
+//===----------------------------------------------------------------------===//
+// Analysis
+//===----------------------------------------------------------------------===//
+
+void Joiner::mark(Value tile, int64_t axis) {
+  auto [entry, isNew] = axes.insert({tile, axis});
+  agree &= entry->second == axis;
+  if (isNew)
+    open.push_back(tile);
+}
+
+/// The axis at which an operation's window begins at an offset, if it is that
+/// long there.
+template <typename Op>
+static std::optional<int64_t> axisOf(Op op, TileType tile, OpOperand &use,
+                                     int64_t extent) {
+  std::optional<int64_t> axis;
+  for (auto [d, offset] : llvm::enumerate(op.getOffsets())) {
+    if (offset != use.get())
+      continue;
+    if (axis || tile.getShape()[d] != extent)
+      return std::nullopt;
+    axis = d;
+  }
+  return op.getPicked() ? std::nullopt : axis;
+}
+
+bool Joiner::findWindow(OpOperand &use, int64_t extent) {
+  Operation *op = use.getOwner();
+  Value tile;
+  std::optional<int64_t> axis;
+  if (auto load = dyn_cast<TileLoadOp>(op)) {
+    tile = load.getResult();
+    axis = axisOf(load, tileType(tile), use, extent);
+  } else if (auto store = dyn_cast<TileStoreOp>(op)) {
+    tile = store.getTile();
+    axis = axisOf(store, tileType(tile), use, extent);
+  } else if (auto update = dyn_cast<TileAtomicOp>(op)) {
+    tile = update.getTile();
+    if (update.getOld().use_empty())
+      axis = axisOf(update, tileType(tile), use, extent);
+    if (axis)
+      mark(update.getOld(), *axis);
+  }
+  if (!axis)
+    return false;
+  windows.insert(op);
+  mark(tile, *axis);
+  return true;
+}
+
+bool Joiner::findWindows() {
+  SmallVector<Value> numbers;
+  kernel->walk([&](TidOp tid) {
+    if (int64_t(tid.getNumResults()) > dimension)
+      numbers.push_back(tid.getResult(dimension));
+  });
+  for (Value number : numbers)
+    for (Operation *user : number.getUsers()) {
+      auto start = dyn_cast<MulOp>(user);
+      if (!start)
+        return false;
+      bool isFirst = start->getOperand(0) == number;
+      auto extent = getConstantInteger(start->getOperand(isFirst ? 1 : 0));
+      if (!extent)
+        return false;
+      starts.push_back({start, *extent});
+      for (OpOperand &use : start->getUses())
+        if (!findWindow(use, *extent))
+          return false;
+    }
+  return !starts.empty();
+}
+
+void Joiner::markCarried(scf::ForOp loop, unsigned number, int64_t axis) {
+  mark(loop.getInitArgs()[number], axis);
+  mark(loop.getRegionIterArgs()[number], axis);
+  mark(loop.getYieldedValues()[number], axis);
+  mark(loop.getResult(number), axis);
+}
+
+bool Joiner::markMap(TileMapOp op, int64_t axis) {
+  for (Value value : llvm::concat<Value>(SmallVector<Value>(op.getInputs()),
+                                         SmallVector<Value>(op.getResults())))
+    if (isTile(value))
+      mark(value, axis);
+    else if (!value.getDefiningOp<ConstantOp>())
+      return false; // may differ between threads, and elements change theirs
+  return true;
+}
+
+bool Joiner::spreadToOperands(Value tile, int64_t axis) {
+  Operation *def = tile.getDefiningOp();
+  if (!def) {
+    auto loop = dyn_cast<scf::ForOp>(tile.getParentBlock()->getParentOp());
+    if (loop)
+      markCarried(loop, cast<BlockArgument>(tile).getArgNumber() - 1, axis);
+    return loop != nullptr;
+  }
+  return llvm::TypeSwitch<Operation *, bool>(def)
+      .Case<TileLoadOp, TileAtomicOp>(
+          [&](Operation *op) { return windows.contains(op); })
+      .Case([&](TileSplatOp op) {
+        return op.getValue().getDefiningOp<ConstantOp>() != nullptr;
+      })
+      .Case([&](TileTransposeOp op) {
+        mark(op.getTile(), op.getAxes()[axis]);
+        return true;
+      })
+      .Case([&](TileMapOp op) { return markMap(op, axis); })
+      .Case([&](scf::ForOp op) {
+        markCarried(op, cast<OpResult>(tile).getResultNumber(), axis);
+        return true;
+      })
+      .Case([&](TileMatmulOp op) {
+        if (op.getC())
+          mark(op.getC(), axis);
+        return true;
+      })
+      .Default(false);
+}
+
+bool Joiner::spreadToUser(OpOperand &use, int64_t axis) {
+  return llvm::TypeSwitch<Operation *, bool>(use.getOwner())
+      .Case<TileStoreOp, TileAtomicOp>(
+          [&](Operation *op) { return windows.contains(op); })
+      .Case([&](TileTransposeOp op) {
+        for (auto [to, from] : llvm::enumerate(op.getAxes()))
+          if (from == axis)
+            mark(op.getResult(), to);
+        return true;
+      })
+      .Case([&](TileMapOp op) { return markMap(op, axis); })
+      .Case([&](scf::ForOp op) {
+        markCarried(op, use.getOperandNumber() - op.getNumControlOperands(),
+                    axis);
+        return true;
+      })
+      .Case([&](scf::YieldOp op) {
+        auto loop = dyn_cast<scf::ForOp>(op->getParentOp());
+        if (loop)
+          markCarried(loop, use.getOperandNumber(), axis);
+        return loop != nullptr;
+      })
+      .Case([&](TileMatmulOp op) {
+        // Columns of the second factor, or what is added to.
+        if (use.get() == op.getA() ||
+            (use.get() == op.getB() && axis != !op.getTransposeB()))
+          return false;
+        mark(op.getResult(), 1);
+        return use.get() != op.getC() || axis == 1;
+      })
+      .Default(false);
+}
+
+bool Joiner::spread() {
+  while (!open.empty()) {
+    Value tile = open.pop_back_val();
+    int64_t axis = axes[tile];
+    if (!spreadToOperands(tile, axis))
+      return false;
+    for (OpOperand &use : tile.getUses())
+      if (!spreadToUser(use, axis))
+        return false;
+  }
+  return agree;
+}
+
+/// Whether one block does what several do if it does that once.
+bool Joiner::isAllowed(Operation *op) const {
+  if (isa<TileStoreOp, TileAtomicOp>(op))
+    return windows.contains(op);
+  if (auto product = dyn_cast<TileMatmulOp>(op))
+    return isMarked(product.getResult(), 1) &&
+           isMarked(product.getB(), !product.getTransposeB());
+  if (op->getParentOfType<TileMapOp>())
+    return isMemoryEffectFree(op) &&
+           llvm::all_of(op->getOperands(), [&](Value operand) {
+             return isa<BlockArgument>(operand) ||
+                    op->getParentOfType<TileMapOp>()->isAncestor(
+                        operand.getDefiningOp()) ||
+                    operand.getDefiningOp<ConstantOp>();
+           });
+  return isa<TileLoadOp, TileMapOp, scf::ForOp, scf::YieldOp>(op) ||
+         (op->getNumRegions() == 0 &&
+          (op->hasTrait<OpTrait::IsTerminator>() || isMemoryEffectFree(op)));
+}
+
+bool Joiner::canJoin() {
+  if (dimension < 0 || !findWindows() || !spread())
+    return false;
+  bool isAdded = false;
+  WalkResult result = kernel.getFunctionBody().walk([&](Operation *op) {
+    if (auto product = dyn_cast<TileMatmulOp>(op)) {
+      products.push_back(product);
+      isAdded |= isa<scf::ForOp>(op->getParentOp()) && product.getC();
+    }
+    hasMaps |= isa<TileMapOp>(op);
+    return isAllowed(op) ? WalkResult::advance() : WalkResult::interrupt();
+  });
+  return !result.wasInterrupted() && isAdded;
+}
+
+/// Of both factors, whose rows of 128 bytes are loaded together.
+static int64_t countStageBytes(int64_t rows, int64_t columns) {
+  return 128 * (rows + columns);
+}
+
+int64_t Joiner::chooseFactor(int64_t most, int64_t threads) const {
+  auto isGood = [&](int64_t factor) {
+    return llvm::all_of(products, [&](TileMatmulOp op) {
+      ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
+      int64_t rows = shape[0], columns = shape[1] * factor;
+      int64_t sums = rows * columns / threads;
+      Type type = tileType(op.getA()).getElementType();
+      int64_t bytes = 2 * countStageBytes(rows, columns);
+      if (hasMaps) // of sums, and what they make of them
+        bytes += 2 * rows * columns * getByteSize(tileType(op.getResult()).getElementType());
+      if (rows > mostExtent || columns > mostExtent || bytes > mostBytes)
+        return false;
+      if (type.isF32())
+        return sums <= mostOwnSums && rows % 8 == 0 && columns % 8 == 0;
+      return sums <= mostSums && hasWarpgroupPatch({rows, columns}, threads);
+    });
+  };
+  while (most > 1 && !isGood(most))
+    most /= 2;
+  return most;
+}
+
+//===----------------------------------------------------------------------===//
+// Transformation
+//===----------------------------------------------------------------------===//
+
+void Joiner::join(int64_t factor) {
+  for (auto [start, extent] : starts) {
+    OpBuilder b(start);
+    bool isFirst = getConstantInteger(start->getOperand(0)).has_value();
+    OpOperand &known = start->getOpOperand(isFirst ? 0 : 1);
+    auto attribute = b.getIntegerAttr(known.get().getType(), extent * factor);
+    known.set(ConstantOp::create(b, start.getLoc(), known.get().getType(),
+                                 attribute));
+  }
+  for (auto [tile, axis] : axes) {
+    SmallVector<int64_t> shape(tileType(tile).getShape());
+    shape[axis] *= factor;
+    Value wide = tile;
+    wide.setType(TileType::get(tile.getContext(), shape,
+                               tileType(tile).getElementType()));
+  }
+}
+
+namespace {
+
+struct JoinBlocks : warp::impl::JoinBlocksBase<JoinBlocks> {
+  void runOnOperation() override {
+    FunctionOpInterface kernel = findKernel(getOperation());
+    if (!kernel)
+      return signalPassFailure();
+    VariantAttr variant = getVariant(kernel);
+    auto threads = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
+    if (!threads || kernel->hasAttr(warp::attr::ragged) || variant.getDebug() ||
+        variant.isDeterministic() ||
+        variant.getTarget().getProcessor() != "sm_90a")
+      return;
+    Joiner joiner(kernel);
+    if (!joiner.canJoin())
+      return;
+    if (joiner.chooseFactor(mostBlocks, threads.getInt()) == 1)
+      return;
+    setRecipe(kernel, getRecipe(kernel).withFacts(joinableFact));
+    int64_t factor =
+        joiner.chooseFactor(variant.getJoinable(), threads.getInt());
+    if (factor == 1)
+      return noteChoice(kernel, "blocks", "1",
+                        "joined with others they would not fill the card");
+    joiner.join(factor);
+    setRecipe(kernel, getRecipe(kernel).withJoined(factor));
+    noteChoice(kernel, "blocks", Twine(factor) + " joined",
+               "products read less of memory for each sum");
+  }
+};
+
+} // namespace

@@ -1,0 +1,113 @@
+"""Blocks of products next to each other that a GPU makes one, against NumPy."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+from tile_products import check, product
+
+# By type and tile: threads, and how many are one in a launch of many.
+JOINED = [
+    (wp.float16, (64, 64, 16), 128, 4),
+    (wp.bfloat16, (64, 64, 32), 256, 4),
+    (wp.float16, (128, 64, 32), 256, 4),
+    (wp.float16, (128, 128, 32), 256, 2),
+    (wp.float16, (128, 256, 64), 256, 1),
+    (wp.float32, (64, 64, 16), 128, 2),
+    (wp.float32, (64, 64, 32), 256, 4),
+    (wp.float32, (128, 128, 32), 256, 1),
+]
+
+
+def edge(device):
+    """Rows and columns that fill a card; a CPU does with few."""
+    return 256 if device == "cpu" else 2048
+
+
+@pytest.mark.parametrize("dtype, tile, threads, joined", JOINED)
+def test_many_blocks_are_joined(dtype, tile, threads, joined):
+    kernel = product(dtype, *tile)
+    kernel.module.options["block_dim"] = threads
+    blocks = 4096 // tile[0], 4096 // tile[1], threads
+    (found,) = kernel.schedule(arch=90, dim=blocks)
+    text = {choice.what: choice.value for choice in found.choices}.get("blocks", "1")
+    assert text == (f"{joined} joined" if joined > 1 else "1")
+
+
+@pytest.mark.parametrize("blocks", [(4, 4), (64, 33)])
+def test_few_blocks_and_odd_ones_are_not(blocks):
+    kernel = product(wp.float16, 64, 64, 32)
+    kernel.module.options["block_dim"] = 128
+    (found,) = kernel.schedule(arch=90, dim=(*blocks, 128))
+    assert found["blocks"] == "1"
+
+
+@pytest.mark.parametrize("turned", [(False, False), (True, False), (False, True)])
+@pytest.mark.parametrize("dtype, tile, threads, joined", JOINED)
+def test_products(dtype, tile, threads, joined, turned, device):
+    kernel = product(dtype, *tile, *turned, first=0.5)
+    size = edge(device)
+    shape = (size, size, 3 * tile[2])
+    check(kernel, dtype, tile, shape, threads, device, turned, first=0.5)
+
+
+@pytest.mark.parametrize("dtype", [wp.float16, wp.float32])
+def test_edges(dtype, device):
+    """Of arrays: what joined blocks have beyond them is neither read nor written."""
+    tile = (64, 64, 32)
+    kernel = product(dtype, *tile)
+    size = edge(device)
+    for columns in (size - 1, size - 40, size - 65):
+        check(kernel, dtype, tile, (size - 3, columns, 80), 128, device)
+
+
+def test_a_launch_may_leave_columns_out(device):
+    """Joined blocks do not go beyond the launch."""
+    size = edge(device)
+    kernel = product(wp.float32, 64, 64, 32)
+    a = wp.array(np.ones((size, 32)), dtype=float, device=device)
+    b = wp.array(np.ones((32, size)), dtype=float, device=device)
+    for left_out in range(1, 5):
+        c = wp.full((size, size), -1.0, dtype=float, device=device)
+        blocks = size // 64
+        wp.launch_tiled(
+            kernel, [blocks, blocks - left_out], [a, b, c, 1], block_dim=128, device=device
+        )
+        expected = np.full((size, size), 32.0)
+        expected[:, size - 64 * left_out :] = -1.0
+        np.testing.assert_array_equal(c.numpy(), expected)
+
+
+def test_sums_that_are_used(device):
+    """A function of the sums, a sum in memory, and one row of blocks."""
+    size = edge(device)
+
+    @wp.kernel(module="unique")
+    def work(
+        a: wp.array2d(dtype=wp.float16),
+        b: wp.array2d(dtype=wp.float16),
+        c: wp.array2d(dtype=float),
+        total: wp.array2d(dtype=float),
+    ):
+        j = wp.tid()
+        sums = wp.tile_zeros(shape=(64, 64), dtype=float)
+        for s in range(4):
+            x = wp.tile_load(a, shape=(64, 32), offset=(0, s * 32))
+            y = wp.tile_load(b, shape=(32, 64), offset=(s * 32, j * 64))
+            wp.tile_matmul(x, y, sums)
+        wp.tile_atomic_add(total, sums, offset=(0, j * 64))
+        wp.tile_store(c, wp.tile_map(wp.abs, sums), offset=(0, j * 64))
+
+    rng = np.random.default_rng(0)
+    columns = 64 * 1056 if device != "cpu" else size
+    a = rng.integers(-8, 9, (64, 128)).astype(np.float16)
+    b = rng.integers(-8, 9, (128, columns)).astype(np.float16)
+    arrays = [wp.array(v, dtype=wp.float16, device=device) for v in (a, b)]
+    c = wp.zeros((64, columns), dtype=float, device=device)
+    total = wp.ones((64, columns), dtype=float, device=device)
+    inputs = [*arrays, c, total]
+    for _ in range(2):
+        wp.launch_tiled(work, [columns // 64], inputs, block_dim=128, device=device)
+    expected = a.astype(float) @ b.astype(float)
+    np.testing.assert_array_equal(c.numpy(), np.abs(expected))
+    np.testing.assert_array_equal(total.numpy(), 1 + 2 * expected)
