@@ -4,11 +4,14 @@
 #   extern "C" const char warp_NAME_begin[], warp_NAME_end[];
 # and appends the assembled object to the global property WARP_EMBEDDED.
 #
+# warp_embed_compressed(NAME FILE [DEPENDS target...]) does so with the bytes that
+# zstd makes of the file.
+#
 # warp_compile_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
 # freestanding C++ to LLVM bitcode, NAME_parts.
 #
 # warp_add_device_bitcode(NAME ...) also makes one module of it and embeds that
-# under NAME.
+# under NAME, compressed for TARGET nvptx.
 #
 # warp_add_device_objects(NAME SOURCES file... OPTIONS ...) compiles freestanding
 # C++ to machine code, once for each level of x86-64, and embeds the objects as
@@ -47,6 +50,21 @@ warp_@name@_end:
   set_target_properties(warp_embed_${name} PROPERTIES
     ASM_COMPILER_LAUNCHER "")
   set_property(GLOBAL APPEND PROPERTY WARP_EMBEDDED warp_embed_${name})
+endfunction()
+
+function(warp_embed_compressed name file)
+  cmake_parse_arguments(arg "" "" "DEPENDS" ${ARGN})
+  set(packed "${PROJECT_BINARY_DIR}/embedded/${name}.zst")
+  add_custom_command(OUTPUT "${packed}"
+    COMMAND "${WARP_ZSTD_TOOL}" -q -f --ultra -22 --long=27 "${file}"
+      -o "${packed}"
+    DEPENDS "${file}" VERBATIM)
+  add_custom_target(${name}_packed DEPENDS "${packed}")
+  if(arg_DEPENDS)
+    add_dependencies(${name}_packed ${arg_DEPENDS})
+  endif()
+  warp_embed_file(${name} "${packed}")
+  add_dependencies(warp_embed_${name} ${name}_packed)
 endfunction()
 
 function(warp_compile_device_bitcode name)
@@ -91,8 +109,13 @@ function(warp_add_device_bitcode name)
       ${${name}_parts} -o "${linked}"
     DEPENDS ${${name}_parts} VERBATIM)
   add_custom_target(${name}_bitcode DEPENDS "${linked}")
-  warp_embed_file(${name} "${linked}")
-  add_dependencies(warp_embed_${name} ${name}_bitcode)
+  cmake_parse_arguments(arg "" "TARGET" "" ${ARGN})
+  if(arg_TARGET STREQUAL "nvptx")
+    warp_embed_compressed(${name} "${linked}" DEPENDS ${name}_bitcode)
+  else()
+    warp_embed_file(${name} "${linked}")
+    add_dependencies(warp_embed_${name} ${name}_bitcode)
+  endif()
 endfunction()
 
 function(warp_add_device_objects name)
@@ -137,19 +160,16 @@ endfunction()
 # them.
 function(warp_embed_archive name folder)
   cmake_parse_arguments(arg "" "" "FILES;DEPENDS" ${ARGN})
-  set(packed "${folder}/${name}.a.zst")
-  add_custom_command(OUTPUT "${packed}"
-    COMMAND "${CMAKE_COMMAND}" -E rm -f "${folder}/${name}.a"
-    COMMAND "${WARP_LLVM_AR}" rcSD "${folder}/${name}.a" ${arg_FILES}
-    COMMAND "${WARP_ZSTD_TOOL}" -q -f --ultra -22 --long=27
-      "${folder}/${name}.a" -o "${packed}"
+  set(archive "${folder}/${name}.a")
+  add_custom_command(OUTPUT "${archive}"
+    COMMAND "${CMAKE_COMMAND}" -E rm -f "${archive}"
+    COMMAND "${WARP_LLVM_AR}" rcSD "${archive}" ${arg_FILES}
     DEPENDS ${arg_FILES} VERBATIM)
-  add_custom_target(${name}_archive DEPENDS "${packed}")
+  add_custom_target(${name}_archive DEPENDS "${archive}")
   if(arg_DEPENDS)
     add_dependencies(${name}_archive ${arg_DEPENDS})
   endif()
-  warp_embed_file(${name} "${packed}")
-  add_dependencies(warp_embed_${name} ${name}_archive)
+  warp_embed_compressed(${name} "${archive}" DEPENDS ${name}_archive)
 endfunction()
 
 function(warp_add_device_cubins name)

@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "AssembledLibrary.h"
+#include "Embedded.h"
 
 #include "warp/LibraryCode.h"
 
@@ -15,7 +16,6 @@
 
 #include <map>
 #include <mutex>
-#include <zstd.h>
 
 using namespace warp;
 
@@ -53,12 +53,8 @@ bool warp::hasAssembledLibrary(const std::string &target) {
 /// read: kernels have their own code then.
 static std::vector<std::vector<char>> unpack(llvm::StringRef archive,
                                              llvm::StringRef prefix) {
-  auto size = ZSTD_getFrameContentSize(archive.data(), archive.size());
-  if (archive.empty() || size > (1u << 30))
-    return {};
-  std::vector<char> bytes(size);
-  if (ZSTD_decompress(bytes.data(), size, archive.data(), archive.size()) !=
-      size)
+  std::vector<char> bytes = decompress(archive);
+  if (bytes.empty())
     return {};
   auto opened = llvm::object::Archive::create(
       {llvm::StringRef(bytes.data(), bytes.size()), "device library"});
@@ -124,9 +120,7 @@ static bool isShort(llvm::StringRef symbol, llvm::StringRef target) {
     return true;
   return hasProducts(target) &&
          isOneOf(symbol, {"warp_tile_await_", "warp_tile_close_",
-                          "warp_tile_copy_", "warp_tile_expect_",
-                          "warp_tile_fetch_", "warp_tile_leave_",
-                          "warp_tile_open_", "warp_tile_publish_"});
+                          "warp_tile_fetch_", "warp_tile_publish_"});
 }
 
 static bool isLong(llvm::StringRef symbol, llvm::StringRef target) {
@@ -137,7 +131,8 @@ static bool isLong(llvm::StringRef symbol, llvm::StringRef target) {
   return hasProducts(target) &&
          isOneOf(symbol,
                  {"warp_tile_add_", "warp_tile_give_", "warp_tile_multiply_",
-                  "warp_tile_set_", "warp_tile_store_", "warp_tile_take_"});
+                  "warp_tile_set_", "warp_tile_store_", "warp_tile_stream_",
+                  "warp_tile_take_"});
 }
 
 bool warp::isAssembled(llvm::StringRef symbol, llvm::StringRef target) {

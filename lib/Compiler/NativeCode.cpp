@@ -114,7 +114,10 @@ static void renameLibm(llvm::Module &module) {
 
 void warp::linkNativeCode(llvm::Module &module) {
   for (const std::string &name : missingNames(module)) {
-    linkBitcode(module, Registry::get().compiled(name, ""), "native function");
+    linkBitcode(
+        module,
+        [&]() -> llvm::StringRef { return Registry::get().compiled(name, ""); },
+        "native function");
     renameLibm(module);
   }
 }

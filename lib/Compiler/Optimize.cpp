@@ -110,7 +110,8 @@ MachineLease MachineLease::get(const CompileOptions &options) {
 // Libraries
 //===----------------------------------------------------------------------===//
 
-void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
+void warp::linkBitcode(llvm::Module &module,
+                       llvm::function_ref<llvm::StringRef()> bitcode,
                        llvm::StringRef name) {
   bool missing = llvm::any_of(module, [](llvm::Function &function) {
     return function.isDeclaration() && !function.isIntrinsic() &&
@@ -118,7 +119,7 @@ void warp::linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
   });
   if (!missing)
     return;
-  auto parsed = llvm::getLazyBitcodeModule(llvm::MemoryBufferRef(bitcode, name),
+  auto parsed = llvm::getLazyBitcodeModule(llvm::MemoryBufferRef(bitcode(), name),
                                            module.getContext(),
                                            /*ShouldLazyLoadMetadata=*/true);
   if (!parsed)

@@ -74,8 +74,9 @@ void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                       const CompileOptions &options);
 
 /// Links from embedded bitcode the functions that `module` declares, made
-/// internal. Throws if the bitcode is malformed.
-void linkBitcode(llvm::Module &module, llvm::StringRef bitcode,
+/// internal; `bitcode` is asked for if there are any. Throws if it is malformed.
+void linkBitcode(llvm::Module &module,
+                 llvm::function_ref<llvm::StringRef()> bitcode,
                  llvm::StringRef name);
 
 /// Links the functions of NativeCode.h that `module`, for CPUs, declares.

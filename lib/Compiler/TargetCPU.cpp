@@ -105,10 +105,13 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
     return isMissing(function) && !isLong(function);
   });
   if (missesShort)
-    linkBitcode(module,
-                {warp_devicelib_cpu_begin,
-                 size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)},
-                "device library");
+    linkBitcode(
+        module,
+        []() -> llvm::StringRef {
+          return {warp_devicelib_cpu_begin,
+                  size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)};
+        },
+        "device library");
   linkNativeCode(module);
   nameLibraryFunctions(module, machine);
   bool wide = getVectorBits(options.target) == 512;

@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "AssembledLibrary.h"
+#include "Embedded.h"
 #include "Target.h"
 
 #include "llvm/IR/Constants.h"
@@ -19,9 +20,6 @@
 #include "llvm/Target/TargetMachine.h"
 
 #include <optional>
-
-extern "C" const char warp_libdevice_begin[], warp_libdevice_end[];
-extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
 
 using namespace warp;
 
@@ -103,14 +101,8 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
   std::optional<AssembledCalls> calls;
   if (options.linked)
     calls.emplace(module, options.target);
-  linkBitcode(module,
-              {warp_devicelib_cuda_begin,
-               size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin)},
-              "device library");
-  linkBitcode(
-      module,
-      {warp_libdevice_begin, size_t(warp_libdevice_end - warp_libdevice_begin)},
-      "libdevice");
+  linkBitcode(module, gpuLibrary, "device library");
+  linkBitcode(module, libdevice, "libdevice");
   calls.reset();
   keepNativeCalls(module);
   setReflection(module, options.fastMath);

@@ -99,19 +99,8 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_await_groups", "i", ""},
     // Where the map of an array lies among the parameters: its address.
     {"warp_tile_map", "i", "l"},
-    // Barriers of a ring; its places, who reads them.
-    {"warp_tile_open_ring", "lii", ""},
-    {"warp_tile_close_ring", "li", ""},
-    // A barrier; bytes, a phase, threads.
-    {"warp_tile_expect_bytes", "li", ""},
-    {"warp_tile_await_phase", "li", ""},
-    {"warp_tile_leave_place", "li", ""},
-    // Place, map, first row and column, shape, columns of a box, bytes of an
-    // element, a barrier.
-    {"warp_tile_copy_box", "lliiiiiil", ""},
     {"warp_tile_publish_copies", "", ""},
-    // Products that need not be there.
-    {"warp_tile_await_products", "i", ""},
+    {"warp_tile_await_products", "", ""},
     // Sums and a number.
     {"warp_tile_set_f64_*", "ld", ""},
     {"warp_tile_set_*", "lf", ""},
@@ -136,6 +125,10 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_transform_*", "lliiii", ""},
     // Sums, factors; rows, columns, depth; elements per row of the factors.
     {"warp_tile_multiply_*", "llliiiii", ""},
+    // Sums, barriers of a ring, its places, steps; of either factor place, map,
+    // first row and column, steps of both, columns of a box; the same numbers;
+    // threads that have sums, threads.
+    {"warp_tile_stream_*", "lliilliiiiilliiiiiiiiiiii", ""},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {

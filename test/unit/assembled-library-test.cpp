@@ -8,6 +8,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Compiler/AssembledLibrary.h"
+#include "Compiler/Embedded.h"
 
 #include "warp/LibraryCode.h"
 
@@ -19,8 +20,6 @@
 #include "llvm/Support/MemoryBuffer.h"
 
 #include <gtest/gtest.h>
-
-extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
 
 using namespace warp;
 
@@ -52,11 +51,8 @@ TEST_P(AssembledLibrary, HasAllThatMayBeCalled) {
   for (const std::vector<char> &object : assembledLibrary(GetParam()))
     addDefined({object.data(), object.size()}, names);
   llvm::LLVMContext context;
-  llvm::StringRef bitcode(
-      warp_devicelib_cuda_begin,
-      size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin));
   auto library = llvm::cantFail(
-      llvm::getLazyBitcodeModule({bitcode, "device library"}, context));
+      llvm::getLazyBitcodeModule({gpuLibrary(), "device library"}, context));
   int count = 0;
   for (const llvm::Function &function : *library)
     if (function.hasExternalLinkage() && !function.isDeclaration() &&

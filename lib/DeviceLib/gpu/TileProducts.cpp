@@ -15,7 +15,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "TileSums.h"
+#include "TileRings.h"
 
 namespace {
 
@@ -247,7 +247,9 @@ WARP_INLINE void multiplyWarps(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
 
 #define WARP_BLOCKED_AS(R, C, name, aAlong, bAlong)                            \
   WARP_LAYOUT(f32_##R##x##C##_##name, Blocked<R, C, aAlong, bAlong>)           \
-  WARP_PRODUCT(f32_##R##x##C##_##name, multiplyBlocked, R, C, aAlong, bAlong)
+  WARP_PRODUCT(f32_##R##x##C##_##name, multiplyBlocked, R, C, aAlong, bAlong)  \
+  WARP_RING(f32_##R##x##C##_##name, float, false, R *C, aAlong, bAlong,        \
+            multiplyBlocked<R, C, aAlong, bAlong>)
 
 #define WARP_BLOCKED(R, C)                                                     \
   WARP_BLOCKED_AS(R, C, kk, true, true)                                        \

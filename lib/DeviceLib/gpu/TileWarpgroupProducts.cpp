@@ -14,7 +14,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "TileSums.h"
+#include "TileRings.h"
 
 namespace {
 
@@ -119,7 +119,7 @@ template <bool along> struct Factor {
 // Products
 //===----------------------------------------------------------------------===//
 
-/// Begins to add a product; threads await it (warp_tile_await_products).
+/// Begins to add a product, which threads await; where it is called, adds it.
 template <bool isBrain, int R, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
                                     i32 depth, i32, i32) {
@@ -144,7 +144,7 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
       asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
       multiplySome(k);
       asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
-      asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
+      awaitProducts<0>();
     }
   } else {
     asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
@@ -166,10 +166,21 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
 // Functions of the library
 //===----------------------------------------------------------------------===//
 
+#define WARP_WARPGROUP_RINGS(type, isBrain, R, C)                              \
+  WARP_WARPGROUP_RING(type, isBrain, R, C, kk, true, true)                     \
+  WARP_WARPGROUP_RING(type, isBrain, R, C, kn, true, false)                    \
+  WARP_WARPGROUP_RING(type, isBrain, R, C, mk, false, true)                    \
+  WARP_WARPGROUP_RING(type, isBrain, R, C, mn, false, false)
+#define WARP_WARPGROUP_RING(type, isBrain, R, C, name, aAlong, bAlong)         \
+  WARP_RING(wg_##type##_##R##x##C##_##name, u16, true, R *C / 128, aAlong,     \
+            bAlong, multiplyWarpgroups<isBrain, R, C, aAlong, bAlong>)
+
 #define WARP_WARPGROUPS(R, C)                                                  \
   WARP_LAYOUT(wg_##R##x##C, Warpgroups<R, C>)                                  \
   WARP_PRODUCTS(wg_f16, multiplyWarpgroups, false, R, C)                       \
-  WARP_PRODUCTS(wg_bf16, multiplyWarpgroups, true, R, C)
+  WARP_PRODUCTS(wg_bf16, multiplyWarpgroups, true, R, C)                       \
+  WARP_WARPGROUP_RINGS(f16, false, R, C)                                       \
+  WARP_WARPGROUP_RINGS(bf16, true, R, C)
 
 WARP_WARPGROUPS(64, 32)
 WARP_WARPGROUPS(64, 64)
@@ -178,16 +189,6 @@ WARP_WARPGROUPS(64, 256)
 WARP_WARPGROUPS(128, 64)
 WARP_WARPGROUPS(128, 128)
 
-/// Copies that have arrived are seen by matrix instructions of threads that
-/// meet afterwards.
-WARP_TILES warp_tile_publish_copies(void *) {
-  asm volatile("fence.proxy.async.shared::cta;" ::: "memory");
-}
+WARP_TILES warp_tile_publish_copies(void *) { publishCopies(); }
 
-/// Until all products but the last ones are there.
-WARP_TILES warp_tile_await_products(i32 last, void *) {
-  if (last == 0)
-    asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
-  else
-    asm volatile("wgmma.wait_group.sync.aligned 1;" ::: "memory");
-}
+WARP_TILES warp_tile_await_products(void *) { awaitProducts<0>(); }

@@ -211,12 +211,7 @@ private:
   void lowerAhead(mlir::scf::ForOp loop);
 
   // In LowerTilesRings.cpp.
-  void copyBoxes(llvm::ArrayRef<TileLoadOp> loads, mlir::scf::ForOp loop,
-                 Value iteration, Value place, Value full);
-  struct Ring;
-  Value barrierOf(const Ring &ring, Value place, bool empty);
-  void openRing(const Ring &ring);
-  void stepRing(const Ring &ring);
+  Values boxesOf(TileLoadOp load, mlir::scf::ForOp loop);
   void lowerRing(mlir::scf::ForOp loop);
 
   // In LowerTilesForms.cpp.

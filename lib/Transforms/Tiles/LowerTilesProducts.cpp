@@ -125,8 +125,7 @@ void TileLowering::addHeld(TileAtomicOp op) {
 // Products
 //===----------------------------------------------------------------------===//
 
-/// Of a factor, for threads; 0 where it lies swizzled.
-static int64_t pitchOf(const Factor &factor) {
+int64_t pitchOf(const Factor &factor) {
   Operation *def = factor.memory.getDefiningOp();
   return def && def->hasAttr(attr::swizzled) ? 0 : factor.pitch;
 }
@@ -293,7 +292,7 @@ void TileLowering::lowerAhead(scf::ForOp loop) {
   if (isInTime)
     fetchNext();
   if (form.isByWarpgroups())
-    callLibrary("warp_tile_await_products", {}, {number(0)});
+    callLibrary("warp_tile_await_products", {}, {});
 }
 
 } // namespace warp::tiles

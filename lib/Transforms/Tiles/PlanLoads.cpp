@@ -149,6 +149,18 @@ static bool canCopyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
          !getVariant(kernel).isDeterministic() && isOnlyRead(kernel, array);
 }
 
+/// Whether boxes of a loop are equally far apart from step to step.
+static bool areEven(scf::ForOp loop, TileLoadOp load) {
+  Forms forms;
+  Symbol trip = Symbol::trip(loop);
+  return llvm::all_of(load.getOffsets(), [&](Value offset) {
+    Form form = forms.of(offset);
+    std::optional<Form> each = form.coefficientOf(trip);
+    return each && each->isDefinedOutside(loop) &&
+           form.without(trip).isDefinedOutside(loop);
+  });
+}
+
 /// Makes a load that of the copy engine.
 static void copyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
   Builder b(kernel.getContext());
@@ -193,7 +205,7 @@ void planLoads(FunctionOpInterface kernel, scf::ForOp loop,
     if (byWarpgroups || load.axis == 1)
       load.op->setAttr(attr::swizzled, mark);
   bool inBoxes = llvm::all_of(loads, [&](const FactorLoad &load) {
-    return canCopyBoxes(kernel, load.op);
+    return canCopyBoxes(kernel, load.op) && areEven(loop, load.op);
   });
   if (inBoxes || byWarpgroups)
     mergeSteps(loop, product, /*whole=*/inBoxes);

@@ -53,6 +53,8 @@ struct Factor {
   bool isAlong;
 };
 std::optional<Factor> getFactor(mlir::Value tile, bool depthIsFirst);
+/// From row to row for threads; 0 where it lies swizzled.
+int64_t pitchOf(const Factor &factor);
 
 /// Whether copies know how the elements of an array lie, tile and array have
 /// two dimensions, and offsets 32 bits.
