@@ -197,8 +197,9 @@ function(warp_add_device_cubins name)
           -Xclang -target-feature -Xclang +ptx${arg_PTX}
           -Xclang -mlink-builtin-bitcode -Xclang "${WARP_LIBDEVICE}"
           -S -x ir "${bitcode}" -o "${ptx}"
-        COMMAND "${WARP_PTXAS}" -c -arch=${target} ${registers} "${ptx}"
-          -o "${cubin}"
+        # Its remarks are about speed, and of interest only if it fails.
+        COMMAND sh -c "remarks=$(\"$0\" \"$@\" 2>&1) || { echo \"$remarks\"; exit 1; }"
+          "${WARP_PTXAS}" -c -arch=${target} ${registers} "${ptx}" -o "${cubin}"
         DEPENDS "${bitcode}" COMMENT "Assembling ${stem} for ${target}" VERBATIM)
       list(APPEND cubins "${cubin}")
     endforeach()

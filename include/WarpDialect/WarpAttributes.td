@@ -173,7 +173,8 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
     threads of a GPU block that share one index. `joined`: GPU blocks in a row of
     the launch's last dimension of blocks that are one. `facts`: what of the size of a
     launch the code depends on, `SizeFact` of warp/SizeFacts.h as a mask.
-    `exclusive`: one thread runs a CPU launch, one block a GPU launch; `copied`:
+    `alternates`: every other launch may run its GPU blocks from the last to the
+    first. `exclusive`: one thread runs a CPU launch, one block a GPU launch; `copied`:
     or several workers with copies of these arrays. `cost`: rough operations of
     one thread. `lanes`: threads that are lanes of a vector on a CPU, from
     warp-widen-threads on. `sums`: the arrays with exact sums, then the others;
@@ -182,7 +183,8 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
   let parameters = (ins Warp_Number<"1">:$items, Warp_Number<"1">:$rows,
                         Warp_Number<"0">:$tile, Warp_Number<"1">:$split,
                         Warp_Number<"1">:$joined,
-                        Warp_Number<"0">:$facts, Warp_Flag<>:$exclusive,
+                        Warp_Number<"0">:$facts, Warp_Flag<>:$alternates,
+                        Warp_Flag<>:$exclusive,
                         OptionalParameter<"::warp::CopiedAttr">:$copied,
                         Warp_Number<"0">:$cost, Warp_Number<"1">:$lanes,
                         OptionalParameter<"::mlir::ArrayAttr">:$sums);
@@ -196,6 +198,7 @@ def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
     RecipeAttr withJoined(int64_t joined) const;
     /// In addition to those that it has.
     RecipeAttr withFacts(int64_t facts) const;
+    RecipeAttr withAlternates() const;
     RecipeAttr withExclusive() const;
     RecipeAttr withCopied(::warp::CopiedAttr copied) const;
     RecipeAttr withCost(int64_t cost) const;

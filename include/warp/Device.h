@@ -34,6 +34,8 @@ struct DeviceInfo {
   /// Compute capability as 10 * major + minor; 0 for the CPU.
   int arch = 0;
   int smCount = 0;
+  /// Of a GPU's second level.
+  int64_t cacheBytes = 0;
   int maxSharedMemoryPerBlock = 0;
   bool isUva = false;
   bool hasMemoryPool = false;

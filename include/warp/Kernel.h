@@ -116,6 +116,8 @@ public:
     /// CUDA: nobody asked for a block of a certain size.
     bool openBlock = false;
     int64_t items = 0;
+    /// Of the arrays and their gradients.
+    int64_t bytes = 0;
     /// CPU: rough operations of the whole launch.
     double work = 0;
   };

@@ -32,6 +32,8 @@ std::optional<warp::GridRead> warp::getGridRead(Value value) {
     return GridRead{GridValue::blockId, toAxis(read.getDimension())};
   if (auto read = dyn_cast_or_null<gpu::BlockDimOp>(op))
     return GridRead{GridValue::blockDim, toAxis(read.getDimension())};
+  if (auto read = dyn_cast_or_null<gpu::GridDimOp>(op))
+    return GridRead{GridValue::gridDim, toAxis(read.getDimension())};
   if (isa_and_nonnull<gpu::LaneIdOp>(op))
     return GridRead{GridValue::laneId, Axis::x};
   return std::nullopt;

@@ -16,7 +16,7 @@ namespace warp {
 enum class Axis { x, y, z };
 
 /// Where a thread is in the grid of its launch; a lane id has no axis.
-enum class GridValue { threadId, blockId, blockDim, laneId };
+enum class GridValue { threadId, blockId, blockDim, gridDim, laneId };
 
 struct GridRead {
   GridValue value;

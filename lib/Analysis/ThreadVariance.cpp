@@ -151,6 +151,7 @@ bool ThreadVariance::visitIndices(Operation *op) {
     state.sources = Place;
     break;
   case warp::GridValue::blockDim:
+  case warp::GridValue::gridDim:
     break;
   case warp::GridValue::laneId:
     state = {Own, noStep};

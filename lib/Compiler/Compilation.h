@@ -63,6 +63,7 @@ public:
   bool fixedBlock = false, cooperative = false, ragged = false;
   int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
   int rows = 1, tile = 0, split = 1, joined = 1;
+  bool alternates = false;
   CopiedArrays copied;
   std::vector<SummedArray> sums;
   std::vector<TensorMap> maps;

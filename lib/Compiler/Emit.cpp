@@ -51,6 +51,7 @@ static warp::Code describe(warp::Compilation &run) {
   code.tile = run.tile;
   code.split = run.split;
   code.joined = run.joined;
+  code.alternates = run.alternates;
   code.sizeFacts = run.sizeFacts;
   code.sums = std::move(run.sums);
   return code;

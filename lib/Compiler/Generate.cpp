@@ -106,6 +106,7 @@ void Compilation::collectFacts(ModuleOp module) {
     tile = int(recipe.getTile());
     split = int(recipe.getSplit());
     joined = int(recipe.getJoined());
+    alternates = recipe.getAlternates();
     sizeFacts = int(recipe.getFacts()) | (isBrief ? underFact : 0);
     hasLanes = recipe.getLanes() > 1;
     for (SummedArrayAttr array : recipe.getSummedArrays())

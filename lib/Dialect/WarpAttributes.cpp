@@ -122,17 +122,18 @@ struct Fields {
         split(recipe.getSplit()), joined(recipe.getJoined()),
         facts(recipe.getFacts()),
         cost(recipe.getCost()), lanes(recipe.getLanes()),
-        exclusive(recipe.getExclusive()), copied(recipe.getCopied()),
+        alternates(recipe.getAlternates()), exclusive(recipe.getExclusive()),
+        copied(recipe.getCopied()),
         sums(recipe.getSums()) {}
 
   operator warp::RecipeAttr() const {
     return warp::RecipeAttr::get(context, items, rows, tile, split, joined,
-                                 facts, exclusive, copied, cost, lanes, sums);
+                                 facts, alternates, exclusive, copied, cost, lanes, sums);
   }
 
   MLIRContext *context;
   int64_t items, rows, tile, split, joined, facts, cost, lanes;
-  bool exclusive;
+  bool alternates, exclusive;
   warp::CopiedAttr copied;
   ArrayAttr sums;
 };
@@ -140,7 +141,7 @@ struct Fields {
 
 warp::RecipeAttr warp::RecipeAttr::getUnknown(MLIRContext *context) {
   return get(context, /*items=*/1, /*rows=*/1, /*tile=*/0, /*split=*/1,
-             /*joined=*/1, /*facts=*/0, /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
+             /*joined=*/1, /*facts=*/0, /*alternates=*/false, /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
              /*lanes=*/1, ArrayAttr());
 }
 
@@ -201,6 +202,12 @@ warp::RecipeAttr warp::RecipeAttr::withLanes(int64_t lanes) const {
 warp::RecipeAttr warp::RecipeAttr::withSums(ArrayAttr sums) const {
   Fields fields(*this);
   fields.sums = sums;
+  return fields;
+}
+
+warp::RecipeAttr warp::RecipeAttr::withAlternates() const {
+  Fields fields(*this);
+  fields.alternates = true;
   return fields;
 }
 

@@ -41,6 +41,7 @@ void warp::writeCode(Writer &out, const Code &code) {
   out.number<int32_t>(code.tile);
   out.number<int32_t>(code.split);
   out.number<int32_t>(code.joined);
+  out.number<uint8_t>(code.alternates);
   out.number<uint8_t>(code.sizeFacts);
   out.number<int32_t>(code.sums.size());
   for (const SummedArray &array : code.sums)
@@ -83,6 +84,7 @@ Code warp::readCode(Reader &in) {
   code.tile = in.number<int32_t>();
   code.split = in.number<int32_t>();
   code.joined = in.number<int32_t>();
+  code.alternates = in.number<uint8_t>();
   code.sizeFacts = in.number<uint8_t>();
   auto sums = in.number<int32_t>();
   for (int32_t i = 0; i < sums && in.ok(); ++i)

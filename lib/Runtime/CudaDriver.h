@@ -49,6 +49,7 @@ enum : Result {
 enum DeviceAttribute : int {
   maxSharedMemoryPerBlock = 8,
   multiprocessorCount = 16,
+  l2CacheSize = 38,
   maxThreadsPerMultiprocessor = 39,
   unifiedAddressing = 41,
   managedMemory = 83,

@@ -62,6 +62,7 @@ static DeviceInfo describeCuda(int device) {
   info.arch = 10 * attribute(handle, cuda::computeCapabilityMajor) +
               attribute(handle, cuda::computeCapabilityMinor);
   info.smCount = attribute(handle, cuda::multiprocessorCount);
+  info.cacheBytes = attribute(handle, cuda::l2CacheSize);
   info.maxSharedMemoryPerBlock =
       attribute(handle, cuda::maxSharedMemoryPerBlockOptin);
   info.isUva = attribute(handle, cuda::unifiedAddressing);

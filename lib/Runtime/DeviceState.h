@@ -66,6 +66,9 @@ struct DeviceState {
   cuda::PoolHandle pool = nullptr;
   std::atomic<bool> poolEnabled{false};
 
+  /// Whether the last launch that alternates began at the last block.
+  std::atomic<bool> isReversed{false};
+
   /// Name of the kernel launched last.
   std::atomic<const char *> lastKernel{nullptr};
 };

@@ -105,7 +105,7 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
                                 int blockDim, bool mayMake) {
   Plan plan;
   plan.device = device;
-  VariantKey key = keyFor(device, dim, params, blockDim, plan.items);
+  VariantKey key = keyFor(device, dim, params, blockDim, plan);
   if (plan.items == 0)
     return plan;
   plan.openBlock = blockDim <= 0 && options.maxThreads == 0 &&
@@ -208,9 +208,11 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
     if (variant.code.maps.empty())
-      return launchOnCuda(variant, name, params, stream, plan.openBlock);
+      return launchOnCuda(variant, name, params, stream, plan.openBlock,
+                          plan.bytes);
     MappedParameters mapped(variant.code.maps, params, paramSize);
-    return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock);
+    return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock,
+                        plan.bytes);
   }
   if (!options.debug) {
     launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));

@@ -206,8 +206,20 @@ static cuda::Result queue(const Kernel::Variant &variant,
   return queueKernel(entry.function, config, arguments, entry.programmatic);
 }
 
+/// Whether a launch that alternates runs its blocks from the last to the first:
+/// every other one of those whose arrays do not fit into the cache.
+static bool isReversed(int device, int64_t bytes) {
+  if (bytes <= deviceInfo(device).cacheBytes)
+    return false;
+  std::atomic<bool> &last = cudaDeviceState(device).isReversed;
+  bool now = !last.load(std::memory_order_relaxed);
+  last.store(now, std::memory_order_relaxed);
+  return now;
+}
+
 void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
-                        void *params, const Stream *stream, bool openBlock) {
+                        void *params, const Stream *stream, bool openBlock,
+                        int64_t bytes) {
   const VariantKey &key = variant.key;
   const CudaEntry &entry = *variant.cuda.load(std::memory_order_acquire);
   LaunchHeader header;
@@ -244,17 +256,19 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  // Joined blocks count each other; whoever launches again has its extents.
+  // Whoever launches again has its own header.
   int joined = variant.code.joined;
-  int32_t *dim = static_cast<LaunchHeader *>(params)->dim;
+  auto &given = *static_cast<LaunchHeader *>(params);
   if (joined > 1)
-    dim[key.rank - 2] /= joined;
+    given.dim[key.rank - 2] /= joined;
+  if (variant.code.alternates)
+    given.errorRecord = isReversed(key.device, bytes);
   cuda::Result result = queue(variant, entry, shape, work.stream(), params);
   if (joined > 1)
-    dim[key.rank - 2] *= joined;
+    given.dim[key.rank - 2] *= joined;
   if (result == cuda::success) {
     if (variant.isQuick.load(std::memory_order_relaxed))
-      variant.quick->spendLaunch(countThreads(shape));
+      variant.quick->spendLaunch(countThreads(shape) * joined);
     cudaDeviceState(key.device)
         .lastKernel.store(variant.label, std::memory_order_relaxed);
     return;

@@ -194,7 +194,7 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   void setRows(VariantKey &key, const LaunchDim &dim) const;
   bool isDisjoint(const VariantKey &key, const void *params) const;
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
-                    int blockDim, int64_t &items) const;
+                    int blockDim, Plan &plan) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;
   /// The key of a launch over packed arrays that do not overlap.
   VariantKey usualKey(int rank) const;
@@ -252,8 +252,10 @@ std::unique_ptr<CudaEntry> loadOnCuda(const Kernel::Variant &variant,
 /// Unloads it; while a graph is recorded that may use it, later.
 void unloadFromCuda(int device, CudaCode loaded);
 /// `openBlock`: blocks may be smaller than those that the variant is named for.
+/// `bytes`: of all arrays.
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
-                  void *params, const Stream *stream, bool openBlock = false);
+                  void *params, const Stream *stream, bool openBlock = false,
+                  int64_t bytes = 0);
 /// Threads of a block for so many in all: half of the variant's if that keeps
 /// more of the card at work.
 int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,

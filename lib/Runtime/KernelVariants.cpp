@@ -118,8 +118,9 @@ static bool isAligned(const ArrayDescriptor &array, int64_t elementSize) {
 
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                                 const void *params, int blockDim,
-                                int64_t &items) const {
+                                Plan &plan) const {
   checkExtents(name, dim);
+  int64_t &items = plan.items;
   items = 1;
   for (int i = 0; i < dim.rank; ++i)
     if (__builtin_mul_overflow(items, dim.extent[i], &items))
@@ -144,6 +145,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
           isPacked(array, param.elementSize, count) &&
           (device == cpuDevice || isAligned(array, param.elementSize));
       key.index32 &= count <= INT32_MAX;
+      plan.bytes += count * param.elementSize * (array.grad ? 2 : 1);
       if (param.kind == Param::Kind::Array && packed && i < 64)
         key.contiguous |= uint64_t(1) << i;
     }

@@ -413,6 +413,27 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
   EXPECT_EQ(shape(joined, 2, {8, 256, 1, 1}), "(2, 1, 1) x (256, 1, 1)");
 }
 
+// What a launch has left in the cache is what the next one begins with.
+TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
+  Kernel::Variant variant;
+  variant.key = {.device = 0, .rank = 1, .blockDim = 256};
+  variant.place(std::make_unique<CudaEntry>());
+  int64_t cache = deviceInfo(0).cacheBytes;
+  ASSERT_GT(cache, 0);
+  auto order = [&](int64_t bytes) {
+    LaunchHeader header;
+    header.dim[0] = 1000;
+    launchOnCuda(variant, "order", &header, nullptr, /*openBlock=*/true, bytes);
+    return header.errorRecord;
+  };
+  EXPECT_EQ(order(2 * cache), 0u);
+  variant.code.alternates = true;
+  uint64_t first = order(2 * cache);
+  EXPECT_EQ(order(cache + 1), 1 - first);
+  EXPECT_EQ(order(cache), 0u);
+  EXPECT_EQ(order(2 * cache), first);
+}
+
 // Half a block's threads where that spreads a launch over more of the card,
 // where more of them fit, or where some take longer than others.
 TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {

@@ -19,6 +19,23 @@
 
 namespace {
 
+/// What holds for all threads of a warp or for none, in a way that the assembler
+/// sees, too, where kernels call.
+WARP_INLINE bool holdsForAll(bool condition) {
+  if (!isCalled)
+    return condition;
+  i32 holds;
+  asm volatile("{\n"
+               ".reg .pred p, q;\n"
+               "setp.ne.s32 p, %1, 0;\n"
+               "vote.sync.all.pred q, p, -1;\n"
+               "selp.s32 %0, 1, 0, q;\n"
+               "}"
+               : "=r"(holds)
+               : "r"(i32(condition)));
+  return holds != 0;
+}
+
 WARP_INLINE void meet() { asm volatile("bar.sync 0;" ::: "memory"); }
 
 /// Copies that have arrived are seen by matrix instructions of threads that
@@ -140,14 +157,14 @@ WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const Boxes &a,
   // Of this step, and of the one before.
   i32 place = 0, phase = 0, lastPlace = 0, lastPhase = 0;
 #pragma clang loop unroll(disable)
-  for (i32 step = 0; step < steps; ++step) {
+  for (i32 step = 0; holdsForAll(step < steps); ++step) {
     ring.await(ring.full(place), phase);
     multiply(u64(held), a.at(place), b.at(place));
     if (byWarpgroups)
       awaitProducts<1>();
     else
       ring.leave<team>(place);
-    if (step > 0) {
+    if (holdsForAll(step > 0)) {
       if (byWarpgroups)
         ring.leave<team>(lastPlace);
       i32 next = step + ring.places - 1;

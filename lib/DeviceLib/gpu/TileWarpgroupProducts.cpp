@@ -119,8 +119,9 @@ template <bool along> struct Factor {
 // Products
 //===----------------------------------------------------------------------===//
 
-/// Begins to add a product, which threads await; where it is called, adds it.
-template <bool isBrain, int R, int C, bool aAlong, bool bAlong>
+/// Begins to add a product, which threads await, or adds it.
+template <bool isBrain, int R, int C, bool aAlong, bool bAlong,
+          bool awaits = isCalled>
 WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
                                     i32 depth, i32, i32) {
   using Layout = Warpgroups<R, C>;
@@ -139,22 +140,21 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
       multiplyFragment<isBrain, C, aAlong, bAlong>(
           sum + i * (C / 2), x.describe(row + i * 64, k), y.describe(column, k));
   };
-  if constexpr (isCalled) {
-    for (i32 k = 0; k < depth; k += 16) {
-      asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
-      multiplySome(k);
-      asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
-      awaitProducts<0>();
-    }
-  } else {
+  auto begin = [] {
     asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
-    for (i32 k = 0; k < depth; k += 64)
+  };
+  begin();
+  for (i32 k = 0; holdsForAll(k < depth); k += 64)
 #pragma unroll
-      for (i32 part = 0; part < 64; part += 16)
-        if (k + part < depth)
-          multiplySome(k + part);
-    asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
-  }
+    for (i32 part = 0; part < 64; part += 16)
+      if (holdsForAll(k + part < depth)) {
+        if (isCalled)
+          begin();
+        multiplySome(k + part);
+      }
+  asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+  if (awaits)
+    awaitProducts<0>();
 #pragma unroll
   for (int i = 0; i < Layout::slots; ++i)
     kept[i] = sum[i];
@@ -173,7 +173,7 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
   WARP_WARPGROUP_RING(type, isBrain, R, C, mn, false, false)
 #define WARP_WARPGROUP_RING(type, isBrain, R, C, name, aAlong, bAlong)         \
   WARP_RING(wg_##type##_##R##x##C##_##name, u16, true, R *C / 128, aAlong,     \
-            bAlong, multiplyWarpgroups<isBrain, R, C, aAlong, bAlong>)
+            bAlong, multiplyWarpgroups<isBrain, R, C, aAlong, bAlong, false>)
 
 #define WARP_WARPGROUPS(R, C)                                                  \
   WARP_LAYOUT(wg_##R##x##C, Warpgroups<R, C>)                                  \

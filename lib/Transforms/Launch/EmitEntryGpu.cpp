@@ -25,7 +25,7 @@ Value EntryBuilder::gridIndex(warp::Axis axis, Type type) {
     return narrow(warp::readGrid(b, loc, value, axis), type);
   };
   Value start =
-      mul(read(warp::GridValue::blockId), read(warp::GridValue::blockDim));
+      mul(narrow(blockIndex(axis), type), read(warp::GridValue::blockDim));
   return add(start, read(warp::GridValue::threadId));
 }
 
@@ -51,7 +51,7 @@ EntryBuilder::Values EntryBuilder::gridIndices(Value &inside) {
     auto read = [&](warp::GridValue value) {
       return narrow(warp::readGrid(b, loc, value), type);
     };
-    Value row = read(warp::GridValue::blockId), rows = narrow(dims[0], type);
+    Value row = narrow(blockIndex(), type), rows = narrow(dims[0], type);
     for (Value extent : ArrayRef(dims).drop_front().drop_back())
       rows = mul(rows, narrow(extent, type));
     guard(row, rows);
@@ -147,6 +147,13 @@ static void takeRegisters(Operation *kernel) {
 
 /// Decides how the launch is made.
 void EntryBuilder::planGpu() {
+  planForm();
+  alternates = canAlternate();
+  if (alternates)
+    warp::setRecipe(kernel, warp::getRecipe(kernel).withAlternates());
+}
+
+void EntryBuilder::planForm() {
   if (warp::getRecipe(kernel).getExclusive()) {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");

@@ -221,8 +221,7 @@ Value EntryBuilder::buildLoop(Value begin, Value end, Value extent,
 EntryBuilder::Values EntryBuilder::buildStream() {
   Type i32 = b.getI32Type();
   Value width = warp::readGrid(b, loc, warp::GridValue::blockDim);
-  Value block = warp::readGrid(b, loc, warp::GridValue::blockId);
-  Value start = mul(mul(block, width), constant(i32, items));
+  Value start = mul(mul(blockIndex(), width), constant(i32, items));
   Value lane = add(start, warp::readGrid(b, loc, warp::GridValue::threadId));
   Value end = add(start, mul(width, constant(i32, items)));
   SmallVector<Values> indices;
@@ -239,7 +238,7 @@ EntryBuilder::Values EntryBuilder::buildSums() {
   Type i32 = b.getI32Type();
   Value width = warp::readGrid(b, loc, warp::GridValue::blockDim);
   Value size = mul(width, constant(i32, summedItems));
-  Value start = mul(warp::readGrid(b, loc, warp::GridValue::blockId), size);
+  Value start = mul(blockIndex(), size);
   Value lane = warp::readGrid(b, loc, warp::GridValue::threadId);
   // Counted from the block's first: an index beyond the last may not fit.
   Value left = sub(dims[0], start);

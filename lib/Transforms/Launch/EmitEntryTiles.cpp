@@ -315,7 +315,7 @@ EntryBuilder::Values EntryBuilder::buildTiles() {
   };
   // Blocks that run together lie side by side where they store.
   bool down = llvm::any_of(turned, isStore);
-  Value block = read(warp::GridValue::blockId, warp::Axis::x);
+  Value block = blockIndex();
   auto next = [&](Value extent) {
     Value rest = div(block, extent);
     Value place = sub(block, mul(rest, extent));

@@ -8,7 +8,7 @@
 // EmitEntryGpu.cpp the thread of a GPU, EmitEntryItems.cpp a GPU thread with
 // several indices, EmitEntryJam.cpp one with two in a loop, EmitEntrySplit.cpp
 // several threads with one index, EmitEntryTiles.cpp blocks that exchange
-// elements.
+// elements, AlternateBlocks.cpp the order of blocks.
 //
 //===----------------------------------------------------------------------===//
 
@@ -109,6 +109,7 @@ private:
   int64_t countItems();
   bool sumsManyItems();
   void planGpu();
+  void planForm();
   void dependOn(int facts);
   Values buildJammed();
   mlir::scf::ForOp findSharedLoop();
@@ -124,6 +125,9 @@ private:
                    llvm::ArrayRef<mlir::Value> ownPlaces,
                    llvm::ArrayRef<mlir::Value> otherPlaces,
                    mlir::Value memory);
+  // AlternateBlocks.cpp
+  bool canAlternate();
+  mlir::Value blockIndex(Axis axis = Axis::x);
   Values gridIndices(mlir::Value &inside);
   mlir::Value gridIndex(Axis axis, mlir::Type type);
   mlir::Value countAll();
@@ -178,6 +182,8 @@ private:
   int64_t items = 1;
   /// The loop that indices, or threads, share.
   mlir::scf::ForOp loop;
+  /// Whether launches may run the blocks of a GPU from the last to the first.
+  bool alternates = false;
   /// Accesses whose elements the threads of a block exchange.
   llvm::SmallPtrSet<mlir::Operation *, 4> turned;
 };

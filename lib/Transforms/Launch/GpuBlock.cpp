@@ -50,6 +50,8 @@ static Value readIndex(OpBuilder &b, Location loc, warp::GridValue value,
     return gpu::BlockIdOp::create(b, loc, dimension);
   case warp::GridValue::blockDim:
     return gpu::BlockDimOp::create(b, loc, dimension);
+  case warp::GridValue::gridDim:
+    return gpu::GridDimOp::create(b, loc, dimension);
   case warp::GridValue::laneId:
     return gpu::LaneIdOp::create(b, loc, /*upper_bound=*/nullptr);
   }

@@ -1,0 +1,92 @@
+//===- AlternateBlocks.cpp - Launches that may begin at either end --------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// What a launch over more memory than a GPU's cache holds has touched last is
+// still in the cache when the next launch begins; what it has touched first is
+// gone. If every other launch runs its blocks from the last to the first, it
+// begins with what is there (H200, launches that follow each other over arrays
+// of so many bytes: y = 3 x, 2 x 64 MB 1.10 times as fast, 2 x 256 MB 1.03;
+// x = 3 x, 64 MB 1.21 times). The runtime decides for each launch.
+//
+// Blocks run in no order that a program may rely on. Kernels whose order one
+// may notice all the same keep it: where an update returns what was there
+// before, as in counters that number things, where threads print, and where
+// some blocks have more work than others, which is better begun with the first.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Analysis/ThreadVariance.h"
+#include "EntryBuilder.h"
+#include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TileOps.h"
+#include "warp/Launch.h"
+#include "warp/SizeFacts.h"
+
+#include "mlir/Interfaces/LoopLikeInterface.h"
+
+using namespace mlir;
+using warp::EntryBuilder;
+
+/// Whether a thread of one block has it as the same thread of another one.
+static bool isSameInBlocks(Value value, const warp::ThreadVariance &variance) {
+  if (variance.isUniform(value, warp::Scope::Launch))
+    return true;
+  Operation *op = value.getDefiningOp();
+  if (!op)
+    return isa<scf::ForOp>(value.getParentBlock()->getParentOp()) &&
+           cast<BlockArgument>(value).getArgNumber() == 0;
+  if (isa<warp::ThreadNumberOp>(op))
+    return true;
+  return isPure(op) && op->getNumRegions() == 0 && op->getNumOperands() > 0 &&
+         llvm::all_of(op->getOperands(), [&](Value operand) {
+           return isSameInBlocks(operand, variance);
+         });
+}
+
+static bool keepsOrder(Operation *op, const warp::ThreadVariance &variance) {
+  if (auto loop = dyn_cast<scf::ForOp>(op))
+    return !isSameInBlocks(loop.getLowerBound(), variance) ||
+           !isSameInBlocks(loop.getUpperBound(), variance) ||
+           !isSameInBlocks(loop.getStep(), variance);
+  if (isa<LoopLikeOpInterface>(op))
+    return true;
+  if (auto access = dyn_cast<warp::AccessOp>(op))
+    return access.mayWrite() && !op->use_empty();
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op))
+    return !call.getCallee().starts_with("warp_tile_");
+  return op->getNumRegions() == 0 && !isMemoryEffectFree(op) &&
+         !isa<warp::BarrierOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
+}
+
+/// Whether blocks may run in either order, and something is gained by it.
+bool EntryBuilder::canAlternate() {
+  bool isStream = form == Form::One || form == Form::Sums ||
+                  form == Form::Items || form == Form::Tiles;
+  // Small launches have code of their own, and arrays that fit.
+  bool isSmall = !variant.getLarge() &&
+                 (warp::getRecipe(kernel).getFacts() & warp::largeFact) != 0;
+  if (!isStream || isSmall || variant.getDebug() || variant.isDeterministic())
+    return false;
+  warp::ThreadVariance variance(kernel);
+  bool accesses = false;
+  WalkResult result = threads.getBody().walk([&](Operation *op) {
+    accesses |= isa<warp::AccessOp>(op);
+    return keepsOrder(op, variance) ? WalkResult::interrupt()
+                                    : WalkResult::advance();
+  });
+  return accesses && !result.wasInterrupted();
+}
+
+/// The number of the block along an axis, in the order of the launch.
+Value EntryBuilder::blockIndex(Axis axis) {
+  Value first = warp::readGrid(b, loc, warp::GridValue::blockId, axis);
+  if (!alternates)
+    return first;
+  Type i32 = b.getI32Type();
+  Value count = warp::readGrid(b, loc, warp::GridValue::gridDim, axis);
+  Value last = sub(sub(count, constant(i32, 1)), first);
+  Value order = parameter(i32, offsetof(warp::LaunchHeader, errorRecord));
+  Value isLast = cmp(arith::CmpIPredicate::ne, order, constant(i32, 0));
+  return arith::SelectOp::create(b, loc, isLast, last, first);
+}
