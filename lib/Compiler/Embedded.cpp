@@ -8,9 +8,6 @@
 
 #include <zstd.h>
 
-extern "C" const char warp_libdevice_begin[], warp_libdevice_end[];
-extern "C" const char warp_devicelib_cuda_begin[], warp_devicelib_cuda_end[];
-
 std::vector<char> warp::decompress(llvm::StringRef packed) {
   constexpr unsigned long long most = 1u << 30;
   auto size = ZSTD_getFrameContentSize(packed.data(), packed.size());
@@ -22,21 +19,15 @@ std::vector<char> warp::decompress(llvm::StringRef packed) {
   return bytes;
 }
 
-/// What a process compiles with lives as long as it.
-static llvm::StringRef keep(llvm::StringRef packed) {
-  auto *bytes = new std::vector<char>(warp::decompress(packed));
-  return {bytes->data(), bytes->size()};
-}
-
-llvm::StringRef warp::gpuLibrary() {
-  static llvm::StringRef library =
-      keep({warp_devicelib_cuda_begin,
-            size_t(warp_devicelib_cuda_end - warp_devicelib_cuda_begin)});
-  return library;
-}
-
-llvm::StringRef warp::libdevice() {
-  static llvm::StringRef library = keep(
-      {warp_libdevice_begin, size_t(warp_libdevice_end - warp_libdevice_begin)});
-  return library;
-}
+// What a process compiles with lives as long as it.
+#define WARP_EMBEDDED(function, name)                                          \
+  extern "C" const char warp_##name##_begin[], warp_##name##_end[];            \
+  llvm::StringRef warp::function() {                                           \
+    static const auto *bytes = new std::vector<char>(                          \
+        decompress({warp_##name##_begin,                                       \
+                    size_t(warp_##name##_end - warp_##name##_begin)}));        \
+    return {bytes->data(), bytes->size()};                                     \
+  }
+WARP_EMBEDDED(gpuLibrary, devicelib_cuda)
+WARP_EMBEDDED(gpuTileLibrary, devicelib_tiles)
+WARP_EMBEDDED(libdevice, libdevice)

@@ -101,6 +101,11 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
   std::optional<AssembledCalls> calls;
   if (options.linked)
     calls.emplace(module, options.target);
+  if (llvm::any_of(module, [](const llvm::Function &function) {
+        return function.isDeclaration() &&
+               function.getName().starts_with("warp_tile_");
+      }))
+    linkBitcode(module, gpuTileLibrary, "device library");
   linkBitcode(module, gpuLibrary, "device library");
   linkBitcode(module, libdevice, "libdevice");
   calls.reset();

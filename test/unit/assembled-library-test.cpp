@@ -51,16 +51,18 @@ TEST_P(AssembledLibrary, HasAllThatMayBeCalled) {
   for (const std::vector<char> &object : assembledLibrary(GetParam()))
     addDefined({object.data(), object.size()}, names);
   llvm::LLVMContext context;
-  auto library = llvm::cantFail(
-      llvm::getLazyBitcodeModule({gpuLibrary(), "device library"}, context));
   int count = 0;
-  for (const llvm::Function &function : *library)
-    if (function.hasExternalLinkage() && !function.isDeclaration() &&
-        isAssembled(function.getName(), GetParam())) {
-      EXPECT_TRUE(names.contains(function.getName()))
-          << function.getName().str();
-      ++count;
-    }
+  for (llvm::StringRef bitcode : {gpuLibrary(), gpuTileLibrary()}) {
+    auto library = llvm::cantFail(
+        llvm::getLazyBitcodeModule({bitcode, "device library"}, context));
+    for (const llvm::Function &function : *library)
+      if (function.hasExternalLinkage() && !function.isDeclaration() &&
+          isAssembled(function.getName(), GetParam())) {
+        EXPECT_TRUE(names.contains(function.getName()))
+            << function.getName().str();
+        ++count;
+      }
+  }
   EXPECT_GE(count, 20);
 }
 

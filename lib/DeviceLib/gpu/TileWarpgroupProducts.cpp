@@ -98,6 +98,7 @@ template <bool along> struct Factor {
   u64 place;
   i32 rows, columns;
 
+  /// A power of two.
   WARP_INLINE i32 width() const { return columns < widest ? columns : widest; }
   /// From a group of columns to the next.
   WARP_INLINE i32 step() const { return rows * width() * bytes; }
@@ -107,8 +108,9 @@ template <bool along> struct Factor {
   /// columns to the next.
   WARP_INLINE u64 describe(i32 across, i32 depth) const {
     i32 row = along ? across : depth, column = along ? depth : across;
-    u64 address = place + u32(column) / u32(width()) * step() +
-                  (row * width() + u32(column) % u32(width())) * bytes;
+    i32 group = u32(column) >> __builtin_ctz(width());
+    u64 address = place + group * step() +
+                  (row * width() + (column & (width() - 1))) * bytes;
     u64 chunks = width() == 64 ? 1 : width() == 32 ? 2 : 3;
     return (address & 0x3ffff) >> 4 | u64(step() >> 4) << 16 |
            u64(8 * width() * bytes >> 4) << 32 | chunks << 62;
