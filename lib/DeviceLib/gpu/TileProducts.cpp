@@ -136,7 +136,7 @@ template <int R, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
                                  i32 depth, i32 aPitch, i32 bPitch) {
   Blocked<R, C, aAlong, bAlong> layout(m, n, threadNumber());
-  constexpr int run = R * C == 64 ? 2 : 4, turn = isCalled ? run : 8;
+  constexpr int turn = 8, run = R * C == 64 ? 2 : 4;
   constexpr int rowRun = aAlong ? run : 1, columnRun = bAlong ? run : 1;
   float sum[R][C];
   float *kept = own<float>(sums);

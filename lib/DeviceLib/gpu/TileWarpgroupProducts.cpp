@@ -145,16 +145,28 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
   auto begin = [] {
     asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
   };
+  auto end = [] {
+    asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+  };
+  // Where all is known the rest is; in a call instructions follow each other
+  // like that only without conditions between them.
   begin();
-  for (i32 k = 0; holdsForAll(k < depth); k += 64)
+  if (isCalled && holdsForAll(depth == 64)) {
 #pragma unroll
-    for (i32 part = 0; part < 64; part += 16)
-      if (holdsForAll(k + part < depth)) {
-        if (isCalled)
-          begin();
-        multiplySome(k + part);
-      }
-  asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
+    for (i32 k = 0; k < 64; k += 16)
+      multiplySome(k);
+    end();
+  } else {
+    for (i32 k = 0; holdsForAll(k < depth); k += 64)
+#pragma unroll
+      for (i32 part = 0; part < 64; part += 16)
+        if (holdsForAll(k + part < depth)) {
+          if (isCalled)
+            begin();
+          multiplySome(k + part);
+        }
+    end();
+  }
   if (awaits)
     awaitProducts<0>();
 #pragma unroll
