@@ -108,9 +108,8 @@ std::string warp::kernelText(const std::string &file) {
 
 static bool isOneOf(llvm::StringRef symbol,
                     llvm::ArrayRef<llvm::StringRef> groups) {
-  return llvm::any_of(groups, [&](llvm::StringRef group) {
-    return symbol.starts_with(group);
-  });
+  return llvm::any_of(
+      groups, [&](llvm::StringRef group) { return symbol.starts_with(group); });
 }
 
 /// What searches and products need besides, too short to be worth linking for

@@ -17,8 +17,8 @@ namespace warp {
 /// be read.
 std::vector<char> decompress(llvm::StringRef packed);
 
-/// The device library for GPUs without and with functions of tiles, and NVIDIA's
-/// functions of libdevice, as LLVM bitcode.
+/// The device library for GPUs without and with functions of tiles, and
+/// NVIDIA's functions of libdevice, as LLVM bitcode.
 llvm::StringRef gpuLibrary();
 llvm::StringRef gpuTileLibrary();
 llvm::StringRef libdevice();

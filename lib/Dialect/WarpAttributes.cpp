@@ -120,15 +120,15 @@ struct Fields {
       : context(recipe.getContext()), items(recipe.getItems()),
         rows(recipe.getRows()), tile(recipe.getTile()),
         split(recipe.getSplit()), joined(recipe.getJoined()),
-        facts(recipe.getFacts()),
-        cost(recipe.getCost()), lanes(recipe.getLanes()),
-        alternates(recipe.getAlternates()), exclusive(recipe.getExclusive()),
-        copied(recipe.getCopied()),
+        facts(recipe.getFacts()), cost(recipe.getCost()),
+        lanes(recipe.getLanes()), alternates(recipe.getAlternates()),
+        exclusive(recipe.getExclusive()), copied(recipe.getCopied()),
         sums(recipe.getSums()) {}
 
   operator warp::RecipeAttr() const {
     return warp::RecipeAttr::get(context, items, rows, tile, split, joined,
-                                 facts, alternates, exclusive, copied, cost, lanes, sums);
+                                 facts, alternates, exclusive, copied, cost,
+                                 lanes, sums);
   }
 
   MLIRContext *context;
@@ -141,7 +141,8 @@ struct Fields {
 
 warp::RecipeAttr warp::RecipeAttr::getUnknown(MLIRContext *context) {
   return get(context, /*items=*/1, /*rows=*/1, /*tile=*/0, /*split=*/1,
-             /*joined=*/1, /*facts=*/0, /*alternates=*/false, /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
+             /*joined=*/1, /*facts=*/0, /*alternates=*/false,
+             /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
              /*lanes=*/1, ArrayAttr());
 }
 

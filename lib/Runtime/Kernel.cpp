@@ -207,7 +207,8 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
   if (plan.device != cpuDevice) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
-    if (variant.code.maps.empty())
+    // Maps, and other extents, are for this launch alone.
+    if (variant.code.maps.empty() && variant.code.joined == 1)
       return launchOnCuda(variant, name, params, stream, plan.openBlock,
                           plan.bytes);
     MappedParameters mapped(variant.code.maps, params, paramSize);

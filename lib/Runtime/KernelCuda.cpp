@@ -256,7 +256,6 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  // Whoever launches again has its own header.
   int joined = variant.code.joined;
   auto &given = *static_cast<LaunchHeader *>(params);
   if (joined > 1)
@@ -264,8 +263,6 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   if (variant.code.alternates)
     given.errorRecord = isReversed(key.device, bytes);
   cuda::Result result = queue(variant, entry, shape, work.stream(), params);
-  if (joined > 1)
-    given.dim[key.rank - 2] *= joined;
   if (result == cuda::success) {
     if (variant.isQuick.load(std::memory_order_relaxed))
       variant.quick->spendLaunch(countThreads(shape) * joined);

@@ -45,10 +45,10 @@ struct VariantKey {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
            large == other.large && under == other.under &&
-           narrow == other.narrow && joinable == other.joinable && disjoint == other.disjoint &&
-           ordered == other.ordered && unmapped == other.unmapped &&
-           blockDim == other.blockDim && row == other.row &&
-           contiguous == other.contiguous;
+           narrow == other.narrow && joinable == other.joinable &&
+           disjoint == other.disjoint && ordered == other.ordered &&
+           unmapped == other.unmapped && blockDim == other.blockDim &&
+           row == other.row && contiguous == other.contiguous;
   }
 
   /// The same but for what does not count of the size of the launch, of which
@@ -252,7 +252,7 @@ std::unique_ptr<CudaEntry> loadOnCuda(const Kernel::Variant &variant,
 /// Unloads it; while a graph is recorded that may use it, later.
 void unloadFromCuda(int device, CudaCode loaded);
 /// `openBlock`: blocks may be smaller than those that the variant is named for.
-/// `bytes`: of all arrays.
+/// `bytes`: of all arrays. Of joined blocks the header gets the extents.
 void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                   void *params, const Stream *stream, bool openBlock = false,
                   int64_t bytes = 0);

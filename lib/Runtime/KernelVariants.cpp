@@ -79,8 +79,8 @@ static int countJoinable(const VariantKey &key, const LaunchDim &dim,
     return (blocks + smCount - 1) / smCount * joined;
   };
   int most = 4;
-  while (most > 1 && (dim.extent[dim.rank - 2] % most != 0 ||
-                      rounds(most) > rounds(1)))
+  while (most > 1 &&
+         (dim.extent[dim.rank - 2] % most != 0 || rounds(most) > rounds(1)))
     most /= 2;
   return most;
 }

@@ -65,7 +65,8 @@ static void encode(const TensorMap &map, const void *params, void *to) {
 
 MappedParameters::MappedParameters(const std::vector<TensorMap> &maps,
                                    const void *params, size_t size)
-    : block(maps.back().place + tensorMapBytes + tensorMapAlignment) {
+    : block((maps.empty() ? size : maps.back().place + tensorMapBytes) +
+            tensorMapAlignment) {
   auto start = reinterpret_cast<uintptr_t>(block.data());
   first = block.data() + (tensorMapAlignment - start % tensorMapAlignment) %
                              tensorMapAlignment;

@@ -19,8 +19,8 @@
 
 namespace {
 
-/// What holds for all threads of a warp or for none, in a way that the assembler
-/// sees, too, where kernels call.
+/// What holds for all threads of a warp or for none, in a way that the
+/// assembler sees, too, where kernels call.
 WARP_INLINE bool holdsForAll(bool condition) {
   if (!isCalled)
     return condition;
@@ -103,11 +103,10 @@ struct Ring {
   /// Asks for what a step needs.
   WARP_INLINE void fill(i32 place, i32 step, const Boxes &a,
                         const Boxes &b) const {
-    asm volatile(
-        "mbarrier.arrive.expect_tx.shared::cta.b64 _, [%0], %1;" ::"r"(
-            full(place)),
-        "r"(a.bytes() + b.bytes())
-        : "memory");
+    asm volatile("mbarrier.arrive.expect_tx.shared::cta.b64 _, [%0], %1;" ::"r"(
+                     full(place)),
+                 "r"(a.bytes() + b.bytes())
+                 : "memory");
     a.copy(step, place, full(place));
     b.copy(step, place, full(place));
   }
@@ -127,9 +126,9 @@ struct Ring {
     if (team == 32)
       asm volatile("bar.warp.sync -1;" ::: "memory");
     if (u32(threadNumber()) % team == 0)
-      asm volatile("mbarrier.arrive.shared::cta.b64 _, [%0];" ::"r"(
-                       empty(place))
-                   : "memory");
+      asm volatile(
+          "mbarrier.arrive.shared::cta.b64 _, [%0];" ::"r"(empty(place))
+          : "memory");
   }
 };
 
@@ -201,12 +200,26 @@ WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const Boxes &a,
       i32 n, i32 depth, i32 aPitch, i32 bPitch, i32 holders, i32 threads,      \
       void *) {                                                                \
     constexpr i32 size = sizeof(type);                                         \
-    Boxes left{a,           aMap,   aRow,                                      \
-               aColumn,     aRowStep, aColumnStep,                             \
-               aWidth,      aAlong ? m : depth, aAlong ? depth : m, size};     \
-    Boxes right{b,          bMap,   bRow,                                      \
-                bColumn,    bRowStep, bColumnStep,                             \
-                bWidth,     bAlong ? n : depth, bAlong ? depth : n, size};     \
+    Boxes left{a,                                                              \
+               aMap,                                                           \
+               aRow,                                                           \
+               aColumn,                                                        \
+               aRowStep,                                                       \
+               aColumnStep,                                                    \
+               aWidth,                                                         \
+               aAlong ? m : depth,                                             \
+               aAlong ? depth : m,                                             \
+               size};                                                          \
+    Boxes right{b,                                                             \
+                bMap,                                                          \
+                bRow,                                                          \
+                bColumn,                                                       \
+                bRowStep,                                                      \
+                bColumnStep,                                                   \
+                bWidth,                                                        \
+                bAlong ? n : depth,                                            \
+                bAlong ? depth : n,                                            \
+                size};                                                         \
     runRing<float, slots, byWarpgroups>(                                       \
         sums, {u32(ring), places}, steps, left, right, threads,                \
         [&](u64 held, u64 x, u64 y) {                                          \

@@ -139,12 +139,11 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
   auto multiplySome = [&](i32 k) {
 #pragma unroll
     for (int i = 0; i < R / 64; ++i)
-      multiplyFragment<isBrain, C, aAlong, bAlong>(
-          sum + i * (C / 2), x.describe(row + i * 64, k), y.describe(column, k));
+      multiplyFragment<isBrain, C, aAlong, bAlong>(sum + i * (C / 2),
+                                                   x.describe(row + i * 64, k),
+                                                   y.describe(column, k));
   };
-  auto begin = [] {
-    asm volatile("wgmma.fence.sync.aligned;" ::: "memory");
-  };
+  auto begin = [] { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); };
   auto end = [] {
     asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
   };

@@ -314,7 +314,8 @@ int64_t Joiner::chooseFactor(int64_t most, int64_t threads) const {
       Type type = tileType(op.getA()).getElementType();
       int64_t bytes = 2 * countStageBytes(rows, columns);
       if (hasMaps) // of sums, and what they make of them
-        bytes += 2 * rows * columns * getByteSize(tileType(op.getResult()).getElementType());
+        bytes += 2 * rows * columns *
+                 getByteSize(tileType(op.getResult()).getElementType());
       if (rows > mostExtent || columns > mostExtent || bytes > mostBytes)
         return false;
       if (type.isF32())

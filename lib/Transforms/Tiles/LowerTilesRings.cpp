@@ -24,13 +24,14 @@ namespace warp::tiles {
 /// columns of a box.
 Values TileLowering::boxesOf(TileLoadOp load, scf::ForOp loop) {
   Values first = offsetsAt(load, loop, loop.getLowerBound());
-  Values second =
-      offsetsAt(load, loop, iterationAfter(loop, loop.getLowerBound(), number(1)));
+  Values second = offsetsAt(
+      load, loop, iterationAfter(loop, loop.getLowerBound(), number(1)));
   Value place = placeOf(load.getResult(), Value());
   Value map = number(load->getAttrOfType<IntegerAttr>(attr::map).getInt());
-  Values boxes{place, LibraryCallOp::create(b, loc, TypeRange(place.getType()),
-                                            b.getStringAttr("warp_tile_map"), map)
-                          .getResult(0)};
+  Values boxes{place,
+               LibraryCallOp::create(b, loc, TypeRange(place.getType()),
+                                     b.getStringAttr("warp_tile_map"), map)
+                   .getResult(0)};
   for (Value offset : first)
     boxes.push_back(toIndex(offset));
   for (auto [from, to] : llvm::zip_equal(first, second))
@@ -61,8 +62,7 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   Values arguments{sumsOf(product.getResult(), form.slots), barriers,
                    number(places), steps};
   for (const Factor &factor : {x, y})
-    arguments.append(
-        boxesOf(factor.memory.getDefiningOp<TileLoadOp>(), loop));
+    arguments.append(boxesOf(factor.memory.getDefiningOp<TileLoadOp>(), loop));
   arguments.append({number(type.getShape()[0]), number(type.getShape()[1]),
                     number(depth), number(pitchOf(x)), number(pitchOf(y)),
                     number(type.getNumElements() / form.slots),

@@ -128,7 +128,9 @@ def make_product(dtype, tile, steps):
         wp.tile_atomic_add(total, sums, offset=(i * m, j * n))
         first = wp.tile_load(a, shape=(m, depth), offset=(i * m, 0))
         second = wp.tile_load(b, shape=(depth, n), offset=(0, j * n))
-        wp.tile_store(one, wp.tile_map(wp.neg, wp.tile_matmul(first, second)), offset=(i * m, j * n))
+        wp.tile_store(
+            one, wp.tile_map(wp.neg, wp.tile_matmul(first, second)), offset=(i * m, j * n)
+        )
 
     return product
 

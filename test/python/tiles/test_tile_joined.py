@@ -111,3 +111,29 @@ def test_sums_that_are_used(device):
     expected = a.astype(float) @ b.astype(float)
     np.testing.assert_array_equal(c.numpy(), np.abs(expected))
     np.testing.assert_array_equal(total.numpy(), 1 + 2 * expected)
+
+
+@pytest.mark.parametrize("dtype", [wp.float16, wp.float32])
+def test_adjoint(dtype, device):
+    """Gradients of many blocks: g b^T and a^T g, with integers, which all types hold."""
+    size, depth = edge(device), 64
+    kernel = product(dtype, 64, 64, 32)
+    rng = np.random.default_rng(1)
+    a, b, g = (
+        rng.integers(-2, 3, shape).astype(float)
+        for shape in ((size, depth), (depth, size), (size, size))
+    )
+    x, y = (wp.array(v, dtype=dtype, device=device, requires_grad=True) for v in (a, b))
+    c = wp.zeros((size, size), dtype=float, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch_tiled(
+            kernel, [size // 64] * 2, [x, y, c, depth // 32], block_dim=128, device=device
+        )
+    np.testing.assert_array_equal(c.numpy(), a @ b)
+    tape.backward(grads={c: wp.array(g, dtype=float, device=device)})
+    np.testing.assert_array_equal(
+        x.grad.numpy().astype(float), (g @ b.T).astype(wp.dtype_to_numpy(dtype))
+    )
+    np.testing.assert_array_equal(
+        y.grad.numpy().astype(float), (a.T @ g).astype(wp.dtype_to_numpy(dtype))
+    )
