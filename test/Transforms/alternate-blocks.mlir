@@ -21,11 +21,40 @@
 // SMALL-LABEL: gpu.func @stream
 // SMALL-NOT: alternates
 // SMALL-NOT: gpu.grid_dim
-// SMALL-LABEL: gpu.func @number
+// SMALL-LABEL: gpu.func @scatter
 func.func @stream(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
   %a = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   warp.store %a, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// Sums of floats are rounded in the order of threads.
+// CHECK-LABEL: gpu.func @scatter
+// CHECK-NOT: alternates
+// CHECK-NOT: gpu.grid_dim
+func.func @scatter(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %one = warp.constant 1.0 : f32
+  %at = warp.load %n[%i] : !warp.array<1 x si32>, si32 -> si32
+  %old = warp.atomic add %one, %y[%at] : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
+// Those of integers, and the least of some floats, are not.
+// CHECK-LABEL: gpu.func @count
+// CHECK-SAME: alternates = true
+func.func @count(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %one = warp.constant 1 : si32
+  %at = warp.load %n[%i] : !warp.array<1 x si32>, si32 -> si32
+  %x = warp.load %y[%i] : !warp.array<1 x f32>, si32 -> f32
+  %old = warp.atomic add %one, %n[%at] : si32, !warp.array<1 x si32>, si32 -> si32
+  %least = warp.atomic min %x, %y[%at] : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }
 

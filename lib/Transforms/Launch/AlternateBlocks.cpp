@@ -10,7 +10,8 @@
 // x = 3 x, 64 MB 1.21 times). The runtime decides for each launch.
 //
 // Blocks run in no order that a program may rely on. Kernels whose order one
-// may notice all the same keep it: where an update returns what was there
+// may notice all the same keep it: where threads add to floats of others, whose
+// sums are rounded in that order, where an update returns what was there
 // before, as in counters that number things, where threads print, and where
 // some blocks have more work than others, which is better begun with the first.
 //
@@ -44,6 +45,15 @@ static bool isSameInBlocks(Value value, const warp::ThreadVariance &variance) {
          });
 }
 
+/// Whether threads update a float together in a way that rounds.
+static bool isRoundedTogether(warp::AccessOp access) {
+  auto kind = access.getCombination();
+  bool isExact = kind == warp::AtomicKind::min || kind == warp::AtomicKind::max;
+  return access.isAtomic() && !isExact &&
+         llvm::any_of(access.getWritten().getTypes(),
+                      [](Type type) { return isa<FloatType>(type); });
+}
+
 static bool keepsOrder(Operation *op, const warp::ThreadVariance &variance) {
   if (auto loop = dyn_cast<scf::ForOp>(op))
     return !isSameInBlocks(loop.getLowerBound(), variance) ||
@@ -52,17 +62,20 @@ static bool keepsOrder(Operation *op, const warp::ThreadVariance &variance) {
   if (isa<LoopLikeOpInterface>(op))
     return true;
   if (auto access = dyn_cast<warp::AccessOp>(op))
-    return access.mayWrite() && !op->use_empty();
+    return access.mayWrite() && (!op->use_empty() || isRoundedTogether(access));
   if (auto call = dyn_cast<warp::LibraryCallOp>(op))
-    return !call.getCallee().starts_with("warp_tile_");
+    return !call.getCallee().starts_with("warp_tile_") ||
+           call.getCallee().starts_with("warp_tile_add_");
   return op->getNumRegions() == 0 && !isMemoryEffectFree(op) &&
          !isa<warp::BarrierOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
 }
 
 /// Whether blocks may run in either order, and something is gained by it.
 bool EntryBuilder::canAlternate() {
-  bool isStream = form == Form::One || form == Form::Sums ||
-                  form == Form::Items || form == Form::Tiles;
+  // What threads yield, blocks add up.
+  bool isStream =
+      (form == Form::One || form == Form::Items || form == Form::Tiles) &&
+      threads.getNumResults() == 0;
   // Small launches have code of their own, and arrays that fit.
   bool isSmall = !variant.getLarge() &&
                  (warp::getRecipe(kernel).getFacts() & warp::largeFact) != 0;

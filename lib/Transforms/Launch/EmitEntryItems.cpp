@@ -238,7 +238,7 @@ EntryBuilder::Values EntryBuilder::buildSums() {
   Type i32 = b.getI32Type();
   Value width = warp::readGrid(b, loc, warp::GridValue::blockDim);
   Value size = mul(width, constant(i32, summedItems));
-  Value start = mul(blockIndex(), size);
+  Value start = mul(warp::readGrid(b, loc, warp::GridValue::blockId), size);
   Value lane = warp::readGrid(b, loc, warp::GridValue::threadId);
   // Counted from the block's first: an index beyond the last may not fit.
   Value left = sub(dims[0], start);
