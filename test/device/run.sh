@@ -5,6 +5,7 @@
 #
 #   assemble   put the package together in build/device-package
 #   tests      the pytest suite on the GPU, one process per file
+#   better     the tests of tiles again, with the code of later launches
 #   sanitize   representative kernels under compute-sanitizer
 #   pair       the tests that need two GPUs
 #   bench      figures with their goals
@@ -84,6 +85,13 @@ run_tests() {
     --log "$logs/pytest" -- "$@"
 }
 
+run_better() {
+  local limit
+  limit=$(share 100)
+  WARP_TEST_LEVEL=2 timeout -k 10 $((limit + 10)) "$python" test/device/suite.py \
+    --timeout "$limit" --log "$logs/better" test/python/tiles/test_*.py -- "$@"
+}
+
 run_sanitizer() {
   local limit
   limit=$(share 200)
@@ -143,6 +151,7 @@ record assemble 0 0
 case $step in
 assemble) ;;
 tests) perform tests run_tests "$@" ;;
+better) perform better run_better "$@" ;;
 sanitize) perform sanitize run_sanitizer ;;
 pair) perform pair run_pair "$@" ;;
 bench) perform bench run_benchmarks ;;
@@ -156,10 +165,11 @@ all)
   echo "== sanitize"
   cat "$logs/sanitize.log"
   record sanitize "$begin" $result "$logs/sanitize.log"
+  perform better run_better
   perform bench run_benchmarks
   ;;
 *)
-  echo "unknown step '$step', expected assemble, tests, sanitize, pair, bench or all"
+  echo "unknown step '$step', expected assemble, tests, better, sanitize, pair, bench or all"
   exit 2
   ;;
 esac

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-from warp._src.frontend import native_calls
 from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 
@@ -107,7 +106,9 @@ class Output(Part):
 
     def builtin_breakpoint(self, node):
         self.context.constructors.exactly(node, 0, "breakpoint")
-        native_calls.stop(self.context, node)
+        from warp._src.frontend.native_calls import stop
+
+        stop(self.context, node)
 
     def builtin_expect_eq(self, node):
         self.expect(node, "expect_eq", "ne")
