@@ -67,7 +67,8 @@ static bool keepsOrder(Operation *op, const warp::ThreadVariance &variance) {
     return !call.getCallee().starts_with("warp_tile_") ||
            call.getCallee().starts_with("warp_tile_add_");
   return op->getNumRegions() == 0 && !isMemoryEffectFree(op) &&
-         !isa<warp::BarrierOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op);
+         !isa<warp::BarrierOp, warp::ScratchOp, warp::ScratchLoadOp,
+              warp::ScratchStoreOp>(op);
 }
 
 /// Whether blocks may run in either order, and something is gained by it.
