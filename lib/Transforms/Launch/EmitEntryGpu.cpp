@@ -149,8 +149,12 @@ static void takeRegisters(Operation *kernel) {
 void EntryBuilder::planGpu() {
   planForm();
   alternates = canAlternate();
-  if (alternates)
-    warp::setRecipe(kernel, warp::getRecipe(kernel).withAlternates());
+  if (!alternates)
+    return;
+  warp::setRecipe(kernel, warp::getRecipe(kernel).withAlternates());
+  warp::noteChoice(kernel, "order", "from either end",
+                   "a launch over more than the cache holds begins with what "
+                   "the last one left there");
 }
 
 void EntryBuilder::planForm() {

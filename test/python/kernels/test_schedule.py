@@ -49,6 +49,14 @@ def test_sizes_of_launches_decide():
     assert "tiles" not in only(turn.schedule(arch=90, dim=(100000, 3)))
 
 
+def test_order_of_blocks():
+    """Launches that stream may begin at either end; sums of floats are made in one order."""
+    large = only(scale.schedule(arch=90, dim=1 << 24))
+    assert large["order"] == "from either end"
+    sums = only(total.schedule(arch=90, dim=1 << 24))
+    assert "order" not in {choice.what for choice in sums.choices}
+
+
 def test_reasons_name_lines():
     found = only(pairs.schedule(arch=90, dim=1 << 18))
     first = pairs.func.__code__.co_firstlineno
