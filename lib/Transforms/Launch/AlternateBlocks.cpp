@@ -26,30 +26,44 @@
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
 
+#include "llvm/ADT/SetVector.h"
+
 using namespace mlir;
 using warp::EntryBuilder;
 
 /// Whether a thread of one block has it as the same thread of another one.
 static bool isSameInBlocks(Value value, const warp::ThreadVariance &variance) {
-  if (variance.isUniform(value, warp::Scope::Launch))
-    return true;
-  Operation *op = value.getDefiningOp();
-  if (!op)
-    return isa<scf::ForOp>(value.getParentBlock()->getParentOp()) &&
-           cast<BlockArgument>(value).getArgNumber() == 0;
-  if (isa<warp::ThreadNumberOp>(op))
-    return true;
-  return isPure(op) && op->getNumRegions() == 0 && op->getNumOperands() > 0 &&
-         llvm::all_of(op->getOperands(), [&](Value operand) {
-           return isSameInBlocks(operand, variance);
-         });
+  llvm::SetVector<Value> needed;
+  needed.insert(value);
+  for (unsigned i = 0; i < needed.size(); ++i) {
+    Value next = needed[i];
+    if (variance.isUniform(next, warp::Scope::Launch))
+      continue;
+    Operation *op = next.getDefiningOp();
+    if (!op) {
+      bool isCounter = isa<scf::ForOp>(next.getParentBlock()->getParentOp()) &&
+                       cast<BlockArgument>(next).getArgNumber() == 0;
+      if (!isCounter)
+        return false;
+      continue;
+    }
+    if (isa<warp::ThreadNumberOp>(op))
+      continue;
+    if (!isPure(op) || op->getNumRegions() != 0 || op->getNumOperands() == 0)
+      return false;
+    needed.insert(op->operand_begin(), op->operand_end());
+  }
+  return true;
 }
 
-/// Whether threads update a float together in a way that rounds.
-static bool isRoundedTogether(warp::AccessOp access) {
+/// Whether what threads leave in an element together depends on their order:
+/// the last one's value, or a sum that is rounded.
+static bool dependsOnOrder(warp::AccessOp access) {
   auto kind = access.getCombination();
-  bool isExact = kind == warp::AtomicKind::min || kind == warp::AtomicKind::max;
-  return access.isAtomic() && !isExact &&
+  if (!access.isAtomic() || kind == warp::AtomicKind::min ||
+      kind == warp::AtomicKind::max)
+    return false;
+  return !kind || kind == warp::AtomicKind::exch ||
          llvm::any_of(access.getWritten().getTypes(),
                       [](Type type) { return isa<FloatType>(type); });
 }
@@ -62,7 +76,7 @@ static bool keepsOrder(Operation *op, const warp::ThreadVariance &variance) {
   if (isa<LoopLikeOpInterface>(op))
     return true;
   if (auto access = dyn_cast<warp::AccessOp>(op))
-    return access.mayWrite() && (!op->use_empty() || isRoundedTogether(access));
+    return access.mayWrite() && (!op->use_empty() || dependsOnOrder(access));
   if (auto call = dyn_cast<warp::LibraryCallOp>(op))
     return !call.getCallee().starts_with("warp_tile_") ||
            call.getCallee().starts_with("warp_tile_add_");

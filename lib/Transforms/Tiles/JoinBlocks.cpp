@@ -76,6 +76,9 @@ private:
   void markCarried(scf::ForOp loop, unsigned number, int64_t axis);
   bool markMap(TileMapOp op, int64_t axis);
   bool isAllowed(Operation *op) const;
+  bool isFactor(Value tile) const;
+  int64_t countWideBytes() const;
+  bool isGood(TileMatmulOp op, int64_t factor, int64_t threads) const;
   bool isMarked(Value tile, int64_t axis) const {
     auto known = axes.find(tile);
     return known != axes.end() && known->second == axis;
@@ -91,8 +94,8 @@ private:
   /// Loads and stores at T j.
   llvm::DenseSet<Operation *> windows;
   SmallVector<TileMatmulOp> products;
-  /// `agree`: no tile has two axes along which it would become wider.
-  bool agree = true, hasMaps = false;
+  /// No tile has two axes along which it would become wider.
+  bool agree = true;
 };
 
 } // namespace
@@ -294,36 +297,63 @@ bool Joiner::canJoin() {
       products.push_back(product);
       isAdded |= isa<scf::ForOp>(op->getParentOp()) && product.getC();
     }
-    hasMaps |= isa<TileMapOp>(op);
     return isAllowed(op) ? WalkResult::advance() : WalkResult::interrupt();
   });
   return !result.wasInterrupted() && isAdded;
 }
 
-/// Of both factors, whose rows of 128 bytes are loaded together.
-static int64_t countStageBytes(int64_t rows, int64_t columns) {
-  return 128 * (rows + columns);
+/// Bytes of what is as large as the result and not held as sums alone: loaded
+/// tiles, what functions of elements make, and then sums as well.
+int64_t Joiner::countWideBytes() const {
+  int64_t bytes = 0;
+  for (auto [tile, axis] : axes)
+    if (isa_and_nonnull<TileMapOp>(tile.getDefiningOp()) ||
+        (tile.getDefiningOp<TileLoadOp>() && !isFactor(tile)))
+      bytes += tileType(tile).getNumElements() *
+               getByteSize(tileType(tile).getElementType());
+  if (bytes != 0)
+    for (TileMatmulOp op : products)
+      bytes += tileType(op.getResult()).getNumElements() *
+               getByteSize(tileType(op.getResult()).getElementType());
+  return bytes;
+}
+
+/// Whether a tile, or one that is turned, is a product's second factor.
+bool Joiner::isFactor(Value tile) const {
+  return llvm::all_of(tile.getUses(), [&](OpOperand &use) {
+    if (auto turned = dyn_cast<TileTransposeOp>(use.getOwner()))
+      return isFactor(turned.getResult());
+    auto product = dyn_cast<TileMatmulOp>(use.getOwner());
+    return product && use.get() == product.getB();
+  });
+}
+
+/// Whether threads can hold the sums of so many blocks, and memory what loops
+/// load ahead, at least one step.
+bool Joiner::isGood(TileMatmulOp op, int64_t factor, int64_t threads) const {
+  TargetAttr target = getVariant(kernel).getTarget();
+  TileType type = tileType(op.getResult());
+  Type element = tileType(op.getA()).getElementType();
+  int64_t rows = type.getShape()[0], columns = type.getShape()[1] * factor;
+  int64_t sums = rows * columns / threads, size = getByteSize(element);
+  int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
+  // Rows of so many bytes are loaded together.
+  constexpr int64_t fastBytes = 128;
+  int64_t stage = (rows + columns) * std::max(depth * size, fastBytes);
+  if (rows > mostExtent || columns > mostExtent ||
+      2 * stage + factor * countWideBytes() > mostBytes ||
+      !findProductForm(op, threads, target.getVersion()))
+    return false;
+  if (element.isF32())
+    return sums <= mostOwnSums && rows % 8 == 0 && columns % 8 == 0;
+  return sums <= mostSums && findWarpgroupForm(op, threads, target) &&
+         hasWarpgroupPatch({rows, columns}, threads);
 }
 
 int64_t Joiner::chooseFactor(int64_t most, int64_t threads) const {
-  auto isGood = [&](int64_t factor) {
-    return llvm::all_of(products, [&](TileMatmulOp op) {
-      ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
-      int64_t rows = shape[0], columns = shape[1] * factor;
-      int64_t sums = rows * columns / threads;
-      Type type = tileType(op.getA()).getElementType();
-      int64_t bytes = 2 * countStageBytes(rows, columns);
-      if (hasMaps) // of sums, and what they make of them
-        bytes += 2 * rows * columns *
-                 getByteSize(tileType(op.getResult()).getElementType());
-      if (rows > mostExtent || columns > mostExtent || bytes > mostBytes)
-        return false;
-      if (type.isF32())
-        return sums <= mostOwnSums && rows % 8 == 0 && columns % 8 == 0;
-      return sums <= mostSums && hasWarpgroupPatch({rows, columns}, threads);
-    });
-  };
-  while (most > 1 && !isGood(most))
+  while (most > 1 && !llvm::all_of(products, [&](TileMatmulOp op) {
+           return isGood(op, most, threads);
+         }))
     most /= 2;
   return most;
 }

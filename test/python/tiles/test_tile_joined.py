@@ -34,6 +34,77 @@ def test_many_blocks_are_joined(dtype, tile, threads, joined):
     assert text == (f"{joined} joined" if joined > 1 else "1")
 
 
+def joined_blocks(kernel, threads):
+    kernel.module.options["block_dim"] = threads
+    (found,) = kernel.schedule(arch=90, dim=(64, 64, threads))
+    return {choice.what: choice.value for choice in found.choices}.get("blocks", "1")
+
+
+@pytest.mark.parametrize(
+    "dtype, tile, threads, blocks",
+    [
+        (wp.float16, (64, 64, 128), 128, "2 joined"),
+        (wp.float16, (64, 64, 256), 128, "1"),
+        (wp.float32, (64, 64, 64), 256, "2 joined"),
+        (wp.float32, (64, 64, 128), 256, "1"),
+    ],
+)
+def test_what_is_loaded_ahead_has_room(dtype, tile, threads, blocks):
+    """Of steps that are deep, fewer blocks fit."""
+    assert joined_blocks(product(dtype, *tile), threads) == blocks
+
+
+def test_products_that_threads_do_not_hold_are_not_joined():
+    """Those of doubles, and sums of two tiles as large as the result."""
+    T, n = wp.float64, 64
+
+    @wp.kernel(module="unique")
+    def doubles(a: wp.array2d(dtype=T), b: wp.array2d(dtype=T), c: wp.array2d(dtype=T)):
+        i, j = wp.tid()
+        sums = wp.tile_zeros(shape=(n, n), dtype=T)
+        for s in range(4):
+            x = wp.tile_load(a, shape=(n, 16), offset=(i * n, s * 16))
+            y = wp.tile_load(b, shape=(16, n), offset=(s * 16, j * n))
+            wp.tile_matmul(x, y, sums)
+        wp.tile_store(c, sums, offset=(i * n, j * n))
+
+    assert joined_blocks(doubles, 128) == "1"
+
+    @wp.kernel(module="unique")
+    def scaled(
+        a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), c: wp.array2d(dtype=float)
+    ):
+        i, j = wp.tid()
+        sums = wp.tile_zeros(shape=(n, n), dtype=float)
+        for s in range(4):
+            x = wp.tile_load(a, shape=(n, 16), offset=(i * n, s * 16))
+            y = wp.tile_load(b, shape=(16, n), offset=(s * 16, j * n))
+            wp.tile_matmul(x, y, sums, alpha=0.5)
+        wp.tile_store(c, sums, offset=(i * n, j * n))
+
+    assert joined_blocks(scaled, 256) == "1"
+
+    @wp.kernel(module="unique")
+    def layer(
+        a: wp.array2d(dtype=wp.float16),
+        b: wp.array2d(dtype=wp.float16),
+        bias: wp.array2d(dtype=float),
+        rest: wp.array2d(dtype=float),
+        c: wp.array2d(dtype=float),
+    ):
+        i, j = wp.tid()
+        sums = wp.tile_zeros(shape=(128, 128), dtype=float)
+        for s in range(4):
+            x = wp.tile_load(a, shape=(128, 32), offset=(i * 128, s * 32))
+            y = wp.tile_load(b, shape=(32, 128), offset=(s * 32, j * 128))
+            wp.tile_matmul(x, y, sums)
+        more = wp.tile_load(bias, shape=(128, 128), offset=(i * 128, j * 128))
+        skip = wp.tile_load(rest, shape=(128, 128), offset=(i * 128, j * 128))
+        wp.tile_store(c, wp.tile_map(wp.tanh, sums + more) + skip, offset=(i * 128, j * 128))
+
+    assert joined_blocks(layer, 256) == "1"
+
+
 @pytest.mark.parametrize("blocks", [(4, 4), (64, 33)])
 def test_few_blocks_and_odd_ones_are_not(blocks):
     kernel = product(wp.float16, 64, 64, 32)

@@ -128,7 +128,7 @@ class TiledKernel(Kernel):
         known = self.__dict__.get("_by_threads", {}) if arch else {}
         made = [
             found
-            for (epoch, arguments, _), found in known.items()
+            for (epoch, arguments, _), found in list(known.items())
             if epoch is Epoch.current and arguments is None
         ]
         return made or [self.code_for(native, arch)]
