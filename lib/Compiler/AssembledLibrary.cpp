@@ -21,18 +21,12 @@ using namespace warp;
 
 // lib/DeviceLib/CMakeLists.txt makes them: compressed archives; the objects for
 // the architectures of a family are much alike.
-#define WARP_ARCHIVES(use)                                                     \
-  use(devicelib_ampere) use(devicelib_hopper) use(devicelib_blackwell)         \
-      use(kernels_ampere) use(kernels_hopper) use(kernels_ptx)
-#define WARP_DECLARE(name)                                                     \
-  extern "C" const char warp_##name##_begin[], warp_##name##_end[];
-#define WARP_ARCHIVE(name)                                                     \
-  static llvm::StringRef name() {                                              \
-    return {warp_##name##_begin,                                               \
-            size_t(warp_##name##_end - warp_##name##_begin)};                  \
-  }
-WARP_ARCHIVES(WARP_DECLARE)
-WARP_ARCHIVES(WARP_ARCHIVE)
+WARP_EMBEDDED(devicelib_ampere)
+WARP_EMBEDDED(devicelib_hopper)
+WARP_EMBEDDED(devicelib_blackwell)
+WARP_EMBEDDED(kernels_ampere)
+WARP_EMBEDDED(kernels_hopper)
+WARP_EMBEDDED(kernels_ptx)
 
 static llvm::StringRef libraryFor(llvm::StringRef target) {
   return llvm::StringSwitch<llvm::StringRef>(target)

@@ -1,4 +1,4 @@
-//===- Embedded.cpp - Bytes that the build has compressed -----------------===//
+//===- Embedded.cpp - Bytes that the build has embedded -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -7,6 +7,10 @@
 #include "Embedded.h"
 
 #include <zstd.h>
+
+WARP_EMBEDDED(devicelib_cuda)
+WARP_EMBEDDED(devicelib_tiles)
+WARP_EMBEDDED(libdevice)
 
 std::vector<char> warp::decompress(llvm::StringRef packed) {
   constexpr unsigned long long most = 1u << 30;
@@ -20,14 +24,11 @@ std::vector<char> warp::decompress(llvm::StringRef packed) {
 }
 
 // What a process compiles with lives as long as it.
-#define WARP_EMBEDDED(function, name)                                          \
-  extern "C" const char warp_##name##_begin[], warp_##name##_end[];            \
+#define WARP_KEPT(function, packed)                                            \
   llvm::StringRef warp::function() {                                           \
-    static const auto *bytes = new std::vector<char>(                          \
-        decompress({warp_##name##_begin,                                       \
-                    size_t(warp_##name##_end - warp_##name##_begin)}));        \
+    static const auto *bytes = new std::vector<char>(decompress(packed()));    \
     return {bytes->data(), bytes->size()};                                     \
   }
-WARP_EMBEDDED(gpuLibrary, devicelib_cuda)
-WARP_EMBEDDED(gpuTileLibrary, devicelib_tiles)
-WARP_EMBEDDED(libdevice, libdevice)
+WARP_KEPT(gpuLibrary, devicelib_cuda)
+WARP_KEPT(gpuTileLibrary, devicelib_tiles)
+WARP_KEPT(libdevice, ::libdevice)

@@ -1,4 +1,4 @@
-//===- Embedded.h - Bytes that the build has compressed ---------*- C++ -*-===//
+//===- Embedded.h - Bytes that the build has embedded -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -10,6 +10,15 @@
 #include "llvm/ADT/StringRef.h"
 
 #include <vector>
+
+/// Defines `name`, a function that gives what cmake/WarpEmbed.cmake has
+/// embedded under that name.
+#define WARP_EMBEDDED(name)                                                    \
+  extern "C" const char warp_##name##_begin[], warp_##name##_end[];            \
+  static llvm::StringRef name() {                                              \
+    return {warp_##name##_begin,                                               \
+            size_t(warp_##name##_end - warp_##name##_begin)};                  \
+  }
 
 namespace warp {
 

@@ -5,26 +5,18 @@
 //===----------------------------------------------------------------------===//
 
 #include "LibraryObject.h"
+#include "Embedded.h"
 
 #include "llvm/MC/MCSubtargetInfo.h"
 
 // lib/DeviceLib/CMakeLists.txt makes them.
-#define WARP_LEVEL(level)                                                      \
-  extern "C" const char warp_devicelib_##level##_begin[],                      \
-      warp_devicelib_##level##_end[];
-WARP_LEVEL(v1)
-WARP_LEVEL(v3)
-WARP_LEVEL(v4)
-#undef WARP_LEVEL
+WARP_EMBEDDED(devicelib_v1)
+WARP_EMBEDDED(devicelib_v3)
+WARP_EMBEDDED(devicelib_v4)
 
 llvm::ArrayRef<warp::LibraryObject> warp::libraryObjects() {
-  auto bytes = [](const char *begin, const char *end) {
-    return llvm::StringRef(begin, size_t(end - begin));
-  };
   static const LibraryObject objects[] = {
-      {"v1", bytes(warp_devicelib_v1_begin, warp_devicelib_v1_end)},
-      {"v3", bytes(warp_devicelib_v3_begin, warp_devicelib_v3_end)},
-      {"v4", bytes(warp_devicelib_v4_begin, warp_devicelib_v4_end)}};
+      {"v1", devicelib_v1()}, {"v3", devicelib_v3()}, {"v4", devicelib_v4()}};
   return objects;
 }
 

@@ -10,6 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Embedded.h"
 #include "LibraryObject.h"
 #include "Target.h"
 
@@ -23,7 +24,7 @@
 #include "llvm/TargetParser/Host.h"
 #include "llvm/TargetParser/SubtargetFeature.h"
 
-extern "C" const char warp_devicelib_cpu_begin[], warp_devicelib_cpu_end[];
+WARP_EMBEDDED(devicelib_cpu)
 
 using namespace warp;
 
@@ -105,13 +106,7 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
     return isMissing(function) && !isLong(function);
   });
   if (missesShort)
-    linkBitcode(
-        module,
-        []() -> llvm::StringRef {
-          return {warp_devicelib_cpu_begin,
-                  size_t(warp_devicelib_cpu_end - warp_devicelib_cpu_begin)};
-        },
-        "device library");
+    linkBitcode(module, devicelib_cpu, "device library");
   linkNativeCode(module);
   nameLibraryFunctions(module, machine);
   bool wide = getVectorBits(options.target) == 512;

@@ -10,11 +10,11 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "CudaKernels.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 
 #include <algorithm>
-#include <cstring>
 
 using namespace warp;
 
@@ -39,8 +39,6 @@ static int64_t powerAtLeast(int64_t value) {
     power *= 2;
   return power;
 }
-
-static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
 static int64_t countThreads(const int32_t *dim, int rank) {
   int64_t count = 1;
@@ -222,8 +220,11 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                         int64_t bytes) {
   const VariantKey &key = variant.key;
   const CudaEntry &entry = *variant.cuda.load(std::memory_order_acquire);
-  LaunchHeader header;
-  std::memcpy(&header, params, sizeof(header));
+  auto &given = *static_cast<LaunchHeader *>(params);
+  int joined = variant.code.joined;
+  if (joined > 1)
+    given.dim[key.rank - 2] /= joined;
+  LaunchHeader header = given;
   Shape shape;
   if (variant.code.exclusive) {
     shape.block.x = variant.code.items;
@@ -244,8 +245,6 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                       deviceInfo(key.device).smCount);
     if (code.cooperative && !code.ragged)
       checkRows(header.dim, key, name);
-    if (code.joined > 1)
-      header.dim[key.rank - 2] /= code.joined;
     shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
                     blockDim / code.split, code.items);
     shape.block.y *= code.split;
@@ -256,10 +255,6 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  int joined = variant.code.joined;
-  auto &given = *static_cast<LaunchHeader *>(params);
-  if (joined > 1)
-    given.dim[key.rank - 2] /= joined;
   if (variant.code.alternates)
     given.errorRecord = isReversed(key.device, bytes);
   cuda::Result result = queue(variant, entry, shape, work.stream(), params);

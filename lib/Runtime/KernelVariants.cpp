@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "CudaDriver.h"
+#include "CudaKernels.h"
 #include "KernelImpl.h"
 #include "Overlap.h"
 #include "warp/ThreadPool.h"
@@ -76,7 +77,7 @@ static int countJoinable(const VariantKey &key, const LaunchDim &dim,
     return 1;
   auto rounds = [&](int joined) {
     int64_t blocks = items / key.blockDim / joined;
-    return (blocks + smCount - 1) / smCount * joined;
+    return ceilDivide(blocks, smCount) * joined;
   };
   int most = 4;
   while (most > 1 &&

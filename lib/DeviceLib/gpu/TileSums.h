@@ -16,18 +16,14 @@
 // Where kernels call these functions, sums lie in the thread's memory, and code
 // is to be short.
 #ifdef WARP_CALLED
+constexpr bool isCalled = true;
 #define WARP_FOR_SUMS _Pragma("clang loop unroll(disable)")
 #else
+constexpr bool isCalled = false;
 #define WARP_FOR_SUMS _Pragma("unroll")
 #endif
 
 namespace {
-
-#ifdef WARP_CALLED
-constexpr bool isCalled = true;
-#else
-constexpr bool isCalled = false;
-#endif
 
 /// A warp has rows x columns, in the fragments of mma.m16n8k16 or m16n8k4 (PTX
 /// ISA, warp-level matrix instructions).

@@ -309,12 +309,10 @@ int64_t Joiner::countWideBytes() const {
   for (auto [tile, axis] : axes)
     if (isa_and_nonnull<TileMapOp>(tile.getDefiningOp()) ||
         (tile.getDefiningOp<TileLoadOp>() && !isFactor(tile)))
-      bytes += tileType(tile).getNumElements() *
-               getByteSize(tileType(tile).getElementType());
+      bytes += getTileBytes(tileType(tile));
   if (bytes != 0)
     for (TileMatmulOp op : products)
-      bytes += tileType(op.getResult()).getNumElements() *
-               getByteSize(tileType(op.getResult()).getElementType());
+      bytes += getTileBytes(tileType(op.getResult()));
   return bytes;
 }
 
@@ -335,11 +333,10 @@ bool Joiner::isGood(TileMatmulOp op, int64_t factor, int64_t threads) const {
   TileType type = tileType(op.getResult());
   Type element = tileType(op.getA()).getElementType();
   int64_t rows = type.getShape()[0], columns = type.getShape()[1] * factor;
-  int64_t sums = rows * columns / threads, size = getByteSize(element);
-  int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
-  // Rows of so many bytes are loaded together.
-  constexpr int64_t fastBytes = 128;
-  int64_t stage = (rows + columns) * std::max(depth * size, fastBytes);
+  int64_t sums = rows * columns / threads;
+  int64_t rowBytes =
+      std::max<int64_t>(depthOf(op) * getByteSize(element), fastBytes);
+  int64_t stage = (rows + columns) * rowBytes;
   if (rows > mostExtent || columns > mostExtent ||
       2 * stage + factor * countWideBytes() > mostBytes ||
       !findProductForm(op, threads, target.getVersion()))

@@ -136,11 +136,10 @@ void TileLowering::multiply(TileMatmulOp op, Value sums, Value turn) {
   Factor a = *getFactor(op.getA(), op.getTransposeA());
   Factor b = *getFactor(op.getB(), !op.getTransposeB());
   TileType type = tileType(op.getResult());
-  int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
   callForSums("multiply_" + form.product, form, type,
               {sums, placeOf(a.memory, turn), placeOf(b.memory, turn),
                number(type.getShape()[0]), number(type.getShape()[1]),
-               number(depth), number(pitchOf(a)), number(pitchOf(b))});
+               number(depthOf(op)), number(pitchOf(a)), number(pitchOf(b))});
 }
 
 void TileLowering::lowerHeldProduct(TileMatmulOp op) {

@@ -49,7 +49,6 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   Factor x = *getFactor(product.getA(), product.getTransposeA());
   Factor y = *getFactor(product.getB(), !product.getTransposeB());
   TileType type = tileType(product.getResult());
-  int64_t depth = tileType(product.getA()).getShape()[!product.getTransposeA()];
   // The barriers lie behind the places of one factor.
   auto loads = loop.getBody()->getOps<TileLoadOp>();
   TileLoadOp holder = *llvm::find_if(
@@ -63,10 +62,10 @@ void TileLowering::lowerRing(scf::ForOp loop) {
                    number(places), steps};
   for (const Factor &factor : {x, y})
     arguments.append(boxesOf(factor.memory.getDefiningOp<TileLoadOp>(), loop));
-  arguments.append({number(type.getShape()[0]), number(type.getShape()[1]),
-                    number(depth), number(pitchOf(x)), number(pitchOf(y)),
-                    number(type.getNumElements() / form.slots),
-                    number(threads)});
+  arguments.append(
+      {number(type.getShape()[0]), number(type.getShape()[1]),
+       number(depthOf(product)), number(pitchOf(x)), number(pitchOf(y)),
+       number(type.getNumElements() / form.slots), number(threads)});
   callLibrary("warp_tile_stream_" + form.product, {}, arguments);
 }
 

@@ -24,9 +24,6 @@ using namespace mlir;
 
 namespace warp::tiles {
 
-/// Bytes of the depth that are loaded together.
-constexpr int64_t fastBytes = 128;
-
 /// Gives a tile, loaded or a transposed view, another shape.
 static void setShape(Value tile, int64_t axis, int64_t extent) {
   if (auto view = tile.getDefiningOp<TileTransposeOp>())
@@ -58,10 +55,6 @@ static FactorLoads loadsOf(TileMatmulOp product) {
         {factor.memory.getDefiningOp<TileLoadOp>(), int64_t(factor.isAlong)});
   }
   return loads;
-}
-
-static int64_t depthOf(TileMatmulOp product) {
-  return tileType(product.getA()).getShape()[!product.getTransposeA()];
 }
 
 static int64_t fastDepthOf(TileMatmulOp product) {

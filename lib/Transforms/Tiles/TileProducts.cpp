@@ -97,7 +97,7 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
     return std::nullopt;
   std::optional<Factor> a = getFactor(op.getA(), op.getTransposeA());
   std::optional<Factor> b = getFactor(op.getB(), !op.getTransposeB());
-  int64_t depth = tileType(op.getA()).getShape()[!op.getTransposeA()];
+  int64_t depth = depthOf(op);
   int64_t run = 16 / getByteSize(type);
   if (!a || !b || a->pitch % run != 0 || b->pitch % run != 0 ||
       depth % (isNarrow ? 16 : 4) != 0)

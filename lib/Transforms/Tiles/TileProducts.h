@@ -45,6 +45,14 @@ int64_t getBoxColumns(TileLoadOp load);
 void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);
 
+/// Bytes of a factor's rows that come fastest from memory: as many are loaded
+/// together.
+constexpr int64_t fastBytes = 128;
+/// How many elements a product sums over.
+inline int64_t depthOf(TileMatmulOp op) {
+  return tileType(op.getA()).getShape()[!op.getTransposeA()];
+}
+
 /// A factor in memory: from row to row or column to column in elements, and
 /// whether neighbours are what is summed over.
 struct Factor {
