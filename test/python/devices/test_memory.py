@@ -104,8 +104,12 @@ def test_the_cpu_has_no_pool():
 def test_access_to_host_arrays():
     x = wp.zeros(3, device="cpu")
     assert wp.can_access("cpu", x) and x.memory_kind in (wp.MemoryKind.HOST,)
-    with pytest.raises(TypeError, match="expects an array"):
+    with pytest.raises(TypeError, match="expects Warp arrays, but got 'int'"):
         wp.can_access("cpu", 3)
+    annotation = wp.array(dtype=float)
+    assert annotation.memory_kind is wp.MemoryKind.UNKNOWN
+    with pytest.raises(TypeError, match="concrete Warp array"):
+        wp.can_access("cpu", annotation)
 
 
 # ---- Pools ---------------------------------------------------------------------------------------

@@ -146,6 +146,15 @@ def test_modules_know_their_kernels():
     assert twice.native is None
 
 
+def test_loading_what_holds_nothing_of_warp_is_an_error():
+    import collections
+
+    for module, name in ((collections, "collections"), ("no_such_module", "no_such_module")):
+        with pytest.raises(RuntimeError, match=f"'{name}' does not contain any Warp kernels"):
+            wp.load_module(module)
+    wp.load_module(wp.utils, device="cpu")
+
+
 def test_captured_constants_after_mark_modified(device):
     out = wp.zeros(1, dtype=int, device=device)
     wp.launch(write_constant, 1, [out], device=device)

@@ -51,6 +51,44 @@ def test_a_launch_without_arguments_gets_them_later(device):
         wp.Launch(count_any, device)
 
 
+@wp.kernel
+def place(frame: wp.transform, out: wp.array(dtype=float)):
+    for j in range(7):
+        out[j] = frame[j]
+
+
+def test_parameters_that_are_not_set_are_zero(device):
+    """The default transform is the identity, a parameter that was never set is all zero."""
+    out = wp.full(7, -1.0, dtype=float, device=device)
+    command = wp.Launch(place, device)
+    command.set_param_by_name("out", out)
+    command.set_dim(1)
+    command.launch()
+    np.testing.assert_array_equal(out.numpy(), 0.0)
+
+
+@wp.kernel
+def sum_of_block(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    total = wp.tile_sum(wp.tile(x[i]))
+    out[i] = total[0]
+
+
+def test_a_launch_by_hand_has_the_blocks_it_was_made_with():
+    """Blocks of 4 threads stay blocks of 4 threads after `enable_cpu_blocks` is taken back."""
+    x = wp.array(np.arange(8.0), dtype=float, device="cpu")
+    out = wp.zeros(8, dtype=float, device="cpu")
+    wp.config.enable_cpu_blocks = True
+    try:
+        command = wp.Launch(sum_of_block, "cpu", block_dim=4)
+    finally:
+        wp.config.enable_cpu_blocks = False
+    command.set_params([x, out])
+    command.set_dim(8)
+    command.launch()
+    np.testing.assert_array_equal(out.numpy(), [6.0] * 4 + [22.0] * 4)
+
+
 def test_recorded_launches_see_changes_of_structs(device):
     step = Step(scale=1.0, values=wp.array([1.0, 2.0], dtype=float, device=device))
     out = wp.zeros(2, dtype=float, device=device)

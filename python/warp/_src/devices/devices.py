@@ -75,6 +75,11 @@ class Device:
         """What gives arrays memory while no custom allocator serves this device."""
         return get_builtin_allocator(self.index, False)
 
+    @property
+    def pinned_allocator(self):
+        """The allocator of pinned arrays of the CPU; that of the device itself on a GPU."""
+        return get_builtin_allocator(self.index, self.is_cpu)
+
     def get_allocator(self, pinned: bool = False):
         """What gives new arrays memory; `pinned` asks for that of pinned ones of the CPU."""
         builtin = get_builtin_allocator(self.index, pinned and self.is_cpu)

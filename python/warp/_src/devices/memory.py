@@ -151,16 +151,25 @@ def can_access(device, resource) -> bool:
     """Whether kernels on a device can use an array.
 
     Raises:
-        TypeError: `resource` is no array.
+        TypeError: `resource` is no array, or the annotation of one.
     """
-    if not isinstance(resource, _native.Array):
-        raise TypeError(f"expects an array, but got '{type(resource).__name__}'")
+    if not issubclass(type(resource), _native.Array):
+        kind = type(resource).__name__
+        problem = f"can_access() expects Warp arrays, but got '{kind}'"
+        if getattr(resource, "_wp_array_annotation_", False):
+            problem = (
+                f"can_access() expects a concrete Warp array, but got the annotation {resource!r}"
+            )
+        raise TypeError(problem)
     index = resolve_index(device)
     return _native.can_access(index, resource.device_index, resource.ptr or 0)
 
 
 def memory_kind(array) -> MemoryKind:
     """What kind of memory backs an array."""
+    # `isinstance` takes an annotation for an array.
+    if not issubclass(type(array), _native.Array):
+        return MemoryKind.UNKNOWN
     if array.device_index < 0 and not array.pinned:
         return MemoryKind.HOST
     return MemoryKind(_native.memory_kind(array.device_index, array.ptr or 0))

@@ -102,7 +102,7 @@ def timing_print(results: list[TimingResult], indent: str = "") -> None:
 def _profiler(device, entry) -> None:
     device = devices.get_device(device)
     if not device.is_cuda:
-        raise RuntimeError(f"expects a CUDA device to profile, but got '{device}'")
+        return
     driver = ctypes.CDLL("libcuda.so.1")
     context = ctypes.c_void_p()
     status = driver.cuDevicePrimaryCtxRetain(ctypes.byref(context), device.ordinal)
@@ -117,8 +117,10 @@ def _profiler(device, entry) -> None:
 def cuda_profiler_start(device=None) -> None:
     """Lets a profiler that is attached collect from here.
 
+    Does nothing if the device is the CPU.
+
     Raises:
-        RuntimeError: the device is not a CUDA device, or the driver refuses.
+        RuntimeError: the driver refuses.
     """
     _profiler(device, "cuProfilerStart")
 

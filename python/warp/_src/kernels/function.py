@@ -27,6 +27,8 @@ class Function:
     `pullbacks` and `replays` hold what `@wp.func_grad` and `@wp.func_replay` have registered.
     """
 
+    # How other modules know a function of kernels without importing this one.
+    _wp_function_ = True
     # What `wp.custom_vjp` and `wp.custom_jvp` were given as derivatives.
     pullback = None
     pushforward = None

@@ -133,6 +133,8 @@ def _launch_checked(
     else:
         index = resolve_index(device)
     inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
+    if config.print_launches and gradients is None and not record_cmd:
+        get_logger().info(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
     is_first = kernel.epoch is not Epoch.current
     if is_first and gradients is None and not record_cmd and _is_empty(dim):
         return None
@@ -148,8 +150,6 @@ def _launch_checked(
     if record_cmd:
         place = (index, stream, block_dim or 0)
         return Launch._packed(kernel, native, dim, inputs, outputs, *place)
-    if config.print_launches:
-        get_logger().info(f"kernel: {kernel.key} dim: {dim} device: {by_index(index).alias}")
     if Observers.active:
         values = (*inputs, *outputs)
         observed_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
@@ -284,6 +284,8 @@ class Launch(LaunchParameters, _native.PackedLaunch):
             )
         native, index = kernel.prepare(), resolve_index(device)
         values = values_at_first(kernel)
+        if type(kernel) is not Kernel:
+            native, block_dim = kernel.place(native, 0, index, block_dim, values, True)
         if adjoint:
             return AdjointLaunch(kernel, native, 0, values, (), (index, None, block_dim))
         return cls._packed(kernel, native, 0, values, (), index, None, block_dim)

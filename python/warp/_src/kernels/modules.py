@@ -181,6 +181,29 @@ def _named(module) -> Module:
     return get_module(module if isinstance(module, str) else module.__name__)
 
 
+def _loadable(module, recursive) -> Module:
+    """The module to load.
+
+    Raises:
+        RuntimeError: no module of that name was imported, or it holds nothing of Warp.
+    """
+    if module is None or isinstance(module, Module):
+        return _named(module)
+    name = module if isinstance(module, str) else module.__name__
+    below = [other for other in modules_by_name if other.startswith(name + ".")]
+    # The modules of this package make their kernels when they are first used.
+    is_own = name.partition(".")[0] == "warp" and name in sys.modules
+    if not (name in modules_by_name or is_own or (recursive and below)):
+        members = vars(sys.modules[name]).values() if name in sys.modules else ()
+        marks = "_wp_struct_", "_wp_function_"
+        if not any(getattr(member, mark, False) is True for member in members for mark in marks):
+            raise RuntimeError(
+                f"load_module(): module '{name}' does not contain any Warp kernels, functions, or "
+                "structs" + ("" if name in sys.modules else "; import it first")
+            )
+    return get_module(name)
+
+
 def imported_module(module) -> Module:
     """The module that a Python module, a name or a `Module` stands for.
 
@@ -262,9 +285,10 @@ def load_module(module=None, device=None, recursive=False, block_dim=None, max_w
             `wp.config.load_module_max_workers` says.
 
     Raises:
+        RuntimeError: no module of that name was imported, or it holds nothing of Warp.
         WarpCodegenError: a kernel cannot be translated.
     """
-    module = _named(module)
+    module = _loadable(module, recursive)
     try:
         natives = module.natives()
         if recursive:

@@ -7,13 +7,20 @@ from warp._src.types import annotations, dtypes
 
 
 def values_at_first(kernel) -> list:
-    """Zeros for the parameters of a kernel, None for arrays."""
+    """Zeros for the parameters of a kernel, None for arrays.
+
+    A transform is all zero as well, which `t()` is not.
+    """
     found = annotations.annotations_of(kernel.func)
     names = kernel.func.__code__.co_varnames[: kernel.func.__code__.co_argcount]
     types = [annotations.resolve(found[name]) for name in names]
     # Whatever is no number and no composite of them is an array of some kind.
     whole = [dtypes.type_is_value(t) or dtypes.is_struct(t) for t in types]
-    return [t() if one else None for t, one in zip(types, whole, strict=True)]
+    return [_zero_of(t) if one else None for t, one in zip(types, whole, strict=True)]
+
+
+def _zero_of(dtype):
+    return dtype(0.0) if dtypes.type_is_transformation(dtype) else dtype()
 
 
 class LaunchParameters:

@@ -147,6 +147,8 @@ class ArrayType:
             # What packages find the members of an array by: none are fields of a struct.
             self.vars = {}
             return self.vars
+        if name == "memory_kind" and type(self) is ArrayType:
+            return self.array_class.memory_kind.fget(self)
         raise AttributeError(f"an annotation of an array has no attribute '{name}'")
 
     def __init__(self, dtype, ndim=1):
