@@ -94,6 +94,9 @@ class Context(Values):
         if type(binding) is TileView and binding.slot.name == name:
             # The variable is no longer that of the whole tile.
             binding = self.materialize(binding, node)
+        if name in self.source.plan.changed_names and self.is_constant(binding):
+            # Writes go to a value of the variable's own, which loops and branches carry.
+            binding = self.materialize(binding, node)
         old = self.env.get(name)
         if old is not None:
             self.check_same_type(name, old, binding, node)
@@ -116,6 +119,14 @@ class Context(Values):
             *(LocalArray, TileView, TileStack),
         )
         return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
+
+    @staticmethod
+    def is_constant(binding):
+        """Whether it is a Python object that stands for a value of kernels with a type of its own:
+        a number of a Warp type, a composite or a struct."""
+        if isinstance(binding, dtypes.Composite):
+            return bool(binding._length_)
+        return isinstance(binding, dtypes.scalar_base) or dtypes.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):
         """A variable keeps its type."""

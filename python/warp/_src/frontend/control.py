@@ -83,9 +83,16 @@ class Loop(Node):
 
 
 class Plan:
-    """The rewritten body of a function; `updated` has the arguments that calls update."""
+    """The rewritten body of a function.
 
-    __slots__ = ("always_returns", "body", "local_names", "returns_value", "updated")
+    changed_names: names of which a component or field may be assigned somewhere. updated: the
+    arguments that calls update.
+    """
+
+    __slots__ = (
+        *("always_returns", "body", "changed_names", "local_names"),
+        *("returns_value", "updated"),
+    )
 
 
 def plan_of(source, updated_arguments, outputs=()) -> Plan:
@@ -102,7 +109,7 @@ def plan_of(source, updated_arguments, outputs=()) -> Plan:
         plan.returns_value = _returns_value(body)
         plan.body = rewriter.block(body, 0)
         analysis = _Analysis(updated_arguments, source.words())
-        plan.local_names = analysis.gather(plan.body)[2]
+        _, _, plan.local_names, plan.changed_names, _ = analysis.gather(plan.body)
         plan.updated = analysis.updated
         needed = (RESULT,) if plan.returns_value else ()
         if plan.returns_value and not plan.always_returns:
