@@ -122,7 +122,9 @@ class Constructors(Part):
         element = native.element
         values = []
         for argument in arguments:
-            if isinstance(argument, (int, float)) and not isinstance(argument, Value):
+            if isinstance(argument, (int, float)):
+                if element.kind == "int" and argument % 1 != 0:
+                    raise self.context.changes(argument, element, node)
                 self.context.at(node)
                 values.append(self.builder.constant(element, argument))
             else:

@@ -56,11 +56,15 @@ class Parameter:
             return type(binding) is not tuple and context.static_type(binding) == self.native
         return fits_generic(context, self.annotation, binding)
 
-    def __str__(self):
+    @property
+    def type_name(self) -> str:
         if self.native is not None:
-            return f"{self.name}: {self.native.python_name}"
+            return self.native.python_name
         shown = getattr(self.annotation, "__name__", None) or str(self.annotation)
-        return f"{self.name}: {shown.removeprefix('~')}"
+        return shown.removeprefix("~")
+
+    def __str__(self):
+        return f"{self.name}: {self.type_name}"
 
 
 def is_generic(annotation) -> bool:

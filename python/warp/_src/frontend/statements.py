@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import ast
 
+from warp._src import errors
 from warp._src.frontend.bindings import LocalArray, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.control import RESULT, RETURNED, name_of
+from warp._src.frontend.functions import Parameter
 from warp._src.frontend.names import BuiltinRef
+from warp._src.kernels import declared
 from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
 
@@ -138,23 +141,34 @@ class Statements(Part):
         if node.value is None:
             return
         binding = self.context.expressions.expr(node.value)
-        wanted = self.annotated_type(node.annotation)
+        wanted = self.annotated(node.annotation)
         if wanted is not None:
-            binding = self.context.convert_constant(binding, wanted, node.value)
-            if binding.type != wanted:
+            if wanted.native is not None and type(binding) is not LocalArray:
+                binding = self.context.convert_constant(binding, wanted.native, node.value)
+            if not wanted.accepts(self.context, binding):
                 raise self.context.type_error(
                     node.value,
-                    f"annotation says '{wanted.python_name}', but got "
+                    f"annotation says '{wanted.type_name}', but got "
                     f"'{self.context.type_name(binding)}'",
                 )
         self.context.targets.assign_target(node.target, binding, node)
 
-    def annotated_type(self, node):
-        if isinstance(node, ast.Constant) and isinstance(node.value, str):
-            return None
+    def annotated(self, node) -> Parameter | None:
+        """What the annotation of a variable asks for; None if it is a string that names nothing."""
+        is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
         try:
-            return dtypes.native_type(self.context.expressions.expr(node))
-        except TypeError:
+            found = None if is_text else self.context.expressions.expr(node)
+        except errors.WarpError:
+            found = None
+        try:
+            if not isinstance(found, type):
+                # Such as `wp.array(dtype=float)`, which Python alone knows as a type.
+                text = node.value if is_text else ast.unparse(node)
+                found = eval(text, declared.names_of(self.context.function))
+            return Parameter("", found, None)
+        except Exception:
+            if is_text:
+                return None
             raise self.context.type_error(node, "annotation is not a type of kernels") from None
 
     def statement_AugAssign(self, node):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 
 from warp._src import errors
 from warp._src.frontend import names
@@ -143,11 +144,38 @@ class Values:
             return None
 
     def convert_constant(self, binding, native, node):
-        """Like `materialize`, but a plain number takes the given scalar type."""
-        if type(binding) in (int, float, bool) and native.kind in ("bool", "int", "float"):
-            self.at(node)
-            return self.builder.constant(native, binding)
-        return self.materialize(binding, node)
+        """Like `materialize`, but a plain number takes the given scalar type.
+
+        Raises:
+            WarpCodegenTypeError: the number is a float and the type is not, or it is neither 0 nor
+                1 and the type is boolean.
+            WarpCodegenOverflowError: the number is out of the type's range.
+        """
+        if type(binding) not in (int, float, bool) or native.kind not in ("bool", "int", "float"):
+            return self.materialize(binding, node)
+        is_float = native.kind == "float"
+        if (type(binding) is float and not is_float) or (
+            native.kind == "bool" and binding not in (0, 1)
+        ):
+            raise self.changes(binding, native, node)
+        self.at(node)
+        made = self.builder.constant(native, binding)
+        if is_float and math.isinf(made.constant()) and not math.isinf(binding):
+            raise self.error(
+                node,
+                f"number {binding} does not fit '{native.python_name}'",
+                f"use `wp.{native.python_name}({binding})` for infinity",
+                errors.WarpCodegenOverflowError,
+            )
+        return made
+
+    def changes(self, number, native, node):
+        """The error for a number that a type would change."""
+        name = native.python_name
+        call = {"int32": "int", "bool": "bool"}.get(name, f"wp.{name}")
+        return self.type_error(
+            node, f"expects '{name}', but got {number}", f"use `{call}({number})`"
+        )
 
     def flatten(self, binding, node, into):
         """Appends the values of a binding; gives its shape for `unflatten`."""

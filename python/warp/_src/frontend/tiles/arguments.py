@@ -130,14 +130,17 @@ class TileTopic(Part):
             )
 
     def convert(self, value, dtype, node, name):
-        """A value as another type; numbers convert, others have to be of it."""
+        """A value as another type; numbers convert, as in NumPy, others have to be of it."""
         if dtype is None:
             return self.context.materialize(value, node)
         native = self.context.constructors.native(dtype, node)
-        value = self.context.convert_constant(value, native, node)
+        scalars = ("int", "float", "bool")
+        self.context.at(node)
+        if type(value) in (int, float, bool) and native.kind in scalars:
+            return self.builder.constant(native, value)
+        value = self.context.materialize(value, node)
         if value.type == native:
             return value
-        scalars = ("int", "float", "bool")
         self.context.at(node)
         if value.type.kind in scalars and native.kind in scalars:
             return self.builder.cast(value, native)
