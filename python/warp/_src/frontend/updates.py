@@ -11,10 +11,12 @@ from warp._src.frontend.address import place_of
 from warp._src.frontend.control import name_of
 from warp._src.frontend.functions import overload_of
 from warp._src.kernels.function import Function, NativeFunction
+from warp._src.language.builtins import Builtin
 from warp._src.types.annotations import Reference
 from warp._src.types.native import ArrayType
 from warp._src.types.tiles import TileStackType, TileType
 
+_UNKNOWN = object()
 # Annotations of parameters that are passed by reference.
 _CHANGEABLE = (ArrayType, TileType, TileStackType)
 
@@ -67,6 +69,10 @@ def _may_have_references(function) -> bool:
 def updated_arguments(function, inout_arguments):
     """For a call in a function's body, the arguments that are updated as if they were assigned.
 
+    All arguments count if what is called is known when it is called only: a parameter, a variable,
+    an element of a tuple, what an enclosing function has (of which there may be several with one
+    text), an attribute of a value.
+
     Args:
         function: the Python function.
         inout_arguments: gives the positions of arguments that a builtin of a name updates.
@@ -74,10 +80,12 @@ def updated_arguments(function, inout_arguments):
 
     def updated(call):
         callee = _resolve(function, call.func)
+        if callee is _UNKNOWN:
+            return [place_of(one) for one in (*call.args, *(k.value for k in call.keywords))]
         if isinstance(callee, Function):
             keys = references_of(callee) | _arrays_of(callee)
         else:
-            name = name_of(call.func)
+            name = callee.key if isinstance(callee, Builtin) else name_of(call.func)
             positions = inout_arguments(name) if name else ()
             if name.startswith("tile_"):
                 positions = _TILE_UPDATES.get(name, ())
@@ -106,18 +114,14 @@ def _builtin_names(name, positions) -> set[str]:
 
 
 def _resolve(function, node):
-    """The object that a name or an attribute of a module is in a function, or None."""
+    """The object that a name or an attribute of a module or class is in all functions of one text;
+    `None` for names of Python's own and of builtins."""
     if isinstance(node, ast.Attribute):
         owner = _resolve(function, node.value)
-        is_module = isinstance(owner, python_types.ModuleType)
-        return getattr(owner, node.attr, None) if is_module else None
-    if not isinstance(node, ast.Name):
-        return None
-    free = function.__code__.co_freevars
-    if node.id in free:
-        cell = function.__closure__[free.index(node.id)]
-        try:
-            return cell.cell_contents
-        except ValueError:
-            return None
+        if isinstance(owner, python_types.ModuleType):
+            return getattr(owner, node.attr, None)
+        return getattr(owner, node.attr, _UNKNOWN) if isinstance(owner, type) else _UNKNOWN
+    code = function.__code__
+    if not isinstance(node, ast.Name) or node.id in code.co_varnames + code.co_freevars:
+        return _UNKNOWN
     return function.__globals__.get(node.id)
