@@ -8,7 +8,7 @@ import types as python_types
 
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
-from warp._src.frontend import names
+from warp._src.frontend import names, struct_classes
 from warp._src.frontend.bindings import INT32, LocalArray, TileView, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
@@ -73,6 +73,8 @@ class Access(Part):
             return self.context.tiles.attribute(base.type, name, node)
         if isinstance(base, (tuple, BuiltinRef)):
             raise self.no_attribute(base, name, node)
+        if name == "dtype" and isinstance(base, (bool, int, float, dtypes.scalar_base)):
+            return dtypes.canonical(type(base))
         if isinstance(base, dtypes.Composite):
             return self.value_attribute(self.context.materialize(base, node), name, node)
         if dtypes.type_is_composite(base) and name in ("dtype", "length", "shape"):
@@ -91,10 +93,13 @@ class Access(Part):
             ) from None
 
     def field(self, base, name, node):
-        """A field of a struct."""
+        """A field of a struct, or an attribute of its class."""
         try:
             return self.builder.struct_get(base, name)
         except errors.WarpCodegenAttributeError as problem:
+            found = struct_classes.member(self.context, base.type, name, node)
+            if found is not None:
+                return self.context.capture(found, node)
             held = dtypes.dtype_of(base.type)
             problem.also = (
                 f"`{name}` is not an attribute of '{ast.unparse(node.value)}' "
@@ -124,7 +129,7 @@ class Access(Part):
             if name == "ndim":
                 return array.rank
             if name == "dtype":
-                return dtypes.dtype_of(array.element)
+                return struct_classes.dtype_of(self.context, array.element, node)
             if name == "size":
                 return self.array_size(base, node)
             if name == "strides" and kind == "array":
@@ -142,8 +147,8 @@ class Access(Part):
             return native.shape[0]
         if name == "shape" and kind in ("vec", "mat"):
             return tuple(native.shape)
-        if name == "dtype" and kind in ("vec", "mat", "quat", "transform"):
-            return dtypes.dtype_of(native.element)
+        if name == "dtype" and kind in ("bool", "int", "float", "vec", "mat", "quat", "transform"):
+            return dtypes.dtype_of(native.element or native)
         raise self.no_attribute(base, name, node)
 
     def no_attribute(self, base, name, node):

@@ -6,7 +6,7 @@ import ast
 import builtins
 
 from warp._src import errors
-from warp._src.frontend import names
+from warp._src.frontend import names, struct_classes
 from warp._src.frontend.bindings import BOOL, FLOAT32, INT32, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.local_arrays import LocalPointer
@@ -80,11 +80,10 @@ class Constructors(Part):
         )
 
     def type_of(self, binding, node):
-        python_types = {bool: dtypes.bool, int: dtypes.int32, float: dtypes.float32}
-        if type(binding) in python_types:
-            return python_types[type(binding)]
+        if type(binding) in (builtins.bool, int, float):
+            return dtypes.canonical(type(binding))
         if type(binding) is Value:
-            return dtypes.dtype_of(binding.type)
+            return struct_classes.dtype_of(self.context, binding.type, node)
         raise self.context.type_error(node, f"no type of {names.describe(binding)}")
 
     def call_scalar(self, native, node):

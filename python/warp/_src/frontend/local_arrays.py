@@ -14,7 +14,7 @@ import itertools
 import math
 
 from warp._src import errors
-from warp._src.frontend import thread_memory
+from warp._src.frontend import struct_classes, thread_memory
 from warp._src.frontend.bindings import INT32, LocalArray, Value
 from warp._src.frontend.context import Part
 from warp._src.types import dtypes
@@ -115,7 +115,7 @@ class LocalArrays(Part):
         if name == "size":
             return math.prod(array.shape)
         if name == "dtype":
-            return dtypes.dtype_of(array.element)
+            return struct_classes.dtype_of(self.context, array.element, node)
         if name == "ptr":
             return LocalPointer(array)
         raise self.context.access.no_attribute(array, name, node)

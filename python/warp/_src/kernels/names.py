@@ -17,7 +17,7 @@ from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import Builtin
 from warp._src.types.annotations import FixedArrayType, Reference
 from warp._src.types.composites import Composite
-from warp._src.types.native import ArrayType, IndexedArrayType, is_struct
+from warp._src.types.native import ArrayType, IndexedArrayType, is_struct, members_of
 from warp._src.types.scalars import scalar_base
 from warp._src.types.vectors import GenericAnnotation
 from warp._src.version import PACKAGE
@@ -204,7 +204,7 @@ class Names:
         if home == "builtins" or home == "typing" or home == "numpy":
             return f"type {spelled}"
         if is_struct(cls):
-            return f"struct {spelled} {cls._native_}"
+            return self._struct(cls, f"struct {spelled} {cls._native_}")
         if _is_ours(home):
             return f"type {spelled} {getattr(cls, '_native_', '')}"
         if id(cls) in self._numbers:
@@ -223,6 +223,15 @@ class Names:
         self._parts.append(f"class {number}: {spelled} {native} {members}")
         self._owners.append(ClassOwner(cls))
         return f"class {number}"
+
+    def _struct(self, cls, spelled) -> str:
+        """A struct class, whose fields' classes count, and attributes that a text has words for."""
+        number, is_new = self._number(cls)
+        if is_new:
+            fields = [self.token(dtype) for dtype in cls._wp_fields_.values()]
+            self._parts.append(f"struct {number}: {spelled} {fields}")
+            self._owners.append(StructOwner(cls))
+        return f"struct {number}"
 
 
 def is_plain(value) -> bool:
@@ -301,6 +310,13 @@ class ClassOwner(Owner):
 
     def _get(self, word):
         return next(vars(base)[word] for base in self._bases if word in vars(base))
+
+
+class StructOwner(Owner):
+    """A struct class: its attributes, not its fields."""
+
+    def found(self, words) -> list[tuple]:
+        return super().found(words & members_of(self.value).keys())
 
 
 def _owner_of(module) -> Owner:

@@ -157,7 +157,7 @@ def _value(value, names, active):
     if isinstance(value, Function):
         return _device_function(value, active)
     if isinstance(value, ArrayType):
-        return type(value).__name__, value.ndim, _value(value.dtype, (), active)
+        return type(value).__name__, value.ndim, _value(value.dtype, names, active)
     if isinstance(value, scalar_base):
         return _Same(kind), repr(value.value)
     if isinstance(value, Composite):

@@ -17,7 +17,9 @@ from warp._src.types.native import (
     is_struct,
     register,
 )
+from warp._src.types.native import classes_of as classes_of
 from warp._src.types.native import dtype_of as dtype_of
+from warp._src.types.native import members_of as members_of
 from warp._src.types.native import native_text as native_text
 from warp._src.types.native import native_type as native_type
 from warp._src.types.native import type_repr as type_repr

@@ -7,6 +7,7 @@ type; `native_type` and `dtype_of` translate to and from the types of the compil
 from __future__ import annotations
 
 import typing
+import weakref
 
 from warp import _native
 from warp._src import errors
@@ -37,9 +38,30 @@ _native_types: dict = {}
 _dtypes: dict = {}
 
 
+# Classes of structs by native type, of which several may have the same.
+_structs: dict = {}
+
+
 def register(dtype) -> None:
     """Makes `dtype_of` find `dtype` by the text of its native type."""
     _dtypes[dtype._native_] = dtype
+    if is_struct(dtype):
+        _structs.setdefault(dtype._native_, weakref.WeakSet()).add(dtype)
+
+
+def classes_of(native) -> list:
+    """The struct classes that share a type of the compiler."""
+    return list(_structs.get(str(native), ()))
+
+
+def members_of(cls) -> dict:
+    """The attributes of a struct class that are no fields, by name."""
+    return {
+        name: value
+        for name, value in vars(cls).items()
+        if name not in cls._wp_fields_
+        and not name.startswith(("_fields_", "_wp_", "_native_", "__"))
+    }
 
 
 def native_text(dtype) -> str:

@@ -232,7 +232,8 @@ def struct(c=None, *, module=None):
     Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The
     layout is that of C. Fields start at zero; a default that says otherwise is not used, which a
     warning tells. Use the class to make instances, as an annotation and as `dtype` of arrays. Its
-    methods and properties are for Python, not for kernels; an `__init__` is not called.
+    methods and properties are for Python, not for kernels; an `__init__` is not called. Kernels
+    take `wp.func` functions, constants and types from a value as from the class: `p.volume(p.r)`.
 
     Example:
         >>> import warp as wp
@@ -285,7 +286,7 @@ def _make_struct(cls, namespaces):
 
 
 def _members(cls, declared) -> dict:
-    """Methods, properties and other attributes, for Python alone."""
+    """Attributes: methods and properties for Python, functions and constants for kernels, too."""
     return {
         name: value
         for name, value in cls.__dict__.items()

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 from warp._src import errors
+from warp._src.frontend import struct_classes
 from warp._src.frontend.tiles.algebra import TileAlgebra
 from warp._src.frontend.tiles.changes import TileChanges
 from warp._src.frontend.tiles.elements import TileElements
@@ -77,7 +78,7 @@ class Tiles:
         if name == "shape":
             return tuple(native.shape)
         if name == "dtype":
-            return dtypes.dtype_of(native.element)
+            return struct_classes.dtype_of(self.context, native.element, node)
         if name == "ndim":
             return len(native.shape)
         if name == "size":
