@@ -250,21 +250,17 @@ class Expressions(Part):
         name, fold = _COMPARE[kind]
         static = type(left) is not Value and type(right) is not Value
         if static and type(left) in _NUMBERS and type(right) in _NUMBERS:
-            if (type(left) is bool) == (type(right) is bool):
-                return fold(left, right)
-            static = False
+            return fold(left, right)
         whole = not isinstance(left, dtypes.Composite) or not len(left)
         if static and kind in (ast.Eq, ast.NotEq) and whole:
             return fold(left, right)
         left, right = self.context.materialize(left, node), self.context.materialize(right, node)
-        kinds = {left.type.kind, right.type.kind}
-        if len(kinds) == 2 and "bool" in kinds:
-            raise self.context.type_error(
-                node,
-                f"'{self.context.type_name(left)}' and '{self.context.type_name(right)}' "
-                "cannot be compared",
-                "use `bool(...)` or `int(...)`",
-            )
+        self.context.at(node)
+        if left.type == BOOL and right.type.kind in ("int", "float"):
+            # As a number it is 0 or 1.
+            left = self.builder.cast(left, right.type)
+        elif right.type == BOOL and left.type.kind in ("int", "float"):
+            right = self.builder.cast(right, left.type)
         return self.operator(node, name, left, right)
 
     # Logic.
