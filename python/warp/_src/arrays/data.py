@@ -135,8 +135,8 @@ def _flatten(data, kind):
     if not isinstance(data, (list, tuple)):
         if type(data) is not kind:
             raise errors.WarpTypeError(
-                f"expects elements of one type, but got '{kind.__name__}' and "
-                f"'{type(data).__name__}'"
+                f"expects elements of one type, but got '{dtypes.type_repr(kind)}' and "
+                f"'{dtypes.type_repr(type(data))}'"
             )
         return (), [data]
     shapes, leaves = set(), []
@@ -342,7 +342,7 @@ def element_bytes(dtype, value) -> bytes:
         if value == 0 and not isinstance(value, ctypes.Structure):
             return bytes(dtypes.type_size_in_bytes(dtype))
         if type(value) is not dtype:
-            raise TypeError(f"expects a '{shown}' value, but got '{type(value).__name__}'")
+            raise TypeError(f"expects a '{shown}' value, but got '{dtypes.type_repr(type(value))}'")
         return _contents(value)
     if hasattr(value, "tolist") and not isinstance(value, Composite):
         value = value.tolist()

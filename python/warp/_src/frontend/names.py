@@ -68,11 +68,11 @@ def describe(value) -> str:
     if isinstance(value, str):
         return "a string"
     if isinstance(value, type):
-        return f"the type '{value.__name__}'"
+        return f"the type '{dtypes.type_repr(value)}'"
     if callable(value) and hasattr(value, "__name__"):
         return f"the function '{value.__name__}'"
-    article = "an" if type(value).__name__[0] in "aeiou" else "a"
-    return f"{article} '{type(value).__name__}'"
+    name = dtypes.type_repr(type(value))
+    return f"{'an' if name[0] in 'aeiou' else 'a'} '{name}'"
 
 
 def external_words(value) -> str | None:

@@ -54,7 +54,7 @@ def check_array(values, what, dtype, device=None) -> None:
         RuntimeError: it is none, or of another type, rank, layout or device.
     """
     if not dtypes.is_array(values) or not dtypes.types_equal(values.dtype, dtype):
-        shown = getattr(getattr(values, "dtype", None), "__name__", type(values).__name__)
+        shown = dtypes.type_repr(values.dtype if dtypes.is_array(values) else type(values))
         raise errors.WarpError(f"{what} are an array of {dtype.__name__}, but got {shown}")
     if values.ndim != 1 or not values.is_contiguous:
         raise errors.WarpError(f"{what} are a packed array of one dimension")

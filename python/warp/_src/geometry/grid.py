@@ -91,7 +91,7 @@ class HashGrid:
             given = points.dtype if dtypes.is_array(points) else type(points)
             raise TypeError(
                 f"a HashGrid of {self.dtype.__name__} has points of {wanted.__name__}, "
-                f"but got {given.__name__}"
+                f"but got {dtypes.type_repr(given)}"
             )
         if not (radius > 0 and radius < float("inf")):
             raise ValueError(f"a HashGrid has cells of a positive radius, but got {radius}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from warp._src.types.composites import Composite, scalars_of
+from warp._src.types.composites import Composite, scalars_of, shown_name
 from warp._src.types.scalars import scalar_base
 from warp._src.types.vectors import Quaternion, Transformation
 
@@ -57,7 +57,7 @@ def _same_kind(a, b):
     if not isinstance(a, Composite) or len(_numbers(a)) != len(_numbers(b)):
         raise TypeError(
             f"expects two numbers or composites of one type to compare, but got "
-            f"'{type(a).__name__}' and '{type(b).__name__}'"
+            f"'{shown_name(type(a))}' and '{shown_name(type(b))}'"
         )
 
 

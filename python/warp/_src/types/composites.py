@@ -22,6 +22,11 @@ _ALL = slice(None)
 _PYTHON_OWN = frozenset(scalars.PYTHON_TYPES.values())
 
 
+def shown_name(kind) -> str:
+    """Name of a class in messages: `vec5f`, where `__name__` is that of all vectors, `vec_t`."""
+    return vars(kind).get("_wp_name_") or kind.__name__
+
+
 class Composite:
     """Mixin of all composite types; `_length_` counts scalars."""
 
@@ -34,7 +39,7 @@ class Composite:
 
     def __repr__(self):
         components = ", ".join(repr(self._get(i)) for i in range(self._length_))
-        return f"{type(self).__name__}([{components}])"
+        return f"{shown_name(type(self))}([{components}])"
 
     def __str__(self):
         return f"[{', '.join(map(str, scalars_of(self)))}]"
@@ -109,12 +114,12 @@ class Composite:
         except TypeError:
             if not hasattr(index, "__index__"):
                 raise errors.WarpKeyError(
-                    f"expects an int or slice as index of '{type(self).__name__}'",
+                    f"expects an int or slice as index of '{shown_name(type(self))}'",
                     also=f"Invalid key {index}, expected int or slice",
                 ) from None
-            wanted, given = self._wp_scalar_type_.__name__, type(number).__name__
+            wanted, given = self._wp_scalar_type_.__name__, shown_name(type(number))
             raise errors.WarpTypeError(
-                f"expects a '{wanted}' component for '{type(self).__name__}', but got '{given}'",
+                f"expects a '{wanted}' component for '{shown_name(type(self))}', but got '{given}'",
                 also=f"Expected to assign a `{wanted}` value but got `{given}` instead",
             ) from None
 
@@ -125,7 +130,7 @@ class Composite:
         wanted = self._wp_scalar_type_.__name__
         if isinstance(value, str):
             raise errors.WarpTypeError(
-                f"expects numbers, but got '{type(value).__name__}'",
+                f"expects numbers, but got '{shown_name(type(value))}'",
                 also=f"Expected to assign a `{wanted}` value but got `str` instead",
             )
         numbers = flatten_numbers(value)
@@ -134,7 +139,7 @@ class Composite:
         message = f"expects {count} components to assign, but got {len(numbers)}"
         inner = [item for item in value if isinstance(item, Composite)]
         if inner and not isinstance(value, Composite):
-            given = type(inner[0]).__name__
+            given = shown_name(type(inner[0]))
             raise errors.WarpTypeError(
                 message,
                 also=f"Expected to assign a slice from a sequence of `{wanted}` values but got "
@@ -201,7 +206,7 @@ def flatten_numbers(value):
     if isinstance(value, (int, float)):
         return [value]
     if isinstance(value, str) or not (hasattr(value, "__iter__") or _is_sequence(value)):
-        raise TypeError(f"expects numbers, but got '{type(value).__name__}'")
+        raise TypeError(f"expects numbers, but got '{shown_name(type(value))}'")
     numbers = []
     for item in value:
         if isinstance(item, (int, float)):
@@ -242,7 +247,7 @@ def construct_components(self, args):
 
 def _bad_count(self, count):
     raise errors.WarpShapeError(
-        f"expects {self._length_} components for '{type(self).__name__}', but got {count}",
+        f"expects {self._length_} components for '{shown_name(type(self))}', but got {count}",
         also=f"Invalid number of arguments in {self._wp_constructor_} constructor, expected "
         f"{self._length_} elements, got {count}",
     )
@@ -301,7 +306,7 @@ def _integer_rounding(a):
 def operand_error(name, a, b):
     """The exception for operands that `name` does not take."""
     # Programs know this error by its words.
-    shown = ", ".join(type(one).__name__ for one in (a, b))
+    shown = ", ".join(shown_name(type(one)) for one in (a, b))
     problem = errors.WarpTypeError(
         f"Couldn't find a function '{name}' compatible with the arguments '{shown}'"
     )

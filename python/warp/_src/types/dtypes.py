@@ -90,12 +90,15 @@ def _named_types() -> dict:
     named = {}
     for suffix, dtype in suffixes.items():
         for length in (2, 3, 4):
-            named[f"vec{length}{suffix}"] = vector(length, dtype)
+            name = f"vec{length}{suffix}"
+            named[name] = vector(length, dtype, name=name)
         if dtype in FLOAT_TYPES:
             for n in (2, 3, 4):
-                named[f"mat{n}{n}{suffix}"] = matrix((n, n), dtype)
-            named[f"quat{suffix}"] = quaternion(dtype)
-            named[f"transform{suffix}"] = transformation(dtype)
+                name = f"mat{n}{n}{suffix}"
+                named[name] = matrix((n, n), dtype, name=name)
+            named[f"quat{suffix}"] = quaternion(dtype, name=f"quat{suffix}")
+            name = f"transform{suffix}"
+            named[name] = transformation(dtype, name=name)
     for name in [name for name in named if name.endswith("f")]:
         named[name[:-1]] = named[name]
     return named

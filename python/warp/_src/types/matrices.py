@@ -11,6 +11,7 @@ from warp._src.types.composites import (
     is_number,
     operand_error,
     scalars_of,
+    shown_name,
 )
 from warp._src.types.scalars import canonical_scalar
 from warp._src.types.vectors import (
@@ -42,7 +43,7 @@ class Matrix(Composite):
             for row in args:
                 if hasattr(row, "__len__") and len(row) != columns:
                     raise errors.WarpRowError(
-                        f"expects rows of {columns} components for '{type(self).__name__}', but "
+                        f"expects rows of {columns} components for '{shown_name(type(self))}', but "
                         f"got {len(row)}",
                         also="Invalid argument in matrix constructor, expected row of length "
                         f"{columns}, got {row}",
@@ -77,7 +78,7 @@ class Matrix(Composite):
         return "[" + ",\n ".join(f"[{', '.join(map(str, row))}]" for row in rows) + "]"
 
     def __repr__(self):
-        return f"{type(self).__name__}({str(self)[1:-1]})".replace("\n", "")
+        return f"{shown_name(type(self))}({str(self)[1:-1]})".replace("\n", "")
 
     def get_row(self, r):
         """Copy of a row, as a vector."""
@@ -157,7 +158,7 @@ class Matrix(Composite):
         numbers = flatten_numbers(row)
         if len(numbers) != self._shape_[1]:
             raise ValueError(
-                f"expects rows of {self._shape_[1]} components for '{type(self).__name__}', "
+                f"expects rows of {self._shape_[1]} components for '{shown_name(type(self))}', "
                 f"but got {len(numbers)}"
             )
         return numbers
@@ -238,8 +239,8 @@ def matrix(shape=None, dtype=None, *, name=None):
             "_native_": f"!warp.mat<{rows}x{columns} x {dtype._native_}>",
         }
         short = f"{rows}{columns}" if max(rows, columns) < 10 else f"{rows}x{columns}"
-        name = name or f"mat{short}{SUFFIX[dtype]}"
-        _cache[key] = make_composite(name, Matrix, rows * columns, dtype, attributes)
+        shown = f"mat{short}{SUFFIX[dtype]}"
+        _cache[key] = make_composite(name, shown, Matrix, rows * columns, dtype, attributes)
     return _cache[key]
 
 
@@ -263,7 +264,8 @@ def _stack(vectors):
     for v in vectors:
         if canonical_class(type(v)) is not first:
             raise TypeError(
-                f"expects vectors of one type, but got '{first.__name__}' and '{type(v).__name__}'"
+                f"expects vectors of one type, but got '{shown_name(first)}' and "
+                f"'{shown_name(type(v))}'"
             )
     numbers = [number for v in vectors for number in scalars_of(v)]
     return matrix((len(vectors), first._length_), first._wp_scalar_type_)._from_numbers(numbers)

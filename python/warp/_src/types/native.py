@@ -12,7 +12,7 @@ import weakref
 from warp import _native
 from warp._src import errors
 from warp._src.types import scalars
-from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.composites import Composite, canonical_class, shown_name
 from warp._src.types.matrices import matrix
 from warp._src.types.scalars import PYTHON_TYPES, SCALAR_TYPES, scalar_base
 from warp._src.types.vectors import GenericAnnotation, quaternion, transformation, vector
@@ -30,7 +30,7 @@ def canonical(dtype):
             return found
         if issubclass(found, (Composite, scalar_base)) and hasattr(found, "_native_"):
             return canonical_class(found)
-    shown = getattr(dtype, "__name__", None) or repr(dtype)
+    shown = shown_name(dtype) if isinstance(dtype, type) else repr(dtype)
     raise TypeError(f"expects a scalar, vector, matrix or struct type, but got '{shown}'")
 
 
@@ -123,7 +123,7 @@ def is_struct(dtype) -> bool:
 def type_repr(t) -> str:
     """Short name of a type, as in messages."""
     if isinstance(t, type):
-        return PYTHON_TYPES.get(t, t).__name__
+        return shown_name(PYTHON_TYPES.get(t, t))
     return repr(t)
 
 

@@ -155,7 +155,7 @@ class Field:
         if len(numbers) != dtype._length_:
             raise ValueError(
                 f"field '{self.name}' of struct '{self.struct}' expects {dtype._length_} "
-                f"components for '{dtype.__name__}', but got {len(numbers)}"
+                f"components for '{dtypes.type_repr(dtype)}', but got {len(numbers)}"
             )
         self.raw.__set__(instance, dtype(*numbers))
 
@@ -187,13 +187,13 @@ class Field:
             ) from problem
 
     def _error(self, value):
-        got = repr(value) if dtypes.type_is_array(type(value)) else type(value).__name__
+        got = repr(value) if dtypes.type_is_array(type(value)) else dtypes.type_repr(type(value))
         message = (
             f"field '{self.name}' of struct '{self.struct}' expects "
             f"'{dtypes.type_repr(self.dtype)}', but got '{got}'"
         )
         if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
-            message += f", construct the value: `{self.dtype.__name__}(...)`"
+            message += f", construct the value: `{dtypes.type_repr(self.dtype)}(...)`"
         return errors.WarpTypeError(message, also=self._words(value))
 
     def _words(self, value):

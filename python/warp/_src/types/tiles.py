@@ -72,7 +72,7 @@ class TileType:
 
     def __repr__(self):
         parts = [
-            getattr(self.dtype, "__name__", str(self.dtype)),
+            native.type_repr(self.dtype),
             *map(str, () if self.shape is typing.Any else self.shape),
         ]
         return f"wp.tile[{', '.join(parts)}]"
@@ -120,5 +120,5 @@ class TileStackType:
         return hash((TileStackType, self.dtype, self.capacity))
 
     def __repr__(self):
-        name = getattr(self.dtype, "__name__", str(self.dtype))
+        name = native.type_repr(self.dtype)
         return f"wp.tile_stack[{name}, {self.capacity}]"

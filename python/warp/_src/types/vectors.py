@@ -18,6 +18,7 @@ from warp._src.types.composites import (
     flatten_numbers,
     operand_error,
     scalars_of,
+    shown_name,
 )
 from warp._src.types.scalars import canonical_scalar
 
@@ -42,7 +43,7 @@ class Vector(Composite):
             return vector(len(numbers), self._wp_scalar_type_)._from_numbers(numbers)
         if not hasattr(key, "__index__"):
             raise errors.WarpKeyError(
-                f"expects an int or slice as index of '{type(self).__name__}'",
+                f"expects an int or slice as index of '{shown_name(type(self))}'",
                 also=f"Invalid key {key}, expected int or slice",
             )
         return self._get(key)
@@ -229,7 +230,7 @@ def _no_component(name):
     """A component that a short vector lacks; other attributes may be added to instances."""
 
     def refuse(self, value=None):
-        raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+        raise AttributeError(f"'{shown_name(type(self))}' object has no attribute '{name}'")
 
     doc = (
         f"In kernels the vector of the components {', '.join(name)}.\n\n"
@@ -247,9 +248,15 @@ _COMPONENTS = [_component(index) for index in range(4)]
 _cache: dict = {}
 
 
-def make_composite(name, mixin, length, dtype, attributes):
-    """Creates the `ctypes.Array` class of a composite type."""
+def make_composite(name, shown, mixin, length, dtype, attributes):
+    """Creates the `ctypes.Array` class of a composite type.
+
+    Args:
+        name: that the type has in this package, or None; then it is that of its family.
+        shown: the name in messages of a type that has none.
+    """
     namespace = {
+        "_wp_name_": name or shown,
         "__module__": "warp.types",
         "_length_": length,
         "_type_": dtype._type_,
@@ -258,7 +265,7 @@ def make_composite(name, mixin, length, dtype, attributes):
         "_wp_generic_type_hint_": mixin,
         **attributes,
     }
-    return ArrayMeta(name, (mixin, ctypes.Array), namespace)
+    return ArrayMeta(name or mixin._wp_generic_type_str_, (mixin, ctypes.Array), namespace)
 
 
 def vector(length=None, dtype=None, *, name=None):
@@ -287,12 +294,12 @@ def vector(length=None, dtype=None, *, name=None):
         }
         attributes.update(_NO_COMPONENTS)
         attributes.update(zip("xyzw"[:length], _COMPONENTS[:length], strict=True))
-        name = name or f"vec{length}{SUFFIX[dtype]}"
-        _cache[key] = make_composite(name, Vector, length, dtype, attributes)
+        shown = f"vec{length}{SUFFIX[dtype]}"
+        _cache[key] = make_composite(name, shown, Vector, length, dtype, attributes)
     return _cache[key]
 
 
-def quaternion(dtype=None):
+def quaternion(dtype=None, *, name=None):
     """The quaternion type of scalar type `dtype`."""
     if is_open(dtype):
         return GenericAnnotation(Quaternion, (dtype,))
@@ -307,11 +314,11 @@ def quaternion(dtype=None):
             "_native_": f"!warp.quat<{_float_native('quaternion', dtype)}>",
             **dict(zip("xyzw", _COMPONENTS, strict=True)),
         }
-        _cache[key] = make_composite(f"quat{SUFFIX[dtype]}", Quaternion, 4, dtype, attributes)
+        _cache[key] = make_composite(name, f"quat{SUFFIX[dtype]}", Quaternion, 4, dtype, attributes)
     return _cache[key]
 
 
-def transformation(dtype=None):
+def transformation(dtype=None, *, name=None):
     """The rigid transform type of scalar type `dtype`."""
     if is_open(dtype):
         return GenericAnnotation(Transformation, (dtype,))
@@ -325,8 +332,8 @@ def transformation(dtype=None):
             "_wp_type_args_": {"dtype": dtype},
             "_native_": f"!warp.transform<{_float_native('transformation', dtype)}>",
         }
-        name = f"transform{SUFFIX[dtype]}"
-        _cache[key] = make_composite(name, Transformation, 7, dtype, attributes)
+        shown = f"transform{SUFFIX[dtype]}"
+        _cache[key] = make_composite(name, shown, Transformation, 7, dtype, attributes)
     return _cache[key]
 
 

@@ -49,7 +49,7 @@ def check_triangles(indices) -> None:
         shape = getattr(indices, "shape", None)
         raise ValueError(f"expects 'indices' of shape (triangles, 3), but got {shape}")
     if indices.dtype is not dtypes.int32:
-        raise TypeError(f"expects 'indices' of int32, but got {indices.dtype.__name__}")
+        raise TypeError(f"expects 'indices' of int32, but got {dtypes.type_repr(indices.dtype)}")
 
 
 def tri_tri_adjacency(indices, vertex_count=None, return_neighbor_edge_indices=True):

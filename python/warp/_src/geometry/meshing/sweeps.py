@@ -52,7 +52,8 @@ def _as_transforms(transforms, device):
             )
         if transforms.dtype is not wp.transform:
             raise TypeError(
-                f"expects 'transforms' of wp.transform, but got {transforms.dtype.__name__}"
+                "expects 'transforms' of wp.transform, but got "
+                f"{dtypes.type_repr(transforms.dtype)}"
             )
         return transforms.to(device)
     given = np.asarray(transforms, dtype=np.float32)

@@ -45,7 +45,9 @@ def _as_values(values, count, device):
     if not dtypes.is_array(values):
         values = wp.array(np.ascontiguousarray(values, dtype=np.float32), device=device)
     if values.dtype is not dtypes.float32:
-        raise ValueError(f"expects 'corner_values' of float32, but got {values.dtype.__name__}")
+        raise ValueError(
+            f"expects 'corner_values' of float32, but got {dtypes.type_repr(values.dtype)}"
+        )
     if values.size != 8 * count:
         raise ValueError(
             f"expects 8 'corner_values' for each of {count} cells, but got {values.size}"

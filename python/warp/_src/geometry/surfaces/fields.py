@@ -63,7 +63,7 @@ def check_field(field):
             f"'field' has at least 2 nodes on each axis, but its shape is {field.shape}"
         )
     if field.dtype is not dtypes.float32:
-        raise TypeError(f"expects a 'field' of float32, but got {field.dtype.__name__}")
+        raise TypeError(f"expects a 'field' of float32, but got {dtypes.type_repr(field.dtype)}")
 
 
 def _total(ends) -> int:

@@ -139,7 +139,7 @@ class GridContents:
             size == 1 or (info.value_size == 1 and not total % size)
         ):
             raise errors.WarpError(
-                f"values of {info.value_size} bytes are no elements of {dtype.__name__}"
+                f"values of {info.value_size} bytes are no elements of {dtypes.type_repr(dtype)}"
             )
         made = array(ptr=info.ptr, dtype=dtype, shape=total // size, device=self.device)
         made._kept = self
