@@ -30,9 +30,7 @@ def _kernels(scalar):
     ):
         i = wp.tid()
         residual, limit = residuals[i], limits[i]
-        length = quotient(
-            factors[_RHO, i], product[i], False, residual, limit, progress[0], broken, i
-        )
+        length = quotient(factors[_RHO, i], product[i], residual, limit, progress[0], broken, i)
         factors[_ALPHA, i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name=f"bicgstab_omega_{suffix}")
@@ -69,7 +67,6 @@ def _kernels(scalar):
         factors[_BETA, i] = quotient(
             rho * factors[_ALPHA, i],
             factors[_RHO, i] * factors[_OMEGA, i],
-            False,
             residual,
             limit,
             progress[0],

@@ -16,7 +16,6 @@ from warp._src.optim.linear.state import LinearSolverState
 def quotient(
     above: wp.float64,
     below: wp.float64,
-    positive: bool,
     residual: wp.float64,
     limit: wp.float64,
     iteration: int,
@@ -25,19 +24,26 @@ def quotient(
 ) -> wp.float64:
     """`above / below`, or zero for a system that has converged or broken down; the latter is noted.
 
-    A denominator that is zero, no number or, where it must not be, negative is a breakdown.
+    A denominator that is zero or no number is a breakdown.
     """
     if broken[batch] >= 0 or residual <= limit:
         return wp.float64(0.0)
     result = above / below
-    if (
-        below == wp.float64(0.0)
-        or not wp.isfinite(result)
-        or (positive and below < wp.float64(0.0))
-    ):
+    if below == wp.float64(0.0) or not wp.isfinite(result):
         broken[batch] = iteration
         return wp.float64(0.0)
     return result
+
+
+@wp.func
+def is_definite(value: wp.float64, signs: wp.array(dtype=wp.float64), batch: int) -> bool:
+    """Whether a product has the sign of the one before it, which it leaves in `signs`.
+
+    For a definite matrix, positive or negative, p^T A p has one sign for all p.
+    """
+    before = signs[batch]
+    signs[batch] = wp.sign(value)
+    return before * value >= wp.float64(0.0)
 
 
 @wp.func
@@ -85,18 +91,22 @@ def _factor_kernels():
     def set_step(
         above: wp.array(dtype=wp.float64),
         below: wp.array(dtype=wp.float64),
-        positive: bool,
+        definite: bool,
         residuals: wp.array(dtype=wp.float64),
         limits: wp.array(dtype=wp.float64),
         progress: wp.array(dtype=int),
         broken: wp.array(dtype=int),
         shortest: wp.array(dtype=wp.float64),
+        signs: wp.array2d(dtype=wp.float64),
         alpha: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
-        length = quotient(
-            above[i], below[i], positive, residuals[i], limits[i], progress[0], broken, i
-        )
+        length = quotient(above[i], below[i], residuals[i], limits[i], progress[0], broken, i)
+        if definite and length != wp.float64(0.0):
+            above_fits = is_definite(above[i], signs[0], i)
+            if not (is_definite(below[i], signs[1], i) and above_fits):
+                broken[i] = progress[0]
+                length = wp.float64(0.0)
         alpha[i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name="linear_turn")
@@ -201,6 +211,11 @@ class _Restartable(LinearSolverState):
         self.alpha, self.beta, self.before = (
             wp.zeros(self.batches, dtype=wp.float64, device=self.device) for _ in range(3)
         )
+        # Of the denominators and numerators of steps, for methods that need one sign.
+        self.signs = wp.zeros((2, self.batches), dtype=wp.float64, device=self.device)
+
+    def prepare(self):
+        self.signs.zero_()
 
     def cycle(self):
         for _ in range(self.cycle_size):
@@ -212,10 +227,10 @@ class _Restartable(LinearSolverState):
         """One iteration."""
         raise NotImplementedError
 
-    def set_step(self, above, below, positive):
+    def set_step(self, above, below, definite):
         kernel, _ = _factor_kernels()
         state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.shortest)
-        self.launch(kernel, self.batches, above, below, positive, *state, self.alpha)
+        self.launch(kernel, self.batches, above, below, definite, *state, self.signs, self.alpha)
 
     def set_turn(self, squares, product):
         _, kernel = _factor_kernels()
@@ -234,8 +249,9 @@ class _Restartable(LinearSolverState):
 
 
 class CG(_Restartable):
-    """The method of conjugate gradients, for symmetric positive definite matrices.
+    """The method of conjugate gradients, for symmetric matrices that are definite.
 
+    They may be positive or negative definite; a preconditioner has to be definite, too.
     Arguments as for `LinearSolverState`, and `restart`: after how many iterations to begin anew,
     with the residual as it is by definition; checks lie between such cycles.
     """

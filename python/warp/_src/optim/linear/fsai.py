@@ -160,7 +160,7 @@ class FSAI(LinearOperator):
         if status[1]:
             raise ValueError(
                 f"FSAI requires finite positive diagonals, but {status[1]} of {self.shape[0]} "
-                f"are not"
+                f"are not; of a negative definite matrix A pass -A"
             )
 
     def update(self, A=None) -> FSAI:

@@ -20,7 +20,10 @@ def cg(
     *,
     restart: int | None = None,
 ):
-    """Solves A x = b for a symmetric positive definite matrix by conjugate gradients.
+    """Solves A x = b for a symmetric definite matrix by conjugate gradients.
+
+    It may be positive or negative definite. One that turns out to be neither ends the iterations
+    with a warning.
 
     Arguments: see `LinearSolverState`.
 

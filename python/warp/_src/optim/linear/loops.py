@@ -41,6 +41,7 @@ class Loops:
                 done += self.cycle_size
                 if done >= self.maxiter:
                     break
+            self.look_at_solution()
             squares = self.r_norm_sq.numpy().astype(float)
             broken = self.broken.numpy()
             stuck = ((broken >= 0) | (squares <= limits)).all()
@@ -70,10 +71,11 @@ class Loops:
             batch = int(unsolved.argmax())
             system = f" of system {batch}" if self.batches > 1 else ""
             frame = calling_frame()
+            square = squares[batch]
+            rest = f"{math.sqrt(square):.3g}" if square >= 0 else "no number: x is not finite"
             warnings.warn_explicit(
                 f"{self.name}: breakdown{system} in iteration {broken[batch]}: the matrix is "
-                f"singular, or not of the kind that this method needs; the residual is "
-                f"{math.sqrt(abs(squares[batch])):.3g}",
+                f"singular, or not of the kind that this method needs; the residual is {rest}",
                 UserWarning,
                 frame.f_code.co_filename,
                 frame.f_lineno,
@@ -111,3 +113,5 @@ class Loops:
             return
         for _ in range(0, self.maxiter, self.cycle_size):
             turn()
+        # The residual by its definition.
+        self.start()

@@ -1,10 +1,12 @@
 """Linear operators: matrices of any kind by what they do to a vector."""
 
+import copy
 import functools
 
 import warp as wp
+from warp._src.sparse.expressions import Scaled
 from warp._src.sparse.matrix import BsrMatrix
-from warp._src.sparse.vector_product import bsr_mv
+from warp._src.sparse.vector_product import multiply
 from warp._src.types.dtypes import is_array, type_scalar_type, type_size
 
 
@@ -167,23 +169,37 @@ def diagonal_matvec(A):
     return matvec
 
 
-def sparse_matvec(A):
-    """What a sparse matrix does."""
+def sparse_matvec(A, trusted=False):
+    """What a sparse matrix does; `trusted`: somebody has looked at its contents."""
 
     def matvec(x, y, z, alpha, beta):
         if beta != 0.0 and y.ptr != z.ptr:
             wp.copy(z, y)
-        bsr_mv(A, x, z, alpha, beta)
+        multiply(A, x, z, alpha, beta, trusted=trusted)
 
     return matvec
+
+
+def trusted(operator):
+    """The same operator for one whose matrix is looked at before each solution."""
+    if operator is None or not isinstance(operator.matrix, BsrMatrix):
+        return operator
+    result = copy.copy(operator)
+    result._matvec = sparse_matvec(operator.matrix, trusted=True)
+    return result
+
+
+def evaluated(A):
+    """A matrix times a number as a matrix, and anything else as it is."""
+    return A.eval() if isinstance(A, Scaled) else A
 
 
 def aslinearoperator(A, batch_offsets=None, max_batch_length=None) -> LinearOperator:
     """A matrix as an operator.
 
     Args:
-        A: a sparse matrix; an array of two dimensions, dense; one of one dimension, the diagonal;
-            or an operator, which is returned as it is.
+        A: a sparse matrix, or one times a number as it is now; an array of two dimensions, dense;
+            one of one dimension, the diagonal; or an operator, which is returned as it is.
         batch_offsets, max_batch_length: see `LinearOperator`.
 
     Raises:
@@ -191,6 +207,7 @@ def aslinearoperator(A, batch_offsets=None, max_batch_length=None) -> LinearOper
     """
     if A is None or isinstance(A, LinearOperator):
         return A
+    A = evaluated(A)
     if isinstance(A, BsrMatrix):
         shape, matvec = A.shape, sparse_matvec(A)
     elif is_array(A) and A.ndim == 2:

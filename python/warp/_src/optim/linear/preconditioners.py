@@ -5,7 +5,12 @@ import functools
 import warp as wp
 from warp._src.arrays.observers import Observing
 from warp._src.optim.linear.fsai import FSAI
-from warp._src.optim.linear.operators import LinearOperator, diagonal_matvec, numbers
+from warp._src.optim.linear.operators import (
+    LinearOperator,
+    diagonal_matvec,
+    evaluated,
+    numbers,
+)
 from warp._src.sparse.diagonal import bsr_get_diag
 from warp._src.sparse.matrix import BsrMatrix, as_blocks
 from warp._src.types.dtypes import is_array, type_repr
@@ -234,6 +239,7 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
         return None
     # Solutions do not depend on the preconditioner.
     with Observing(tape=None):
+        A = evaluated(A)
         if ptype in ("diag", "diag_abs"):
             return _jacobi(A, ptype == "diag_abs")
         if ptype in ("block_jacobi_direct", "block_jacobi_sequential", "block_jacobi_tile"):

@@ -6,6 +6,7 @@ iterations carry along has converged, it is computed anew from its definition; i
 the solver starts again from where it is, as long as that makes a difference.
 """
 
+import functools
 import math
 
 import warp as wp
@@ -13,7 +14,9 @@ from warp._src.arrays.observers import Observers, Observing
 from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.loops import Loops
-from warp._src.optim.linear.operators import aslinearoperator, numbers
+from warp._src.optim.linear.operators import aslinearoperator, numbers, trusted
+from warp._src.sparse.checks import check_contents, check_storage
+from warp._src.sparse.matrix import BsrMatrix
 from warp._src.types.dtypes import type_repr, type_scalar_type, types_equal
 
 _EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
@@ -68,6 +71,27 @@ def _set_condition(
     state[1] = going
 
 
+@functools.cache
+def _finite_kernel(scalar):
+    @wp.kernel(name=f"linear_finite_{scalar.__name__}", module=__name__, enable_backward=False)
+    def note_not_finite(
+        x: wp.array(dtype=scalar),
+        batch_of: wp.array(dtype=int),
+        progress: wp.array(dtype=int),
+        residuals: wp.array(dtype=wp.float64),
+        broken: wp.array(dtype=int),
+    ):
+        """The residual of a vector that is not finite is no number, whatever the matrix has."""
+        i = wp.tid()
+        batch = batch_of[i]
+        if batch >= 0 and not wp.isfinite(x[i]):
+            residuals[batch] = wp.float64(wp.NAN)
+            if broken[batch] < 0:
+                broken[batch] = progress[0]
+
+    return note_not_finite
+
+
 class LinearSolverState(Loops):
     """A solver with all the memory that it needs, to be called again and again.
 
@@ -114,7 +138,7 @@ class LinearSolverState(Loops):
             raise NotImplementedError("use CG, CR, BiCGSTAB or GMRES")
         self.options = (tol, atol, callback, check_every, use_cuda_graph)
         self._source, self._source_M = A, M
-        self.A, self.M = aslinearoperator(A), aslinearoperator(M)
+        self.A, self.M = trusted(aslinearoperator(A)), aslinearoperator(M)
         self.b, self.x = b, x
         self._check(b, x)
         self.maxiter = int(maxiter) or self.A.shape[0]
@@ -188,11 +212,18 @@ class LinearSolverState(Loops):
         wp.launch(kernel, dim, list(inputs), device=self.device)
 
     def residual(self, target, norm=True) -> None:
-        """`target = b - A x`, and the squares of its norms."""
+        """`target = b - A x`, and the squares of its norms, NaN where `x` is not finite."""
         self.A.matvec(self.x, self.b, target, -1.0, 1.0)
         if norm:
             self.dots.compute(numbers(target), numbers(target))
             wp.copy(self.r_norm_sq, self.dots.row())
+            self.look_at_solution()
+
+    def look_at_solution(self) -> None:
+        """Notes systems whose solution is not finite as broken down, without a residual."""
+        state = (self.progress, self.r_norm_sq, self.broken)
+        kernel = _finite_kernel(self.scalar)
+        self.launch(kernel, self.count, numbers(self.x), self.batch_of, *state)
 
     def precondition(self, source, target):
         """The vector that `M` makes of `source`: `target`, or `source` itself without `M`."""
@@ -200,6 +231,9 @@ class LinearSolverState(Loops):
             return source
         self.M.matvec(source, target, target, 1.0, 0.0)
         return target
+
+    def prepare(self) -> None:
+        """Forgets what the method knows of the last system."""
 
     def start(self) -> None:
         """Computes the residual `r` and its norm, and what else the first cycle needs.
@@ -248,7 +282,7 @@ class LinearSolverState(Loops):
                     "For batched systems, A.max_batch_length must match the value used at "
                     "construction"
                 )
-            self.A = own
+            self.A = trusted(own)
         if M is not None:
             own = aslinearoperator(M)
             if own.shape != self.A.shape:
@@ -269,6 +303,9 @@ class LinearSolverState(Loops):
             setattr(self, name, vector)
 
     def _solve(self):
+        if isinstance(self.A.matrix, BsrMatrix):
+            check_storage(self.A.matrix)
+            check_contents(self.A.matrix)
         tol, atol, callback, check_every, use_graph = self.options
         epsilon = _EPSILON.get(self.scalar, 1e-8)
         tol, atol = tolerances(epsilon, tol, atol)
@@ -280,6 +317,7 @@ class LinearSolverState(Loops):
         self.dots.compute(numbers(self.b), numbers(self.b))
         self.launch(_set_tolerance, self.batches, self.dots.row(), *limits)
         self.progress.zero_()
+        self.prepare()
         self.start()
         if check_every > 0:
             return self._loop_on_host(callback, check_every, use_graph and self.device.is_cuda)
