@@ -5,6 +5,7 @@ import functools
 import warp as wp
 from warp._src.sparse import sums
 from warp._src.sparse.assignment import bsr_copy
+from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
@@ -88,6 +89,7 @@ def bsr_axpy(
         y, beta = new_matrix(x.nrow, x.ncol, x.dtype, x.device), 0.0
         y.values.requires_grad = x.requires_grad
     check_operands(x, y)
+    check_storage(y)
     if x.block_shape != y.block_shape:
         raise ValueError(
             f"Matrices must have the same block shape, got {x.block_shape} and {y.block_shape}"

@@ -2,6 +2,7 @@
 
 import warp as wp
 from warp._src.sparse import sums
+from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import (
     check_topology,
     collect,
@@ -74,6 +75,7 @@ def bsr_assign(
     if dest.device != src.device:
         raise ValueError("Source and destination matrices must reside on the same device")
     topology = check_topology(dest, topology)
+    check_storage(dest)
     down = _pieces(src.block_shape[0], dest.block_shape[0])
     across = _pieces(src.block_shape[1], dest.block_shape[1])
     _fit_shape(dest, src, topology)
@@ -220,6 +222,7 @@ def bsr_compress(
         raise ValueError("bsr_compress() requires a concrete BsrMatrix")
     topology = "compact" if topology is None else topology
     check_topology(src, topology, ("compact", "padded"))
+    check_storage(src)
     rows = src.uncompress_rows()
     columns = wp.clone(src.columns[: src.nnz])
     blocks, values = src.scalar_values, src.values

@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 from warp._src.sparse import sums
+from warp._src.sparse.checks import check_contents
 from warp._src.sparse.entries import make_compact
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.lookup import bsr_block_index
@@ -50,6 +51,7 @@ def bsr_get_diag(A, out=None):
         ValueError: `out` does not fit.
     """
     matrix, factor = matrix_and_factor(A)
+    check_contents(matrix, columns=False)
     count = min(matrix.nrow, matrix.ncol)
     if out is None:
         out = wp.empty(

@@ -2,13 +2,34 @@
 
 from __future__ import annotations
 
+import numbers
+
+from warp._src.sparse.checks import check_storage
 from warp._src.types.dtypes import is_array
+from warp._src.types.scalars import scalar_base
 
 
 class Operations:
     """What operators do, which is made of matrices: put here by `sparse.operations`."""
 
-    axpy = copy = product = vector_product = transposed = None
+    axpy = copy = product = scale = vector_product = transposed = None
+
+
+def _factor(value):
+    """A number that a matrix is multiplied by; None if it is none.
+
+    Raises:
+        TypeError: it is a complex number.
+    """
+    if isinstance(value, scalar_base):
+        value = value.value
+    if isinstance(value, numbers.Real):
+        return value
+    if isinstance(value, numbers.Complex):
+        raise TypeError(f"expects a real number as factor of a matrix, but got {value!r}")
+    # Arrays of NumPy with one number and no dimension.
+    is_single = getattr(value, "shape", None) == () and hasattr(value, "item")
+    return _factor(value.item()) if is_single else None
 
 
 class Operators:
@@ -33,6 +54,9 @@ class Operators:
         return Operations.axpy(self, Operations.copy(x), alpha=-1.0)
 
     def __mul__(self, y):
+        y = _factor(y)
+        if y is None:
+            return NotImplemented
         matrix, factor = self.scaled
         return Scaled(matrix, factor * y)
 
@@ -40,7 +64,8 @@ class Operators:
         return self.__mul__(x)
 
     def __truediv__(self, y):
-        return self.__mul__(1.0 / y)
+        y = _factor(y)
+        return NotImplemented if y is None else self.__mul__(1.0 / y)
 
     def __neg__(self):
         return self.__mul__(-1.0)
@@ -65,6 +90,31 @@ class Operators:
         return Operations.transposed(self)
 
 
+class InPlaceOperators:
+    """`+=`, `-=`, `*=`, `/=` and `@=` change the matrix itself, under all its names.
+
+    The result keeps the type, block shape and size of the matrix; what does not fit is an error
+    and leaves it as it was. Differentiable, as the functions are.
+    """
+
+    def __iadd__(self, y):
+        return Operations.axpy(y, self)
+
+    def __isub__(self, y):
+        return Operations.axpy(y, self, alpha=-1.0)
+
+    def __imul__(self, y):
+        y = _factor(y)
+        return NotImplemented if y is None else Operations.scale(self, y)
+
+    def __itruediv__(self, y):
+        y = _factor(y)
+        return NotImplemented if y is None else Operations.scale(self, 1.0 / y)
+
+    def __imatmul__(self, y):
+        return Operations.product(self, y, self)
+
+
 class Scaled(Operators):
     """A matrix times a number, and otherwise like the matrix."""
 
@@ -81,11 +131,18 @@ class Scaled(Operators):
 
 
 def matrix_and_factor(x):
-    """The matrix and the factor of an operand.
+    """The matrix and the factor of an operand, whose arrays are as long as they have to be.
 
     Raises:
-        ValueError: it is neither a matrix nor a matrix times a number.
+        ValueError: it is neither a matrix nor a matrix times a number, or too short.
     """
+    matrix, factor = unchecked(x)
+    check_storage(matrix)
+    return matrix, factor
+
+
+def unchecked(x):
+    """The same, for those that look at the arrays themselves."""
     if isinstance(x, Operators):
         return x.scaled
     raise ValueError(f"Argument cannot be interpreted as a BsrMatrix, got '{type(x).__name__}'")

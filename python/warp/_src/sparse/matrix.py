@@ -7,7 +7,8 @@ import functools
 import warp as wp
 from warp import _native
 from warp._src.devices.devices import get_device
-from warp._src.sparse.expressions import Operators
+from warp._src.sparse.checks import ATTRIBUTES
+from warp._src.sparse.expressions import InPlaceOperators, Operators
 from warp._src.sparse.lookup import _write_row_ends, _write_rows
 from warp._src.types.dtypes import (
     SCALAR_TYPES,
@@ -34,7 +35,7 @@ def as_blocks(values):
     return values.view(scalar).reshape((values.size, 1, 1))
 
 
-class BsrMatrix(Operators):
+class BsrMatrix(InPlaceOperators, Operators):
     """A matrix of blocks of one shape, most of which are zero; made by `bsr_zeros` and others.
 
     Row r has the blocks `offsets[r]` to `offsets[r + 1]`, in ascending order of their columns. Of
@@ -47,17 +48,22 @@ class BsrMatrix(Operators):
         row_counts: int32, `nrow` numbers, or None.
         columns: int32, the column of each block.
         values: the blocks.
+
+    The attributes can be set. One of the wrong type is an error then; arrays that are too short or
+    on another device, and on the CPU contents that lead out of them, are where the matrix is used.
     """
 
     def __init__(self, dtype, nrow, ncol, device):
-        self.nrow, self.ncol, self.nnz = int(nrow), int(ncol), 0
-        if self.nrow < 0 or self.ncol < 0:
-            raise ValueError(f"expects numbers of rows and columns >= 0, got {nrow} and {ncol}")
+        self.nrow, self.ncol, self.nnz = nrow, ncol, 0
         self.offsets = wp.zeros(self.nrow + 1, dtype=int, device=device)
         self.columns = wp.empty(0, dtype=int, device=device)
         self.values = wp.empty(0, dtype=dtype, device=device)
         self.row_counts = None
-        self._status = None
+        self._status = self._outside = None
+
+    def __setattr__(self, name, value):
+        check = ATTRIBUTES.get(name)
+        super().__setattr__(name, value if check is None else check(self, name, value))
 
     @property
     def scaled(self):

@@ -9,6 +9,8 @@ import functools
 import warp as wp
 from warp import _native
 from warp._src.arrays.observers import Observers
+from warp._src.sparse import checked_products
+from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.types.dtypes import SCALAR_TYPES
 from warp._src.utils.observed import writing
 
@@ -63,16 +65,26 @@ def fits(A, x, y) -> bool:
         and y.device == values.device
         and x.ptr != y.ptr
         and A.nrow > 0
+        and A.offsets.size > A.nrow
     )
 
 
-def multiply(A, x, y, alpha, beta) -> None:
+def multiply(A, x, y, alpha, beta, trusted) -> None:
     """Sets `y` to `alpha * A x + beta * y`, for what fits.
 
-    The blocks of a GPU share long rows, unless a tape records or forward mode runs.
+    The blocks of a GPU share long rows, unless a tape records or forward mode runs. `trusted`:
+    somebody has looked at the contents of `A`.
     """
     values = A.values
     dtype, device = values.dtype, values.device
+    inputs = [alpha, A.offsets, A.columns, values, x, beta, y]
+    if not trusted:
+        if checked_products.watches(A):
+            kernel = checked_products.number_kernel(dtype)
+            checked_products.launch(kernel, A.nrow, inputs, A)
+            return
+        check_storage(A)
+        check_contents(A)
     if (
         device.is_cuda
         and A.columns.size >= _SHARED_FROM * A.nrow
@@ -85,5 +97,4 @@ def multiply(A, x, y, alpha, beta) -> None:
             dtype.__name__, A.offsets, A.columns, values, x, y, float(alpha), float(beta)
         )
         return
-    inputs = [alpha, A.offsets, A.columns, values, x, beta, y]
     wp.launch(_row_kernel(dtype), A.nrow, inputs, device=device)

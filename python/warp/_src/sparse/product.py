@@ -10,6 +10,7 @@ import warp as wp
 from warp import _native
 from warp._src.sparse import sums
 from warp._src.sparse.addition import _places, check_operands, joined
+from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.lookup import bsr_block_index
@@ -172,6 +173,9 @@ def bsr_mm(
             raise ValueError("Left-hand-side 'z' matrix must be provided for this topology policy")
         z, beta = _result(x, y), 0.0
     _check_shapes(x, y, z)
+    check_storage(z)
+    for matrix in (x, y):
+        check_contents(matrix)
     if topology == "masked":
         return _multiply_masked(x, y, z, alpha, beta)
     plan = work_arrays.plan if work_arrays is not None and reuse_topology else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warp as wp
 from warp._src.sparse import sums
+from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
@@ -23,6 +24,7 @@ def bsr_set_transpose(dest: BsrMatrix, src, topology: str | None = None) -> None
     """
     src, factor = matrix_and_factor(src)
     topology = check_topology(dest, topology)
+    check_storage(dest)
     if dest.device != src.device:
         raise ValueError(
             f"All arguments must reside on the same device, got {dest.device} and {src.device}"

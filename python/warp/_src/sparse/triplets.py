@@ -5,6 +5,7 @@ import functools
 import warp as wp
 from warp._src import errors
 from warp._src.sparse import sums
+from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.matrix import BsrMatrix, as_blocks, new_matrix
 from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
@@ -226,6 +227,7 @@ def bsr_set_from_triplets(
             matrix; names the first such triplet. Captures are not checked.
     """
     topology = check_topology(dest, topology)
+    check_storage(dest)
     _check_places(dest, rows, columns, count)
     if wp.config.mode == "debug" and not dest.device.is_capturing:
         _check_range(dest, rows, columns, count)
@@ -288,6 +290,7 @@ def bsr_set_from_mapped_values(
     if not isinstance(mapping, BsrTripletMap):
         raise TypeError("Mapping must be a BsrTripletMap")
     mapping.validate(dest)
+    check_storage(dest)
     if values.device != dest.device or mapping.device != dest.device:
         raise ValueError(
             "Values, map and matrix must reside on the same device, got "

@@ -4,8 +4,9 @@ import functools
 
 import warp as wp
 from warp._src.arrays.observers import Observers
-from warp._src.sparse import number_product, sums
-from warp._src.sparse.expressions import matrix_and_factor
+from warp._src.sparse import checked_products, number_product, sums
+from warp._src.sparse.checks import check_contents, check_storage
+from warp._src.sparse.expressions import unchecked
 from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
 
 
@@ -143,11 +144,17 @@ def _shared_row_kernel(scalar, rows, cols, sharers):
     return multiply
 
 
-def _launch_rows(A, inputs) -> None:
+def _launch_rows(A, inputs, trusted) -> None:
     """A thread per row, or on GPUs several for long ones, unless a tape wants the adjoint."""
     rows, cols = A.block_shape
     count = A.nrow * rows
     mean = A.columns.size // A.nrow
+    if not trusted:
+        if checked_products.watches(A):
+            kernel = checked_products.row_kernel(A.scalar_type, rows, cols, _put(A.scalar_type))
+            checked_products.launch(kernel, count, inputs, A)
+            return
+        check_contents(A)
     if A.device.is_cpu or mean < _LONG or Observers.tape is not None:
         wp.launch(_row_kernel(A.scalar_type, rows, cols), count, inputs, device=A.device)
         return
@@ -245,7 +252,12 @@ def bsr_mv(
     Raises:
         ValueError: shapes, types or devices do not fit.
     """
-    A, factor = matrix_and_factor(A)
+    return multiply(A, x, y, alpha, beta, transpose, work_buffer)
+
+
+def multiply(A, x, y, alpha, beta, transpose=False, work_buffer=None, trusted=False):
+    """What `bsr_mv` does; `trusted`: somebody has looked at the contents of `A`."""
+    A, factor = unchecked(A)
     alpha = alpha * factor
     rows, cols = A.block_shape
     from_count, to_count = (A.nrow, A.ncol) if transpose else (A.ncol, A.nrow)
@@ -257,8 +269,9 @@ def bsr_mv(
         y = wp.empty(to_count, dtype=dtype, device=A.device, requires_grad=wanted)
         beta = 0.0
     if not transpose and number_product.fits(A, x, y):
-        number_product.multiply(A, x, y, alpha, beta)
+        number_product.multiply(A, x, y, alpha, beta, trusted)
         return y
+    check_storage(A)
     for name, array in (("x", x), ("y", y)):
         if array.device != A.device:
             raise ValueError(
@@ -273,7 +286,7 @@ def bsr_mv(
         _multiply_transposed(A, alpha, source, beta, target)
     elif to_count:
         matrix = (A.offsets, A._row_ends(), A.columns, A.scalar_values)
-        _launch_rows(A, [alpha, *matrix, source, beta, target])
+        _launch_rows(A, [alpha, *matrix, source, beta, target], trusted)
     return y
 
 
@@ -308,6 +321,11 @@ def _multiply_transposed(A, alpha, source, beta, target) -> None:
         kernel = _scale_vector_kernel(A.scalar_type)
         wp.launch(kernel, target.shape, [beta, target], device=A.device)
     if A.nrow:
-        kernel = _column_kernel(A.scalar_type, rows, cols)
         inputs = [alpha, A.offsets, A._row_ends(), A.columns, A.scalar_values, source, target]
+        if checked_products.watches(A):
+            kernel = checked_products.column_kernel(A.scalar_type, rows, cols)
+            checked_products.launch(kernel, (A.nrow, cols), inputs, A)
+            return
+        check_contents(A)
+        kernel = _column_kernel(A.scalar_type, rows, cols)
         wp.launch(kernel, (A.nrow, cols), inputs, device=A.device)
