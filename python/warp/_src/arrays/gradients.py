@@ -42,6 +42,11 @@ class ArrayGradients:
     _wide_grad = False
     _requires_grad = False
     _retain_grad = False
+    # What takes the gradient away at the end of another library's backward pass, if anything.
+    passing = None
+    # Whether the memory is another library's to keep: derivatives use up gradients, and so it is
+    # copied once the array becomes one.
+    lent = False
 
     @property
     def requires_grad(self) -> bool:
@@ -85,6 +90,8 @@ class ArrayGradients:
     @grad.setter
     def grad(self, value):
         if value is not None:
+            if getattr(value, "lent", False):
+                take_memory(value, self)
             value = fitting_gradient(self, value)
         self._grad, self._grad_source = value, None
         self._requires_grad = value is not None
@@ -108,11 +115,14 @@ class ArrayGradients:
         base, derive = self._grad_source or (None, None)
         if base is None or base.grad is None:
             return make_gradient(self)
-        return derive(base.grad)
+        made = derive(base.grad)
+        if base.passing is not None:
+            base.passing.follow(self, made)
+        return made
 
     def _with_grad(self, view, derive):
         """Gives a view the same view of the gradient."""
-        if self._grad is not None:
+        if self._grad is not None and self.passing is None:
             view.grad = derive(self._grad)
         elif self._requires_grad:
             view._requires_grad, view._grad_source = True, (self, derive)
@@ -191,6 +201,29 @@ def make_gradient(source):
         source.pinned,
     )
     return made
+
+
+def take_memory(gradient, source) -> None:
+    """Moves an array that is `lent` to a copy, laid out as the gradient of another array."""
+    from warp._src.arrays.copies import clone, copy
+
+    if gradient.shape == source.shape and gradient.dtype is source.dtype and not source._wide_grad:
+        own = make_gradient(source)
+        copy(own, gradient)
+    else:
+        own = clone(gradient, requires_grad=False)
+    gradient._setup(
+        own.ptr,
+        own.shape,
+        own.strides,
+        own.dtype,
+        type_id(own.dtype),
+        own.item_size,
+        own.device_index,
+        own,
+        own.pinned,
+    )
+    gradient.lent = False
 
 
 def _zeros(neighbour, shape, dtype):

@@ -40,6 +40,8 @@ class ArrayViews:
         )
         if self.read_only:
             result.read_only = True
+        if self.lent:
+            result.lent = True
         return result
 
     def __getitem__(self, key):

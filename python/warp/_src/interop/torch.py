@@ -7,7 +7,7 @@ import functools
 from warp import _native
 from warp._src.arrays.array import array
 from warp._src.devices import devices
-from warp._src.interop import exchange
+from warp._src.interop import exchange, torch_functions
 from warp._src.interop.shared_gradients import share_gradient
 from warp._src.types import dtypes, scalars
 
@@ -96,7 +96,12 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
             "expects a strided tensor in memory, use `to_dense` or `resolve_neg` before"
         )
     result = _alias(t, dtype)
+    if torch_functions.is_lent(torch, t):
+        result.lent = True
     wanted = t.requires_grad if requires_grad is None else requires_grad
+    if wanted and grad is None and torch_functions.has_own_gradient(torch, t):
+        torch_functions.give_own_gradient(result, retain_grad)
+        return result
     share_gradient(result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t))
     if retain_grad:
         result.retain_grad = True
@@ -144,6 +149,10 @@ def to_torch(a, requires_grad=None):
         raise TypeError(f"expects an array, but got '{type(a).__name__}'")
     if dtypes.is_struct(a.dtype):
         raise TypeError(f"PyTorch has no type for elements of struct '{a.dtype.__name__}'")
+    import torch
+
+    if not a.requires_grad:
+        torch_functions.warn_of_sum(torch, a.ptr)
     t = _tensor(a)
     if a.requires_grad if requires_grad is None else requires_grad:
         t.requires_grad_()
