@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from warp._src.arrays.copies import clone
-from warp._src.interop import jax_arrays
+from warp._src.interop import jax_arrays, jax_axes
 from warp._src.kernels.launch import launch
 
 
@@ -35,12 +35,12 @@ def differentiable(owner, parameters, plan, dims, call):
 
     def backward(kept, cotangents):
         arrays, results = kept
+        given = jax_axes.vary_alike(jax, [*arrays, *results, *cotangents])
         described = [
-            jax.ShapeDtypeStruct(arrays[i].shape, arrays[i].dtype, **_vma(jax, arrays[i]))
-            for i in active
+            jax_axes.describe(jax, arrays[i].shape, arrays[i].dtype, given) for i in active
         ]
         gradients = jax.ffi.ffi_call(jax_arrays.TARGET, described, vmap_method=owner.vmap_method)(
-            *arrays, *results, *cotangents, call=numpy.int64(number)
+            *given, call=numpy.int64(number)
         )
         found: list = [numpy.zeros(one.shape, jax.dtypes.float0) for one in arrays]
         for i, gradient in zip(active, gradients, strict=True):
@@ -49,11 +49,6 @@ def differentiable(owner, parameters, plan, dims, call):
 
     function.defvjp(forward, backward)
     return function(*plan.buffers)
-
-
-def _vma(jax, value) -> dict:
-    vma = getattr(jax.typeof(value), "vma", frozenset())
-    return {"vma": vma} if vma else {}
 
 
 class _Adjoint:

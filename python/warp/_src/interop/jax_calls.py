@@ -7,6 +7,7 @@ both; a `Plan` is one traced call: its buffers, results, and which of them each 
 from __future__ import annotations
 
 from warp._src import errors
+from warp._src.interop import jax_axes
 from warp._src.interop.jax import dtype_from_jax, dtype_to_jax
 from warp._src.types import dtypes
 
@@ -35,8 +36,8 @@ class Parameter:
         """Whether it is an array of floats."""
         return self.is_array and self.scalar in dtypes.FLOAT_TYPES
 
-    def result(self, jax, shape, message, vma=None):
-        """What JAX is told of an array."""
+    def result(self, jax, shape, message, buffers):
+        """What JAX is told of an array that a call gives for some buffers."""
         dtype = jax.numpy.dtype(dtype_to_jax(self.scalar))
         if jax.dtypes.canonicalize_dtype(dtype) != dtype:
             raise TypeError(
@@ -45,7 +46,7 @@ class Parameter:
                     f"`jax.config.update('jax_enable_x64', True)`"
                 )
             )
-        return jax.ShapeDtypeStruct(shape + self.inner, dtype, **({"vma": vma} if vma else {}))
+        return jax_axes.describe(jax, shape + self.inner, dtype, buffers)
 
     def checked(self, jax, value, message):
         """A JAX array that fits the parameter."""
@@ -226,14 +227,8 @@ class Plan:
                 self.buffers.append(values[position])
             if written:
                 self.results.append(parameter)
+        self.buffers = jax_axes.vary_alike(jax, self.buffers)
 
     def results_for(self, jax, shapes, message) -> list:
         """What JAX is told of the results; they vary over the axes of meshes as the inputs do."""
-        vma = varying(jax, self.buffers)
-        return [one.result(jax, shapes[one.name], message, vma) for one in self.results]
-
-
-def varying(jax, buffers) -> frozenset:
-    """The axes of meshes that any of the arrays varies over."""
-    found = [getattr(jax.typeof(one), "vma", frozenset()) for one in buffers]
-    return frozenset().union(*found)
+        return [one.result(jax, shapes[one.name], message, self.buffers) for one in self.results]
