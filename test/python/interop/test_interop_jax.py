@@ -70,8 +70,9 @@ def test_arrays_share_memory(device, place, scalar):
     a = wp.from_jax(x)
     assert (a.shape, a.dtype, str(a.device)) == ((4, 3), scalar, device)
     assert a.ptr == x.unsafe_buffer_pointer()
-    back = wp.to_jax(a if not a.read_only else wp.clone(a))
+    back = wp.to_jax(a)
     assert back.dtype == x.dtype and (back == x).all()
+    assert back.unsafe_buffer_pointer() == a.ptr
     fresh = wp.ones(64, dtype=scalar, device=device)
     assert wp.to_jax(fresh).unsafe_buffer_pointer() == fresh.ptr
 
@@ -82,7 +83,43 @@ def test_composites_and_immutability(device, place):
     assert (a.shape, a.dtype) == ((4,), wp.vec3)
     with pytest.raises(ValueError, match="read-only"):
         a.zero_()
+    assert np.array_equal(wp.to_jax(a), x)
     assert np.array_equal(wp.to_jax(wp.clone(a)), x)
+
+
+@pytest.mark.parametrize("export", [wp.to_jax, jax.dlpack.from_dlpack], ids=["to_jax", "dlpack"])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.bfloat16, jnp.int64, jnp.bool_])
+def test_round_trip_of_parts(device, place, export, dtype):
+    """What came from JAX goes back to it, read-only or not, whole or in part."""
+    x = jnp.arange(24).reshape(4, 6).astype(dtype)
+    for array in (wp.from_jax(x), wp.clone(wp.from_jax(x))):
+        for part, expected in (
+            (array[1:3], x[1:3]),
+            (array[2], x[2]),
+            (array.transpose(), x.T),
+            (array.reshape((2, 12)), x.reshape(2, 12)),
+            (array[2:2], x[2:2]),
+        ):
+            back = export(part)
+            assert back.dtype == x.dtype and np.array_equal(back, expected)
+
+
+def test_parts_with_gaps_are_copied(device, place):
+    x = jnp.arange(24.0, dtype=jnp.float32).reshape(4, 6)
+    for array in (wp.from_jax(x), wp.clone(wp.from_jax(x))):
+        assert np.array_equal(wp.to_jax(array[:, 2]), x[:, 2])
+        assert np.array_equal(wp.to_jax(array[::2, 1::3]), x[::2, 1::3])
+    mats = wp.from_jax(x.reshape(6, 2, 2), dtype=wp.mat22)
+    assert np.array_equal(wp.to_jax(mats[::2]), x.reshape(6, 2, 2)[::2])
+
+
+def test_only_jax_gets_read_only_memory_without_being_told(device, place):
+    """Consumers of before DLPack 1.0 would write to what they cannot know to be read-only."""
+    a = wp.from_jax(jnp.ones(4, jnp.float32))
+    for export in (lambda: a.__dlpack__(), lambda: wp.to_dlpack(a)):
+        with pytest.raises(BufferError, match=r"read-only.*`wp\.clone"):
+            export()
+    assert wp.from_dlpack(a).read_only
 
 
 # Eager, compiled, and in the middle of other operations.

@@ -268,6 +268,15 @@ def test_arguments_of_launches(device):
     assert t.sum() == 20.0
 
 
+def test_read_only_arrays_are_told_of(device):
+    """PyTorch cannot be kept from writing to memory that another library calls read-only."""
+    x = np.arange(3.0)
+    x.flags.writeable = False
+    with pytest.warns(UserWarning, match=r"read-only.*wp\.clone"):
+        t = wp.to_torch(wp.from_dlpack(x))
+    assert t.tolist() == [0.0, 1.0, 2.0]
+
+
 def test_pinned():
     if not torch.cuda.is_available():
         pytest.skip("PyTorch without CUDA")

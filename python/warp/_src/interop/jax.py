@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 
+from warp._src.arrays.array import array
+from warp._src.arrays.copies import clone
 from warp._src.devices import devices
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.types import scalars
@@ -89,13 +91,36 @@ def device_from_jax(jax_device):
 
 
 def to_jax(warp_array):
-    """A JAX array over the memory of an array; nothing is copied.
+    """A JAX array over the memory of an array.
+
+    Nothing is copied unless JAX cannot use the memory, because there are gaps between elements as
+    in `a[:, 0]`, or the address is aligned to less than JAX wants.
 
     JAX takes its arrays for immutable: do not write to `warp_array` while the JAX array is in use.
+
+    Raises:
+        TypeError: `warp_array` is no array.
+        BufferError: it is one of structs.
     """
     import jax.dlpack
 
+    if not isinstance(warp_array, array):
+        raise TypeError(f"expects an array, but got '{type(warp_array).__name__}'")
+    if not _is_compact(warp_array):
+        warp_array = clone(warp_array, requires_grad=False)
     return jax.dlpack.from_dlpack(warp_array)
+
+
+def _is_compact(a) -> bool:
+    """Whether elements lie side by side, the dimensions in any order."""
+    if a.is_contiguous or not a.size:
+        return True
+    step = a.item_size
+    for stride, extent in sorted(zip(a.strides, a.shape, strict=True)):
+        if extent > 1 and stride != step:
+            return False
+        step *= extent
+    return True
 
 
 def from_jax(jax_array, dtype=None):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import warnings
 
 from warp import _native
 from warp._src.arrays.array import array
@@ -164,6 +165,12 @@ def to_torch(a, requires_grad=None):
 def _tensor(a):
     import torch
 
+    if a.read_only:
+        warnings.warn(
+            "the array is read-only, and PyTorch has no such tensors: do not write to this one, "
+            "or call `to_torch` with `wp.clone(a)`",
+            stacklevel=3,
+        )
     # A capsule is faster than the protocol, which PyTorch needs for streams and read-only memory.
     plain = a.device_index == devices.CPU and not a.read_only
     return torch.from_dlpack(a.__dlpack__() if plain else a)
