@@ -48,6 +48,9 @@ struct AutodiffOptions {
   /// The same: no element of it is both read and written by a launch. Empty:
   /// that is not known of any.
   std::vector<bool> apart;
+  /// For each of them the number of the one to use in its place: a launch may
+  /// get one array as several arguments. Empty: all differ.
+  std::vector<int> same;
   /// What a derivative is where a function has none: "pinned", "strict" or
   /// "report". "repeated" is "pinned", and in forward mode threads are counted
   /// that meet repeated singular values or eigenvalues.

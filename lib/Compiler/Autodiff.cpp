@@ -20,6 +20,7 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "SameArrays.h"
 #include "Transforms/Autodiff/ApartArrays.h"
 #include "Transforms/Autodiff/Derivation.h"
 #include "Transforms/Autodiff/Recording.h"
@@ -223,6 +224,17 @@ static AutodiffOptions complete(const warp::Module &module,
                     " flags of arrays read and written in different places, "
                     "but got " +
                     std::to_string(options.apart.size()));
+  if (!options.same.empty() && options.same.size() != count)
+    throw Error(Error::Kind::Value,
+                "expects " + std::to_string(count) +
+                    " numbers of arrays to use, but got " +
+                    std::to_string(options.same.size()));
+  for (int one : options.same)
+    if (one < 0 || size_t(one) >= count || options.same[size_t(one)] != one)
+      throw Error(Error::Kind::Value,
+                  "expects numbers of arrays that are used for themselves, but "
+                  "got " +
+                      std::to_string(one));
   if (options.width < 1)
     throw Error(Error::Kind::Value,
                 "expects tangents along at least one direction, but got " +
@@ -253,6 +265,10 @@ Derivative warp::differentiate(const Module &module,
   auto copy = std::make_shared<Module::Impl>();
   copy->op = module.getImpl()->op->clone();
   nameAfterItself(findMarked(*copy->op, kernelAttrName));
+  if (!options.same.empty())
+    check(*copy->op, [&](ModuleOp module) {
+      return joinSameArrays(findMarked(module, kernelAttrName), options.same);
+    });
   check(*copy->op, [&](ModuleOp module) {
     PassManager resolve(module.getContext());
     resolve.enableVerifier(false);

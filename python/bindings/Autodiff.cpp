@@ -124,7 +124,8 @@ void python::bindAutodiff(py::module_ &m) {
       "differentiate",
       [](const Module &module, bool forward, int width, bool winners,
          std::vector<bool> active, const std::string &singular, bool unique,
-         const std::string &tape, std::vector<bool> apart) {
+         const std::string &tape, std::vector<bool> apart,
+         std::vector<int> same) {
         AutodiffOptions options;
         options.forward = forward;
         options.width = width;
@@ -134,6 +135,7 @@ void python::bindAutodiff(py::module_ &m) {
         options.unique = unique;
         options.tape = tape;
         options.apart = std::move(apart);
+        options.same = std::move(same);
         warp::python::Unlocked unlocked;
         return differentiate(module, options);
       },
@@ -142,6 +144,7 @@ void python::bindAutodiff(py::module_ &m) {
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
       py::arg("unique") = true, py::arg("tape") = "checkpoints",
       py::arg("apart") = std::vector<bool>(),
+      py::arg("same") = std::vector<int>(),
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
         "Whether an address may belong to two elements of the arrays.");

@@ -23,11 +23,8 @@ from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
 from warp._src.derivatives import handles
-from warp._src.derivatives.kernel_derivatives import (
-    check_overlap,
-    gradients_of,
-    thread_count,
-)
+from warp._src.derivatives.kernel_derivatives import gradients_of, thread_count
+from warp._src.derivatives.same_arrays import check_overlap, same_arrays
 from warp._src.derivatives.singular import REPEATED, count_singular
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes, scalars
@@ -163,11 +160,16 @@ class Tangents:
 
     def _launch(self, call, active) -> None:
         derivatives = call.kernel.derivatives
-        made = [derivatives.tangent(call.native, active, width=self.width)]
+        same = _same(call)
+        if same:
+            written = {one for one, on in zip(same, active, strict=True) if on}
+            active = tuple([one in written for one in same])
+        options = {"width": self.width, "same": same}
+        made = [derivatives.tangent(call.native, active, **options)]
         made[0].check_rank(call)
         if made[0].one_thread and thread_count(call.dim) > 1:
             check_overlap(call, active, "")
-            made.append(derivatives.tangent(call.native, active, width=self.width, winners=True))
+            made.append(derivatives.tangent(call.native, active, winners=True, **options))
         arrays = [one for _, one in call.leaves]
         for one in made:
             self._run(call.other(one.native, (*call.values, *self._hidden(one, arrays))))
@@ -211,7 +213,7 @@ class Tangents:
                 values.append(zeros(one.shape, dtypes.dtype_of(hidden.type).dtype, one.device))
         return values
 
-    def run_adjoint(self, call: Call, values, initial, saved, apart=()) -> None:
+    def run_adjoint(self, call: Call, values, initial, saved, apart=(), same=()) -> None:
         """Runs the adjoint of a launch with tangents."""
         if any(self.has(one) for one in handles.arrays_of(call)):
             raise errors.WarpGradientError(
@@ -220,8 +222,8 @@ class Tangents:
                 hint="pass the array to the kernel, too, and compute with its elements",
             )
         behind = handles.show_gradients()
-        unique = not _native.shares_elements([*gradients_of(call, values), *behind])
-        made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart)
+        unique = not _native.shares_elements([*gradients_of(call, values, same), *behind])
+        made = call.kernel.derivatives.adjoint(call.native, call.active, apart=apart, same=same)
         if made.recording is not None:
             raise errors.WarpGradientError(
                 f"launch('{call.kernel.key}'): second derivatives through loops that read what "
@@ -230,7 +232,7 @@ class Tangents:
             )
         if not unique or made.counting is not None:
             made = call.kernel.derivatives.adjoint(
-                call.native, call.active, unique, "checkpoints", apart
+                call.native, call.active, unique, "checkpoints", apart, same
             )
         hidden = made.hidden_values(call, initial, saved)
         again = call.other(made.native, (*values, *hidden))
@@ -307,6 +309,14 @@ def _zeros(size, device) -> array:
     made = empty(max(size, 1), scalars.uint8, device)
     _native.fill_array(made, bytes(1))
     return made
+
+
+def _same(call) -> tuple[int, ...]:
+    """Which arguments of a launch are one array, as `same_arrays` says."""
+    arrays = [one for _, one in call.leaves if one is not None]
+    if not _native.shares_elements(arrays) or call.regions is None:
+        return ()
+    return same_arrays(call, call.regions.meetings())
 
 
 def _base(one: array) -> array:

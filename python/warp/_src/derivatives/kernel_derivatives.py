@@ -18,6 +18,7 @@ from warp._src.arrays.create import zeros
 from warp._src.derivatives import kept_derivatives
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.handles import show_gradients
+from warp._src.derivatives.same_arrays import check_overlap
 from warp._src.derivatives.singular import count_singular
 from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices.devices import by_index, get_stream
@@ -45,7 +46,9 @@ class KernelDerivatives:
         """Forgets all."""
         self._made.clear()
 
-    def adjoint(self, native, active, unique=True, tape=None, apart=()) -> KernelDerivative:
+    def adjoint(
+        self, native, active, unique=True, tape=None, apart=(), same=()
+    ) -> KernelDerivative:
         """The derivative of a native kernel in reverse mode.
 
         Args:
@@ -55,19 +58,29 @@ class KernelDerivatives:
             tape: in place of the option of that name.
             apart: for each array whether no element of it is both read and written; may be
                 empty.
+            same: for each array the number of the one to use in its place (`same_arrays`); may be
+                empty.
 
         Raises:
             WarpCodegenError: something active has no derivative.
         """
         tape = tape or self.kernel.option("tape")
-        return self._find(native, active, False, unique, tape=tape, apart=apart)
+        options = {"tape": tape, "apart": apart}
+        if same:
+            options["same"] = same
+        return self._find(native, active, False, unique, **options)
 
-    def tangent(self, native, active, unique=True, width=1, winners=False) -> KernelDerivative:
+    def tangent(
+        self, native, active, unique=True, width=1, winners=False, same=()
+    ) -> KernelDerivative:
         """The same in forward mode, with tangents along `width` directions.
 
         With `winners`, what is launched after it if several threads met at atomic extrema.
         """
-        return self._find(native, active, True, unique, width=width, winners=winners)
+        options = {"width": width, "winners": winners}
+        if same:
+            options["same"] = same
+        return self._find(native, active, True, unique, **options)
 
     def made(self) -> list[tuple]:
         """Native kernels of all that there are, each after `adjoint` or `tangent`."""
@@ -104,7 +117,8 @@ class KernelDerivatives:
                 kept_derivatives.keep(name, made, found)
             self._made[key] = found
             self.notice(made.notices)
-            if self.kernel.module.saved and unique and not forward and not options.get("apart"):
+            given = options.get("apart") or options.get("same")
+            if self.kernel.module.saved and unique and not forward and not given:
                 self._use_saved(found, native, active)
         return found
 
@@ -131,16 +145,16 @@ class KernelDerivatives:
                 f"`enable_backward=False`, remove that option"
             )
         active = call.active
-        check_overlap(call, active, ", adjoint=True")
+        same = check_overlap(call, active, ", adjoint=True")
         if any(active) and thread_count(call.dim):
             if call.stream is not None:
                 _make_gradients(call)
             wide = WideGradients(call)
             wide.load()
-            self.run_adjoint(call, wide.values)
+            self.run_adjoint(call, wide.values, same=same)
             wide.store()
 
-    def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=()) -> None:
+    def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=(), same=()) -> None:
         """Runs the adjoint of a launch.
 
         Args:
@@ -149,13 +163,14 @@ class KernelDerivatives:
             initial: copies of arrays as they were before the launch, by number.
             saved: what `run_augmented` of the adjoint has returned.
             apart: arrays that are read and written in different places, see `adjoint`.
+            same: arguments that are one array, see `adjoint`.
         """
-        made = self.adjoint(call.native, call.active, apart=apart)
+        made = self.adjoint(call.native, call.active, apart=apart, same=same)
         made.check_threads(call)
         # Whether threads with different indices may meet at a gradient, also by handles.
-        if _native.shares_elements([*gradients_of(call, values), *show_gradients()]):
+        if _native.shares_elements([*gradients_of(call, values, same), *show_gradients()]):
             tape = "checkpoints" if made.counting is None else "global"
-            made = self.adjoint(call.native, call.active, False, tape, apart)
+            made = self.adjoint(call.native, call.active, False, tape, apart, same)
         made.run(call, values, initial or {}, saved)
 
 
@@ -391,13 +406,17 @@ def thread_count(dim) -> int:
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)
 
 
-def gradients_of(call, values) -> list[array]:
-    """The gradients of a launch's arrays; they are there from then on, also in structs."""
+def gradients_of(call, values, same=()) -> list[array]:
+    """The gradients of a launch's arrays; they are there from then on, also in structs.
+
+    Of arguments that are one array (`same_arrays`) there is one.
+    """
     if not call.signature.flat:
         for value in values:
             if isinstance(value, StructInstance):
                 value.refresh()
-    return [leaf.grad for _, leaf in call.leaves if leaf is not None and leaf.requires_grad]
+    leaves = [(i, leaf) for i, (_, leaf) in enumerate(call.leaves) if not same or same[i] == i]
+    return [leaf.grad for _, leaf in leaves if leaf is not None and leaf.requires_grad]
 
 
 def _make_gradients(call) -> None:
@@ -408,20 +427,3 @@ def _make_gradients(call) -> None:
         gradients_of(call, call.values)
         if not _native.is_capturing(call.device):
             call.stream.wait_stream(get_stream(call.stream.device))
-
-
-def check_overlap(call: Call, active, what: str) -> None:
-    """Rejects a launch that writes elements of one array by another one, if one is active.
-
-    Raises:
-        WarpGradientError: there are such arrays.
-    """
-    if not _native.shares_elements([leaf for _, leaf in call.leaves if leaf is not None]):
-        return
-    for i, j in call.regions.meetings():
-        if active[i] or active[j]:
-            raise errors.WarpGradientError(
-                f"launch('{call.kernel.key}'{what}): arguments "
-                f"'{call.leaves[i][0]}', which is written, and '{call.leaves[j][0]}' overlap, "
-                f"give the kernel one array for both, or write to another array"
-            )

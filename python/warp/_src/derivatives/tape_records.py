@@ -22,6 +22,7 @@ from warp._src.arrays.versions import Event, event_of
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import arrays_of
 from warp._src.derivatives.kernel_derivatives import gradients_of
+from warp._src.derivatives.same_arrays import same_arrays
 from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices import devices
 from warp._src.kernels.call import Call
@@ -90,6 +91,11 @@ class LaunchRecord(_native.Record):
         return self._aliases or []
 
     @property
+    def same(self) -> tuple[int, ...]:
+        """Which arguments are one array, as `same_arrays` says."""
+        return same_arrays(self.call, self.aliases) if self.aliases else ()
+
+    @property
     def apart(self) -> tuple:
         """Which arrays are read and written in different places; empty if none is."""
         if self._apart is None:
@@ -102,7 +108,7 @@ class LaunchRecord(_native.Record):
         looks_back = call.signature.looks_back
         if call.signature.written and len(call.leaves) > 1:
             self._aliases = call.regions.meetings()
-        if looks_back:
+        if looks_back and not self.same:
             flags = tuple(call.regions.apart())
             self._apart = flags if any(flags) else ()
         if self.aliases or looks_back:
@@ -116,8 +122,6 @@ class LaunchRecord(_native.Record):
     def _prepare(self, derivative) -> None:
         """Sees to it that what the launch itself is going to overwrite is kept."""
         wanted = derivative.preserved
-        if self.aliases:
-            wanted |= {reader for _, reader in self.aliases} & set(derivative.needed)
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
             if found is not None and found.size:
@@ -140,7 +144,9 @@ class LaunchRecord(_native.Record):
             WarpCodegenError: the kernel cannot be differentiated.
         """
         call = self.call
-        return call.kernel.derivatives.adjoint(call.native, call.active, True, tape, self.apart)
+        return call.kernel.derivatives.adjoint(
+            call.native, call.active, True, tape, self.apart, self.same
+        )
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
@@ -227,8 +233,7 @@ class LaunchRecord(_native.Record):
         if not self.call.kernel.option("enable_backward"):
             raise self._error("the kernel has `enable_backward=False`", "remove that option")
         derivative = self.derivative()
-        if self.aliases:
-            self._check_aliases()
+        self._check_aliases()
         wide = self._with_wide_gradients(derivative, state.images)
         initial = self._initial(state.images)
         runner = Observers.executor or self.call.kernel.derivatives
@@ -236,7 +241,7 @@ class LaunchRecord(_native.Record):
             gradients_of(self.call, wide.values)
             self.call.stream.wait_stream(devices.get_stream(self.call.stream.device))
         wide.load()
-        runner.run_adjoint(self.call, wide.values, initial, self.saved, self.apart)
+        runner.run_adjoint(self.call, wide.values, initial, self.saved, self.apart, self.same)
         wide.store()
         self.pending = False
 
@@ -247,23 +252,18 @@ class LaunchRecord(_native.Record):
         """
         if not any(self.call.active):
             return None
+        self._check_aliases()
         derivative = self.derivative(tape="checkpoints")
         hidden = derivative.hidden_values(self.call, self._initial(state.images), self.saved)
         wide = self._with_wide_gradients(derivative, state.images)
         return (*wide.values, *hidden), wide
 
     def _check_aliases(self) -> None:
-        elementwise = self.call.kernel.module.name == "warp.map"
+        same = self.same
         for written, other in self.aliases:
-            name, first = self.call.leaves[written]
-            name_of_other, second = self.call.leaves[other]
-            same = (first.ptr, first.shape, first.strides) == (
-                second.ptr,
-                second.shape,
-                second.strides,
-            )
-            if elementwise and same:
+            if same and same[written] == same[other]:
                 continue
+            name, name_of_other = self.call.leaves[written][0], self.call.leaves[other][0]
             raise self._error(
                 f"arguments '{name}', which is written, and '{name_of_other}' overlap",
                 "give the kernel one array for both, or write to another array",
@@ -278,12 +278,9 @@ class LaunchRecord(_native.Record):
     def _with_wide_gradients(self, derivative, images) -> WideGradients:
         """The arguments as they were, with the arrays of gradients that they have."""
         replaced = {}
-        aliased = {reader for _, reader in self.aliases}
         versions = self.versions or ()
         for leaf in derivative.needed:
             version = versions[leaf] if leaf < len(versions) else None
-            if leaf in aliased and leaf in self.before:
-                version = self.before[leaf]
             if version is None:
                 continue
             found = self.call.leaves[leaf][1]
