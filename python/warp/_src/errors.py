@@ -68,6 +68,9 @@ def _rebuild(cls, message, state):
 class WarpCodegenError(WarpError):
     """A kernel or function cannot be translated."""
 
+    # Whether what was translated so far depends on how many threads a block has.
+    depends_on_threads = False
+
 
 class WarpCodegenTypeError(WarpCodegenError, TypeError):
     """Operands, arguments or annotations have the wrong type."""

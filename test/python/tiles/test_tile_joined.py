@@ -71,9 +71,7 @@ def test_products_that_threads_do_not_hold_are_not_joined():
     assert joined_blocks(doubles, 128) == "1"
 
     @wp.kernel(module="unique")
-    def scaled(
-        a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), c: wp.array2d(dtype=float)
-    ):
+    def scaled(a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), c: wp.array2d(dtype=float)):
         i, j = wp.tid()
         sums = wp.tile_zeros(shape=(n, n), dtype=float)
         for s in range(4):

@@ -106,7 +106,9 @@ def _translate(
         plan_of(source, updated_arguments(function, builder.inout_arguments))
         translator.statements.body()
     except errors.WarpError as problem:
-        raise translator.locate(problem) from problem.__cause__
+        located = translator.locate(problem)
+        located.depends_on_threads = session.depends_on_threads
+        raise located from problem.__cause__
     except RecursionError:
         raise translator.error(
             translator.node,

@@ -15,7 +15,8 @@ class Session:
     """State shared by the functions of one kernel."""
 
     __slots__ = (
-        *("active", "build", "builder", "callers", "calls", "debug", "derived", "handles"),
+        *("active", "build", "builder", "callers", "calls", "debug", "depends_on_threads"),
+        *("derived", "handles"),
         *(
             "has_breakpoints",
             "is_ragged",
@@ -52,6 +53,7 @@ class Session:
         self.sums_winding = False
         # Threads of the blocks that the kernel is for, and what builds tiles once there is one.
         self.threads = 1
+        self.depends_on_threads = False
         self.is_ragged = False
         self.tile_builder = None
         # Arrays in memory of the thread so far.
@@ -75,6 +77,7 @@ class Session:
     def block_threads(self) -> int:
         """Threads of a block; code depends on it."""
         self.tiles  # noqa: B018
+        self.depends_on_threads = True
         return self.threads
 
     def notes_of_calls(self) -> tuple:

@@ -135,8 +135,10 @@ class Kernel:
         self.signatures.clear()
         self.names.clear()
 
-    def prepare(self):
+    def prepare(self, threads=None):
         """Translates the kernel if that is due, and returns the native kernel.
+
+        threads: of the blocks of a launch, should it be impossible for blocks of one thread.
 
         Raises:
             WarpCodegenError: the function cannot be translated.
@@ -147,7 +149,7 @@ class Kernel:
             with translating:
                 self._enter(epoch)
                 if self.native is None:
-                    self.native = self._translate(None)
+                    self.native = self._translate(None, wished=threads)
                 # Launches look at this first: from now on `native` is what they need.
                 self.epoch = epoch
         return self.native
@@ -197,8 +199,10 @@ class Kernel:
         """
         return native, block_dim
 
-    def specialize(self, arguments):
+    def specialize(self, arguments, threads=None):
         """The native kernel of a generic kernel for the types of these arguments.
+
+        threads: as for `prepare`.
 
         Raises:
             WarpLaunchTypeError: there are more or fewer arguments than parameters.
@@ -210,15 +214,21 @@ class Kernel:
             )
         types = tuple(map(argument_type, arguments))
         self._enter(Epoch.current)
-        return once(self._specialized, types, lambda: self._translate(types))
+        return once(self._specialized, types, lambda: self._translate(types, wished=threads))
 
-    def _translate(self, arguments, threads=1, constants=None):
+    def _translate(self, arguments, threads=1, constants=None, wished=None):
         if self.unique_key is not None:
             unique.check(self)
         with translating:
             from warp._src.kernels.translations import native_kernel
 
-            native = native_kernel(self, arguments, threads, constants)
+            try:
+                native = native_kernel(self, arguments, threads, constants)
+            except errors.WarpCodegenError as problem:
+                if threads != 1 or constants or not problem.depends_on_threads:
+                    raise
+                tiled = importlib.import_module("warp._src.kernels.tiled")
+                return tiled.for_more_threads(self, problem, arguments, wished)
         shown.dump(self, native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)

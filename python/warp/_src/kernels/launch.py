@@ -138,7 +138,10 @@ def _launch_checked(
     is_first = kernel.epoch is not Epoch.current
     if is_first and gradients is None and not record_cmd and _is_empty(dim):
         return None
-    native = kernel.specialize((*inputs, *outputs)) if kernel.is_generic else kernel.prepare()
+    if kernel.is_generic:
+        native = kernel.specialize((*inputs, *outputs), block_dim)
+    else:
+        native = kernel.prepare(block_dim)
     if type(kernel) is not Kernel:
         kernel.check((*inputs, *outputs), index)
         native, block_dim = kernel.place(
@@ -282,10 +285,11 @@ class Launch(LaunchParameters, _native.PackedLaunch):
                 f"Launch('{kernel.key}'): the kernel has generic parameters, record it with "
                 "`wp.launch(..., record_cmd=True)`"
             )
-        native, index = kernel.prepare(), resolve_index(device)
+        native, index = kernel.prepare(block_dim), resolve_index(device)
         values = values_at_first(kernel)
         if type(kernel) is not Kernel:
-            native, block_dim = kernel.place(native, 0, index, block_dim, values, True)
+            # The extents are not known yet: blocks may lack threads.
+            native, block_dim = kernel.place(native, 1, index, block_dim, values, True)
         if adjoint:
             return AdjointLaunch(kernel, native, 0, values, (), (index, None, block_dim))
         return cls._packed(kernel, native, 0, values, (), index, None, block_dim)

@@ -76,6 +76,7 @@ class TiledKernel(Kernel):
     def reset(self) -> None:
         super().reset()
         self.__dict__.pop("_by_threads", None)
+        self.__dict__.pop("_refused", None)
 
     def for_rows(self, device, threads):
         """What launches of that many threads per index need, if one has been made on that GPU.
@@ -97,15 +98,19 @@ class TiledKernel(Kernel):
         """The native kernel for a launch, and its threads per block.
 
         Args:
-            native: the one for blocks of one thread.
+            native: the one for blocks of one thread, if it can be.
             values: what the launch is given.
             recorded: arguments may be changed before it is run.
 
         Raises:
             WarpLaunchValueError: there are more than blocks have.
+            WarpCodegenError: the kernel cannot be one for blocks of one thread, and these have one.
         """
         threads = block_threads(self, index, block_dim)
         if threads == 1 and index < 0:
+            problem = self.__dict__.get("_refused", {}).get(native)
+            if problem is not None:
+                raise problem.with_traceback(None)
             return native, 0
         extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
         if len(extents) == 1:
@@ -132,6 +137,35 @@ class TiledKernel(Kernel):
             if epoch is Epoch.current and arguments is None
         ]
         return made or [self.code_for(native, arch)]
+
+
+def for_more_threads(kernel, problem, arguments, wished):
+    """The native kernel for blocks of several threads where there is none for blocks of one, as
+    where a kernel picks the 25th of `wp.tile(x)`.
+
+    Args:
+        problem: why there is none.
+        arguments: native types of the arguments, of a generic kernel.
+        wished: threads of the blocks of a launch, if it says how many.
+
+    Raises:
+        WarpCodegenError: the problem, which other numbers of threads that are common have, too.
+    """
+    kernel.note_tiles()
+    first = (wished, kernel.option("block_dim"), DEFAULT_THREADS)
+    for threads in dict.fromkeys((*first, 32, 64, 128, 512, 1024)):
+        if not threads or not 1 < threads <= MOST_THREADS:
+            continue
+        try:
+            native = kernel.for_blocks(arguments, threads)
+        except errors.WarpCodegenError:
+            continue
+        fact = f"blocks of {threads} threads would do, but on a CPU a block is one thread"
+        problem.notes = (*problem.notes, fact)
+        problem.hint = problem.hint or "set `wp.config.enable_cpu_blocks = True`"
+        kernel.__dict__.setdefault("_refused", {})[native] = problem
+        return native
+    raise problem
 
 
 def launch_tiled(
