@@ -15,6 +15,7 @@ from warp._src import errors
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import bytes_of, check_shape, check_strides, type_id
+from warp._src.arrays.nested import contents, from_sequence
 from warp._src.devices import devices
 from warp._src.interop import exchange
 from warp._src.types import dtypes, scalars
@@ -35,17 +36,28 @@ def fill_from_data(target, data, dtype, shape, device, pinned, copy) -> None:
         _from_cuda(target, data, interface, dtype, shape, device, pinned, copy)
         return
     source, dtype = to_numpy(data, dtype)
-    extents = element_shape(source, dtype)
-    if shape is not None:
-        requested = check_shape(_infer(shape, math.prod(extents)))
-        if math.prod(requested) != math.prod(extents):
-            raise errors.WarpShapeError(
-                f"expects data for shape {requested}, but got shape {extents} of "
-                f"'{dtypes.type_repr(dtype)}'"
-            )
-        extents = requested
-    check_shape(extents)
+    if shape is None:
+        extents = check_shape(element_shape(source, dtype))
+    else:
+        extents = _requested(shape, dtype, source.shape)
     _store(target, source, extents, dtype, index, pinned, copy)
+
+
+def _requested(shape, dtype, given):
+    """The extents that are asked for, whatever data of shape `given` is nested like.
+
+    Raises:
+        ValueError: there are more or fewer numbers.
+    """
+    inner = () if dtypes.is_struct(dtype) else getattr(dtype, "_shape_", ())
+    length, size = math.prod(inner), math.prod(given)
+    requested = check_shape(_infer(shape, size // length))
+    if math.prod(requested) * length != size:
+        of = f" of '{dtypes.type_repr(dtype)}' with {length} numbers each" if inner else ""
+        raise errors.WarpShapeError(
+            f"expects data for shape {requested}{of}, but got shape {tuple(given)}"
+        )
+    return requested
 
 
 def _infer(shape, size):
@@ -61,9 +73,9 @@ def to_numpy(data, dtype):
     import numpy
 
     if isinstance(data, (list, tuple)):
-        source = _from_sequence(data, dtype)
+        source = from_sequence(data, dtype)
     elif isinstance(data, (Composite, ctypes.Structure)):
-        source = _from_sequence([data], dtype)
+        source = from_sequence([data], dtype)
     elif isinstance(data, (int, float, scalar_base)):
         raise errors.WarpTypeError(f"expects a sequence or an array as data, but got {data!r}")
     else:
@@ -89,64 +101,6 @@ def to_numpy(data, dtype):
     if dtype is None:
         dtype = dtype_from_numpy(source.dtype)
     return source, dtype
-
-
-def _from_sequence(data, dtype):
-    """A NumPy array of nested lists of numbers, scalars, composites or structs."""
-    import numpy
-
-    leaf = data
-    while isinstance(leaf, (list, tuple)) and leaf:
-        leaf = leaf[0]
-    kind = type(leaf)
-    if isinstance(leaf, (Composite, ctypes.Structure)):
-        shape, leaves = _flatten(data, kind)
-        layout, inner = element_layout(dtypes.canonical(kind))
-        content = b"".join(map(_contents, leaves))
-        return numpy.frombuffer(content, layout).reshape(shape + inner)
-    try:
-        source = numpy.array(data)
-        if source.dtype == object:
-            # Numbers of Python and of this package beside each other.
-            leaves = [one.value if isinstance(one, scalar_base) else one for one in source.flat]
-            source = numpy.array(leaves).reshape(source.shape)
-    except ValueError as error:
-        raise errors.WarpShapeError(f"cannot make an array of the data: {error}") from None
-    if dtype is not None and source.size and source.dtype.kind in "iu":
-        _check_range(source, getattr(dtype, "_wp_scalar_type_", dtype))
-    return source
-
-
-def _check_range(source, scalar):
-    import numpy
-
-    if not (isinstance(scalar, type) and issubclass(scalar, scalars.int_base)):
-        return
-    if scalar is scalars.bool:
-        return
-    limits = numpy.iinfo(scalar._numpy_name_)
-    for value in (int(source.min()), int(source.max())):
-        if not limits.min <= value <= limits.max:
-            raise errors.WarpOverflowError(f"{value} does not fit '{scalar.__name__}'")
-
-
-def _flatten(data, kind):
-    """Shape of nested lists and their leaves, which must all be of one type."""
-    if not isinstance(data, (list, tuple)):
-        if type(data) is not kind:
-            raise errors.WarpTypeError(
-                f"expects elements of one type, but got '{dtypes.type_repr(kind)}' and "
-                f"'{dtypes.type_repr(type(data))}'"
-            )
-        return (), [data]
-    shapes, leaves = set(), []
-    for item in data:
-        shape, inner = _flatten(item, kind)
-        shapes.add(shape)
-        leaves += inner
-    if len(shapes) > 1:
-        raise errors.WarpShapeError("expects rows of one length in nested lists")
-    return (len(data), *(shapes.pop() if shapes else ())), leaves
 
 
 def element_shape(source, dtype):
@@ -205,7 +159,7 @@ def _store(target, source, extents, dtype, index, pinned, copy):
 
 def _alias(target, source, extents, dtype, inner) -> bool:
     """Lets `target` use the memory of a NumPy array; False if its layout does not allow it."""
-    if not source.flags.writeable or not source.flags.aligned:
+    if not source.flags.aligned:
         return False
     shaped = source if source.shape == extents + inner else None
     if shaped is None:
@@ -234,6 +188,8 @@ def _alias(target, source, extents, dtype, inner) -> bool:
         source,
         False,
     )
+    if not source.flags.writeable:
+        target._protect()
     return True
 
 
@@ -241,9 +197,13 @@ def _from_array(target, data, dtype, shape, device, pinned, copy):
     index = data.device_index if device is None else devices.resolve_index(device)
     source = data
     if dtype is not None and not dtypes.types_equal(dtype, data.dtype):
-        converted = hooks.plain_array(data.numpy(), dtype=dtype, device=device or data.device)
-        source, copy = converted, False
-    if shape is not None:
+        if shape is not None and dtypes.types_equal(dtypes.type_scalar_type(dtype), data.dtype):
+            source = _folded(data.contiguous(), dtype, _requested(shape, dtype, data.shape))
+        else:
+            values, place = data.numpy(), device or data.device
+            source = hooks.plain_array(values, dtype=dtype, shape=shape, device=place)
+            copy = False
+    elif shape is not None:
         source = source.contiguous().reshape(check_shape(_infer(shape, source.size)))
     if not copy and source.device_index == index:
         target._setup(
@@ -258,11 +218,17 @@ def _from_array(target, data, dtype, shape, device, pinned, copy):
             source.pinned,
         )
         if source.read_only:
-            target.read_only = True
+            target._protect()
         return
     allocate(target, source.shape, source.dtype, index, pinned)
     if source.size:
         _native.copy_array(target, source)
+
+
+def _folded(source, dtype, extents):
+    """The numbers of a packed array as elements of that many numbers."""
+    size = dtypes.type_size_in_bytes(dtype)
+    return source._view(0, extents, exchange.packed_strides(extents, size), dtype)
 
 
 def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
@@ -287,7 +253,8 @@ def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
         fits = dtype is None or exchange.same_bits(
             scalar, getattr(dtype, "_wp_scalar_type_", dtype)
         )
-        layout = exchange.fold(scalar, extents, strides, dtype if fits else None)
+        whole = dtype if fits and shape is None else None
+        layout = exchange.fold(scalar, extents, strides, whole)
     source = exchange.alias(type(target), pointer or 0, layout, where, data, read_only=read_only)
     _from_array(target, source, dtype, shape, device, pinned, copy)
 
@@ -324,13 +291,6 @@ class Deleter:
         self.deleter(self.ptr, self.size)
 
 
-def _contents(value) -> bytes:
-    """Memory of a composite or struct. It may be read where nobody looks for gradients again."""
-    if hasattr(value, "refresh"):
-        value.refresh()
-    return bytes(value)
-
-
 def element_bytes(dtype, value) -> bytes:
     """Memory of one array element made from `value`.
 
@@ -343,7 +303,7 @@ def element_bytes(dtype, value) -> bytes:
             return bytes(dtypes.type_size_in_bytes(dtype))
         if type(value) is not dtype:
             raise TypeError(f"expects a '{shown}' value, but got '{dtypes.type_repr(type(value))}'")
-        return _contents(value)
+        return contents(value)
     if hasattr(value, "tolist") and not isinstance(value, Composite):
         value = value.tolist()
     try:

@@ -19,6 +19,8 @@ ArrayMeta = type(ctypes.Array)
 _raw_get = ctypes.Array.__getitem__
 _raw_set = ctypes.Array.__setitem__
 _ALL = slice(None)
+# Sequences deeper than that contain themselves.
+_DEEPEST = 32
 _PYTHON_OWN = frozenset(scalars.PYTHON_TYPES.values())
 
 
@@ -195,8 +197,18 @@ def scalars_of(value):
     return [bits[1](number) for number in raw] if bits else raw
 
 
-def flatten_numbers(value):
-    """Numbers of a scalar, composite, NumPy array or nested sequence, in order."""
+def flatten_numbers(value, depth=0):
+    """Numbers of a scalar, composite, NumPy array or nested sequence, in order.
+
+    Raises:
+        TypeError: there is something else among them.
+        ValueError: a sequence contains itself.
+    """
+    if depth > _DEEPEST:
+        raise ValueError(
+            f"expects numbers nested at most {_DEEPEST} deep, but got a sequence that contains "
+            "itself"
+        )
     if isinstance(value, Composite):
         return scalars_of(value)
     if isinstance(value, scalar_base):
@@ -212,7 +224,7 @@ def flatten_numbers(value):
         if isinstance(item, (int, float)):
             numbers.append(item)
         else:
-            numbers += flatten_numbers(item)
+            numbers += flatten_numbers(item, depth + 1)
     return numbers
 
 

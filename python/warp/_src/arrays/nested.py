@@ -1,0 +1,134 @@
+"""Numbers, scalars, composites and structs in nested lists, as NumPy arrays."""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+
+from warp._src import errors
+from warp._src.types import dtypes, scalars
+from warp._src.types.composites import Composite, scalars_of
+from warp._src.types.numpy_types import element_layout
+from warp._src.types.scalars import scalar_base
+
+# Those of an array and of its elements.
+_MOST_DIMENSIONS = 6
+# Deeper lists contain themselves.
+_DEEPEST = 32
+
+
+def from_sequence(data, dtype):
+    """A NumPy array of nested lists of numbers, scalars, composites or structs.
+
+    Composites may stand beside lists, tuples and NumPy arrays of as many numbers.
+
+    Raises:
+        TypeError, ValueError, OverflowError: they are no elements of one type, or no array.
+    """
+    import numpy
+
+    kinds = _kinds(data)
+    composites = [kind for kind in kinds if issubclass(kind, (Composite, ctypes.Structure))]
+    if composites and len(kinds) == 1:
+        shape, leaves = _flatten(data)
+        layout, inner = element_layout(dtypes.canonical(composites[0]))
+        content = b"".join(map(contents, leaves))
+        return numpy.frombuffer(content, layout).reshape(shape + inner)
+    try:
+        source = numpy.array(_numbers(data, kinds) if composites else data)
+        if source.dtype == object:
+            # Numbers of Python and of this package beside each other.
+            leaves = [one.value if isinstance(one, scalar_base) else one for one in source.flat]
+            source = numpy.array(leaves).reshape(source.shape)
+    except ValueError as error:
+        if composites:
+            raise _mixed(kinds) from None
+        raise errors.WarpShapeError(f"cannot make an array of the data: {error}") from None
+    if composites and dtype is None:
+        source = source.astype(element_layout(composites[0]._wp_scalar_type_)[0])
+    if dtype is not None and source.size and source.dtype.kind in "iu":
+        _check_range(source, getattr(dtype, "_wp_scalar_type_", dtype))
+    return source
+
+
+def _kinds(data) -> set:
+    """The types of what lists and tuples hold.
+
+    Raises:
+        ValueError: they are too deep, because one contains itself.
+    """
+    found, level = set(), [data]
+    for depth in range(_DEEPEST):
+        items = itertools.chain.from_iterable(level)
+        kinds = set(map(type, itertools.chain.from_iterable(level)))
+        lists = {kind for kind in kinds if issubclass(kind, (list, tuple))}
+        found |= kinds - lists
+        if not lists:
+            return found
+        level = [one for one in items if type(one) in lists] if kinds - lists else list(items)
+        if depth > _MOST_DIMENSIONS:
+            # Each list once: those that hold one list twice would become ever more.
+            level = list({id(one): one for one in level}.values())
+    raise errors.WarpShapeError(
+        f"expects data nested less than {_DEEPEST} deep, but got a list that contains itself"
+    )
+
+
+def _mixed(kinds) -> errors.WarpTypeError:
+    names = " and ".join(sorted(f"'{kind.__name__}'" for kind in kinds))
+    return errors.WarpTypeError(
+        f"expects elements of one type, or sequences of as many numbers, but got {names}"
+    )
+
+
+def _numbers(data, kinds):
+    """The same with lists of numbers in place of composites.
+
+    Raises:
+        TypeError: there are structs, which have none.
+    """
+    if any(issubclass(kind, ctypes.Structure) for kind in kinds):
+        raise _mixed(kinds)
+
+    def plain(value):
+        if isinstance(value, Composite):
+            import numpy
+
+            return numpy.array(scalars_of(value)).reshape(value._shape_)
+        return [plain(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+    return plain(data)
+
+
+def _check_range(source, scalar):
+    import numpy
+
+    if not (isinstance(scalar, type) and issubclass(scalar, scalars.int_base)):
+        return
+    if scalar is scalars.bool:
+        return
+    limits = numpy.iinfo(scalar._numpy_name_)
+    for value in (int(source.min()), int(source.max())):
+        if not limits.min <= value <= limits.max:
+            raise errors.WarpOverflowError(f"{value} does not fit '{scalar.__name__}'")
+
+
+def _flatten(data):
+    """Shape of nested lists and their leaves."""
+    if not isinstance(data, (list, tuple)):
+        return (), [data]
+    shapes, leaves = set(), []
+    for item in data:
+        shape, inner = _flatten(item)
+        shapes.add(shape)
+        leaves += inner
+    if len(shapes) > 1:
+        raise errors.WarpShapeError("expects rows of one length in nested lists")
+    return (len(data), *(shapes.pop() if shapes else ())), leaves
+
+
+def contents(value) -> bytes:
+    """Memory of a composite or struct. It may be read where nobody looks for gradients again."""
+    if hasattr(value, "refresh"):
+        value.refresh()
+    return bytes(value)

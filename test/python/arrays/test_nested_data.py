@@ -1,0 +1,166 @@
+"""Arrays of nested lists: composites beside sequences, lists that contain themselves, shapes."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+from random_runs import seeds
+
+KINDS = [wp.vec3, wp.vec2h, wp.types.vector(3, wp.bfloat16), wp.vec4d, wp.vec3i, wp.quat]
+KINDS += [wp.transform, wp.mat22, wp.mat33d, wp.types.matrix((2, 3), wp.float16)]
+
+
+def numbers(dtype, seed):
+    """Small integers, which every type holds, in the shape of an element."""
+    return np.random.default_rng(seed).integers(0, 100, dtype._shape_)
+
+
+def forms(dtype, value):
+    """One element in all the ways that it can be given."""
+    return [
+        dtype(*value.ravel().tolist()),
+        value.tolist(),
+        tuple(map(tuple, value.tolist())) if value.ndim == 2 else tuple(value.tolist()),
+        value.astype(np.float64),
+        value.astype(np.int16),
+        value.astype(np.float32).tolist(),
+    ]
+
+
+@pytest.mark.parametrize("dtype", KINDS, ids=lambda one: one.__name__)
+def test_composites_beside_sequences(device, dtype):
+    """Any order of vectors, tuples, lists and NumPy arrays, in one or two dimensions."""
+    for seed in seeds(12):
+        rng = np.random.default_rng(seed)
+        values = [numbers(dtype, 10 * seed + i) for i in range(4)]
+        given = [forms(dtype, value)[rng.integers(6)] for value in values]
+        for data, shape in ((given, (4,)), ([given[:2], tuple(given[2:])], (2, 2))):
+            a = wp.array(data, dtype=dtype, device=device)
+            assert a.shape == shape and a.dtype is dtype
+            flat = a.to("cpu").flatten().list()
+            assert flat == [dtype(*value.ravel().tolist()) for value in values]
+
+
+def test_without_a_type_it_is_that_of_the_composites(device):
+    a = wp.array([(1, 2), wp.vec2h(3.0, 4.0)], device=device)
+    assert a.dtype is wp.float16 and a.numpy().tolist() == [[1, 2], [3, 4]]
+
+
+@pytest.mark.parametrize(
+    ("data", "dtype"),
+    [
+        ([wp.vec3(1.0), 1.0], wp.vec3),
+        ([(1.0, 2.0, 3.0), wp.vec2(1.0)], wp.vec3),
+        ([wp.vec3(1.0), "abc"], wp.vec3),
+        ([wp.vec3(1.0), (1.0, 2.0)], None),
+        ([wp.vec3(1.0), None], wp.vec3),
+    ],
+)
+def test_what_does_not_fit_is_named(data, dtype):
+    with pytest.raises((TypeError, ValueError), match="one type|expects numbers|inner dimensions"):
+        wp.array(data, dtype=dtype, device="cpu")
+
+
+def cyclic():
+    alone, pair, behind, twice, mutual = [], [], [1.0], [], []
+    alone.append(alone)
+    pair.extend([pair, pair])
+    behind.append(behind)
+    twice.append(([[1.0, 2.0]], twice))
+    mutual.append((mutual,))
+    return [alone, pair, behind, twice, mutual]
+
+
+@pytest.mark.parametrize("case", range(5))
+def test_data_that_contains_itself(device, case):
+    """An error wherever nested sequences are read, and no hang."""
+    x = cyclic()[case]
+    a = wp.zeros(5, dtype=float, device=device)
+    v = wp.zeros((2, 3), dtype=wp.vec3, device=device)
+    some = wp.indexedarray(a, [wp.array([1, 3], dtype=int, device=device)])
+    uses = [
+        lambda: wp.array(x, device=device),
+        lambda: wp.array(x, dtype=wp.vec3, device=device),
+        lambda: wp.array([wp.vec3(), x], dtype=wp.vec3, device=device),
+        lambda: wp.array(x, dtype=float, shape=(2, 2), device=device),
+        lambda: a.assign(x),
+        lambda: some.assign(x),
+        lambda: a.__setitem__(slice(0, 2), x),
+        lambda: v.fill_(x),
+        lambda: wp.full(3, x, dtype=wp.vec2, device=device),
+        lambda: wp.vec3(x),
+        lambda: wp.mat22(x),
+        lambda: wp.vec2(x, 1.0),
+        lambda: wp.normalize(x),
+    ]
+    for use in uses:
+        with pytest.raises((TypeError, ValueError)):
+            use()
+
+
+def test_a_list_may_stand_at_many_places(device):
+    """That is no list in itself: equal rows, and equal matrices of rows."""
+    row = [1.0, 2.0]
+    data = [[[row, row], [row, row]]] * 3
+    np.testing.assert_array_equal(wp.array(data, device=device).numpy(), np.array(data))
+    deep = [[[[[[1.0, 2.0]] * 2] * 2] * 2] * 2]
+    with pytest.raises(ValueError, match="1 to 4 dimensions"):
+        wp.array(deep, device=device)
+
+
+@pytest.mark.parametrize(
+    ("given", "dtype", "shape"),
+    [
+        ((0, 13), wp.types.vector(12, float), (1, 0)),
+        ((6, 6), wp.mat33, (4,)),
+        ((6, 6), wp.mat33, (2, 2)),
+        ((4, 5), wp.vec2, (10,)),
+        ((4, 5), wp.vec2, (5, -1)),
+        ((3, 4), wp.vec3, 4),
+        ((2, 6), wp.mat22, (3, 1)),
+        ((14,), wp.transform, (2,)),
+        ((3, 4), float, (2, 6)),
+        ((2, 2, 2, 2, 3), wp.vec3, (16,)),
+        ((0,), wp.vec3, (0, 7)),
+    ],
+)
+@pytest.mark.parametrize("source", ["numpy", "strided", "list", "array"])
+def test_an_explicit_shape_counts_whatever_the_data_is_nested_like(
+    device, given, dtype, shape, source
+):
+    """Elements are those of the data in row-major order."""
+    data = np.arange(np.prod(given), dtype=np.float32).reshape(given)
+    if source == "array" and data.ndim > 4:
+        data = data.reshape(-1)
+    forms = {
+        "numpy": lambda: data,
+        "strided": lambda: np.stack([data, data], axis=-1)[..., 0],
+        "list": data.tolist,
+        "array": lambda: wp.array(data, dtype=float, device=device),
+    }
+    for share in (True, False):
+        a = wp.array(forms[source](), dtype=dtype, shape=shape, device=device, copy=share)
+        wanted = np.empty(a.size).reshape(shape).shape
+        assert a.shape == wanted and a.dtype is (wp.float32 if dtype is float else dtype)
+        np.testing.assert_array_equal(a.numpy().ravel(), data.ravel())
+
+
+def test_memory_is_shared_where_that_is_asked_for():
+    data = np.zeros((6, 6), dtype=np.float32)
+    a = wp.array(data, dtype=wp.mat33, shape=(4,), device="cpu", copy=False)
+    a.fill_(2.0)
+    assert (data == 2).all()
+    b = wp.array(a, dtype=wp.mat33, shape=(2, 2), copy=False)
+    c = wp.array(wp.array(data, copy=False), dtype=wp.vec2, shape=(18,), copy=False)
+    assert a.ptr == b.ptr == c.ptr == data.ctypes.data
+    data[:] = 3
+    assert (c.numpy() == 3).all() and b.shape == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("given", "dtype", "shape"), [((4, 5), wp.vec2, (9,)), ((5,), wp.vec2, (-1,)), ((6,), int, 5)]
+)
+def test_a_shape_of_other_numbers_is_named(given, dtype, shape):
+    for data in (np.zeros(given, np.float32), wp.zeros(given, dtype=float, device="cpu")):
+        with pytest.raises(ValueError, match=r"expects .*shape"):
+            wp.array(data, dtype=dtype, shape=shape, device="cpu")
