@@ -16,6 +16,9 @@ class ScopedTimer:
         print: False measures without printing.
         detailed: profile the block with cProfile.
         dict: gets the time appended to the list under `name`.
+        use_nvtx: mark the block as a range for profilers, with the package `nvtx`; the time is
+            measured, and printed, all the same.
+        color: colour of the range.
         synchronize: wait for all devices before each reading of the clock.
         cuda_filter: which activities on CUDA devices to time, a sum of `wp.TIMING_*`.
         report_func: called with the list of activities and the indentation, by default
@@ -25,6 +28,9 @@ class ScopedTimer:
         elapsed: milliseconds, once the block is left.
         timing_results: the activities.
         extra_msg: printed behind the time.
+
+    Raises:
+        ModuleNotFoundError: `use_nvtx` is set and the package `nvtx` is not installed.
     """
 
     indent = -1
@@ -48,6 +54,7 @@ class ScopedTimer:
         self.active = active and self.enabled
         self.print = print
         self.detailed = detailed
+        self.use_nvtx, self.color = use_nvtx, color
         self.dict = dict
         self.synchronize = synchronize
         self.report_func = report_func
@@ -60,6 +67,7 @@ class ScopedTimer:
 
     def __enter__(self):
         if self.active:
+            nvtx = _nvtx() if self.use_nvtx else None
             if self.synchronize:
                 devices.synchronize()
             if self.cuda_filter:
@@ -71,6 +79,8 @@ class ScopedTimer:
 
                 self._profile = cProfile.Profile()
                 self._profile.enable()
+            if nvtx is not None:
+                self._range = nvtx, nvtx.start_range(self.name, color=self.color)
             ScopedTimer.indent += 1
             self.start = time.perf_counter_ns()
         return self
@@ -92,9 +102,14 @@ class ScopedTimer:
 
     def _stop(self):
         """Reads the clock and ends what else was measured."""
-        if self.synchronize:
-            devices.synchronize()
-        self.elapsed = (time.perf_counter_ns() - self.start) / 1e6
+        try:
+            if self.synchronize:
+                devices.synchronize()
+        finally:
+            self.elapsed = (time.perf_counter_ns() - self.start) / 1e6
+            if self.use_nvtx:
+                nvtx, number = self._range
+                nvtx.end_range(number)
         if self.detailed:
             self._profile.disable()
         if self.dict is not None:
@@ -114,6 +129,17 @@ class ScopedTimer:
             (self.report_func or timing_print)(self.timing_results, indent=indent)
         extra = f" {self.extra_msg}" if self.extra_msg else ""
         get_logger().info(f"{indent}{self.name} took {self.elapsed:.2f} ms{extra}")
+
+
+def _nvtx():
+    try:
+        import nvtx
+    except ModuleNotFoundError as problem:
+        raise ModuleNotFoundError(
+            "ScopedTimer: `use_nvtx` needs the package nvtx, install it with `pip install nvtx`",
+            name="nvtx",
+        ) from problem
+    return nvtx
 
 
 class ScopedDevice:
