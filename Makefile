@@ -8,13 +8,14 @@
 # make bench   benchmarks/spine.py, startup.py, shapes.py, gpu.py, autodiff.py, pool.py,
 #              libraries.py, optimised build (build/release)
 # make wheel   an optimised wheel in dist/, of 25 MB at most
+# make shim    a wheel in dist/ that stands for `warp-lang`, for clients that require it
 # make check-wheel  installs it in an empty environment and runs programs from there
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: environment build package demo report test release bench docs wheel check-wheel device-bundle format clean
+.PHONY: environment build package demo report test release bench docs wheel shim check-wheel device-bundle format clean
 
 environment:
 	@scripts/setup.sh environment
@@ -63,6 +64,9 @@ bench: release
 wheel: release
 	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
 	@! find dist -name '*.whl' -size +25600k -printf '%f has %s bytes, more than 25 MB\n' | grep .
+
+shim: environment
+	@$(PYTHON) scripts/make_shim.py
 
 check-wheel: wheel
 	@$(PYTHON) scripts/check_wheel.py $$(ls -t dist/*.whl | head -1) $(CHECK_ARGS)

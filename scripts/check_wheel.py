@@ -1,6 +1,6 @@
 """Install a wheel where nothing else is, and run programs from it.
 
-    python scripts/check_wheel.py dist/warp_mlir-0.1.0-cp311-cp311-linux_x86_64.whl [--no-index]
+    python scripts/check_wheel.py dist/warp_mlir-1.19.0-cp311-cp311-linux_x86_64.whl [--no-index]
 
 Makes an empty environment in a temporary folder, lets pip install the wheel with what it asks for
 (`--no-index`: with the NumPy of the running interpreter, where there is no network), and runs there

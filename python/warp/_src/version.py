@@ -3,7 +3,8 @@
 import os
 import sys
 
-VERSION = "0.1.0"
+# That of the API, which clients ask for: NVIDIA Warp's, up to the second number.
+VERSION = "1.19.0"
 PACKAGE = os.path.dirname(os.path.dirname(__file__)) + os.sep
 
 

@@ -1,0 +1,52 @@
+"""Writes wheels of files that are there already."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def project_version() -> str:
+    """The version that pyproject.toml states."""
+    for line in (ROOT / "pyproject.toml").read_text().splitlines():
+        if line.startswith("version = "):
+            return line.split('"')[1]
+    raise SystemExit("pyproject.toml states no version")
+
+
+def pack_wheel(folder: Path, name, version, tag, requires=(), files=(), pure=True) -> Path:
+    """Writes a wheel and returns its path; entries are stored, not compressed.
+
+    Args:
+        name: of the distribution, with hyphens.
+        tag: which interpreters and machines it is for.
+        requires: what the distribution depends on.
+        files: contents by path in the wheel.
+        pure: whether nothing in it is compiled.
+    """
+    stem = f"{name.replace('-', '_')}-{version}"
+    info = f"{stem}.dist-info"
+    lines = [f"Name: {name}", f"Version: {version}", *(f"Requires-Dist: {one}" for one in requires)]
+    entries = {
+        f"{info}/METADATA": "\n".join(["Metadata-Version: 2.1", *lines, ""]).encode(),
+        f"{info}/WHEEL": (
+            f"Wheel-Version: 1.0\nGenerator: wheels\n"
+            f"Root-Is-Purelib: {str(pure).lower()}\nTag: {tag}\n"
+        ).encode(),
+        **dict(files),
+    }
+    record = []
+    for path, data in entries.items():
+        digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=")
+        record.append(f"{path},sha256={digest.decode()},{len(data)}\n")
+    record.append(f"{info}/RECORD,,\n")
+    entries[f"{info}/RECORD"] = "".join(record).encode()
+    wheel = folder / f"{stem}-{tag}.whl"
+    with zipfile.ZipFile(wheel, "w") as archive:
+        for path, data in entries.items():
+            archive.writestr(path, data)
+    return wheel
