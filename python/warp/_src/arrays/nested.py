@@ -75,7 +75,7 @@ def _kinds(data) -> set:
 
 
 def _mixed(kinds) -> errors.WarpTypeError:
-    names = " and ".join(sorted(f"'{kind.__name__}'" for kind in kinds))
+    names = " and ".join(sorted(f"'{dtypes.type_repr(kind)}'" for kind in kinds))
     return errors.WarpTypeError(
         f"expects elements of one type, or sequences of as many numbers, but got {names}"
     )
