@@ -81,7 +81,7 @@ static PyObject *newArray(PyTypeObject *type, PyObject *, PyObject *) {
     return nullptr;
   ArrayObject *array = asArray(object);
   array->descriptor = ArrayDescriptor();
-  array->typeId = -1;
+  array->typeId = array->packId = -1;
   array->device = cpuDevice;
   array->contiguous = true;
   return object;
@@ -200,7 +200,8 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
                           "expects %d strides, one per dimension, but got %d",
                           count, strideCount);
   }
-  array->typeId = typeId;
+  array->typeId = array->packId = typeId;
+  array->readOnly = false;
   array->device = device;
   array->pinned = pinned;
   array->contiguous = isContiguous(array->descriptor, itemSize);
@@ -208,6 +209,12 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
   Py_XSETREF(array->owner, Py_NewRef(owner));
   Py_CLEAR(array->shape);
   Py_CLEAR(array->strides);
+  Py_RETURN_NONE;
+}
+
+static PyObject *protectArray(PyObject *self, PyObject *) {
+  asArray(self)->readOnly = true;
+  asArray(self)->packId = -1;
   Py_RETURN_NONE;
 }
 
@@ -291,11 +298,6 @@ static PyObject *getOwner(PyObject *self, void *) {
   return Py_NewRef(owner ? owner : Py_None);
 }
 
-static int setOwner(PyObject *self, PyObject *value, void *) {
-  Py_XSETREF(asArray(self)->owner, Py_NewRef(value ? value : Py_None));
-  return 0;
-}
-
 static PyObject *getDtype(PyObject *self, void *) {
   PyObject *dtype = asArray(self)->dtype;
   return Py_NewRef(dtype ? dtype : Py_None);
@@ -312,7 +314,7 @@ static PyGetSetDef attributes[] = {
     {"shape", getShape, nullptr, "Extents.", nullptr},
     {"strides", getStrides, nullptr, "Strides in bytes.", nullptr},
     {"size", getSize, nullptr, "Number of elements.", nullptr},
-    {"owner", getOwner, setOwner, "What keeps the memory alive.", nullptr},
+    {"_owner", getOwner, nullptr, "What keeps the memory alive.", nullptr},
     {"dtype", getDtype, setDtype, "Type of the elements.", nullptr},
     {nullptr, nullptr, nullptr, nullptr, nullptr}};
 
@@ -325,6 +327,8 @@ static PyMemberDef members[] = {
     {"device_index", T_INT, WARP_FIELD(device), READONLY, nullptr},
     {"pinned", T_BOOL, WARP_FIELD(pinned), READONLY, nullptr},
     {"is_contiguous", T_BOOL, WARP_FIELD(contiguous), READONLY, nullptr},
+    {"read_only", T_BOOL, WARP_FIELD(readOnly), READONLY,
+     "Whether the memory must not be written."},
     {nullptr, 0, 0, 0, nullptr}};
 #undef WARP_FIELD
 
@@ -351,6 +355,8 @@ void python::bindArray(py::module_ &m) {
        "_setup(ptr, shape, strides, dtype, type_id, item_size, device, "
        "owner=None, pinned=False)\n\nMakes the array one of that memory. "
        "Strides are in bytes; None means packed."},
+      {"_protect", protectArray, METH_NOARGS,
+       "Lets nothing write the memory through this array."},
       {"descriptor", describeArray, METH_NOARGS,
        "The `ArrayDescriptor` that kernels get, as bytes."},
       {nullptr, nullptr, 0, nullptr}};
@@ -375,6 +381,7 @@ void python::bindArray(py::module_ &m) {
   m.add_object("Array", py::reinterpret_steal<py::object>(type));
   m.attr("DESCRIPTOR_FIELDS") = describeLayout();
   m.attr("DESCRIPTOR_SIZE") = sizeof(ArrayDescriptor);
+  m.attr("READ_ONLY_FLAG") = readOnlyFlag;
   m.def(
       "type_id", [](const std::string &text) { return typeId(text); },
       py::arg("text"), "Number of a native type's text.");

@@ -62,7 +62,7 @@ static py::object copyBlock(const MemoryBlock &block, const ArrayObject *like,
   ArrayObject *array = asArray(made.ptr());
   array->descriptor = to;
   array->itemSize = block.item;
-  array->typeId = like->typeId;
+  array->typeId = array->packId = like->typeId;
   array->device = like->device;
   array->pinned = false;
   array->contiguous = true;

@@ -56,7 +56,7 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
                                        name, options)
             : std::make_unique<Kernel>(source.cast<const Module &>(), name,
                                        options);
-    auto packer = std::make_unique<Packer>(name, kernel->parameters());
+    auto packer = std::make_unique<Packer>(*kernel);
     PyObject *self = type->tp_alloc(type, 0);
     if (!self)
       return nullptr;

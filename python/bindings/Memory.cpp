@@ -36,6 +36,16 @@ static ArrayObject *expectArray(const py::handle &object, const char *what) {
   return asArray(object.ptr());
 }
 
+/// An array that is about to be written.
+static ArrayObject *expectWritable(const py::object &object, const char *what) {
+  ArrayObject *array = expectArray(object, what);
+  if (array->readOnly)
+    throw Error(Error::Kind::LaunchValue,
+                std::string("expects an array that can be written as ") + what +
+                    ", but got a read-only one");
+  return array;
+}
+
 static size_t byteCount(const ArrayObject *array) {
   size_t bytes = array->itemSize;
   for (int i = 0; i < array->descriptor.ndim; ++i)
@@ -45,7 +55,7 @@ static size_t byteCount(const ArrayObject *array) {
 
 static void copyArrays(const py::object &dst, const py::object &src,
                        const Stream *stream) {
-  ArrayObject *to = expectArray(dst, "destination");
+  ArrayObject *to = expectWritable(dst, "destination");
   ArrayObject *from = expectArray(src, "source");
   if (to->itemSize != from->itemSize)
     throw Error(Error::Kind::LaunchType, "expects elements of " +
@@ -66,7 +76,7 @@ static void copyArrays(const py::object &dst, const py::object &src,
 
 static void fill(const py::object &dst, const py::bytes &pattern,
                  const Stream *stream) {
-  ArrayObject *to = expectArray(dst, "destination");
+  ArrayObject *to = expectWritable(dst, "destination");
   std::string bytes = pattern;
   if (static_cast<int64_t>(bytes.size()) != to->itemSize)
     throw Error(Error::Kind::LaunchType,

@@ -54,6 +54,10 @@ inline void hold(int device, PyObject *object) {
     holdForCaptures(device, object);
 }
 
+/// Of `ArrayDescriptor::flags` in Python's structs: the memory must not be
+/// written. The bits below are the array's device plus 2, or 0.
+constexpr int readOnlyFlag = 1 << 16;
+
 /// The instance layout of `warp._native.Array`.
 struct ArrayObject {
   PyObject base;
@@ -64,9 +68,14 @@ struct ArrayObject {
   PyObject *strides;
   int64_t itemSize;
   int typeId;
+  /// What packing compares first: `typeId`, or -1 for memory that must not be
+  /// written, which takes the way with all checks.
+  int packId;
   int device;
   bool pinned;
   bool contiguous;
+  /// Memory of a library that allows no writing.
+  bool readOnly;
 };
 
 extern PyTypeObject *arrayType;

@@ -21,9 +21,8 @@ using namespace warp;
 using namespace warp::python;
 namespace py = pybind11;
 
-Packer::Packer(std::string kernel, const std::vector<Param> &all)
-    : kernel(std::move(kernel)) {
-  for (const Param &param : all) {
+Packer::Packer(const Kernel &kernel) : owner(kernel), kernel(kernel.name()) {
+  for (const Param &param : kernel.parameters()) {
     PackParam prepared{&param, param.kind, param.offset, param.size,
                        -1,     {},         nullptr};
     if (param.kind == Param::Kind::Array)
@@ -142,6 +141,23 @@ void Packer::raiseCount(size_t got) const {
 // Arrays
 //===----------------------------------------------------------------------===//
 
+/// Refuses memory that must not be written where the kernel may write it.
+void Packer::checkUse(const PackParam &param, int64_t offset) const {
+  for (const Access &access : owner.arrayAccesses()) {
+    if (access.offset != offset || !(access.stored || access.combined))
+      continue;
+    bool isWhole = param.kind == Param::Kind::Array;
+    throw Error(
+        Error::Kind::LaunchValue,
+        "launch('" + kernel + "'): argument '" + param.param->name + "' " +
+            (isWhole ? "is" : "holds") +
+            " a read-only array, but the kernel may write it" +
+            (access.line ? " in line " + std::to_string(access.line) : "") +
+            "\nhint: pass a copy, `wp.clone(a)` of an array or `a.copy()` of "
+            "NumPy's");
+  }
+}
+
 static bool copyBytes(PyObject *value, char *out, int64_t size) {
   Py_buffer view;
   if (PyObject_GetBuffer(value, &view, PyBUF_SIMPLE) != 0) {
@@ -162,16 +178,16 @@ static bool readDescriptor(const Packer &packer, const PackParam &param,
   if (std::strcmp(Py_TYPE(value)->tp_name, "ArrayDescriptor") != 0 ||
       !copyBytes(value, reinterpret_cast<char *>(&out), sizeof(out)))
     return false;
-  int owner = out.flags - 2;
+  int reach = out.flags & ~readOnlyFlag, owner = reach - 2;
   if (out.ndim != param.param->rank || out.ndim == 0)
     throw packer.error(param, value,
                        " of " + std::to_string(out.ndim) + " dimensions");
-  if (out.flags != 0 && owner != device &&
+  if (reach != 0 && owner != device &&
       (owner == cpuDevice || !canAccess(device, owner, out.data)))
     throw packer.error(param, value,
                        " on '" + deviceName(owner) + "', the launch is on '" +
                            deviceName(device) + "'");
-  out.flags = 0;
+  out.flags &= readOnlyFlag;
   return true;
 }
 
@@ -196,10 +212,14 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
                       "'\nhint: copy it there with `.to(\"" +
                       deviceName(device) + "\")`");
     descriptor = array->descriptor;
+    descriptor.flags = array->readOnly ? readOnlyFlag : 0;
   } else if (!readDescriptor(*this, param, value, device, descriptor) &&
              !readForeignArray(*this, param, value, device, descriptor, keep)) {
     throw error(param, value);
   }
+  if (descriptor.flags & readOnlyFlag)
+    checkUse(param, param.offset);
+  descriptor.flags = 0;
   std::memcpy(block + param.offset, &descriptor, sizeof(descriptor));
 }
 
@@ -207,21 +227,24 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
 // Composites and structs
 //===----------------------------------------------------------------------===//
 
-/// Rejects a struct with an array of another device; `flags` of an array in a
-/// struct is its device plus 2, or 0 if it can be reached from all of them.
-static void checkStructArrays(const Packer &packer, const PackParam &param,
-                              PyObject *value, const char *bytes, int device) {
+/// Rejects a struct with an array of another device, or with a read-only one
+/// that the kernel writes. `flags` of an array in a struct is its device plus
+/// 2, or 0 if it can be reached from all of them.
+void Packer::checkStructArrays(const PackParam &param, PyObject *value,
+                               const char *bytes, int device) {
   for (int64_t offset : param.param->arrays) {
     ArrayDescriptor array;
     std::memcpy(&array, bytes + offset, sizeof(array));
-    int owner = array.flags - 2;
-    if (array.flags != 0 && owner != device &&
+    int reach = array.flags & ~readOnlyFlag, owner = reach - 2;
+    if (reach != 0 && owner != device &&
         (owner == cpuDevice || !canAccess(device, owner, array.data)))
-      throw packer.error(
+      throw error(
           param, value,
-          " that holds an array on '" + deviceName(array.flags - 2) +
+          " that holds an array on '" + deviceName(owner) +
               "', the launch is on '" + deviceName(device) +
               "'\nhint: move it with `.to(\"" + deviceName(device) + "\")`");
+    if (array.flags & readOnlyFlag)
+      checkUse(param, param.offset + offset);
   }
 }
 
@@ -358,7 +381,7 @@ void Packer::packSlowly(PackParam &param, PyObject *value, int device,
     if (!(PyObject_CheckBuffer(value) ? packBytes(param, value, out)
                                       : packStandIn(param, value, out)))
       throw error(param, value);
-    return checkStructArrays(*this, param, value, out, device);
+    return checkStructArrays(param, value, out, device);
   case Param::Kind::Scalar: {
     Outcome outcome = storeScalar(param.shape.scalar, value, out);
     std::string convert = param.shape.scalar == Scalar::Bool ? "bool" : "int";

@@ -9,7 +9,7 @@
 
 #include "Native.h"
 
-#include "warp/Compile.h"
+#include "warp/Kernel.h"
 
 #include <string>
 #include <vector>
@@ -69,7 +69,7 @@ std::string expectedText(const Param &param);
 /// stay valid is appended to `keep`.
 class Packer {
 public:
-  Packer(std::string kernel, const std::vector<Param> &params);
+  explicit Packer(const Kernel &kernel);
   ~Packer();
   Packer(const Packer &) = delete;
   Packer &operator=(const Packer &) = delete;
@@ -82,7 +82,7 @@ public:
     PackParam &param = params[index];
     if (param.kind == Param::Kind::Array && isArray(value)) {
       ArrayObject *array = asArray(value);
-      if (array->typeId == param.typeId && array->device == device &&
+      if (array->packId == param.typeId && array->device == device &&
           array->descriptor.ndim == param.param->rank) {
         __builtin_memcpy(block + param.offset, &array->descriptor,
                          sizeof(ArrayDescriptor));
@@ -106,16 +106,21 @@ private:
                   std::vector<pybind11::object> &keep);
   void packArray(const PackParam &param, PyObject *value, int device,
                  char *block, std::vector<pybind11::object> &keep);
+  void checkStructArrays(const PackParam &param, PyObject *value,
+                         const char *bytes, int device);
+  void checkUse(const PackParam &param, int64_t offset) const;
   void packComposite(PackParam &param, PyObject *value, char *out);
   bool packBytes(PackParam &param, PyObject *value, char *out);
   bool packStandIn(PackParam &param, PyObject *value, char *out);
 
+  const Kernel &owner;
   std::string kernel;
   std::vector<PackParam> params;
 };
 
-/// Reads an array of another library through its array interface. False if
-/// the object has none; throws if it has one that does not fit.
+/// Reads an array of another library through its array interface; `flags` of
+/// the descriptor tells whether its memory must not be written. False if the
+/// object has none; throws if it has one that does not fit.
 bool readForeignArray(const Packer &packer, const PackParam &param,
                       PyObject *value, int device, ArrayDescriptor &out,
                       std::vector<pybind11::object> &keep);

@@ -60,6 +60,7 @@ struct Interface {
   uint64_t data = 0;
   std::string type;
   std::vector<int64_t> shape, strides;
+  bool readOnly = false;
 };
 } // namespace
 
@@ -68,8 +69,10 @@ static Interface readInterface(const py::dict &fields) {
   found.type = fields["typestr"].cast<std::string>();
   found.shape = integers(fields["shape"]);
   py::object data = fields["data"];
-  py::object first =
-      py::isinstance<py::tuple>(data) ? py::object(py::tuple(data)[0]) : data;
+  bool isPair = py::isinstance<py::tuple>(data);
+  py::object first = isPair ? py::object(py::tuple(data)[0]) : data;
+  // The other member says whether the memory must not be written.
+  found.readOnly = isPair && py::bool_(py::object(py::tuple(data)[1]));
   if (!first.is_none())
     found.data = first.cast<uint64_t>();
   if (fields.contains("strides") && !fields["strides"].is_none()) {
@@ -157,6 +160,7 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
   out = ArrayDescriptor();
   out.data = reinterpret_cast<void *>(found.data);
   out.ndim = rank;
+  out.flags = found.readOnly ? readOnlyFlag : 0;
   for (int i = 0; i < rank; ++i) {
     if (found.shape[i] > INT32_MAX || found.strides[i] > INT32_MAX ||
         found.strides[i] < INT32_MIN)

@@ -3,7 +3,7 @@
 The descriptor (address, shape, byte strides, element type, device) lives in the native base class,
 where launches read it without Python. This file adds what users see; `data` turns lists, NumPy
 arrays and interface objects into arrays, `create` has `zeros`, `full` and so on.
-A view keeps the object that owns the memory alive through `owner`.
+The native part keeps the object that owns the memory alive; nobody can replace it.
 """
 
 from __future__ import annotations
@@ -134,8 +134,6 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             self.retain_grad = True
 
     _wp_array_ = True
-    # Memory of a library that allows no writing. Kernels are not stopped.
-    read_only = False
 
     @property
     def device(self):
@@ -248,13 +246,16 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         """
         assign(self, src, whole=False)
 
-    def _check_writable(self) -> None:
+    def _check_writable(self, what=None) -> None:
         if self.read_only:
-            raise ValueError("the array is read-only, its memory is another library's")
+            lead = "the array" if what is None else f"{what}(): the array that it writes"
+            raise ValueError(
+                f"{lead} is read-only, its memory is another library's: use a copy, `wp.clone(a)`"
+            )
 
     def zero_(self) -> None:
         """Sets all bytes to zero."""
-        self._check_writable()
+        self._check_writable("zero_")
         if self.size == 0:
             return
         self._fill(bytes(self.item_size), "zero_")
@@ -271,10 +272,14 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         Raises:
             TypeError, ValueError: `value` is no element of the array's type.
         """
-        self._check_writable()
+        self._check_writable("fill_")
         pattern = element_bytes(self.dtype, value)
         if self.size:
             self._fill(pattern, "fill_")
+
+    def fill(self, value) -> None:
+        """`fill_` under NumPy's name."""
+        self.fill_(value)
 
     def __ctype__(self):
         return describe(self, self.grad)
@@ -315,7 +320,7 @@ class _Memory:
         for extent, stride in zip(owner.shape[1:], owner.strides[1:], strict=True):
             length += stride * (extent - 1)
         self.__array_interface__ = {
-            "data": (owner.ptr, False),
+            "data": (owner.ptr, owner.read_only),
             "shape": (length,),
             "typestr": "|u1",
             "version": 3,

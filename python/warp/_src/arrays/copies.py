@@ -93,7 +93,7 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
             raise TypeError(f"expects an array as '{name}', but got '{type(value).__name__}'")
     if dest_offset or src_offset or count:
         _check_range(dest_offset, src_offset, count)
-    dest._check_writable()
+    dest._check_writable("copy")
     if dest.item_size != src.item_size:
         raise errors.WarpShapeError(
             f"expects elements of equal size to copy, but got '{dtypes.type_repr(src.dtype)}' "

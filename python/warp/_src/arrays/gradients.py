@@ -252,6 +252,11 @@ def fitting_gradient(source, value):
         raise ValueError(
             f"expects an array as the gradient of {source!r}, but got '{type(value).__name__}'"
         )
+    if value.read_only:
+        raise ValueError(
+            f"expects a gradient of {source!r} that derivatives can be added to, but got a "
+            "read-only array, use a copy: `wp.clone(a)`"
+        )
     if value.shape != source.shape:
         raise errors.WarpShapeError(
             f"expects a gradient like {source!r}, that is of shape {source.shape}, "

@@ -224,8 +224,8 @@ class indexedarray(ArrayArithmetic):
         """What kernels read, and do not use, as indices of a dimension that has none."""
         return self._readable._view(0, (self.data.shape[axis],), (0,))
 
-    def _check_writable(self) -> None:
-        self.data._check_writable()
+    def _check_writable(self, what=None) -> None:
+        self.data._check_writable(what)
 
     def part(self, offset, count, name):
         """Elements offset .. offset+count of one dimension; `name` is for messages.
@@ -281,8 +281,12 @@ class indexedarray(ArrayArithmetic):
         """
         self._fill(element_bytes(self.dtype, value))
 
+    def fill(self, value) -> None:
+        """`fill_` under NumPy's name."""
+        self.fill_(value)
+
     def _fill(self, pattern) -> None:
-        self._check_writable()
+        self._check_writable("fill_")
         if self.size:
             element = _one_element(self.dtype, self.data, pattern)
             copy(self, element._view(0, self.shape, (0,) * self.ndim))

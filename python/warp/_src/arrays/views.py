@@ -1,6 +1,6 @@
 """Views of arrays: indexing, slicing, reshaping, transposing, reinterpreting.
 
-A view has its own descriptor over the same memory and holds its base in `owner`. If the base has a
+A view has its own descriptor over the same memory and keeps its base alive. If the base has a
 gradient, so has the view: the same view of it. Bounds are strict, unlike those of Python's slices,
 because an index out of bounds is a mistake more often than a wish.
 """
@@ -39,7 +39,7 @@ class ArrayViews:
             self.pinned,
         )
         if self.read_only:
-            result.read_only = True
+            result._protect()
         if self.lent:
             result.lent = True
         return result

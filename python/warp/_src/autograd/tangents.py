@@ -321,9 +321,9 @@ def _same(call) -> tuple[int, ...]:
 
 def _base(one: array) -> array:
     """The array that a view was made of."""
-    owner = one.owner
+    owner = one._owner
     while isinstance(owner, array):
-        one, owner = owner, owner.owner
+        one, owner = owner, owner._owner
     return one
 
 

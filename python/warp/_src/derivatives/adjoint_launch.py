@@ -9,6 +9,7 @@ import functools
 
 from warp._src import errors
 from warp._src.arrays.array import array
+from warp._src.arrays.copies import clone
 from warp._src.arrays.indexed import indexedarray
 from warp._src.arrays.observers import Observing
 from warp._src.devices.devices import by_index
@@ -63,16 +64,41 @@ class AdjointLaunch(LaunchParameters):
     def launch(self, stream=None) -> None:
         """Runs the derivative."""
         index, own, block_dim = self._place
-        expected = len(signature_of(self.kernel, self._native, self._values).parameters)
+        signature = signature_of(self.kernel, self._native, self._values)
+        expected = len(signature.parameters)
         if len(self._values) != expected:
             raise errors.WarpLaunchTypeError(
                 f"launch('{self.kernel.key}'): expects {expected} arguments, "
                 f"but got {len(self._values)}"
             )
-        values = with_gradients(self._values, self._gradients, self.kernel.key)
+        gradients = [
+            self._writable(signature, i, given) for i, given in enumerate(self._gradients)
+        ]
+        values = with_gradients(self._values, gradients, self.kernel.key)
         call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
         with Observing(tape=None):
             self.kernel.derivatives.launch(call)
+
+
+    def _writable(self, signature, position, given):
+        """A gradient itself, or a copy of a read-only one that is only read.
+
+        Raises:
+            ValueError: the derivative adds to it.
+        """
+        if not _is_array_like(given):
+            return given
+        found = _as_array(given)
+        if not found.read_only:
+            return given
+        number = [i for i, _ in signature.arrays].index(position) if signature.flat else None
+        if number is not None and not signature.accesses[number][0]:
+            return clone(found, requires_grad=False)
+        name = signature.parameters[position][0]
+        raise errors.WarpLaunchValueError(
+            f"launch('{self.kernel.key}', adjoint=True): the gradient of argument '{name}' is a "
+            "read-only array, but the derivative adds to it, use a copy"
+        )
 
 
 def with_gradients(values, adjoints, key) -> tuple:

@@ -163,7 +163,7 @@ def _is_zero(grad) -> bool:
 
 def _root(one) -> int:
     """Address of the array that a view was made of."""
-    owner = one.owner
+    owner = one._owner
     while isinstance(owner, array):
-        one, owner = owner, owner.owner
+        one, owner = owner, owner._owner
     return one.ptr or 0

@@ -1,6 +1,6 @@
 """What all exchanges with other libraries share: element types, layouts, streams, ownership.
 
-An array made from foreign memory holds the foreign object in `owner`. Nothing is copied. Streams
+An array made from foreign memory holds the foreign object as its owner. Nothing is copied. Streams
 are ordered on the device, by events: the side that will use the memory waits for the side that
 wrote it, and the host waits for nobody.
 """
@@ -93,7 +93,7 @@ def alias(cls, pointer, layout, index, owner, pinned=False, read_only=False):
     size = dtypes.type_size_in_bytes(dtype)
     result._setup(pointer, extents, strides, dtype, type_id(dtype), size, index, owner, pinned)
     if read_only:
-        result.read_only = True
+        result._protect()
     return result
 
 

@@ -134,5 +134,5 @@ def from_jax(jax_array, dtype=None):
             the elements. By default the scalar type of the data.
     """
     result = from_dlpack(jax_array, dtype)
-    result.read_only = True
+    result._protect()
     return result

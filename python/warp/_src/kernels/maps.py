@@ -203,7 +203,7 @@ def _check_arrays(outputs) -> None:
     for output in outputs:
         if not isinstance(output, array):
             raise TypeError(f"map: expects arrays as `out`, but got '{type(output).__name__}'")
-        output._check_writable()
+        output._check_writable("map")
 
 
 def _check_outputs(outputs, shape, kinds) -> None:

@@ -57,6 +57,8 @@ def describe(array, gradient=None) -> ArrayDescriptor:
     descriptor.ndim = array.ndim
     # Lets a launch see that the array is out of reach; 0 says nothing.
     descriptor.flags = 0 if array.pinned else array.device_index + 2
+    if array.read_only:
+        descriptor.flags |= _native.READ_ONLY_FLAG
     return descriptor
 
 
@@ -92,16 +94,20 @@ class Field:
         if not descriptor.data:
             return None
         ndim = min(max(descriptor.ndim, 1), self.dtype.ndim)
+        reach = descriptor.flags & ~_native.READ_ONLY_FLAG
         layout = {
             "dtype": self.dtype.dtype,
             "shape": tuple(descriptor.shape[:ndim]),
             "strides": tuple(descriptor.strides[:ndim]),
-            "device": devices.by_index(descriptor.flags - 2) if descriptor.flags else "cpu",
+            "device": devices.by_index(reach - 2) if reach else "cpu",
         }
         grad = None
         if descriptor.grad:
             grad = hooks.plain_array(ptr=descriptor.grad, **layout)
-        return hooks.plain_array(ptr=descriptor.data, grad=grad, **layout)
+        found = hooks.plain_array(ptr=descriptor.data, grad=grad, **layout)
+        if descriptor.flags & _native.READ_ONLY_FLAG:
+            found._protect()
+        return found
 
     def inner(self, instance):
         """The struct in the field, over the memory of the instance."""

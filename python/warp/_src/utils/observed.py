@@ -11,7 +11,12 @@ def writing(what: str, *targets) -> None:
     Args:
         what: name of the operation for messages.
         targets: the arrays that are written.
+
+    Raises:
+        ValueError: one of them is read-only.
     """
+    for target in targets:
+        target._check_writable(what)
     if Observers.active:
         for target in targets:
             Observers.memory.writing(target, Place(what))

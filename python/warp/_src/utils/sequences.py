@@ -93,7 +93,6 @@ def array_scan(in_array, out_array, inclusive: bool = True) -> None:
         raise errors.WarpError(f"Unsupported data type: {type_repr(dtype)}")
     if _overlap(in_array, out_array):
         raise errors.WarpError("In and out array overlap; use the same array or different memory")
-    out_array._check_writable()
     writing("array_scan", out_array)
     _native.scan_numbers(
         in_array, out_array, _kind(dtype), type_size(dtype), in_array.size, bool(inclusive)
