@@ -182,6 +182,8 @@ class Mesh(Behind):
     def _published(self):
         """Called when the slot has been written."""
         self._shown = self._addresses()
+        # Those that the slot leads to live on when the attributes are replaced.
+        self._in_use = (self._points, self._velocities, self.indices)
         self._kernels = self._moments = None
         if not self.device.is_cpu and not self._built:
             from warp._src.geometry.device.refit import refit_of
