@@ -57,7 +57,7 @@ class Setting:
         self.inert = inert
 
     def check(self, value):
-        """The value to store.
+        """The value to store; an empty text stands for the default among choices.
 
         Raises:
             TypeError, ValueError: `value` does not suit the setting.
@@ -75,6 +75,9 @@ class Setting:
             raise TypeError(
                 f"config.{self.name} expects {self._kinds_text()}, but got '{type(value).__name__}'"
             )
+        if self.choices and value == "":
+            # As NVIDIA Warp takes it, and as environment variables say it.
+            return self.default
         if self.choices and value is not None and value not in self.choices:
             raise ValueError(
                 f"config.{self.name} expects one of {', '.join(map(repr, self.choices))}, "

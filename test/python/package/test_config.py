@@ -48,6 +48,8 @@ def test_good_values(config, tmp_path):
     config.quiet = 0
     assert config.quiet is False
     config.mode = "debug"
+    config.mode = ""
+    assert config.mode == "release"
     config.kernel_cache_dir = tmp_path
     assert config.kernel_cache_dir == str(tmp_path)
     config.optimization_level = None
