@@ -67,6 +67,12 @@ MORE = {
     "diagonal": lambda A, x: sp.bsr_get_diag(A),
     "compress": lambda A, x: sp.bsr_compress(A),
     "preconditioner": lambda A, x: linear.preconditioner(A),
+    "factors": lambda A, x: linear.preconditioner(A, "fsai"),
+    "room": lambda A, x: sp.bsr_copy(A, topology="padded"),
+    "rows": lambda A, x: A.uncompress_rows(),
+    "triplets": lambda A, x: sp.bsr_set_from_triplets(
+        A, integers([0]), integers([1]), wp.zeros(1, A.dtype, device="cpu"), topology="masked"
+    ),
 }
 
 
@@ -99,7 +105,7 @@ def test_columns_outside_of_the_matrix(block, use, column):
         USES[use](A, operand(A))
 
 
-@pytest.mark.parametrize("use", [*USES, "diagonal"])
+@pytest.mark.parametrize("use", [*USES, "diagonal", "factors", "room", "triplets"])
 @pytest.mark.parametrize("block", BLOCKS)
 @pytest.mark.parametrize("offsets", [[0, 2, 4, 6, 8, 10, 10**8], [0, 5, 4, 6, 7, 8, 9], [-9] * 7])
 def test_rows_outside_of_the_arrays(block, use, offsets):
@@ -114,6 +120,21 @@ def test_counts_beyond_the_room_of_a_row():
     A.row_counts.fill_(3)
     with pytest.raises(IndexError, match=r"row 0 .* room for 2 blocks, but row_counts\[0\] is 3"):
         A @ operand(A)
+
+
+def test_a_number_of_rows_or_blocks_that_is_not_there():
+    # Products with vectors go by the offsets, and have no use for an upper bound.
+    for name, uses in (("nrow", USES | MORE), ("nnz", MORE)):
+        for use in uses.values():
+            A = made((1, 1))
+            setattr(A, name, 10**8)
+            with pytest.raises(ValueError, match="expects at least|sizes|number of rows|square"):
+                use(A, operand(A))
+    for topology in ("masked", "padded"):
+        A = sp.bsr_copy(made((1, 1)), topology="padded")
+        A.nnz = 0
+        with pytest.raises(IndexError, match="but there are 0"):
+            sp.bsr_assign(A, made((1, 1)), topology=topology)
 
 
 def test_what_is_not_in_use_may_hold_anything():

@@ -2,7 +2,7 @@
 
 import warp as wp
 from warp._src.sparse import sums
-from warp._src.sparse.checks import check_storage
+from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.entries import (
     check_topology,
     collect,
@@ -166,6 +166,7 @@ def bsr_copy(
     result = new_matrix(nrow, ncol, dtype, source.device)
     result.values.requires_grad = source.requires_grad
     if topology == "padded":
+        check_contents(source, columns=False)
         _copy_room(result, source)
     bsr_assign(result, A, structure_only, topology)
     return result

@@ -104,8 +104,10 @@ def check_storage(matrix) -> None:
             )
 
 
-def check_contents(matrix, columns=True) -> None:
+def check_contents(matrix, columns=True, most=None) -> None:
     """Checks that the rows of a matrix lie in its arrays and, on demand, its columns in itself.
+
+    `most`: the number of blocks that a matrix is about to get room for, if it is not that of now.
 
     Only on the CPU, and not while a graph is being captured, which reads them later.
 
@@ -116,7 +118,8 @@ def check_contents(matrix, columns=True) -> None:
     if not device.is_cpu or _native.is_capturing(device.index):
         return
     offsets = matrix.offsets._host_view()[: matrix.nrow + 1]
-    begins, room = offsets[:-1], min(matrix.columns.size, matrix.values.size)
+    begins = offsets[:-1]
+    room = min(matrix.columns.size, matrix.values.size) if most is None else most
     ends = offsets[1:]
     if matrix.row_counts is not None:
         counts = matrix.row_counts._host_view()[: matrix.nrow]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import warp as wp
 from warp import _native
+from warp._src.sparse.checks import check_contents
 
 TOPOLOGIES = ("compact", "masked", "padded")
 
@@ -214,6 +215,8 @@ def collect(dest, rows, columns, topology, limit=None, kept=None) -> Entries:
         limit: an int32, how many of the first contributions count, or None for all.
         kept: int32 for each contribution, zero for those that do not count, or None.
     """
+    if topology != "compact":
+        check_contents(dest, columns=False, most=dest.nnz)
     sorted_ = _Sorted(dest.nrow, dest.ncol, rows, columns, limit, kept, dest.device)
     if topology == "masked":
         slots = dest.nnz

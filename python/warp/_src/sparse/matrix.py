@@ -7,7 +7,7 @@ import functools
 import warp as wp
 from warp import _native
 from warp._src.devices.devices import get_device
-from warp._src.sparse.checks import ATTRIBUTES
+from warp._src.sparse.checks import ATTRIBUTES, check_storage
 from warp._src.sparse.expressions import InPlaceOperators, Operators
 from warp._src.sparse.lookup import _write_row_ends, _write_rows
 from warp._src.types.dtypes import (
@@ -54,6 +54,8 @@ class BsrMatrix(InPlaceOperators, Operators):
     """
 
     def __init__(self, dtype, nrow, ncol, device):
+        if nrow < 0 or ncol < 0:
+            raise ValueError(f"expects numbers of rows and columns >= 0, got {nrow} and {ncol}")
         self.nrow, self.ncol, self.nnz = nrow, ncol, 0
         self.offsets = wp.zeros(self.nrow + 1, dtype=int, device=device)
         self.columns = wp.empty(0, dtype=int, device=device)
@@ -141,6 +143,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         Raises:
             ValueError: `out` is no such array.
         """
+        check_storage(self)
         if out is None:
             out = wp.empty(self.nnz, dtype=int, device=self.device)
         elif out.ndim != 1 or out.size < self.nnz or out.dtype is not wp.int32:

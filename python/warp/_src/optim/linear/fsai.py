@@ -14,6 +14,7 @@ from warp._src.arrays.observers import Observing
 from warp._src.optim.linear import fsai_pattern
 from warp._src.optim.linear.fsai_plan import Plan
 from warp._src.optim.linear.operators import LinearOperator, numbers
+from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.matrix import BsrMatrix, as_blocks
 from warp._src.types.dtypes import canonical, type_repr
 
@@ -99,6 +100,8 @@ class FSAI(LinearOperator):
         defer_pattern: bool = False,
     ):
         _check_matrix(A)
+        check_storage(A)
+        check_contents(A)
         scalar = A.scalar_type
         most = _check_count("max_row_size", max_row_size)
         step_size = _check_count("max_step_size", max_step_size)
@@ -211,6 +214,8 @@ class FSAI(LinearOperator):
     def _check_source(self, A, plan) -> None:
         if not isinstance(A, BsrMatrix):
             raise ValueError(f"FSAI.update() requires a BSR matrix, got {A!r}")
+        check_storage(A)
+        check_contents(A)
         first = self.source
         same = (A.shape, A.dtype, A.device) == (first.shape, first.dtype, first.device)
         room = min(A.columns.size, A.values.size)

@@ -263,6 +263,7 @@ class LinearSolverState(Loops):
             ValueError: an argument does not have the size, type, device or batches of the first.
         """
         self._replace(A, b, x, M)
+        self._check(self.b, self.x)
         if Observers.tape is not None:
             record(self)
         with Observing(tape=None):
