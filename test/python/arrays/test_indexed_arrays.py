@@ -269,3 +269,48 @@ def test_arithmetic(device):
     np.testing.assert_array_equal(data.numpy(), [11, 2, 14])
     wp.map(wp.neg, some, out=some)
     np.testing.assert_array_equal(data.numpy(), [-11, 2, -14])
+
+
+def test_data_and_indices_can_be_replaced(device):
+    """What does not fit is an error and changes nothing, and kernels see what does."""
+    some = wp.indexedarray(
+        wp.array([1.0, 2.0, 3.0], dtype=float, device=device), ints([2, -3], device)
+    )
+    for name, value in {
+        "data": None,
+        "data ": np.zeros(3),
+        "data  ": wp.zeros(3, dtype=int, device=device),
+        "data   ": wp.zeros((3, 3), dtype=float, device=device),
+        "indices": wp.zeros(3, dtype=float, device=device),
+        "indices ": [ints([0], device)] * 2,
+    }.items():
+        with pytest.raises(ValueError):
+            setattr(some, name.strip(), value)
+    assert some.numpy().tolist() == [3.0, 1.0]
+    some.data = wp.array([5.0, 6.0, 7.0], dtype=float, device=device)
+    assert some.numpy().tolist() == [7.0, 5.0]
+    some.indices = [ints([1], device)]
+    some.fill_(9.0)
+    assert some.data.numpy().tolist() == [5.0, 9.0, 7.0] and some.shape == (1,)
+
+
+@pytest.mark.parametrize("bad", [3, -4, 10**8, -(2**31)])
+def test_indices_that_lead_out_are_named(bad):
+    """On the CPU everything but a launch looks at them."""
+    data = wp.zeros(3, dtype=float, device="cpu")
+    some = wp.indexedarray(data, ints([0, bad], "cpu"))
+    good = wp.indexedarray(data, ints([0, 1], "cpu"))
+    two = wp.zeros(2, dtype=float, device="cpu")
+    uses = [
+        lambda: some.numpy(),
+        lambda: some.fill_(1.0),
+        lambda: some.assign([1.0, 2.0]),
+        lambda: wp.copy(two, some),
+        lambda: wp.clone(some),
+        lambda: some + 1.0,
+        lambda: some.__iadd__(two),
+        lambda: setattr(good, "indices", ints([bad], "cpu")),
+    ]
+    for use in uses:
+        with pytest.raises(IndexError, match=rf"index {bad} \(number \d\) of dimension 0"):
+            use()

@@ -135,7 +135,9 @@ FORMS = {
     "argument": lambda source: source,
     "interface": Interface,
     "array": lambda source: wp.array(source, dtype=float, device="cpu", copy=False),
-    "view": lambda source: wp.array(source, copy=False, device="cpu").reshape((2, N // 2)).flatten(),
+    "view": lambda source: (
+        wp.array(source, copy=False, device="cpu").reshape((2, N // 2)).flatten()
+    ),
     "again": lambda source: wp.array(wp.array(source, copy=False, device="cpu"), copy=False),
     "dlpack": lambda source: wp.from_dlpack(source),
     "shaped": lambda source: wp.array(source, shape=(2, 4), copy=False, device="cpu").flatten(),

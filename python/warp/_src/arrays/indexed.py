@@ -124,17 +124,45 @@ class indexedarray(ArrayArithmetic):
             )
         if ndim is not None and ndim != data.ndim:
             raise ValueError(f"expects {ndim} dimensions, but got shape {data.shape}")
-        self.data = data
-        self.indices = _checked(indices, data)
-        self._record = None
+        self._choose(data, indices)
+
+    def _choose(self, data, indices) -> None:
+        self._indices = tuple(_checked(indices, data))
+        self._data, self._record = data, None
         # Memory of an index at least, for the dimensions without.
-        filled = [given for given in self.indices if given is not None and given.size]
+        filled = [given for given in self._indices if given is not None and given.size]
         self._readable = filled[0] if filled else _one_element(scalars.int32, data, bytes(4))
+
+    @property
+    def data(self) -> array:
+        """The array behind; one of the same type and number of dimensions may take its place."""
+        return self._data
+
+    @data.setter
+    def data(self, data):
+        fits = isinstance(data, array) and dtypes.types_equal(data.dtype, self.dtype)
+        if not fits or data.ndim != self.ndim:
+            raise ValueError(
+                f"expects an array of '{dtypes.type_repr(self.dtype)}' with {self.ndim} "
+                f"dimensions as `data`, but got {data!r}"
+            )
+        check_indices_lie_in(data, self._indices)
+        self._choose(data, self._indices[: self.ndim])
+
+    @property
+    def indices(self) -> list:
+        """For each dimension its array of indices or None; can be set as in the constructor."""
+        return [*self._indices]
+
+    @indices.setter
+    def indices(self, indices):
+        check_indices_lie_in(self._data, _checked(indices, self._data))
+        self._choose(self._data, indices)
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Extents: numbers of indices, where there are some, and those of `data`."""
-        pairs = zip(self.indices, self.data.shape, strict=False)
+        pairs = zip(self._indices, self._data.shape, strict=False)
         return tuple([extent if given is None else given.size for given, extent in pairs])
 
     @property
@@ -148,50 +176,50 @@ class indexedarray(ArrayArithmetic):
     @property
     def dtype(self):
         """Element type."""
-        return self.data.dtype
+        return self._data.dtype
 
     @property
     def ndim(self) -> int:
         """Number of dimensions, that of `data`."""
-        return self.data.ndim
+        return self._data.ndim
 
     @property
     def device(self):
         """The device of all arrays."""
-        return self.data.device
+        return self._data.device
 
     @property
     def device_index(self) -> int:
         """The device's number in the runtime, -1 for the CPU."""
-        return self.data.device_index
+        return self._data.device_index
 
     @property
     def item_size(self) -> int:
         """Bytes of an element."""
-        return self.data.item_size
+        return self._data.item_size
 
     @property
     def pinned(self) -> bool:
         """Whether the memory is pinned, for copies to and from CUDA devices."""
-        return self.data.pinned
+        return self._data.pinned
 
     @property
     def requires_grad(self) -> bool:
         """Whether derivatives are wanted; they are those of `data`."""
-        return self.data.requires_grad
+        return self._data.requires_grad
 
     @requires_grad.setter
     def requires_grad(self, value):
-        self.data.requires_grad = value
+        self._data.requires_grad = value
 
     @property
     def grad(self):
         """The same elements of the gradient of `data`, or None."""
-        return None if not self.data.requires_grad else self.over(self.data.grad)
+        return None if not self._data.requires_grad else self.over(self._data.grad)
 
     def over(self, data):
         """The same elements of another array."""
-        return indexedarray(data, self.indices[: data.ndim])
+        return indexedarray(data, self._indices[: data.ndim])
 
     def __len__(self):
         return self.shape[0]
@@ -207,11 +235,11 @@ class indexedarray(ArrayArithmetic):
 
     def __ctype__(self):
         """The struct that kernels get."""
-        known = (self.data.grad_ptr, self.data.ptr)
+        known = (self._data.grad_ptr, self._data.ptr)
         if self._record is None or self._record[0] != known:
-            record = record_class(self.data.dtype, self.data.ndim)()
-            record.data = self.data
-            for axis, given in enumerate(self.indices[: self.data.ndim]):
+            record = record_class(self._data.dtype, self._data.ndim)()
+            record.data = self._data
+            for axis, given in enumerate(self._indices[: self._data.ndim]):
                 if given is None:
                     given = self._stand_in(axis)
                 else:
@@ -222,10 +250,10 @@ class indexedarray(ArrayArithmetic):
 
     def _stand_in(self, axis) -> array:
         """What kernels read, and do not use, as indices of a dimension that has none."""
-        return self._readable._view(0, (self.data.shape[axis],), (0,))
+        return self._readable._view(0, (self._data.shape[axis],), (0,))
 
     def _check_writable(self, what=None) -> None:
-        self.data._check_writable(what)
+        self._data._check_writable(what)
 
     def part(self, offset, count, name):
         """Elements offset .. offset+count of one dimension; `name` is for messages.
@@ -238,9 +266,9 @@ class indexedarray(ArrayArithmetic):
                 f"expects '{name}' to be one-dimensional to copy a part of it"
             )
         chosen = slice(offset, offset + count)
-        if self.indices[0] is None:
-            return self.data[chosen]
-        return indexedarray(self.data, [self.indices[0][chosen]])
+        if self._indices[0] is None:
+            return self._data[chosen]
+        return indexedarray(self._data, [self._indices[0][chosen]])
 
     def contiguous(self) -> array:
         """A packed copy of the elements."""
@@ -288,7 +316,7 @@ class indexedarray(ArrayArithmetic):
     def _fill(self, pattern) -> None:
         self._check_writable("fill_")
         if self.size:
-            element = _one_element(self.dtype, self.data, pattern)
+            element = _one_element(self.dtype, self._data, pattern)
             copy(self, element._view(0, self.shape, (0,) * self.ndim))
 
 
@@ -298,6 +326,26 @@ def _one_element(dtype, neighbour, pattern) -> array:
     allocate(element, (1,), dtype, neighbour.device_index)
     _native.fill_array(element, pattern)
     return element
+
+
+def check_indices_lie_in(data, indices) -> None:
+    """Looks for indices that lead out of an array; on the CPU, and not while a graph is captured.
+
+    Raises:
+        IndexError: names the first one.
+    """
+    if data.device_index != devices.CPU or _native.is_capturing(devices.CPU):
+        return
+    for axis, given in enumerate(indices[: data.ndim]):
+        if given is None or not given.size:
+            continue
+        found, extent = given._host_view(), data.shape[axis]
+        if found.max() >= extent or found.min() < -extent:
+            place = int(((found >= extent) | (found < -extent)).argmax())
+            raise errors.WarpIndexError(
+                f"index {found[place]} (number {place}) of dimension {axis} is out of bounds for "
+                f"an array of shape {data.shape}"
+            )
 
 
 def _checked(indices, data) -> list:

@@ -71,14 +71,11 @@ class AdjointLaunch(LaunchParameters):
                 f"launch('{self.kernel.key}'): expects {expected} arguments, "
                 f"but got {len(self._values)}"
             )
-        gradients = [
-            self._writable(signature, i, given) for i, given in enumerate(self._gradients)
-        ]
+        gradients = [self._writable(signature, i, given) for i, given in enumerate(self._gradients)]
         values = with_gradients(self._values, gradients, self.kernel.key)
         call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
         with Observing(tape=None):
             self.kernel.derivatives.launch(call)
-
 
     def _writable(self, signature, position, given):
         """A gradient itself, or a copy of a read-only one that is only read.

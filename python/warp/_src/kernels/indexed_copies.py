@@ -6,7 +6,7 @@ import typing
 
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import copy
-from warp._src.arrays.indexed import indexedarray
+from warp._src.arrays.indexed import check_indices_lie_in, indexedarray
 from warp._src.kernels.decorator import kernel
 from warp._src.kernels.launch import launch
 from warp._src.language import namespace as wp
@@ -41,7 +41,14 @@ _KERNELS = {1: copy1, 2: copy2, 3: copy3, 4: copy4}
 
 
 def copy_elements(dest, src, stream=None) -> None:
-    """Copies all elements between arrays of one shape, of which one is indexed at least."""
+    """Copies all elements between arrays of one shape, of which one is indexed at least.
+
+    Raises:
+        IndexError: on the CPU, an index is out of bounds.
+    """
+    for one in (dest, src):
+        if isinstance(one, indexedarray):
+            check_indices_lie_in(one.data, one.indices)
     if dest.device_index != src.device_index:
         # What is indexed is gathered and scattered where it lives.
         if isinstance(src, indexedarray):
