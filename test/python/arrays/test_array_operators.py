@@ -114,6 +114,35 @@ def test_broadcasting_and_in_place(device):
         row += a
 
 
+class Tensor:
+    """An array of another library, which would make sums its own."""
+
+    def __array__(self, dtype=None, copy=None):
+        return np.ones(3, dtype=np.float32)
+
+    def __radd__(self, other):
+        return self
+
+    __rmul__ = __rtruediv__ = __rsub__ = __rpow__ = __radd__
+
+
+@pytest.mark.parametrize("name", ["iadd", "isub", "imul", "itruediv", "ipow"])
+@pytest.mark.parametrize("other", [np.ones(3, np.float32), Tensor(), [1.0], "x", None])
+def test_in_place_means_this_array_or_an_error(name, other):
+    """What another library makes never takes the name of an array that was to change."""
+    a = wp.full(3, 2.0, dtype=float, device="cpu")
+    some = wp.indexedarray(a, wp.array([0, 2], dtype=int, device="cpu"))
+    for target in (a, some):
+        with pytest.raises(TypeError):
+            getattr(operator, name)(target, other)
+    assert a.list() == [2.0, 2.0, 2.0]
+    # Values are taken as they are, and so are parts of the array itself.
+    alias = a
+    a += np.float32(1.0)
+    a[1:] *= a[:-1]
+    assert alias is a and a.list() == [3.0, 9.0, 9.0]
+
+
 def test_read_only():
     source = np.arange(3.0)
     source.flags.writeable = False

@@ -11,6 +11,9 @@ from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
 
+# What arrays of other libraries have.
+_FOREIGN = ("__array_interface__", "__cuda_array_interface__", "__array__", "__dlpack__")
+
 
 class ArrayArithmetic:
     """Mixin of `array`."""
@@ -87,8 +90,14 @@ class ArrayArithmetic:
         return _apply("pos", "+x0", [(None, self)], None)
 
 
-def _binary(name, sign, own, other, swapped=False, out=None):
-    other = _operand(own, other)
+def _binary(name, sign, own, value, swapped=False, out=None):
+    other = _operand(own, value)
+    if other is None and out is not None and any(hasattr(value, one) for one in _FOREIGN):
+        # Its library would make another array, and the one that was to change would stay.
+        raise TypeError(
+            f"expects an array or a value to change an array in place by '{sign}=', but got "
+            f"'{type(value).__name__}', use `wp.array(...)`"
+        )
     if other is None:
         return NotImplemented
     operands = [other, (None, own)] if swapped else [(None, own), other]
