@@ -133,6 +133,9 @@ public:
   /// Runs a plan. CUDA: queued on `stream`, or on the device's current one.
   /// Debug variants get their error record written into the block.
   void run(const Plan &plan, void *params, const Stream *stream = nullptr);
+  /// The same for a plan of the CPU, at once also while a graph is being
+  /// recorded, which does not get it.
+  void runAtOnce(const Plan &plan, void *params);
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
 

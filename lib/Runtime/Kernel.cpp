@@ -202,6 +202,10 @@ void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   sums.finish();
 }
 
+void Kernel::runAtOnce(const Plan &plan, void *params) {
+  impl->run(plan, params, nullptr);
+}
+
 void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
   const Variant &variant = *plan.variant;
   if (plan.device != cpuDevice) {

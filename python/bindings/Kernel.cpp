@@ -213,6 +213,9 @@ void python::bindKernel(py::module_ &m) {
       {"launch", asMethod(launch), METH_FASTCALL,
        "launch(dim, inputs, outputs=None, device=-1, stream=None, "
        "block_dim=0)\n\nRuns the kernel; arguments are positional."},
+      {"evaluate", asMethod(evaluate), METH_FASTCALL,
+       "evaluate(inputs, outputs)\n\nRuns one thread on the CPU, at once also "
+       "while a graph is being recorded."},
       {"ir", asMethod(printIr), METH_VARARGS | METH_KEYWORDS,
        "ir(stage, arch=0, rank=0)\n\nText of a stage: warp, thread, llvm, "
        "ptx or asm; for as many dimensions as the kernel asks for, or rank."},

@@ -132,6 +132,32 @@ static void holdArguments(int device, PyObject *self, const Items &inputs,
     hold(device, object.ptr());
 }
 
+PyObject *python::evaluate(PyObject *self, PyObject *const *args,
+                           Py_ssize_t count) {
+  if (count != 2)
+    return PyErr_Format(PyExc_TypeError,
+                        "evaluate expects 2 arguments, but got %zd", count);
+  return guarded([&]() -> PyObject * {
+    Kernel &kernel = *asKernel(self)->kernel;
+    Items inputs(args[0]), outputs(args[1]);
+    Block block(kernel.parameterSize());
+    std::vector<py::object> keep;
+    packArguments(*asKernel(self)->packer, inputs, outputs, cpuDevice,
+                  block.data(), keep);
+    LaunchDim one;
+    one.extent[0] = 1;
+    Kernel::Plan plan = kernel.tryPrepare(cpuDevice, one, block.data());
+    if (!plan.variant) {
+      Hold hold(inputs, outputs);
+      warp::python::Unlocked unlocked;
+      warp::python::Compiling compiling;
+      plan = kernel.prepare(cpuDevice, one, block.data());
+    }
+    kernel.runAtOnce(plan, block.data());
+    Py_RETURN_NONE;
+  });
+}
+
 PyObject *python::launch(PyObject *self, PyObject *const *args,
                          Py_ssize_t count) {
   if (count < 2 || count > 6)

@@ -16,9 +16,9 @@ from warp._src.arrays.array import array
 from warp._src.builtin_table import BUILTINS
 from warp._src.devices.devices import CPU
 from warp._src.types import dtypes
-from warp._src.types.composites import Composite, canonical_class
+from warp._src.types.composites import Composite, Products, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
-from warp._src.types.scalars import PYTHON_TYPES, ScalarType, int32, scalar_base
+from warp._src.types.scalars import BITS, PYTHON_TYPES, ScalarType, int32, scalar_base
 
 # They need a thread, or change an array: nothing that a single call could give.
 _KERNEL_ONLY = frozenset(
@@ -113,13 +113,14 @@ class Evaluator:
         builder = _native.Builder(name)
         _build(builder, name, texts, results)
         self.kernel = _native.Kernel(builder.finish(), name)
+        # Memory of results that no call is using.
+        self._spare = []
 
     def __call__(self, values, given):
-        outputs = [new_array(array) for _ in self.dtypes]
-        for output, dtype in zip(outputs, self.dtypes, strict=True):
-            allocate(output, (1,), dtype, CPU)
-        self.kernel.launch(1, values, outputs, CPU)
+        outputs = self._spare.pop() if self._spare else self._allocate()
+        self.kernel.evaluate(values, outputs)
         results = [_python_value(output) for output in outputs]
+        self._spare.append(outputs)
         for position in reversed(self.changed):
             result = results.pop()
             # Numbers, such as the state of a generator, are values in Python.
@@ -127,12 +128,24 @@ class Evaluator:
                 ctypes.memmove(ctypes.addressof(given[position]), result, ctypes.sizeof(result))
         return results[0] if len(results) == 1 else (tuple(results) or None)
 
+    def _allocate(self) -> list:
+        outputs = [new_array(array) for _ in self.dtypes]
+        for output, dtype in zip(outputs, self.dtypes, strict=True):
+            allocate(output, (1,), dtype, CPU)
+        return outputs
+
 
 def _python_value(output):
     """The only element: a number of Python for its own types, else one of the element's type."""
-    value = output.list()[0]
     dtype = output.dtype
-    if not isinstance(dtype, ScalarType) or dtype in PYTHON_TYPES.values():
+    if issubclass(dtype, Composite):
+        return dtype.from_ptr(output.ptr)
+    if not isinstance(dtype, ScalarType):
+        return output.list()[0]
+    value = dtype._type_.from_address(output.ptr).value
+    if dtype in BITS:
+        value = BITS[dtype][1](value)
+    if dtype in PYTHON_TYPES.values():
         return value
     return value if config.legacy_scalar_return_types else dtype(value)
 
@@ -194,6 +207,9 @@ def lookup(name: str) -> Builtin | None:
     if found is None and name in BUILTINS:
         found = _made[name] = Builtin(name, *BUILTINS[name])
     return found
+
+
+Products.multiply = lookup("mul")
 
 
 def names() -> list[str]:

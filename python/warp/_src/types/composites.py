@@ -29,6 +29,15 @@ def shown_name(kind) -> str:
     return vars(kind).get("_wp_name_") or kind.__name__
 
 
+class Products:
+    """How operators multiply quaternions, transforms and small matrices: as kernels do.
+
+    Then they are rounded alike. The language puts its builtin here.
+    """
+
+    multiply = None
+
+
 class Composite:
     """Mixin of all composite types; `_length_` counts scalars."""
 
@@ -182,6 +191,13 @@ class Composite:
 
     def __pos__(self):
         return self._from_numbers(scalars_of(self))
+
+    def _like(self, result):
+        """What a builtin returns, as a value of this class if it is of its type."""
+        cls = type(self)
+        if type(result) is cls or canonical_class(cls) is not type(result):
+            return result
+        return cls.from_buffer_copy(result)
 
     @classmethod
     def _from_numbers(cls, numbers):

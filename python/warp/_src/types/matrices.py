@@ -5,6 +5,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.types.composites import (
     Composite,
+    Products,
     canonical_class,
     construct_components,
     flatten_numbers,
@@ -13,7 +14,7 @@ from warp._src.types.composites import (
     scalars_of,
     shown_name,
 )
-from warp._src.types.scalars import canonical_scalar
+from warp._src.types.scalars import canonical_scalar, float_base
 from warp._src.types.vectors import (
     SUFFIX,
     GenericAnnotation,
@@ -25,6 +26,9 @@ from warp._src.types.vectors import (
     unwrapped,
     vector,
 )
+
+# Rows and columns of matrices whose products are made by kernels.
+_SMALL = 6
 
 
 class Matrix(Composite):
@@ -126,6 +130,8 @@ class Matrix(Composite):
             return self._product(other)
         if isinstance(other, Vector) and not isinstance(other, Quaternion):
             self._check(other, self._shape_[1] == other._length_)
+            if self._is_small():
+                return Products.multiply(self, other)
             rows = _rows(self)
             values = scalars_of(other)
             return _vector_like(other, [_dot(row, values) for row in rows])
@@ -138,6 +144,8 @@ class Matrix(Composite):
 
     def _left_multiply(self, values):
         self._check(values, self._shape_[0] == values._length_, swapped=True)
+        if self._is_small():
+            return Products.multiply(values, self)
         numbers = scalars_of(values)
         return _vector_like(
             values, [_dot(column, numbers) for column in zip(*_rows(self), strict=True)]
@@ -145,6 +153,8 @@ class Matrix(Composite):
 
     def _product(self, other):
         self._check(other, self._shape_[1] == other._shape_[0])
+        if self._is_small() and other._is_small():
+            return Products.multiply(self, other)
         columns = list(zip(*_rows(other), strict=True))
         numbers = [_dot(row, column) for row in _rows(self) for column in columns]
         cls = matrix((self._shape_[0], other._shape_[1]), self._wp_scalar_type_)
@@ -153,6 +163,11 @@ class Matrix(Composite):
     def _check(self, other, fits, swapped=False):
         if not fits or other._wp_scalar_type_ is not self._wp_scalar_type_:
             raise operand_error("mul", *((other, self) if swapped else (self, other)))
+
+    def _is_small(self) -> bool:
+        """Whether a product is to be made as kernels make it; others would take long to compile."""
+        is_float = issubclass(self._wp_scalar_type_, float_base)
+        return is_float and self._length_ > 0 and max(self._shape_) <= _SMALL
 
     def _row_numbers(self, row):
         numbers = flatten_numbers(row)

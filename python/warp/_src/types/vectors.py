@@ -12,6 +12,7 @@ from warp._src.types import arithmetic, scalars
 from warp._src.types.composites import (
     ArrayMeta,
     Composite,
+    Products,
     _componentwise,
     canonical_class,
     construct_components,
@@ -87,7 +88,7 @@ class Quaternion(Vector):
             return Composite.__mul__(self, other)
         if canonical_class(type(self)) is not canonical_class(type(other)):
             raise operand_error("mul", self, other)
-        return self._from_numbers(_hamilton(scalars_of(self), scalars_of(other)))
+        return self._like(Products.multiply(self, other))
 
 
 class Transformation(Vector):
@@ -133,31 +134,7 @@ class Transformation(Vector):
             return Composite.__mul__(self, other)
         if canonical_class(type(self)) is not canonical_class(type(other)):
             raise operand_error("mul", self, other)
-        a, b = scalars_of(self), scalars_of(other)
-        rotated = _rotate(a[3:], b[:3])
-        position = [x + y for x, y in zip(a[:3], rotated, strict=True)]
-        return self._from_numbers([*position, *_hamilton(a[3:], b[3:])])
-
-
-def _hamilton(a, b):
-    ax, ay, az, aw = a
-    bx, by, bz, bw = b
-    return [
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by + ay * bw + az * bx - ax * bz,
-        aw * bz + az * bw + ax * by - ay * bx,
-        aw * bw - ax * bx - ay * by - az * bz,
-    ]
-
-
-def _rotate(q, v):
-    """As kernels do it, which takes the quaternion to have length 1."""
-    t = [2.0 * x for x in _cross(q[:3], v)]
-    return [x + q[3] * y + z for x, y, z in zip(v, t, _cross(q[:3], t), strict=True)]
-
-
-def _cross(a, b):
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        return self._like(Products.multiply(self, other))
 
 
 class GenericAnnotation:
