@@ -258,6 +258,30 @@ def test_gradients():
     np.testing.assert_array_equal(seed, values())
 
 
+@wp.kernel
+def square(a: wp.array(dtype=float), o: Outer, result: wp.array(dtype=float)):
+    i = wp.tid()
+    result[i] = a[i] * a[i] + 3.0 * o.inner.values[i]
+
+
+def test_derivatives_of_what_reads_them():
+    """Such an array may have a gradient of its own, in launches, structs and maps on tapes."""
+    a, b = (wp.array(flagged(None), copy=False, device="cpu") for _ in range(2))
+    a.requires_grad = b.requires_grad = True
+    outer = Outer()
+    outer.inner.values = b
+    y, z = (wp.zeros(N, dtype=float, device="cpu", requires_grad=True) for _ in range(2))
+    for _ in range(2):
+        with wp.Tape() as tape:
+            wp.launch(square, N, [a, outer], [y], device="cpu")
+            wp.map(wp.mul, a, 2.0, out=z)
+        tape.backward(grads={y: flagged(None), z: wp.ones_like(z)})
+        np.testing.assert_array_equal(a.grad.numpy(), 2 * values() ** 2 + 2)
+        np.testing.assert_array_equal(b.grad.numpy(), 3 * values())
+        tape.zero()
+    np.testing.assert_array_equal(a.numpy(), values())
+
+
 def test_a_descriptor_keeps_the_mark():
     a = wp.array(flagged(None), copy=False, device="cpu")
     described = a.__ctype__()
