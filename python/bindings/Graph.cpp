@@ -243,6 +243,9 @@ void python::bindGraph(py::module_ &m) {
            py::arg("external") = false, py::arg("traced") = false)
       .def("end", &PyCapture::end, "The graph of what was recorded.")
       .def("abandon", &PyCapture::close)
+      .def_readonly("held", &PyCapture::held,
+                    "What was used so far: of launches the kernel and then "
+                    "its arguments.")
       .def("hold",
            [](PyCapture &self, py::object object) {
              self.held.push_back(std::move(object));

@@ -134,6 +134,8 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             self.retain_grad = True
 
     _wp_array_ = True
+    # Whether launches take the memory as their parameters say; read where types do not fit.
+    bare = False
 
     @property
     def device(self):
@@ -169,7 +171,8 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         Waits for work on CUDA streams that may still write them.
 
         Raises:
-            RuntimeError: a graph is being captured on the array's device.
+            RuntimeError: a graph is being captured on the array's device; on the CPU, one with work
+                that writes the array.
         """
         if self.device_index != devices.CPU:
             if _native.is_capturing(self.device_index):
@@ -180,8 +183,10 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             return self.to("cpu", requires_grad=False).numpy()
         if self.pinned:
             _native.synchronize_busy_streams()
+        if hooks.captures:
+            hooks.check_settled(self)
         if Observers.active:
-            Observers.memory.lend(self)
+            Observers.lend(self)
         found = self._host_view()
         if getattr(self.dtype, "_wp_scalar_type_", self.dtype) is scalars.bfloat16:
             kind = numpy_bfloat16()
@@ -295,8 +300,10 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
                 "expects a contiguous array on 'cpu' for a pointer of ctypes, but got "
                 f"{self!r} on '{self.device}'"
             )
+        if hooks.captures:
+            hooks.check_settled(self)
         if Observers.active:
-            Observers.memory.lend(self)
+            Observers.lend(self)
         element = dtypes.type_ctype(self.dtype)
         pointer = ctypes.cast(self.ptr or 0, ctypes.POINTER(element))
         pointer._array = self

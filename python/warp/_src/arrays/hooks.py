@@ -15,3 +15,7 @@ copy_elements: typing.Callable
 select: typing.Callable
 # `wp.array` itself: programs derive classes from it whose arguments are their own.
 plain_array: type
+# check_settled(array): rejects reading what work that is being captured writes.
+check_settled: typing.Callable
+# Captures in progress: by stream handle on CUDA, by thread on the CPU.
+captures: dict = {}

@@ -13,7 +13,7 @@ import typing
 import weakref
 
 from warp import _native
-from warp._src.arrays import hooks, kept
+from warp._src.arrays import hooks, kept, lending
 from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.versions import Event, Memory, event
 from warp._src.types.scalars import uint8
@@ -81,6 +81,13 @@ class Observers:
             cls.update()
 
     @classmethod
+    def lend(cls, array) -> None:
+        """Says that others get to see, and may write, an array on the CPU."""
+        cls.memory.lend(array)
+        if cls.tape is not None:
+            lending.lend(array, cls.tape)
+
+    @classmethod
     def release(cls, owner) -> None:
         cls._drop(id(owner))
 
@@ -138,6 +145,8 @@ def _timed(kind, name, device_of):
 @_timed(1, lambda call, *_: f"forward kernel {call.kernel.key}", lambda call, *_: call.device)
 def observed_launch(call, record: bool = True) -> None:
     """Runs a launch."""
+    if lending.lent:
+        lending.settle()
     entry = Observers.tape.begin_launch(call) if record and Observers.tape is not None else None
     Observers.memory.launching(call)
     if Observers.executor is not None:
@@ -156,6 +165,8 @@ def launch_ordinary(kernel, dim, inputs, outputs, index, block_dim, record) -> b
     Returns:
         False, and nothing is done, if it takes more than that.
     """
+    if lending.lent:
+        lending.settle()
     known = kernel.signatures.get(kernel.native)
     if known is None or known.recorder is None:
         return False
@@ -214,6 +225,8 @@ def _copying_device(dest, src, *_):
 @_timed(4, _copy_name, _copying_device)
 def observed_copy(dest, src, stream=None) -> None:
     """Copies all elements."""
+    if lending.lent:
+        lending.settle()
     place = Place("copy")
     Observers.memory.writing(dest, place)
     copy_elements(dest, src, stream)
@@ -224,6 +237,8 @@ def observed_copy(dest, src, stream=None) -> None:
 @_timed(8, lambda *_: "memset", lambda target, *_: target.device)
 def observed_fill(target, pattern, name) -> None:
     """Fills an array with an element's bytes."""
+    if lending.lent:
+        lending.settle()
     place = Place(name)
     Observers.memory.writing(target, place)
     if Observers.executor is not None:

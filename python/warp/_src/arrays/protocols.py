@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from warp._src.arrays import hooks
 from warp._src.arrays.observers import Observers
 from warp._src.devices import devices
 from warp._src.interop.dlpack_export import dlpack_device, export
@@ -27,8 +28,10 @@ class ArrayProtocols:
     def __array_interface__(self):
         if self.device_index != devices.CPU:
             raise AttributeError(f"no `__array_interface__`: the array is on '{self.device}'")
+        if hooks.captures:
+            hooks.check_settled(self)
         if Observers.active:
-            Observers.memory.lend(self)
+            Observers.lend(self)
         return self._interface()
 
     @property
@@ -65,7 +68,7 @@ class ArrayProtocols:
     def __dlpack__(self, stream=None, max_version=None, dl_device=None, copy=None):
         """A DLPack capsule over the memory, for `from_dlpack` of other libraries."""
         if Observers.active and self.device_index == devices.CPU:
-            Observers.memory.lend(self)
+            Observers.lend(self)
         return export(self, stream, max_version, dl_device, copy)
 
     def __dlpack_device__(self) -> tuple[int, int]:

@@ -6,11 +6,12 @@ import weakref
 
 from warp import _native, config
 from warp._src import errors
+from warp._src.arrays import lending
 from warp._src.arrays.array import array
 from warp._src.arrays.kept import Budget
 from warp._src.arrays.observers import Observers, Observing
 from warp._src.arrays.versions import event
-from warp._src.derivatives import cotangents
+from warp._src.derivatives import cotangents, foreign_writes
 from warp._src.derivatives.tape_records import CopyRecord, FillRecord, FunctionRecord, LaunchRecord
 from warp._src.devices.devices import resolve_index
 from warp._src.kernels.call import Call
@@ -63,6 +64,8 @@ class Tape:
         # What it knew before it was reset.
         self._former: list = []
         self._seeded: list = []
+        # What other libraries wrote in between.
+        self.foreign_writes: list = []
 
     # Recording.
 
@@ -77,6 +80,7 @@ class Tape:
 
     def __exit__(self, *exception):
         if Observers.tape is self:
+            lending.settle()
             Observers.tape = None
             Observers.update()
 
@@ -195,6 +199,9 @@ class Tape:
         """
         from warp._src.derivatives.backward import BackwardPass
 
+        lending.settle()
+        if self.foreign_writes:
+            foreign_writes.check(self)
         seeds = self._check_seeds(loss, grads)
         self.loss = loss if loss is not None else self.loss
         BackwardPass(self, seeds, check_finite).run()
@@ -249,6 +256,7 @@ class Tape:
         if self._budget is not None:
             self._budget.forget()
         self.scopes.clear()
+        self.foreign_writes.clear()
         self._left.clear()
         self._seeded.clear()
         self.loss = None

@@ -13,14 +13,19 @@ import threading
 
 from warp import _native, config
 from warp._src import errors
+from warp._src.arrays import hooks
 from warp._src.arrays.array import array
+from warp._src.arrays.hooks import captures as _captures
 from warp._src.arrays.observers import Observers
 from warp._src.derivatives import handles
 from warp._src.devices import devices
 from warp._src.devices.devices import get_device
+from warp._src.kernels.captured_reads import check_settled
 from warp._src.kernels.modules import force_load
 from warp._src.types.dtypes import type_size_in_bytes
 from warp._src.types.scalars import int32
+
+hooks.check_settled = check_settled
 
 
 class CaptureMode(enum.IntEnum):
@@ -133,10 +138,6 @@ class Graph:
 
     def __repr__(self):
         return f"<graph of {self.node_count} operations on '{self.device}'>"
-
-
-# Captures in progress: by stream handle on CUDA, by thread on the CPU.
-_captures: dict = {}
 
 
 def _key(device, stream):
