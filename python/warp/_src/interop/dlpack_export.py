@@ -7,7 +7,10 @@ one wait for its own.
 
 from __future__ import annotations
 
+import sys
+
 from warp import _native
+from warp._src import errors
 from warp._src.arrays.copies import clone
 from warp._src.devices import devices
 from warp._src.interop import exchange
@@ -44,6 +47,9 @@ def export(array, stream=None, max_version=None, dl_device=None, copy=None):
     dtype = array.dtype
     if dtypes.is_struct(dtype):
         raise BufferError(f"DLPack has no type for elements of struct '{dtype.__name__}'")
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    if copy is False and dl_device is None and _asked_by_mpi():
+        _check_for_mpi(array, scalar)
     source, array = array, _moved(array, dl_device, copy)
     device = dlpack_device(array)
     if device[0] == CUDA:
@@ -57,7 +63,6 @@ def export(array, stream=None, max_version=None, dl_device=None, copy=None):
             "a read-only array needs a consumer of DLPack 1.0, which can be told, or a copy: "
             "use `wp.clone(a)`"
         )
-    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
     code, bits = _CODE_OF[scalar._native_]
     inner = tuple(getattr(dtype, "_shape_", ()))
     return _native.dlpack_export(array, code, bits, inner, *device, versioned, flags)
@@ -67,6 +72,31 @@ def _asked_by_jax() -> bool:
     """Whether the consumer is JAX, whose arrays nobody writes to, told or not."""
     name = calling_frame().f_globals.get("__name__", "")
     return name.partition(".")[0] == "jax"
+
+
+def _asked_by_mpi() -> bool:
+    """Whether the consumer is mpi4py, the one library that asks from native code for no copy."""
+    name = calling_frame().f_globals.get("__name__", "")
+    return "mpi4py.MPI" in sys.modules and name.partition(".")[0] not in ("torch", "jax", "numpy")
+
+
+def _check_for_mpi(array, scalar) -> None:
+    """Rejects what MPI would do at the wrong time, or to bytes in place of numbers.
+
+    Raises:
+        BufferError: the numbers are of a type that mpi4py does not know.
+        WarpError: a graph is being captured.
+    """
+    if scalar is scalars.bfloat16:
+        raise BufferError(
+            "mpi4py takes 'bfloat16' for bytes, which MPI would add one by one: reduce in "
+            "float32, and send `a.view(wp.uint16)`"
+        )
+    if _native.is_capturing(array.device_index):
+        raise errors.WarpError(
+            "MPI cannot be captured: it would run now, and not when the graph is launched, "
+            "capture the work before and after it as graphs of their own"
+        )
 
 
 def _moved(array, dl_device, copy):
