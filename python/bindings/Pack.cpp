@@ -171,6 +171,27 @@ static bool copyBytes(PyObject *value, char *out, int64_t size) {
   return fits;
 }
 
+/// Whether an array is to be taken as the parameter says, whatever its own
+/// element type and rank are: programs ask for it with `return_ctype`.
+static bool isBare(PyObject *value) {
+  static PyObject *const name = PyUnicode_InternFromString("bare");
+  PyObject *bare = PyObject_GetAttr(value, name);
+  PyErr_Clear();
+  Py_XDECREF(bare);
+  return bare == Py_True;
+}
+
+/// Leaves out dimensions that the parameter has not, and adds ones of extent 1.
+static void fitRank(ArrayDescriptor &array, int rank) {
+  for (int axis = array.ndim; axis < rank; ++axis) {
+    array.shape[axis] = 1;
+    array.strides[axis] = 0;
+  }
+  for (int axis = rank; axis < array.ndim; ++axis)
+    array.shape[axis] = array.strides[axis] = 0;
+  array.ndim = rank;
+}
+
 /// Reads the descriptor that `__ctype__` of an array makes. It says nothing of
 /// the type of the elements.
 static bool readDescriptor(const Packer &packer, const PackParam &param,
@@ -198,8 +219,9 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
     descriptor.ndim = param.param->rank;
   } else if (isArray(value)) {
     ArrayObject *array = asArray(value);
-    if (array->typeId != param.typeId ||
-        array->descriptor.ndim != param.param->rank)
+    bool fits = array->typeId == param.typeId &&
+                array->descriptor.ndim == param.param->rank;
+    if (!fits && !isBare(value))
       throw error(param, value);
     bool reachable =
         array->device == device ||
@@ -213,6 +235,7 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
                       deviceName(device) + "\")`");
     descriptor = array->descriptor;
     descriptor.flags = array->readOnly ? readOnlyFlag : 0;
+    fitRank(descriptor, param.param->rank);
   } else if (!readDescriptor(*this, param, value, device, descriptor) &&
              !readForeignArray(*this, param, value, device, descriptor, keep)) {
     throw error(param, value);

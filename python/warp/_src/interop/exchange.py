@@ -41,7 +41,7 @@ def same_bits(source, target) -> bool:
     return integers and same_size and not to_bool
 
 
-def fold(scalar, extents, strides, dtype):
+def fold(scalar, extents, strides, dtype, bare=False):
     """Element type, extents and strides in bytes, once trailing extents became part of elements.
 
     Args:
@@ -49,6 +49,8 @@ def fold(scalar, extents, strides, dtype):
         extents: its extents; none at all is a single number.
         strides: its strides in bytes, None if packed.
         dtype: element type that is wanted, None for the scalar.
+        bare: launches may take the array for one of scalars: a single element has the stride of
+            its components.
 
     Raises:
         TypeError: the memory holds other scalars.
@@ -77,7 +79,7 @@ def fold(scalar, extents, strides, dtype):
                 f"'{dtypes.type_repr(dtype)}', but got strides {strides} in bytes"
             )
     if not outer:
-        return dtype, (1,), (dtypes.type_size_in_bytes(dtype),)
+        return dtype, (1,), (item_size if bare else dtypes.type_size_in_bytes(dtype),)
     extents, strides = check_shape(extents[:outer]), strides[:outer]
     if any(stride < 0 for stride in strides):
         raise errors.WarpShapeError(

@@ -7,7 +7,7 @@ import functools
 from warp import _native
 from warp._src.arrays.array import array
 from warp._src.devices import devices
-from warp._src.interop import exchange
+from warp._src.interop import exchange, paddle_layers
 from warp._src.interop.shared_gradients import share_gradient
 from warp._src.types import dtypes, scalars
 
@@ -89,10 +89,13 @@ def from_paddle(
         dtype: element type; with a vector or matrix type the trailing dimensions become part of
             the elements. By default the scalar type of the tensor.
         requires_grad: whether the array has a gradient, which is that of the tensor and is made
-            if there is none yet; for 16-bit floats it is one of its own, with 32 bits. By default
-            it has one if the tensor does not stop gradients.
+            if there is none yet. By default it has one if the tensor does not stop gradients. In
+            `forward` and `backward` of a `paddle.autograd.PyLayer` it is one of the array's own,
+            since Paddle adds what `backward` returns to those of the tensors.
         grad: array or tensor to use as the gradient, with the strides of `t`.
-        return_ctype: accepted and ignored; the array itself is fast to launch with.
+        return_ctype: launches take the memory as their parameters say: a parameter of another
+            element type or rank reads it as its own, unchecked. Missing dimensions have the extent
+            1, and surplus ones are left out.
         retain_grad: as for `wp.array`.
 
     Raises:
@@ -101,19 +104,29 @@ def from_paddle(
     """
     if not hasattr(t, "place") or not hasattr(t, "data_ptr"):
         raise TypeError(f"expects a dense tensor of Paddle, but got '{type(t).__name__}'")
-    result = _alias(t, dtype)
+    result = _alias(t, dtype, return_ctype)
+    if return_ctype:
+        result.bare = True
+    import paddle
+
+    if paddle_layers.is_lent(paddle, t):
+        result.lent = True
     wanted = not t.stop_gradient if requires_grad is None else requires_grad
+    if wanted and grad is None and paddle_layers.has_own_gradient(paddle, t):
+        result.requires_grad = True
+        result.retain_grad = retain_grad
+        return result
     share_gradient(result, grad, wanted, lambda one: _alias(one, dtype), lambda: _gradient(t))
     if retain_grad:
         result.retain_grad = True
     return result
 
 
-def _alias(t, dtype):
+def _alias(t, dtype, bare=False):
     scalar = dtype_from_paddle(t.dtype)
     size = dtypes.type_size_in_bytes(scalar)
     strides = [step * size for step in t.strides]
-    layout = exchange.fold(scalar, tuple(t.shape), strides, dtype)
+    layout = exchange.fold(scalar, tuple(t.shape), strides, dtype, bare)
     index = device_from_paddle(t.place).index
     pinned = "pinned" in str(t.place)
     address = t.data_ptr() if layout[0] and 0 not in tuple(t.shape) else 0

@@ -78,10 +78,13 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         dtype: element type; with a vector or matrix type the trailing dimensions become part of
             the elements. By default the scalar type of the tensor.
         requires_grad: whether the array has a gradient, which is that of the tensor and is made
-            if there is none yet; for 16-bit floats it is one of its own, with 32 bits. By default
-            as the tensor says.
+            if there is none yet. By default as the tensor says. In `forward` and `backward` of a
+            `torch.autograd.Function` it is one of the array's own, zero at the begin of each
+            backward pass, since PyTorch adds what `backward` returns to those of the tensors.
         grad: array or tensor to use as the gradient, with the strides of `t`.
-        return_ctype: accepted and ignored; the array itself is fast to launch with.
+        return_ctype: launches take the memory as their parameters say: a parameter of another
+            element type or rank reads it as its own, unchecked. Missing dimensions have the extent
+            1, and surplus ones are left out.
         retain_grad: as for `wp.array`.
 
     Raises:
@@ -96,7 +99,9 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         raise TypeError(
             "expects a strided tensor in memory, use `to_dense` or `resolve_neg` before"
         )
-    result = _alias(t, dtype)
+    result = _alias(t, dtype, return_ctype)
+    if return_ctype:
+        result.bare = True
     if torch_functions.is_lent(torch, t):
         result.lent = True
     wanted = t.requires_grad if requires_grad is None else requires_grad
@@ -109,10 +114,12 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
     return result
 
 
-def _alias(t, dtype):
+def _alias(t, dtype, bare=False):
     scalar = dtype_from_torch(t.dtype)
     size = t.element_size()
-    layout = exchange.fold(scalar, tuple(t.shape), [step * size for step in t.stride()], dtype)
+    layout = exchange.fold(
+        scalar, tuple(t.shape), [step * size for step in t.stride()], dtype, bare
+    )
     index = device_from_torch(t.device).index
     pinned = index == devices.CPU and t.is_pinned()
     return exchange.alias(array, t.data_ptr(), layout, index, t, pinned)
