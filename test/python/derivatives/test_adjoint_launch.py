@@ -52,6 +52,32 @@ def test_gradients_of_the_launch(device):
     assert x.grad.numpy().tolist() == [0, 2, 4, 6]
 
 
+def test_named_gradients_with_strides_of_their_own(device):
+    """Gradients that a launch names may be views with gaps; what is between stays."""
+    x, y = ramp(4, device), wp.zeros(4, dtype=float, device=device)
+    gx = wp.ones((4, 2), dtype=float, device=device)
+    gy = wp.full((4, 3), 2.0, dtype=float, device=device)
+    for recorded in (False, True):
+        made = wp.launch(
+            square,
+            4,
+            [1.0, x],
+            [y],
+            [None, gx[:, 1]],
+            [gy[:, 2]],
+            device=device,
+            adjoint=True,
+            record_cmd=recorded,
+        )
+        if recorded:
+            gy.fill_(2.0)
+            made.launch()
+        expected = 1.0 + (1 + recorded) * np.array([0.0, 4.0, 8.0, 12.0])
+        assert np.array_equal(gx.numpy()[:, 1], expected)
+        assert (gx.numpy()[:, 0] == 1.0).all() and (gy.numpy()[:, :2] == 2.0).all()
+        assert not gy.numpy()[:, 2].any()
+
+
 def test_no_gradient_asked_for(device):
     x, y = ramp(4, device), seeded(4, device)
     wp.launch(square, 4, [1.0, x], [y], device=device, adjoint=True)

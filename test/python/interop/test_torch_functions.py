@@ -134,9 +134,36 @@ class OfAView(Usual):
         return wp.to_torch(ctx.whole.grad)
 
 
+class Tensors(torch.autograd.Function):
+    """Launches get tensors."""
+
+    convert = staticmethod(lambda t: t)
+
+    @classmethod
+    def forward(cls, ctx, x):
+        y = torch.empty_like(x)
+        ctx.save_for_backward(x, y)
+        wp.launch(square, len(x), [x.detach()], [y], device=str(x.device))
+        return y
+
+    @classmethod
+    def backward(cls, ctx, g):
+        x, y = (t.detach() for t in ctx.saved_tensors)
+        found = torch.zeros_like(x)
+        named = {"adj_inputs": [found], "adj_outputs": [cls.convert(g)]}
+        wp.launch(square, len(g), [x], [y], adjoint=True, device=str(x.device), **named)
+        return found
+
+
+class Capsules(Tensors):
+    """The incoming gradient goes through DLPack."""
+
+    convert = staticmethod(wp.from_dlpack)
+
+
 FORMS = [
     *(Usual, OwnGradients, NamedSeed, Detached, Saved, SetUpAfterwards, Taped, TapedInForward),
-    OfAView,
+    *(OfAView, Tensors, Capsules),
 ]
 
 
@@ -220,6 +247,22 @@ def test_gradients_are_those_of_pytorch(device, form, graph):
     assert len(found[0]) == len(found[1])
     for ours, theirs in zip(*found, strict=True):
         np.testing.assert_allclose(ours.cpu(), theirs.cpu(), rtol=1e-5)
+
+
+@wp.kernel
+def lengths(x: wp.array2d(dtype=wp.vec3), y: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    y[i, j] = wp.dot(x[i, j], x[i, j])
+
+
+def test_tensors_as_arguments_of_an_adjoint_launch(device):
+    """Tensors take the element types of the parameters, and their gradients, too."""
+    x = torch.arange(12.0, device=device).reshape(2, 2, 3)
+    y, seed = (torch.ones(2, 2, device=device) for _ in range(2))
+    found = torch.zeros_like(x)
+    named = {"adj_inputs": [found], "adj_outputs": [seed]}
+    wp.launch(lengths, (2, 2), [x], [y], adjoint=True, device=device, **named)
+    assert torch.equal(found, 2.0 * x)
 
 
 def test_leaf_that_is_no_input(device):

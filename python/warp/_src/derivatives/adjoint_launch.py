@@ -6,16 +6,23 @@ Gradients that the launch names take the place of those that its arrays have.
 from __future__ import annotations
 
 import functools
+import sys
 
 from warp._src import errors
 from warp._src.arrays.array import array
-from warp._src.arrays.copies import clone
+from warp._src.arrays.copies import clone, copy
+from warp._src.arrays.gradients import make_gradient
 from warp._src.arrays.indexed import indexedarray
 from warp._src.arrays.observers import Observing
 from warp._src.devices.devices import by_index
+from warp._src.interop.dlpack import from_dlpack
+from warp._src.interop.torch import from_torch
 from warp._src.kernels.call import Call, signature_of
 from warp._src.kernels.parameters import LaunchParameters
+from warp._src.types import dtypes
 from warp._src.types.structs import StructInstance
+
+_INTERFACES = ("__array_interface__", "__cuda_array_interface__")
 
 
 class AdjointLaunch(LaunchParameters):
@@ -72,10 +79,16 @@ class AdjointLaunch(LaunchParameters):
                 f"but got {len(self._values)}"
             )
         gradients = [self._writable(signature, i, given) for i, given in enumerate(self._gradients)]
-        values = with_gradients(self._values, gradients, self.kernel.key)
+        parameters = self._native.parameters
+        late: list = []
+        values = with_gradients(self._values, gradients, self.kernel.key, parameters, late)
         call = Call(self.kernel, self._native, self._dim, values, index, stream or own, block_dim)
         with Observing(tape=None):
+            for given, stand_in in late:
+                copy(stand_in, given, stream=call.stream)
             self.kernel.derivatives.launch(call)
+            for given, stand_in in late:
+                copy(given, stand_in, stream=call.stream)
 
     def _writable(self, signature, position, given):
         """A gradient itself, or a copy of a read-only one that is only read.
@@ -98,13 +111,16 @@ class AdjointLaunch(LaunchParameters):
         )
 
 
-def with_gradients(values, adjoints, key) -> tuple:
+def with_gradients(values, adjoints, key, parameters, late) -> tuple:
     """Arguments whose arrays have the gradients that a launch names.
 
     Args:
         values: the arguments.
         adjoints: for each, the array of gradients, a struct of such arrays, or None; may be short.
         key: the kernel's name, for messages.
+        parameters: what the native kernel says of them, for the types of arrays of others.
+        late: gets pairs of gradients with other strides than their arrays and what stands in for
+            them, to be copied back after the launch.
 
     Raises:
         WarpLaunchValueError: there are more of them than arguments.
@@ -124,32 +140,59 @@ def with_gradients(values, adjoints, key) -> tuple:
         elif isinstance(values[i], indexedarray):
             given = given.data if isinstance(given, indexedarray) else given
             result[i] = values[i].over(_with_gradient(values[i].data, given))
-        elif _is_array_like(values[i]):
-            result[i] = _with_gradient(values[i], given)
+        elif _is_array(values[i]):
+            _, kind, *_, element = parameters[i]
+            dtype = dtypes.dtype_of(element) if kind == "array" else None
+            result[i] = _with_gradient(values[i], given, dtype, late)
     return tuple(result)
 
 
-def _is_array_like(value) -> bool:
+def _is_array(value) -> bool:
+    """Whether it is an array of ours or of another library."""
     return isinstance(value, array) or any(
-        hasattr(value, name) for name in ("__array_interface__", "__cuda_array_interface__")
+        hasattr(value, name) for name in (*_INTERFACES, "__dlpack__")
     )
 
 
-def _as_array(value):
-    return value if isinstance(value, array) else array(value, copy=False, device=_place_of(value))
+def _as_array(value, dtype=None):
+    """An array over the memory of what another library calls one."""
+    if isinstance(value, array):
+        return value
+    torch = sys.modules.get("torch")
+    if torch is not None and isinstance(value, torch.Tensor):
+        return from_torch(value, dtype, requires_grad=False)
+    if any(hasattr(value, name) for name in _INTERFACES):
+        return array(value, dtype=dtype, copy=False, device=_place_of(value))
+    return from_dlpack(value, dtype)
 
 
 def _place_of(value):
     return None if hasattr(value, "__cuda_array_interface__") else "cpu"
 
 
-def _with_gradient(value, given):
-    value = _as_array(value)
+def _with_gradient(value, given, dtype=None, late=None):
+    value, given = _as_array(value, dtype), _as_array(given, dtype)
     if value.grad is given:
         return value
     result = value._view(0, value.shape, value.strides)
-    result.grad = _as_array(given)
+    result.bare = value.bare
+    if late is not None and _differs_in_layout(value, given):
+        stand_in = make_gradient(value)
+        late.append((given, stand_in))
+        given = stand_in
+    result.grad = given
     return result
+
+
+def _differs_in_layout(value, given) -> bool:
+    """Whether only its strides keep an array from being the gradient of another one.
+
+    What is lent is copied anyway.
+    """
+    if given.lent:
+        return False
+    alike = (given.shape, given.device_index) == (value.shape, value.device_index)
+    return alike and given.dtype is value.dtype and given.strides != value.strides
 
 
 def _struct_with_gradients(value, given):

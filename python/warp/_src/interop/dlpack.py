@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 
 from warp import _native
 from warp._src.arrays.array import array
 from warp._src.devices import devices
-from warp._src.interop import exchange
+from warp._src.interop import exchange, torch_functions
 from warp._src.interop.dlpack_export import CODES, CPU, CUDA, CUDA_HOST, CUDA_MANAGED, READ_ONLY
 
 
@@ -54,9 +55,13 @@ def from_dlpack(source, dtype=None, hint=None):
     layout = exchange.fold(scalar, extents, strides, dtype)
     index = _index(kind, number)
     owner = _native.dlpack_take(capsule)
-    return exchange.alias(
+    result = exchange.alias(
         array, pointer, layout, index, owner, kind == CUDA_HOST, bool(flags & READ_ONLY)
     )
+    torch = sys.modules.get("torch")
+    if torch and isinstance(source, torch.Tensor) and torch_functions.is_lent(torch, source):
+        result.lent = True
+    return result
 
 
 def _index(kind, number) -> int:
