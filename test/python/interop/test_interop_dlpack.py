@@ -211,6 +211,20 @@ def test_to_other_device():
         a.__dlpack__(dl_device=(CPU, 0), copy=False)
 
 
+def test_memory_of_other_devices_is_not_asked_for():
+    """A producer on a device that cannot be used makes no capsule in vain."""
+
+    class Elsewhere:
+        def __dlpack_device__(self):
+            return (7, 0)
+
+        def __dlpack__(self, **options):
+            raise AssertionError
+
+    with pytest.raises(TypeError, match="DLPack device type 7"):
+        wp.from_dlpack(Elsewhere())
+
+
 def test_unknown_device():
     with pytest.raises(BufferError, match="device"):
         wp.zeros(2, device="cpu").__dlpack__(dl_device=(7, 0))

@@ -76,8 +76,9 @@ def _request(source):
     """Asks for a capsule that the current stream may use."""
     kind, number = source.__dlpack_device__()
     options = {}
+    index = _index(kind, number)
     if kind in (CUDA, CUDA_MANAGED):
-        options["stream"] = exchange.current_handle(_index(kind, number))
+        options["stream"] = exchange.current_handle(index)
     try:
         return source.__dlpack__(max_version=(1, 0), **options)
     except TypeError:
