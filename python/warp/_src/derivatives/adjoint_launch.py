@@ -96,7 +96,7 @@ class AdjointLaunch(LaunchParameters):
         Raises:
             ValueError: the derivative adds to it.
         """
-        if not _is_array_like(given):
+        if not _is_array(given):
             return given
         found = _as_array(given)
         if not found.read_only:
