@@ -104,6 +104,17 @@ inline Scene makeSoup(int count, float size, unsigned seed = 1) {
   return scene;
 }
 
+/// Needles side by side in the plane z = 0, from -1 to 1 along x and y.
+inline Scene makeStrip(int rows) {
+  Scene scene;
+  for (int i = 0; i < rows; ++i) {
+    float low = -1 + 2.0f * i / rows, high = -1 + 2.0f * (i + 1) / rows;
+    scene.addTriangle({-1, low, 0}, {1, low, 0}, {1, high, 0});
+    scene.addTriangle({-1, low, 0}, {1, high, 0}, {-1, high, 0});
+  }
+  return scene;
+}
+
 inline Double3 minus(Double3 a, Double3 b) {
   return {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
 }

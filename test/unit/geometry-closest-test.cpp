@@ -98,6 +98,19 @@ TEST(GeometryClosest, OfNeedlesAndCapsKeepsItsDigits) {
   }
 }
 
+TEST(GeometryClosest, OfNeedlesSideBySideIsThatOfTheRightOne) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> where(-1, 1);
+  for (int rows : {20, 500}) {
+    Scene strip = makeStrip(rows);
+    Mesh mesh(strip.arrays(), -1);
+    for (int i = 0; i < 500; ++i) {
+      Vertex p{where(random), where(random), 0};
+      EXPECT_LT(distanceTo(strip, p, ask(mesh, p)), 3e-6);
+    }
+  }
+}
+
 TEST(GeometryClosest, TiesGoToTheLowerFace) {
   Scene sphere = makeSphere(20, 10);
   Scene twice = sphere;

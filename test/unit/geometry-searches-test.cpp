@@ -221,6 +221,8 @@ TEST(GeometrySearches, AgreeOnThinTriangles) {
   compare(soup);
 }
 
+TEST(GeometrySearches, AgreeOnNeedlesSideBySide) { compare(makeStrip(400)); }
+
 /// One ray of a warp goes on alone, and has several blocks tested at once.
 static void compareLoner(const Tree &tree, Point<f32> start, Point<f32> along,
                          int loner) {

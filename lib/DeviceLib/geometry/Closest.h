@@ -5,8 +5,14 @@
 // Triangles are moved so that the query point is the origin. The closest point
 // is the best of four points of the triangle: one on each edge, and the foot of
 // the perpendicular if its weights say that it is inside. Each is a point of
-// the triangle whatever was rounded, so slivers and points far away cost digits
-// of where it is, never of how far; a triangle without area is its edges.
+// the triangle whatever was rounded, so no distance is too small; a triangle
+// without area is its edges.
+//
+// Weights of the foot are quotients of products of squared lengths. For a thin
+// triangle those cancel, the foot slides along it, and its distance is too
+// large. There weights are areas of the triangles at the foot: cross products
+// whose components are rounded once, so the foot is that of a triangle whose
+// corners moved by their rounding.
 //
 // Blocks compare in f32. The weights of the winner are computed once more in
 // f64: a weight is zero exactly where the closest point is on an edge.
@@ -26,10 +32,13 @@ template <class V> struct OnTriangle {
   V second, third, squared;
 };
 
+/// The squared sine of the angle at the first corner below which a triangle is
+/// thin. Above, the foot is off by a few times 2^-24 / `thinness` of its edges.
+constexpr f32 thinness = 0.1f;
+
 template <class V, class Mask>
-inline void keepCloser(OnTriangle<V> &best, Mask where, V second, V third,
-                       V squared) {
-  where = both(where, squared < best.squared);
+inline void keep(OnTriangle<V> &best, Mask where, V second, V third,
+                 V squared) {
   best.second = choose(where, second, best.second);
   best.third = choose(where, third, best.third);
   best.squared = choose(where, squared, best.squared);
@@ -43,9 +52,32 @@ template <class V> inline V foot(V toStart, V length2) {
   return choose(t < V(1), t, V(1));
 }
 
-/// The point of triangle a b c that is closest to the origin.
-template <class V>
-inline OnTriangle<V> closestOnTriangle(Point<V> a, Point<V> b, Point<V> c) {
+/// Weights of a point of a triangle, times the square of its normal.
+template <class V> struct Foot {
+  V second, third;
+};
+
+/// A triangle, moved, whose plane has the foot of the origin.
+template <class V> struct Plane {
+  Point<V> a, ab, ac, normal;
+  V ab2, ac2, aab, aac, area2;
+
+  auto isThin() const { return area2 < ab2 * (ac2 * V(thinness)); }
+  Foot<V> byLengths() const {
+    V abac = dot(ab, ac);
+    return {differenceOfProducts(abac, aac, ac2, aab),
+            differenceOfProducts(abac, aab, ab2, aac)};
+  }
+  Foot<V> byAreas() const {
+    return {dot(normal, cross(ac, a)), dot(normal, cross(a, ab))};
+  }
+};
+
+/// The point of triangle a b c that is closest to the origin; `findFoot` gives
+/// the foot in its plane.
+template <class V, class Find>
+__attribute__((always_inline)) inline OnTriangle<V>
+closestOnTriangle(Point<V> a, Point<V> b, Point<V> c, Find findFoot) {
   Point<V> ab = b - a, ac = c - a, bc = c - b;
   V ab2 = dot(ab, ab), ac2 = dot(ac, ac), bc2 = dot(bc, bc);
   V aab = dot(a, ab), aac = dot(a, ac), bbc = dot(b, bc);
@@ -57,20 +89,59 @@ inline OnTriangle<V> closestOnTriangle(Point<V> a, Point<V> b, Point<V> c) {
   OnTriangle<V> best{t, V(0), squareAt(a, t, ab)};
   t = foot(aac, ac2);
   V squared = squareAt(a, t, ac);
-  keepCloser(best, squared == squared, V(0), t, squared);
+  keep(best, squared < best.squared, V(0), t, squared);
   t = foot(bbc, bc2);
   squared = squareAt(b, t, bc);
-  keepCloser(best, squared == squared, V(1) - t, t, squared);
+  keep(best, squared < best.squared, V(1) - t, t, squared);
 
   Point<V> normal = cross(ab, ac);
   V area2 = dot(normal, normal);
-  V abac = dot(ab, ac);
-  V second = differenceOfProducts(abac, aac, ac2, aab) / area2;
-  V third = differenceOfProducts(abac, aab, ab2, aac) / area2;
+  Foot<V> at = findFoot(Plane<V>{a, ab, ac, normal, ab2, ac2, aab, aac, area2});
+  V second = at.second / area2, third = at.third / area2;
   Point<V> inner = a.along(second, ab).along(third, ac);
+  squared = dot(inner, inner);
   auto inside = both(both(second > V(0), third > V(0)), second + third < V(1));
-  keepCloser(best, inside, second, third, dot(inner, inner));
+  keep(best, both(inside, squared < best.squared), second, third, squared);
   return best;
+}
+
+template <class V>
+__attribute__((always_inline)) inline OnTriangle<V>
+closestOnTriangle(Point<V> a, Point<V> b, Point<V> c) {
+  return closestOnTriangle(a, b, c, [](const Plane<V> &plane) {
+    Foot<V> foot = plane.byLengths();
+    auto isThin = plane.isThin();
+    if (isAny(isThin)) {
+      Foot<V> ofThin = plane.byAreas();
+      foot = {choose(isThin, ofThin.second, foot.second),
+              choose(isThin, ofThin.third, foot.third)};
+    }
+    return foot;
+  });
+}
+
+/// That of a thin triangle, apart: most searches end without.
+#ifndef __NVPTX__
+__attribute__((noinline, cold))
+#endif
+inline OnTriangle<f64> closestOnThin(const Point<f64> (&corner)[3]) {
+  return closestOnTriangle(
+      corner[0], corner[1], corner[2],
+      [](const Plane<f64> &plane) { return plane.byAreas(); });
+}
+
+__attribute__((always_inline)) inline OnTriangle<f64>
+closestOnTriangle(Point<f64> a, Point<f64> b, Point<f64> c) {
+  bool isThin;
+  OnTriangle<f64> point =
+      closestOnTriangle(a, b, c, [&](const Plane<f64> &plane) {
+        isThin = plane.isThin();
+        return plane.byLengths();
+      });
+  if (!isThin)
+    return point;
+  Point<f64> corner[3] = {a, b, c};
+  return closestOnThin(corner);
 }
 
 struct ClosestPoint {

@@ -66,6 +66,10 @@ inline u32 bitsOf(Ints where) {
 #endif
 }
 
+/// Whether a comparison holds, of eight numbers anywhere.
+inline bool isAny(bool where) { return where; }
+inline bool isAny(Ints where) { return bitsOf(where) != 0; }
+
 /// The lanes whose bit is set.
 inline Ints lanesOf(u32 bits) {
   constexpr Ints weights{1, 2, 4, 8, 16, 32, 64, 128};

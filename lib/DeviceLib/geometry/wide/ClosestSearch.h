@@ -59,13 +59,32 @@ private:
         choose(lanesOf(node.children()), dot(offset, offset), Floats(infinity));
   }
 
+  Floats squaresOf(const TriangleBlock &triangles, Ints &isThin) const {
+    return closestOnTriangle(triangles.corner(0) - p, triangles.corner(1) - p,
+                             triangles.corner(2) - p,
+                             [&](const Plane<Floats> &plane) {
+                               isThin = plane.isThin();
+                               return plane.byLengths();
+                             })
+        .squared;
+  }
+  /// The same where some are thin. Not a part of the search, which would keep
+  /// registers for what most blocks do not need.
+  __attribute__((noinline, cold)) static Floats
+  squaresOfThin(const TriangleBlock &triangles, f32 x, f32 y, f32 z) {
+    Point<Floats> p{Floats(x), Floats(y), Floats(z)};
+    return closestOnTriangle(triangles.corner(0) - p, triangles.corner(1) - p,
+                             triangles.corner(2) - p)
+        .squared;
+  }
+
   void visit(i32 index) {
     const TriangleBlock &triangles =
         static_cast<const TriangleBlock *>(tree.blocks)[index];
-    Floats squared =
-        closestOnTriangle(triangles.corner(0) - p, triangles.corner(1) - p,
-                          triangles.corner(2) - p)
-            .squared;
+    Ints isThin;
+    Floats squared = squaresOf(triangles, isThin);
+    if (isAny(isThin))
+      squared = squaresOfThin(triangles, p.x[0], p.y[0], p.z[0]);
     Ints closer =
         (squared < best) | ((squared == best) & (triangles.id < Ints(face)));
     if (!bitsOf(closer))
