@@ -55,7 +55,7 @@ struct Bvh::Impl {
   void build(const Boxes &boxes, const ArrayDescriptor &groups,
              Splitting splitting);
   void refit(const Boxes &boxes);
-  void fill(const Boxes &boxes, BoxBlock &block) const;
+  int fill(const Boxes &boxes, BoxBlock &block) const;
   void publish();
   void write(const Tree &searched, const TreeExtras &extras,
              std::vector<HandleMemory> memory);
@@ -66,20 +66,23 @@ struct Bvh::Impl {
   /// Of the last build; the caller's.
   ArrayDescriptor groups;
   float scale = 1;
-  int64_t count = 0, skipped = 0;
+  int64_t count = 0;
 };
 
-void Bvh::Impl::fill(const Boxes &boxes, BoxBlock &block) const {
+int Bvh::Impl::fill(const Boxes &boxes, BoxBlock &block) const {
   constexpr float none = std::numeric_limits<float>::quiet_NaN();
+  int improper = 0;
   for (int lane = 0; lane < width; ++lane) {
     int32_t id = block.id[lane];
     Bounds bounds = id >= 0 ? boxes[id] : Bounds();
     bool isThere = bounds.isProper();
+    improper += id >= 0 && !isThere;
     for (int axis = 0; axis < 3; ++axis) {
       block.bounds[axis][lane] = isThere ? bounds.low[axis] * scale : none;
       block.bounds[3 + axis][lane] = isThere ? bounds.high[axis] * scale : none;
     }
   }
+  return improper;
 }
 
 void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
@@ -95,14 +98,18 @@ void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
                     std::to_string(groups.size()));
   std::vector<BuildPrimitive> primitives;
   primitives.reserve(count);
-  for (int64_t i = 0; i < count; ++i)
-    if (Bounds bounds = boxes[i]; bounds.isProper())
-      primitives.push_back({bounds, int32_t(i), hasGroups ? groups[i] : 0});
-  skipped = count - int64_t(primitives.size());
+  for (int64_t i = 0; i < count; ++i) {
+    Bounds bounds = boxes[i];
+    int32_t group = hasGroups ? groups[i] : 0;
+    if (bounds.isProper())
+      primitives.push_back({bounds, int32_t(i), group});
+    else
+      primitives.push_back(BuildPrimitive::improper(int32_t(i), group));
+  }
   tree.build(
       std::move(primitives), splitting, hasGroups,
       [&](const Bounds &all) { scale = chooseScale(all); },
-      [&](BoxBlock &block) { fill(boxes, block); });
+      [&](BoxBlock &block) { return fill(boxes, block); });
   publish();
 }
 
@@ -116,7 +123,7 @@ void Bvh::Impl::refit(const Boxes &boxes) {
     if (Bounds bounds = boxes[i]; bounds.isProper())
       all.include(bounds);
   scale = chooseScale(all);
-  tree.refit([&](BoxBlock &block) { fill(boxes, block); });
+  tree.refit([&](BoxBlock &block) { return fill(boxes, block); });
   publish();
 }
 
@@ -171,4 +178,4 @@ HierarchyView Bvh::view() const {
   return viewOf(impl->tree, impl->onDevice, impl->scale);
 }
 
-BvhReport Bvh::report() const { return reportOf(impl->tree, impl->skipped); }
+BvhReport Bvh::report() const { return reportOf(impl->tree); }

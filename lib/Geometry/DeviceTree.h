@@ -84,6 +84,7 @@ public:
   TreeExtras describeExtras(const Hierarchy<Block> &host,
                             const std::vector<Moments> &hostMoments) {
     TreeExtras extras{};
+    extras.nodeCount = int32_t(host.nodes().size());
     hostGroups = host.groups();
     extras.groupCount = int32_t(hostGroups.size() / 2);
     extras.groups = static_cast<const i32 *>(
@@ -132,13 +133,13 @@ inline Tree treeOf(const BuiltTree &built, int64_t count) {
           reinterpret_cast<const void *>(built.blocks), 1, int32_t(count)};
 }
 inline TreeExtras extrasOf(const BuiltTree &built) {
-  return {nullptr, reinterpret_cast<const i32 *>(built.groups), 0, 0};
+  return {nullptr, reinterpret_cast<const i32 *>(built.groups), 0,
+          int32_t(built.nodeBytes / sizeof(Node))};
 }
 
-template <class Block>
-BvhReport reportOf(const Hierarchy<Block> &tree, int64_t skipped) {
+template <class Block> BvhReport reportOf(const Hierarchy<Block> &tree) {
   BvhReport report;
-  report.skipped = skipped;
+  report.skipped = tree.skipped();
   report.nodes = int64_t(tree.nodes().size());
   report.blocks = int64_t(tree.leaves().size());
   report.bytes = int64_t(tree.bytes());

@@ -15,6 +15,7 @@
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
+#include <atomic>
 
 namespace warp::geometry {
 
@@ -24,8 +25,9 @@ float chooseScale(const Bounds &bounds);
 
 template <class Block> class Hierarchy {
 public:
-  /// `see` gets the bounds of all primitives; `fill` then fills a block with
-  /// primitives of these ids, scaled; NaN for -1 and for what is not finite.
+  /// `see` gets the bounds of all proper primitives; `fill` then fills a block
+  /// with primitives of these ids, scaled; NaN for -1 and for what is not
+  /// proper, of which it gives the number.
   template <class See, class Fill>
   void build(std::vector<BuildPrimitive> primitives, Splitting splitting,
              bool hasGroups, See &&see, Fill &&fill) {
@@ -40,10 +42,13 @@ public:
   }
 
   template <class Fill> void refit(Fill &&fill) {
+    std::atomic<int64_t> improper = 0;
     auto update = [&](int32_t firstNode, int32_t endNode, int32_t firstBlock,
                       int32_t endBlock) {
+      int64_t found = 0;
       for (int32_t i = firstBlock; i < endBlock; ++i)
-        fill(blocks[i]);
+        found += fill(blocks[i]);
+      improper += found;
       for (int32_t i = endNode - 1; i >= firstNode; --i)
         bound(topology.nodes[i]);
     };
@@ -56,7 +61,11 @@ public:
                               }
                             });
     update(0, topology.topNodes, 0, topology.topBlocks);
+    skippedCount = improper;
   }
+
+  /// Primitives that nothing finds, as they are not proper.
+  int64_t skipped() const { return skippedCount; }
 
   const std::vector<Node> &nodes() const { return topology.nodes; }
   const std::vector<Block> &leaves() const { return blocks; }
@@ -130,6 +139,7 @@ private:
 
   Topology topology;
   std::vector<Block> blocks;
+  int64_t skippedCount = 0;
 };
 
 } // namespace warp::geometry

@@ -51,6 +51,7 @@ private:
   void buildGroups(Arena &top, std::vector<Task> &tasks);
   void placeGroups(Arena &top, int32_t node, size_t begin, size_t end,
                    int levels, std::vector<Task> &tasks);
+  std::vector<Range> setApart(const Range &range) const;
   std::pair<Range, Range> split(const Range &range, int64_t unit);
   std::vector<Range> divide(const Range &range, int levels);
   void build(Arena &arena, int32_t node, const Range &range, int levels,
@@ -60,6 +61,7 @@ private:
 
   Sorted sorted;
   Splitting splitting;
+  bool areAllProper = true;
   /// Smaller ranges are left to tasks.
   int64_t taskSize = 0;
   /// Of each group its primitives, its number and its node.
@@ -94,12 +96,26 @@ std::pair<Range, Range> Builder::split(const Range &range, int64_t unit) {
           makeRange(sorted, middle, range.end)};
 }
 
+/// What is proper, and what is not, if there is both.
+std::vector<Range> Builder::setApart(const Range &range) const {
+  auto first = sorted.primitives.begin() + range.begin;
+  auto end = sorted.primitives.begin() + range.end;
+  auto middle = std::partition_point(
+      first, end, [](const BuildPrimitive &it) { return it.isProper(); });
+  if (middle == first || middle == end)
+    return {range};
+  int64_t at = range.begin + (middle - first);
+  return {makeRange(sorted, range.begin, at), makeRange(sorted, at, range.end)};
+}
+
 /// The children of a node with `levels` levels of nodes, its own included.
 std::vector<Range> Builder::divide(const Range &range, int levels) {
   // A child has one level less, and eight times as many places per level.
   int64_t capacity = levels > 20 ? INT64_MAX : int64_t(1) << (3 * levels);
   int64_t unit = range.size() > capacity ? capacity : 0;
   std::vector<Range> children{range};
+  if (!areAllProper && unit == 0)
+    children = setApart(range);
   while (children.size() < size_t(width)) {
     auto weight = [&](const Range &child) {
       if (child.size() <= std::max<int64_t>(unit, width))
@@ -120,8 +136,10 @@ std::vector<Range> Builder::divide(const Range &range, int levels) {
 
 Ints Builder::takeBlock(const Range &range) const {
   Ints ids = -1;
-  for (int64_t i = range.begin; i < range.end; ++i)
-    ids[i - range.begin] = sorted.primitives[i].id;
+  for (int64_t i = range.begin; i < range.end; ++i) {
+    const BuildPrimitive &it = sorted.primitives[i];
+    ids[i - range.begin] = it.isProper() ? it.id : ~it.id;
+  }
   return ids;
 }
 
@@ -197,7 +215,8 @@ Topology Builder::join(Arena &top, std::vector<Task> &tasks) const {
   return all;
 }
 
-/// Sorts primitives by their groups, over which the top levels are.
+/// Sorts primitives by their groups, over which the top levels are. In a group
+/// those that are not proper stay last.
 void Builder::buildGroups(Arena &top, std::vector<Task> &tasks) {
   std::vector<BuildPrimitive> &primitives = sorted.primitives;
   std::stable_sort(primitives.begin(), primitives.end(),
@@ -244,7 +263,14 @@ Topology Builder::run(bool hasGroups) {
   if (count == 0)
     return {};
   taskSize = std::max<int64_t>(1024, count / 64);
-  Range whole = makeRange(sorted, 0, count);
+  auto improper = std::stable_partition(
+      sorted.primitives.begin(), sorted.primitives.end(),
+      [](const BuildPrimitive &it) { return it.isProper(); });
+  areAllProper = improper == sorted.primitives.end();
+  Range whole = makeRange(sorted, 0, improper - sorted.primitives.begin());
+  Bounds bounds = whole.bounds();
+  if (!areAllProper)
+    whole = makeRange(sorted, 0, count);
   Arena top;
   top.nodes.emplace_back().parent = -1;
   std::vector<Task> tasks;
@@ -263,7 +289,7 @@ Topology Builder::run(bool hasGroups) {
   };
   ThreadPool::parallelFor(0, int64_t(tasks.size()), 1, work);
   Topology all = join(top, tasks);
-  all.bounds = whole.bounds();
+  all.bounds = bounds;
   all.groups = std::move(groupNumbers);
   all.groupRoots = std::move(groupRoots);
   return all;

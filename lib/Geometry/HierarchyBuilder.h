@@ -11,6 +11,9 @@
 // children; the cost of a range is what its blocks cost, so ranges tend to be
 // full blocks. Where levels run out, ranges are halved, which always fits.
 //
+// What is not proper, and may be when it is refitted, has a place, too: in
+// branches of its own, which no search enters as long as it is not.
+//
 // The top is built by the caller and everything below it in parallel, each part
 // in memory of its own; the parts are joined in their order, so the result does
 // not depend on the number of threads.
@@ -55,8 +58,15 @@ struct Bounds {
 /// A primitive while its place is looked for.
 struct BuildPrimitive {
   Bounds bounds;
+  /// With all bits flipped, and so negative, if the primitive is not proper.
   int32_t id;
   int32_t group;
+
+  /// One that is not proper; it counts as a point at the origin.
+  static BuildPrimitive improper(int32_t id, int32_t group) {
+    return {{{0, 0, 0}, {0, 0, 0}}, ~id, group};
+  }
+  bool isProper() const { return id >= 0; }
 };
 
 /// Nodes without bounds, and the ids of blocks (-1: no primitive).
@@ -73,7 +83,7 @@ struct Topology {
   std::vector<Part> parts;
   int32_t topNodes = 0, topBlocks = 0;
   int depth = 0;
-  /// Of all primitives.
+  /// Of all proper primitives.
   Bounds bounds;
   /// Numbers of groups in ascending order, and the nodes that hold them.
   std::vector<int32_t> groups, groupRoots;

@@ -42,7 +42,7 @@ struct Mesh::Impl {
   /// Of the last build; the caller's.
   ArrayDescriptor groups;
   float scale = 1;
-  int64_t faces = 0, skipped = 0;
+  int64_t faces = 0;
   bool hasWinding = false;
   std::vector<Moments> moments;
 };
@@ -54,12 +54,10 @@ void Mesh::Impl::build(const MeshArrays &arrays, Splitting splitting) {
   checkGroups(arrays);
   this->groups = arrays.groups;
   HostElements<int32_t> groups(arrays.groups, slot.device());
-  std::vector<BuildPrimitive> primitives = triangles.primitives(groups);
-  skipped = faces - int64_t(primitives.size());
   tree.build(
-      std::move(primitives), splitting, groups.size() > 0,
+      triangles.primitives(groups), splitting, groups.size() > 0,
       [&](const Bounds &all) { scale = chooseScale(all); },
-      [&](TriangleBlock &block) { triangles.fill(block, scale); });
+      [&](TriangleBlock &block) { return triangles.fill(block, scale); });
   publish(arrays);
 }
 
@@ -81,7 +79,8 @@ void Mesh::Impl::refit(const MeshArrays &arrays) {
                     " faces, but got " + std::to_string(triangles.size()));
   triangles.check();
   scale = chooseScale(triangles.bounds());
-  tree.refit([&](TriangleBlock &block) { triangles.fill(block, scale); });
+  tree.refit(
+      [&](TriangleBlock &block) { return triangles.fill(block, scale); });
   publish(arrays);
 }
 
@@ -151,4 +150,4 @@ HierarchyView Mesh::view() const {
   return viewOf(impl->tree, impl->onDevice, impl->scale);
 }
 
-BvhReport Mesh::report() const { return reportOf(impl->tree, impl->skipped); }
+BvhReport Mesh::report() const { return reportOf(impl->tree); }

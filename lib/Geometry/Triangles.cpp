@@ -43,9 +43,7 @@ void Triangles::check() const {
 std::vector<BuildPrimitive>
 Triangles::primitives(const HostElements<int32_t> &groups) const {
   std::vector<BuildPrimitive> all(size());
-  std::atomic<bool> areAllFinite = true;
   ThreadPool::parallelFor(0, size(), grain, [&](int64_t from, int64_t to) {
-    Four rest = 0;
     for (int64_t face = from; face < to; ++face) {
       Four a = corner(face, 0), b = corner(face, 1), c = corner(face, 2);
       Four low = __builtin_elementwise_min(__builtin_elementwise_min(a, b), c);
@@ -53,19 +51,14 @@ Triangles::primitives(const HostElements<int32_t> &groups) const {
       // NaN for what is not finite.
       Four none = (a - a) + (b - b) + (c - c);
       bool isFinite = none.x + none.y + none.z == 0;
-      rest += none;
+      int32_t group = groups.size() ? groups[face] : 0;
       all[face] = {{{low.x, low.y, low.z}, {high.x, high.y, high.z}},
-                   isFinite ? int32_t(face) : -1,
-                   groups.size() ? groups[face] : 0};
+                   int32_t(face),
+                   group};
+      if (!isFinite)
+        all[face] = BuildPrimitive::improper(int32_t(face), group);
     }
-    if (!(rest.x + rest.y + rest.z == 0))
-      areAllFinite = false;
   });
-  if (!areAllFinite)
-    all.erase(
-        std::remove_if(all.begin(), all.end(),
-                       [](const BuildPrimitive &it) { return it.id < 0; }),
-        all.end());
   return all;
 }
 
@@ -101,8 +94,9 @@ Bounds Triangles::bounds() const {
   return all;
 }
 
-void Triangles::fill(TriangleBlock &block, float scale) const {
+int Triangles::fill(TriangleBlock &block, float scale) const {
   Ints isThere = block.id >= Ints(0);
+  u32 filled = bitsOf(isThere);
   Ints faces = choose(isThere, block.id, Ints(block.id[0]));
   for (int i = 0; i < 3; ++i) {
     Four row[width];
@@ -125,9 +119,11 @@ void Triangles::fill(TriangleBlock &block, float scale) const {
     for (const Floats &x : block.vertex[i])
       isThere &= x - x == Floats(0);
   }
-  if (bitsOf(isThere) == 0xff)
-    return;
+  u32 proper = bitsOf(isThere);
+  if (proper == 0xff)
+    return 0;
   for (auto &vertex : block.vertex)
     for (Floats &x : vertex)
       x = choose(isThere, x, Floats(std::numeric_limits<float>::quiet_NaN()));
+  return countBits(filled & ~proper);
 }

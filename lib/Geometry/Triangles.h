@@ -21,13 +21,14 @@ public:
   int64_t size() const { return indices.size() / 3; }
   /// Throws an error that names the first face with an index out of range.
   void check() const;
-  /// A primitive for each face whose coordinates are finite; face by face.
+  /// A primitive for each face; proper are those whose coordinates are finite.
   std::vector<BuildPrimitive>
   primitives(const HostElements<int32_t> &groups) const;
   /// Of all points that are finite.
   Bounds bounds() const;
-  /// Writes the corners of a block's faces; NaN for what is not finite.
-  void fill(TriangleBlock &block, float scale) const;
+  /// Writes the corners of a block's faces; NaN for what is not finite. Gives
+  /// how many faces are not.
+  int fill(TriangleBlock &block, float scale) const;
 
 private:
   using Four = f32 __attribute__((ext_vector_type(4)));

@@ -78,11 +78,8 @@ TEST(GeometryBuild, EveryFaceIsInOneBlock) {
   Mesh mesh(sphere.arrays(), -1);
   std::vector<int> counts(sphere.faces()), expected(sphere.faces(), 1);
   countFaces(treeOf(mesh.id()), 0, counts);
-  for (size_t face = 0; face < sphere.faces(); ++face)
-    for (int i = 0; i < 3; ++i)
-      if (sphere.indices[3 * face + i] == 5)
-        expected[face] = 0;
+  // What is NaN has a place, too: it may be found after a refit.
   EXPECT_EQ(counts, expected);
   EXPECT_EQ(mesh.report().skipped,
-            std::count(expected.begin(), expected.end(), 0));
+            std::count(sphere.indices.begin(), sphere.indices.end(), 5));
 }

@@ -90,7 +90,9 @@ struct TreeExtras {
   const Moments *moments;
   /// Numbers of groups in ascending order, then the nodes that hold them.
   const i32 *groups;
-  i32 groupCount, unused;
+  i32 groupCount;
+  /// Queries begin at one of so many nodes.
+  i32 nodeCount;
 };
 constexpr int extrasOffset = 200;
 static_assert(extrasOffset + sizeof(TreeExtras) <= 256);

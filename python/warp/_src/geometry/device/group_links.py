@@ -7,7 +7,7 @@ all before each say where they are among those of their height.
 from __future__ import annotations
 
 import warp as wp
-from warp._src.geometry.device.group_order import GROUPS, PLACED, SKIPPED
+from warp._src.geometry.device.group_order import GROUPS, SKIPPED
 from warp._src.geometry.device.refit import CHILD_BLOCKS, CHILD_NODES, MASKS, NODE, PARENT, SCALE
 
 # The word of a slot with the number of groups.
@@ -28,6 +28,7 @@ def size_groups(
     starts: wp.array(dtype=int),
     room: int,
     heights: int,
+    primitives: int,
     sizes: wp.array(dtype=int),
 ):
     """Blocks of a group, and its nodes of each height below its root."""
@@ -35,7 +36,7 @@ def size_groups(
     count = _groups_here(found, room)
     blocks = int(0)
     if group < count:
-        end = found[PLACED]
+        end = primitives
         if group + 1 < count:
             end = starts[group + 1]
         blocks = (end - starts[group] + 7) // 8
@@ -45,7 +46,7 @@ def size_groups(
         nodes = (nodes + 7) // 8
         sizes[height * room + group] = wp.where(nodes > 1, nodes, 0)
     if group == 0 and found[GROUPS] > room:
-        found[SKIPPED] = found[SKIPPED] + found[PLACED]
+        found[SKIPPED] = primitives
 
 
 @wp.func
@@ -168,7 +169,7 @@ def place(
     own = block - places[group]
     primitive = int(-1)
     if own < sizes[group]:
-        end = found[PLACED]
+        end = len(order) // 2
         if group + 1 < _groups_here(found, room):
             end = starts[group + 1]
         at = starts[group] + 8 * own + lane
@@ -193,7 +194,7 @@ def publish(
         table[count + group] = root + group
     if group == 0:
         size = wp.float64(0.0)
-        if found[PLACED] > 0:
+        if bounds[0] >= -bounds[3]:
             for axis in range(3):
                 low = -wp.float64(bounds[3 + axis])
                 high = wp.float64(bounds[axis])

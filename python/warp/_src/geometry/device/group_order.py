@@ -1,6 +1,7 @@
 """Puts primitives in the order of their groups, and those of a group along a Hilbert curve.
 
-What is never found comes last, in no group. Neighbours in the order say where groups begin.
+What is NaN, infinite or inverted comes last in its group, as it may be found after a refit.
+Neighbours in the order say where groups begin.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from warp._src.geometry.device.refit import is_finite
 # Cells of the curve along an axis: 2^_CELLS.
 _CELLS = wp.constant(10)
 _CURVE, _GROUP = wp.constant(wp.uint64(30)), 32
-_LAST = wp.constant(wp.uint64(1 << 62))
-# What is found: how far from the end the first face with a wrong index is, how many primitives are
-# never found, how many groups there are, and how many primitives are in them.
-WRONG, SKIPPED, GROUPS, PLACED = (wp.constant(i) for i in range(4))
-_FOUND = 4
+_END = wp.constant(wp.uint64((1 << 30) - 1))
+# What is found: how far from the end the first face with a wrong index is, how many primitives
+# nothing finds, and how many groups there are.
+WRONG, SKIPPED, GROUPS = (wp.constant(i) for i in range(3))
+_FOUND = 3
 
 
 @wp.func
@@ -109,7 +110,7 @@ def _number(
 ):
     i = wp.tid()
     low, high, is_there, _ = _corners(first, second, i)
-    key = _LAST
+    place = _END
     if is_there:
         extent = float(1.0e-37)
         for axis in range(3):
@@ -119,17 +120,15 @@ def _number(
         for axis in range(3):
             middle = 0.25 * low[axis] + 0.25 * high[axis] + 0.5 * bounds[3 + axis]
             cell[axis] = int(wp.clamp(middle * (cells / extent), 0.0, cells - 1.0))
-        # Negative numbers come first.
-        group = wp.uint64(wp.int64(groups[i]) + wp.int64(2147483648))
-        key = (group << _CURVE) | _along_curve(cell)
-    keys[i] = key
+        place = _along_curve(cell)
+    # Negative numbers come first.
+    group = wp.uint64(wp.int64(groups[i]) + wp.int64(2147483648))
+    keys[i] = (group << _CURVE) | place
     order[i] = i
 
 
 @wp.func
 def _is_first(keys: wp.array(dtype=wp.uint64), i: int):
-    if keys[i] == _LAST:
-        return False
     if i == 0:
         return True
     return keys[i - 1] >> _CURVE != keys[i] >> _CURVE
@@ -142,21 +141,9 @@ def _mark_first(keys: wp.array(dtype=wp.uint64), firsts: wp.array(dtype=int)):
 
 
 @wp.kernel(enable_backward=False, module="unique")
-def _count(
-    keys: wp.array(dtype=wp.uint64),
-    ranks: wp.array(dtype=int),
-    count: int,
-    found: wp.array(dtype=int),
-):
-    i = wp.tid()
-    is_last = bool(False)
-    if keys[i] != _LAST:
-        is_last = i == count - 1
-        if not is_last:
-            is_last = keys[i + 1] == _LAST
-    if is_last:
-        found[GROUPS] = ranks[i]
-        found[PLACED] = i + 1
+def _count(ranks: wp.array(dtype=int), found: wp.array(dtype=int)):
+    if wp.tid() == len(ranks) - 1:
+        found[GROUPS] = ranks[len(ranks) - 1]
 
 
 @wp.kernel(enable_backward=False, module="unique")
@@ -205,7 +192,7 @@ class GroupOrder:
         wp.utils.radix_sort_pairs(self._keys, self.order, count, 0, int(_CURVE) + _GROUP + 1)
         self._launch(_mark_first, self._keys, self._ranks)
         wp.utils.array_scan(self._ranks, self._ranks)
-        self._launch(_count, self._keys, self._ranks, count, found)
+        self._launch(_count, self._ranks, found)
 
     def count_groups(self) -> int:
         """How many groups there are; waits."""

@@ -88,7 +88,8 @@ class GroupedBuild(Built):
         order.begin_groups(self._starts, self._table)
         sizes = wp.empty(room * len(self._firsts), dtype=int, device=self.device)
         places = wp.empty_like(sizes)
-        self._launch(size_groups, room, found, self._starts, room, len(self._heights), sizes)
+        given = found, self._starts, room, len(self._heights), self.count
+        self._launch(size_groups, room, *given, sizes)
         wp.utils.array_scan(sizes, places, inclusive=False)
         nodes, blocks = self._refit.nodes, self._refit.blocks
         for height, number in enumerate(self._heights, 1):
