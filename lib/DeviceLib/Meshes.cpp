@@ -51,22 +51,23 @@ WARP_GEOMETRY warp_mesh_closest_signed(u64 mesh, f32 x, f32 y, f32 z,
 
 WARP_GEOMETRY_ONCE warp_mesh_ray(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
                                  f32 dz, f32 maxT, i32 root, RayHit *result) {
-  *result = castRay(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz}, maxT,
-                    root < 0 ? 0 : root);
+  const Tree &tree = treeOf(mesh, kindOfMesh);
+  *result = castRay(tree, {x, y, z}, {dx, dy, dz}, maxT, startOf(tree, root));
 }
 
 WARP_GEOMETRY_ONCE warp_mesh_ray_any(u64 mesh, f32 x, f32 y, f32 z, f32 dx,
                                      f32 dy, f32 dz, f32 maxT, i32 root,
                                      i32 *result) {
-  *result = castRay(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz}, maxT,
-                    root < 0 ? 0 : root, /*any=*/true)
+  const Tree &tree = treeOf(mesh, kindOfMesh);
+  *result = castRay(tree, {x, y, z}, {dx, dy, dz}, maxT, startOf(tree, root),
+                    /*any=*/true)
                 .face >= 0;
 }
 
 WARP_GEOMETRY warp_mesh_ray_count(u64 mesh, f32 x, f32 y, f32 z, f32 dx, f32 dy,
                                   f32 dz, i32 root, i32 *result) {
-  *result = countCrossings(treeOf(mesh, kindOfMesh), {x, y, z}, {dx, dy, dz},
-                           root < 0 ? 0 : root);
+  const Tree &tree = treeOf(mesh, kindOfMesh);
+  *result = countCrossings(tree, {x, y, z}, {dx, dy, dz}, startOf(tree, root));
 }
 
 WARP_GEOMETRY warp_mesh_side_parity(u64 mesh, f32 x, f32 y, f32 z, i32 rays,

@@ -24,6 +24,11 @@ WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
   const f32 numbers[7] = {a, b, c, d, e, f, g};
   Cursor cursor{node, level, block, u32(left), lowTrail, highTrail, 0};
   auto next = [&]<class Block>(const Tree &tree, Block *) {
+    if (level < 0)
+      cursor.node = startOf(tree, node);
+    // At the end, and not at the root of all when it is asked again.
+    if (cursor.node < 0)
+      cursor.level = 0;
     return withShape(tree, shape, numbers, limit, [&](const auto &shape) {
       return nextOverlap<Block>(tree, shape, cursor);
     });

@@ -51,7 +51,7 @@ inline u32 crossTriangles(const TriangleBlock &block, const Ray &ray) {
 
 inline i32 countCrossings(const Tree &tree, Point<f32> start,
                           Point<f32> direction, i32 root) {
-  if (!tree.nodes)
+  if (!tree.nodes || root < 0)
     return 0;
   Ray ray(tree, start, direction);
   if (!ray.isValid)

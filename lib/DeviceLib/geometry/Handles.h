@@ -84,6 +84,14 @@ const TreeExtras &extrasOf(const Tree &tree) {
       reinterpret_cast<const u8 *>(whole) + extrasOffset);
 }
 
+/// The node that a query of a tree from `treeOf` begins at: its root for -1.
+/// -1 if there is no such node.
+i32 startOf(const Tree &tree, i32 root) {
+  if (root == -1)
+    return 0;
+  return u32(root) < u32(extrasOf(tree).nodeCount) ? root : -1;
+}
+
 } // namespace
 } // namespace warp::geometry
 

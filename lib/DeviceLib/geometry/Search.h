@@ -67,12 +67,12 @@ inline ClosestPoint findClosest(const Tree &tree, Point<f32> p, f32 maxDist,
 }
 
 /// The first hit with 0 <= t < maxT, in units of the direction's length; face
-/// -1 if there is none.
+/// -1 if there is none, as from node -1.
 template <class Search = RaySearch>
 inline RayHit castRay(const Tree &tree, Point<f32> start, Point<f32> direction,
                       f32 maxT, i32 root, bool any = false) {
   RayHit none{-1, 0, 0, 0};
-  if (!tree.nodes)
+  if (!tree.nodes || root < 0)
     return none;
   Ray ray(tree, start, direction);
   if (!ray.isValid || !(maxT > 0))

@@ -85,7 +85,31 @@ def check_group_count(groups, count, what, primitives) -> None:
         )
 
 
-class Bvh:
+class Hierarchical:
+    """What a `Bvh` and a `Mesh` have: a place, groups of primitives."""
+
+    @property
+    def device(self):
+        """Where the arrays and the hierarchy are."""
+        return self._device
+
+    @property
+    def groups(self):
+        """A number for each primitive, or None; `rebuild` takes over another array."""
+        return self._groups
+
+    @groups.setter
+    def groups(self, groups):
+        check_groups(groups, self)
+        self._groups = groups
+
+    def _wait(self):
+        """The host reads the arrays: what writes them has to be done."""
+        if not self._device.is_cpu:
+            devices.synchronize_device(self._device)
+
+
+class Bvh(Hierarchical):
     """A hierarchy over boxes, which kernels search by its `id`.
 
     Args:
@@ -99,8 +123,9 @@ class Bvh:
 
     Attributes:
         id: what kernels get, as `wp.uint64`.
-        report: nodes, blocks, bytes and depth of the hierarchy, and how many boxes are NaN,
-            infinite or inverted, and are never found.
+        report: nodes, blocks, bytes and depth of the hierarchy, and how many boxes were NaN,
+            infinite or inverted when it was built (by the host: or refitted). Nothing finds those
+            until a refit when they are proper.
 
     Raises:
         RuntimeError: an array is of another type, length, layout or device.
@@ -121,9 +146,11 @@ class Bvh:
         there = builds_on_device(lowers.device, constructor)
         number = constructor_number(constructor, there)
         check_groups(groups, lowers)
-        self.device = lowers.device
-        self.lowers, self.uppers, self.groups = lowers, uppers, groups
+        self._device, self._count = lowers.device, len(lowers)
+        self._lowers, self._uppers, self._groups = lowers, uppers, groups
         self._constructor = constructor
+        self._check_corners()
+        check_group_count(groups, self._count, "a Bvh", "boxes")
         # What refits what the host has built for a GPU, and what is built there.
         self._kernels = self._built = None
         if not there:
@@ -138,25 +165,69 @@ class Bvh:
             self._prepare_refits()
 
     @property
+    def lowers(self):
+        """Lower corners of the boxes; `refit` and `rebuild` take over another array."""
+        return self._lowers
+
+    @lowers.setter
+    def lowers(self, lowers):
+        check_array(lowers, "lower corners", dtypes.vec3f, self._device)
+        self._lowers = lowers
+
+    @property
+    def uppers(self):
+        """Upper corners of the boxes; `refit` and `rebuild` take over another array."""
+        return self._uppers
+
+    @uppers.setter
+    def uppers(self, uppers):
+        check_array(uppers, "upper corners", dtypes.vec3f, self._device)
+        self._uppers = uppers
+
+    @property
     def report(self):
         """What is in the hierarchy."""
         return (self._built or self._native).report
+
+    def _check_corners(self):
+        lowers, uppers = len(self.lowers), len(self.uppers)
+        if lowers != uppers:
+            raise errors.WarpError(
+                f"a Bvh needs as many lower corners as upper ones, but got {lowers} and {uppers}"
+            )
 
     def refit(self):
         """Takes over boxes that moved; neighbours in the hierarchy stay neighbours.
 
         On a GPU kernels do it, which graphs may capture.
+
+        Raises:
+            RuntimeError: there are not as many boxes as when it was built.
         """
+        self._check_corners()
+        if len(self.lowers) != self._count:
+            raise errors.WarpError(
+                f"a refitted Bvh keeps its {self._count} boxes, but got {len(self.lowers)}; "
+                "`rebuild` takes more or less"
+            )
         (self._built or self._kernels or self._native).refit(self.lowers, self.uppers)
 
     def rebuild(self, constructor=None):
         """Builds the hierarchy again, for boxes that moved far.
 
         Where kernels do it, a graph captures it once it was done outside.
+
+        Raises:
+            RuntimeError: there are more corners of one kind than of the other, or more or less
+                groups than boxes.
+            ValueError: there is no such constructor.
         """
+        self._check_corners()
+        check_group_count(self.groups, len(self.lowers), "a Bvh", "boxes")
         constructor = self._constructor if constructor is None else constructor
         there = builds_on_device(self.device, constructor)
         number = constructor_number(constructor, there)
+        self._count = len(self.lowers)
         if there:
             self._build(constructor)
             return
@@ -176,13 +247,6 @@ class Bvh:
         """Builds on the device."""
         from warp._src.geometry.device.build import build_of
 
-        count = len(self.lowers)
-        if len(self.uppers) != count:
-            raise errors.WarpError(
-                f"a Bvh needs as many lower corners as upper ones, but got {count} and "
-                f"{len(self.uppers)}"
-            )
-        check_group_count(self.groups, count, "a Bvh", "boxes")
         built = build_of(self._built, constructor, self.lowers, self.uppers, self.groups, False)
         if built is not self._built:
             if self._built or self._kernels:
@@ -191,8 +255,3 @@ class Bvh:
             self._native.adopt(*built.memory)
             self._built, self._kernels = built, None
         self._built.run(self.id, self.lowers, self.uppers)
-
-    def _wait(self):
-        """The host reads the arrays: what writes them has to be done."""
-        if not self.device.is_cpu:
-            devices.synchronize_device(self.device)

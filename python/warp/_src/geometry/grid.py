@@ -53,7 +53,7 @@ class HashGrid:
             raise errors.WarpError(
                 f"a HashGrid has fewer than 2^31 cells, but got {' * '.join(map(str, cells))}"
             )
-        self.device = devices.get_device(device)
+        self._device = devices.get_device(device)
         self.dtype = dtype
         if self.device.is_cpu:
             self._native = _native.HashGrid(*cells)
@@ -63,6 +63,11 @@ class HashGrid:
             self._native = DeviceGrid(cells, self.device)
         self.id = self._native.id
         self.reserved = False
+
+    @property
+    def device(self):
+        """Where the points and the kernels are."""
+        return self._device
 
     @property
     def skipped(self) -> int:

@@ -11,6 +11,7 @@ from warp._src import errors
 from warp._src.derivatives.handles import Behind
 from warp._src.devices import devices
 from warp._src.geometry.bvh import (
+    Hierarchical,
     builds_on_device,
     check_array,
     check_group_count,
@@ -46,7 +47,7 @@ def support_winding(values) -> None:
                 mesh._support_winding()
 
 
-class Mesh(Behind):
+class Mesh(Hierarchical, Behind):
     """A triangle mesh, which kernels search by its `id`.
 
     Args:
@@ -63,7 +64,7 @@ class Mesh(Behind):
 
     Attributes:
         id: what kernels get, as `wp.uint64`.
-        report: what is in the hierarchy, and how many faces are NaN or infinite and never found.
+        report: what is in the hierarchy, and how many faces were NaN or infinite, as of `Bvh`.
 
     Raises:
         RuntimeError: an array is of another type, length, layout or device, or an index is out of
@@ -88,19 +89,18 @@ class Mesh(Behind):
         groups=None,
     ):
         check_array(points, "points", dtypes.vec3f)
-        check_array(indices, "indices", int32, points.device)
-        self.device = points.device
+        self._device = points.device
         self._check_velocities(velocities, points)
-        if indices.size % 3 != 0:
-            raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
+        self._check_indices(indices, points.device)
         check_leaf_size(1 if bvh_leaf_size is None else bvh_leaf_size)
         self.support_winding_number = bool(support_winding_number)
         there = builds_on_device(self.device, bvh_constructor)
         number = constructor_number(bvh_constructor, there)
         self._constructor = bvh_constructor
         check_groups(groups, points)
-        self.groups = groups
-        self._points, self._velocities, self.indices = points, velocities, indices
+        check_group_count(groups, indices.size // 3, "a mesh", "faces")
+        self._groups, self._faces = groups, indices.size // 3
+        self._points, self._velocities, self._indices = points, velocities, indices
         if not there:
             self._wait()
         index = devices.resolve_index(self.device)
@@ -118,6 +118,12 @@ class Mesh(Behind):
         if not self.support_winding_number:
             _without_winding[self.id] = self
 
+    @staticmethod
+    def _check_indices(indices, device):
+        check_array(indices, "indices", int32, device)
+        if indices.size % 3 != 0:
+            raise errors.WarpError(f"faces have three indices, but there are {indices.size}")
+
     def _check_velocities(self, velocities, points):
         if velocities is None:
             return
@@ -126,6 +132,16 @@ class Mesh(Behind):
             raise errors.WarpError(
                 f"there are {points.size} points, but {velocities.size} velocities"
             )
+
+    @property
+    def indices(self):
+        """Vertices of the faces; `refit` and `rebuild` take over another array."""
+        return self._indices
+
+    @indices.setter
+    def indices(self, indices):
+        self._check_indices(indices, self._device)
+        self._indices = indices
 
     @property
     def points(self):
@@ -162,7 +178,15 @@ class Mesh(Behind):
         """Takes over positions that changed; neighbours in the hierarchy stay neighbours.
 
         On a GPU kernels do it, which graphs may capture, unless an array was replaced.
+
+        Raises:
+            RuntimeError: there are not as many faces as when it was built.
         """
+        if self._indices.size != 3 * self._faces:
+            raise errors.WarpError(
+                f"a refitted mesh keeps its {self._faces} faces, but got "
+                f"{self._indices.size // 3}; `rebuild` takes more or less"
+            )
         if self._by_kernels and self._shown == self._addresses():
             self._by_kernels.refit(self._points, self.indices)
         elif not self._built:
@@ -235,10 +259,16 @@ class Mesh(Behind):
         """Builds the hierarchy again, for positions that changed a lot.
 
         Where kernels do it, a graph captures it once it was done outside with the same arrays.
+
+        Raises:
+            RuntimeError: there are more or less groups than faces, or an index is out of range.
+            ValueError: there is no such constructor.
         """
+        check_group_count(self.groups, self.indices.size // 3, "a mesh", "faces")
         constructor = self._constructor if bvh_constructor is None else bvh_constructor
         there = builds_on_device(self.device, constructor)
         number = constructor_number(constructor, there)
+        self._faces = self.indices.size // 3
         if there:
             self._build(constructor)
             return
@@ -253,7 +283,6 @@ class Mesh(Behind):
         """Builds on the device."""
         from warp._src.geometry.device.build import build_of
 
-        check_group_count(self.groups, self.indices.size // 3, "a mesh", "faces")
         given = self._points, self.indices, self.groups
         built = build_of(self._built, constructor, *given, True)
         self._adopt(built)
@@ -271,8 +300,3 @@ class Mesh(Behind):
         self._native.adopt(*arrays, *built.memory)
         self._built = built
         self._published()
-
-    def _wait(self):
-        """The host reads the arrays: what writes them has to be done."""
-        if not self.device.is_cpu:
-            devices.synchronize_device(self.device)

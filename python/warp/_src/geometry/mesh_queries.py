@@ -11,6 +11,7 @@ forms of these queries: they leave variables as they are if nothing is found.
 from warp._src.geometry.handles import publish
 from warp._src.geometry.mesh_arrays import corners, indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant, meeting, weights
+from warp._src.geometry.tree_queries import check_root
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.annotations import ref
@@ -175,6 +176,7 @@ def _no_sign_into(
 
 def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int = -1):
     """Where a ray first meets a mesh, at 0 <= t < max_t; back faces count."""
+    check_root(id, root)
     face, u, v, t = wp._library_call(
         "warp_mesh_ray", id, start[0], start[1], start[2], dir[0], dir[1], dir[2], max_t, root
     )  # fmt: skip
@@ -213,6 +215,7 @@ def mesh_query_ray_anyhit(
     id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int = -1
 ) -> bool:
     """Whether a ray meets a mesh at 0 <= t < max_t."""
+    check_root(id, root)
     met = wp._library_call(
         "warp_mesh_ray_any", id, start[0], start[1], start[2], dir[0], dir[1], dir[2], max_t, root
     )  # fmt: skip

@@ -17,6 +17,7 @@ from warp._src.geometry.mesh_queries import (
     no_sign,
     point_and_side,
 )
+from warp._src.geometry.tree_queries import check_root
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.annotations import ref
@@ -143,6 +144,7 @@ def mesh_query_ray_count_intersections(id: uint64, start: vec3f, dir: vec3f, roo
 
     A ray through an edge or a corner crosses once where the surface goes on behind it.
     """
+    check_root(id, root)
     return wp._library_call(
         "warp_mesh_ray_count", id, start[0], start[1], start[2], dir[0], dir[1], dir[2], root
     )

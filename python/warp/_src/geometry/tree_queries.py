@@ -5,7 +5,7 @@ A query is a shape and a cursor (lib/DeviceLib/geometry/Overlap.h); the device l
 
 # What is assigned to a reference, the caller reads.
 
-from warp._src.geometry.handles import publish
+from warp._src.geometry.handles import BVH, MESH, publish, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types import dtypes
@@ -16,6 +16,8 @@ from warp._src.types.structs import struct
 
 _BOX, _BALL, _RAY, _CAPSULE, _TRIANGLE_BALL = 0, 1, 2, 3, 4
 _INFINITY = float("inf")
+# Words of the slot (lib/DeviceLib/geometry/Tree.h): where nodes are, and how many (upper half).
+_NODES, _COUNTS = 1, 27
 
 
 @struct
@@ -54,23 +56,32 @@ class MeshQuery:
     cursor: Cursor
 
 
-def _start(root: int):
-    return Cursor(wp.max(root, 0), -1, 0, 0, uint64(0), uint64(0))
+def _check_root(id: uint64, root: int):
+    """Reports in debug mode that a query cannot begin there; else it finds nothing."""
+    mesh = words(id, MESH)
+    last = wp.where(mesh[_NODES] != uint64(0), mesh[_COUNTS], words(id, BVH)[_COUNTS])
+    count = wp.max(int(last >> uint64(32)), 1)
+    assert root >= -1 and root < count, "`root` is no node of the hierarchy, nor -1 for all of it"
+
+
+def _start(id: uint64, root: int):
+    check_root(id, root)
+    return Cursor(root, -1, 0, 0, uint64(0), uint64(0))
 
 
 def bvh_query_aabb(id: uint64, low: vec3f, high: vec3f, root: int = -1):
     """The boxes of a Bvh that overlap a box, borders included."""
-    return BvhQuery(id, _BOX, low, high, 0.0, start(root))
+    return BvhQuery(id, _BOX, low, high, 0.0, start(id, root))
 
 
 def bvh_query_sphere(id: uint64, center: vec3f, radius: float, root: int = -1):
     """The boxes of a Bvh that overlap a ball, borders included."""
-    return BvhQuery(id, _BALL, center, wp.vec3f(radius, 0.0, 0.0), 0.0, start(root))
+    return BvhQuery(id, _BALL, center, wp.vec3f(radius, 0.0, 0.0), 0.0, start(id, root))
 
 
 def bvh_query_ray(id: uint64, start: vec3f, dir: vec3f, root: int = -1):
     """The boxes of a Bvh that a ray meets, in no order."""
-    return BvhQuery(id, _RAY, start, dir, 0.0, begin(root))
+    return BvhQuery(id, _RAY, start, dir, 0.0, begin(id, root))
 
 
 def bvh_query_capsule(id: uint64, start: vec3f, dir: vec3f, radius: float, root: int = -1):
@@ -79,18 +90,18 @@ def bvh_query_capsule(id: uint64, start: vec3f, dir: vec3f, radius: float, root:
     None is missed whose box is within `radius` of the segment up to `max_dist` of
     `bvh_query_next`, its ends included; near corners there may be more.
     """
-    return BvhQuery(id, _CAPSULE, start, dir, radius, begin(root))
+    return BvhQuery(id, _CAPSULE, start, dir, radius, begin(id, root))
 
 
 def mesh_query_aabb(id: uint64, low: vec3f, high: vec3f):
     """The faces of a mesh whose bounds overlap a box, borders included."""
-    return MeshQuery(id, _BOX, low, high, 0.0, start(-1))
+    return MeshQuery(id, _BOX, low, high, 0.0, start(id, -1))
 
 
 def mesh_query_sphere(id: uint64, center: vec3f, radius: float):
     """The faces of a mesh within a distance of a point."""
     reach = wp.vec3f(radius, 0.0, 0.0)
-    return MeshQuery(id, _TRIANGLE_BALL, center, reach, 0.0, start(-1))
+    return MeshQuery(id, _TRIANGLE_BALL, center, reach, 0.0, start(id, -1))
 
 
 def _step(id: uint64, shape: int, a: vec3f, b: vec3f, r: float, limit: float, at: Cursor):
@@ -140,6 +151,7 @@ def _advance_mesh(query: MeshQuery):
     return found >= 0, found, query
 
 
+check_root = Function(_check_root, "check_root")
 start = begin = Function(_start, "start")
 step = Function(_step, "step")
 ADVANCE_BVH = Function(_advance_bvh, "bvh_query_next")
