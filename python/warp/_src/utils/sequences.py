@@ -27,6 +27,7 @@ from warp._src.types.dtypes import (
     uint64,
 )
 from warp._src.utils.observed import writing
+from warp._src.utils.overlaps import check_apart, overlap
 
 _SCANNED = (int32, int64, float32, float64, uint32, uint64)
 _KEYS = (int32, uint32, float32, int64, uint64, float64)
@@ -37,19 +38,6 @@ _FEW, _LONG = 64, 16384
 
 def _kind(dtype) -> str:
     return type_scalar_type(dtype).__name__
-
-
-def _overlap(a, b) -> bool:
-    """Whether two arrays share memory without being the same view."""
-    if a.device != b.device or (a.ptr, a.strides) == (b.ptr, b.strides):
-        return False
-    ranges = []
-    for array in (a, b):
-        ends = [(n - 1) * step for n, step in zip(array.shape, array.strides, strict=True)]
-        low = (array.ptr or 0) + sum(end for end in ends if end < 0)
-        high = (array.ptr or 0) + sum(end for end in ends if end > 0) + array.item_size
-        ranges.append((low, high))
-    return ranges[0][0] < ranges[1][1] and ranges[1][0] < ranges[0][1]
 
 
 def array_scan(in_array, out_array, inclusive: bool = True) -> None:
@@ -91,7 +79,7 @@ def array_scan(in_array, out_array, inclusive: bool = True) -> None:
         type_scalar_type(dtype) not in _SCANNED
     ):
         raise errors.WarpError(f"Unsupported data type: {type_repr(dtype)}")
-    if _overlap(in_array, out_array):
+    if overlap(in_array, out_array):
         raise errors.WarpError("In and out array overlap; use the same array or different memory")
     writing("array_scan", out_array)
     _native.scan_numbers(
@@ -148,16 +136,9 @@ def radix_sort_pairs(
         raise errors.WarpError(
             f"Invalid radix sort bit range [{begin_bit}, {end_bit}) for {width}-bit keys"
         )
-    _check_apart("radix_sort_pairs", keys, values)
+    check_apart("radix_sort_pairs", (keys, 2 * count), (values, 2 * count))
     writing("radix_sort_pairs", keys, values)
     _native.sort_pairs(keys, values, _kind(keys.dtype), count, begin_bit, end_bit)
-
-
-def _check_apart(what, *arrays) -> None:
-    for i, a in enumerate(arrays):
-        for b in arrays[:i]:
-            if a.size and b.size and (a.ptr == b.ptr or _overlap(a, b)):
-                raise errors.WarpError(f"{what}() requires arrays that do not overlap")
 
 
 def _count(count) -> int:
@@ -235,7 +216,7 @@ def segmented_sort_pairs(
         return
     if keys.dtype not in (int32, float32) or values.dtype is not int32:
         raise errors.WarpError(f"Unsupported data type: {type_repr(keys.dtype)}")
-    _check_apart("segmented_sort_pairs", keys, values)
+    check_apart("segmented_sort_pairs", (keys, 2 * count), (values, 2 * count))
     writing("segmented_sort_pairs", keys, values)
     ends, segments = segment_end_indices, segment_start_indices.size
     if keys.device.is_cuda and segments < _FEW and count > _FEW * _LONG:
@@ -263,7 +244,8 @@ def runlength_encode(values, run_values, run_lengths, run_count=None, value_coun
         The number of runs, or `run_count` if it was given.
 
     Raises:
-        RuntimeError: devices, sizes or types do not fit, or arrays overlap.
+        RuntimeError: devices, sizes or types do not fit, or elements that are read or may be
+            written overlap.
         NotImplementedError: a graph is being captured and there is no `run_count` to write to.
     """
     if run_values.device != values.device or run_lengths.device != values.device:
@@ -304,7 +286,8 @@ def runlength_encode(values, run_values, run_lengths, run_count=None, value_coun
         raise errors.WarpError(f"Unsupported data type: {type_repr(values.dtype)}")
     if not (run_values.is_contiguous and run_lengths.is_contiguous):
         raise errors.WarpError("run_values and run_lengths must be contiguous")
-    _check_apart("runlength_encode", values, run_values, run_lengths)
+    used = [(array, value_count) for array in (values, run_values, run_lengths)]
+    check_apart("runlength_encode", *used, (total, 1))
     writing("runlength_encode", run_values, run_lengths, total)
     values = values.contiguous()
     _native.find_runs(values, value_count, run_values, run_lengths, total)
