@@ -11,6 +11,7 @@ from warp._src.language import namespace as wp
 from warp._src.types import scalars
 from warp._src.types.native import ArrayType
 
+_NAN = float("nan")
 _FLOATS, _INTS = ArrayType(scalars.float32), ArrayType(scalars.int32)
 
 
@@ -39,7 +40,8 @@ def _factor_at(n: int, a: int, A: _FLOATS, regularization: float, L: _FLOATS):
         for k in range(j):
             r = L[a + j * n + k]
             s -= r * r
-        s = wp.sqrt(s)
+        # Nothing has a root that is not positive, and what follows is NaN, too.
+        s = wp.sqrt(wp.where(s > 0.0, s, _NAN))
         L[a + j * n + j] = s
         for i in range(j + 1, n):
             t = A[a + i * n + j]
@@ -79,7 +81,10 @@ def dense_gemm_batched(
 
 
 def dense_chol(n: int, A: _FLOATS, regularization: float, L: _FLOATS):
-    """The Cholesky factor of A + regularization I, n x n; above its diagonal L is left alone."""
+    """The Cholesky factor of A + regularization I, n x n; above its diagonal L is left alone.
+
+    From the first pivot on that is not positive, it is NaN.
+    """
     factor_at(n, 0, A, regularization, L)
 
 
