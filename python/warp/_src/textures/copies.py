@@ -54,6 +54,9 @@ class TextureCopies:
         if isinstance(dst, TextureCopies):
             dst.copy_from(self)
         elif not isinstance(dst, array):
+            values, kind = texels.numbers_of(dst)
+            extents, channels = self._split(values.shape)
+            self._check_texels((*extents, channels), kind, role="destination")
             dst[...] = self.numpy().reshape(dst.shape)
         elif dst.device == self.device and dst.is_contiguous:
             values = self._components(dst, "destination")

@@ -9,33 +9,20 @@ not hold, there is a second array with the numbers themselves.
 
 from __future__ import annotations
 
-import enum
-
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.textures import mips, texels
 from warp._src.textures.copies import TextureCopies
 from warp._src.textures.mips import numpy
+from warp._src.textures.modes import (
+    TextureAddressMode,
+    TextureFilterMode,
+    TextureModes,
+    mode_of,
+)
 from warp._src.types import dtypes, scalars
 from warp._src.types.native import ArrayType
 from warp._src.types.structs import StructInstance, make_struct
-
-
-class TextureFilterMode(enum.IntEnum):
-    """How a texture is read between its points."""
-
-    CLOSEST = 0
-    LINEAR = 1
-
-
-class TextureAddressMode(enum.IntEnum):
-    """How a texture is read outside: again, its edge, mirrored, or zero."""
-
-    WRAP = 0
-    CLAMP = 1
-    MIRROR = 2
-    BORDER = 3
-
 
 _FIELDS = {
     "texels": ArrayType(scalars.float32, 1),
@@ -47,7 +34,7 @@ _FIELDS = {
 _AXES = ("width", "height", "depth")
 
 
-class Texture(TextureCopies, StructInstance):
+class Texture(TextureCopies, TextureModes, StructInstance):
     """Base of the textures.
 
     Args:
@@ -92,6 +79,18 @@ class Texture(TextureCopies, StructInstance):
                 raise TypeError(f"'{type(self).__name__}': argument '{name}' is {problem}")
         self._make(**given, **options)
 
+    def __setattr__(self, name, value):
+        if name not in _FIELDS:
+            raise AttributeError(f"'{type(self).__name__}' has no attribute '{name}' to set")
+        raise AttributeError(
+            f"'{name}' of a '{type(self).__name__}' cannot be replaced: texels lie and are read as "
+            "it says; make another texture"
+        )
+
+    def _set(self, **fields):
+        for name, value in fields.items():
+            super().__setattr__(name, value)
+
     def _make(self, data=None, device=None, dtype=None, num_channels=0, **options):
         extents = [options.pop(name, 0) for name in _AXES[: self.ndim]][::-1]
         levels = options.pop("num_mip_levels", 1)
@@ -104,7 +103,7 @@ class Texture(TextureCopies, StructInstance):
             channels = num_channels or 1
             kind = texels.kind_of(scalars.float32 if dtype is None else dtypes.canonical(dtype))
             self._set_shape(*texels.checked_shape(extents, channels), kind)
-            self.texels = _zeros(self._count(), scalars.float32, device)
+            self._set(texels=_zeros(self._count(), scalars.float32, device))
             if self._is_whole():
                 whole = _zeros(self._count(), self.dtype, device)
         else:
@@ -113,10 +112,10 @@ class Texture(TextureCopies, StructInstance):
             values, kind = texels.numbers_of(data)
             extents, channels = self._split(values.shape)
             self._set_shape(extents, channels, kind)
-            self.levels = mips.count_of(extents, levels)
+            self._set(levels=mips.count_of(extents, levels))
             chain = mips.chain_of(values, self.ndim, self.levels)
             numbers = numpy().concatenate([one.reshape(-1) for one in chain])
-            self.texels = array(texels.texels_of(numbers, kind), device=device)
+            self._set(texels=array(texels.texels_of(numbers, kind), device=device))
             if self._is_whole():
                 whole = array(values.reshape(-1), dtype=self.dtype, device=device)
         object.__setattr__(self, "_whole", whole)
@@ -139,8 +138,8 @@ class Texture(TextureCopies, StructInstance):
 
     def _set_shape(self, extents, channels, kind):
         for name, extent in zip(_AXES, [*extents[::-1], 1, 1], strict=False):
-            setattr(self, name, int(extent))
-        self.num_channels, self.kind, self.levels = channels, kind, 1
+            self._set(**{name: int(extent)})
+        self._set(num_channels=channels, kind=kind, levels=1)
 
     def _count(self) -> int:
         return self.width * self.height * self.depth * self.num_channels
@@ -157,13 +156,13 @@ class Texture(TextureCopies, StructInstance):
         whole = self._is_whole()
         usual = TextureFilterMode.CLOSEST if whole else TextureFilterMode.LINEAR
         filter_mode = usual if filter_mode is None else filter_mode
-        self.filter = _mode(TextureFilterMode, filter_mode, "filter")
+        self._set(filter=mode_of(TextureFilterMode, filter_mode, "filter"))
         if whole and self.filter == TextureFilterMode.LINEAR:
             raise ValueError(
                 "filter_mode: textures of 32-bit integers are read with `CLOSEST` only"
             )
         mip_mode = usual if mip_filter_mode is None else mip_filter_mode
-        self.mip_filter = _mode(TextureFilterMode, mip_mode, "mip filter")
+        self._set(mip_filter=mode_of(TextureFilterMode, mip_mode, "mip filter"))
         if whole and self.is_mipmapped and self.mip_filter == TextureFilterMode.LINEAR:
             raise ValueError(
                 "mip_filter_mode: levels of 32-bit integers are read with `CLOSEST` only"
@@ -175,9 +174,9 @@ class Texture(TextureCopies, StructInstance):
             raise ValueError(f"expects {self.ndim} address modes, but got {len(modes)}")
         for axis, name in zip("uvw"[: self.ndim], modes, strict=False):
             own = by_axis.get(f"address_mode_{axis}")
-            mode = _mode(TextureAddressMode, name if own is None else own, "address")
-            setattr(self, f"address_{axis}", mode)
-        self.normalized = bool(normalized_coords)
+            mode = mode_of(TextureAddressMode, name if own is None else own, "address")
+            self._set(**{f"address_{axis}": mode})
+        self._set(normalized=bool(normalized_coords))
 
     @property
     def dtype(self):
@@ -216,46 +215,6 @@ class Texture(TextureCopies, StructInstance):
         )
 
     @property
-    def filter_mode(self) -> TextureFilterMode:
-        """How levels are sampled: `CLOSEST` or `LINEAR`."""
-        return TextureFilterMode(self.filter)
-
-    @property
-    def normalized_coords(self) -> bool:
-        """Whether coordinates go from 0 to 1, or over texels."""
-        return bool(self.normalized)
-
-    @property
-    def address_mode_u(self) -> TextureAddressMode:
-        """What lies outside along the first coordinate."""
-        return TextureAddressMode(self.address_u)
-
-    @property
-    def address_mode_v(self) -> TextureAddressMode:
-        """What lies outside along the second coordinate."""
-        return TextureAddressMode(self.address_v)
-
-    @property
-    def address_mode_w(self) -> TextureAddressMode:
-        """What lies outside along the third coordinate."""
-        return TextureAddressMode(self.address_w)
-
-    @property
-    def mip_filter_mode(self) -> TextureFilterMode:
-        """How samples of two levels become one."""
-        return TextureFilterMode(self.mip_filter)
-
-    @property
-    def num_mip_levels(self) -> int:
-        """How many levels there are, the finest included."""
-        return self.levels
-
-    @property
-    def is_mipmapped(self) -> bool:
-        """Whether there is more than one level."""
-        return self.levels > 1
-
-    @property
     def id(self) -> int:
         """Address of the texels, 0 for a texture without."""
         return 0 if self.texels is None else self.texels.ptr or 0
@@ -286,14 +245,6 @@ _OPTIONS = (
     *("address_mode_v", "address_mode_w", "normalized_coords", "num_mip_levels"),
     *("mip_filter_mode", "device", "surface_access", "cuda_array"),
 )
-
-
-def _mode(kind, value, what):
-    try:
-        return kind(value)
-    except ValueError:
-        known = ", ".join(f"{one.name} ({int(one)})" for one in kind)
-        raise ValueError(f"Invalid texture {what} mode: {value}, expects {known}") from None
 
 
 def _zeros(count, dtype, device):

@@ -119,7 +119,7 @@ class StructInstance(ctypes.Structure):
                 f"expects a '{type(self).__name__}' to assign, but got '{type(value).__name__}'"
             )
         for name in self._wp_fields_:
-            setattr(self, name, getattr(value, name))
+            StructInstance.__setattr__(self, name, getattr(value, name))
         return self
 
     @classmethod
@@ -158,7 +158,7 @@ class StructInstance(ctypes.Structure):
                 value = self._inner(name).to(device)
             elif isinstance(dtype, ArrayType) and value is not None:
                 value = value.to(device)
-            setattr(copy, name, value)
+            StructInstance.__setattr__(copy, name, value)
         return copy
 
     @classmethod
