@@ -34,11 +34,14 @@ Scalars multiplyQuats(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
   return vector;
 }
 
-/// v + 2 w (u x v) + 2 u x (u x v) for the vector part u of a unit quaternion.
+/// The vector part of q v q*: (w^2 - u.u) v + 2 (u.v) u + 2 w (u x v) for the
+/// vector part u of q, whatever its length.
 Scalars rotate(ArrayRef<Scalar> q, ArrayRef<Scalar> v) {
   ArrayRef<Scalar> u = q.take_front(3);
-  Scalars t = scaled(cross(u, v), v[0].like(2));
-  return added(added(v, scaled(t, q[3])), cross(u, t));
+  Scalar w = q[3], twice = v[0].like(2);
+  Scalars along =
+      added(scaled(v, w * w - dot(u, u)), scaled(u, twice * dot(u, v)));
+  return added(along, scaled(cross(u, v), twice * w));
 }
 
 Scalars rotateInverse(ArrayRef<Scalar> q, ArrayRef<Scalar> v) {
@@ -97,14 +100,17 @@ Scalars lowerQuatRpy(Emitter &, Operands args) {
 // Matrices
 //===----------------------------------------------------------------------===//
 
+/// The matrix of what `rotate` does.
 Scalars lowerQuatToMatrix(Emitter &, Operands args) {
   ArrayRef<Scalar> q = args[0].scalars;
+  Scalar square = dot(q, q);
   Scalar x2 = q[0] + q[0], y2 = q[1] + q[1], z2 = q[2] + q[2];
   Scalar xx = q[0] * x2, yy = q[1] * y2, zz = q[2] * z2;
   Scalar xy = q[0] * y2, xz = q[0] * z2, yz = q[1] * z2;
   Scalar wx = q[3] * x2, wy = q[3] * y2, wz = q[3] * z2;
-  return {1.0 - (yy + zz), xy - wz, xz + wy, xy + wz,        1.0 - (xx + zz),
-          yz - wx,         xz - wy, yz + wx, 1.0 - (xx + yy)};
+  return {square - (yy + zz), xy - wz, xz + wy, xy + wz,
+          square - (xx + zz), yz - wx, xz - wy, yz + wx,
+          square - (xx + yy)};
 }
 
 /// Shepperd's method: the component of largest magnitude is found first and

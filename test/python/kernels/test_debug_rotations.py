@@ -40,9 +40,8 @@ def test_unit_quaternions_are_silent(device, q):
     rotate(checked, q, device)
 
 
-# v + 2 w u x v + 2 u x (u x v), of the vector part u and the real part w.
+# The vector part of q v q*, of the vector part u and the real part w.
 def test_release_launches_scale(device):
     u, w, v = np.array([0.2, -0.4, 0.6]), 1.5, np.array([1.0, 2.0, 3.0])
-    turned = np.cross(u, v)
-    exact = v + 2 * w * turned + 2 * np.cross(u, turned)
+    exact = (w * w - u @ u) * v + 2 * (u @ v) * u + 2 * w * np.cross(u, v)
     np.testing.assert_allclose(rotate(plain, (*u, w), device), exact, rtol=1e-6)

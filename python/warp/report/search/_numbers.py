@@ -143,12 +143,13 @@ def conjugate(q):
 
 
 def rotated(q, v):
-    """v + 2 w u x v + 2 u x (u x v) with u, w of the quaternion, whatever its length."""
+    """The vector part of q v q*."""
     turned = scaled(cross(q[:3], v), mp.mpf(2))
-    return plus(v, plus(scaled(turned, q[3]), cross(q[:3], turned)))
+    longer = scaled(v, mp.fsum(x * x for x in q))
+    return plus(longer, plus(scaled(turned, q[3]), cross(q[:3], turned)))
 
 
 def rotation(q):
-    """Matrix of a quaternion, as the builtins have it for one that is not of unit length."""
+    """The matrix of `rotated`."""
     columns = [rotated(q, [mp.mpf(i == j) for i in range(3)]) for j in range(3)]
     return transposed(columns)
