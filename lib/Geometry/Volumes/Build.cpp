@@ -130,7 +130,7 @@ Filler::Filler(const VoxelTopology &topology, const GridRecipe &recipe,
 }
 
 void Filler::fillHeader() {
-  constexpr uint32_t hasBox = 1 << 1, isBreadthFirst = 1 << 5;
+  constexpr uint32_t hasBox = 1 << 1;
   constexpr uint32_t indexClass = 8;
   GridHeader header{};
   header.magic = gridMagics[0];

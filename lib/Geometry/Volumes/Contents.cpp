@@ -131,12 +131,7 @@ static std::string arrayTypeName(uint32_t type) {
   }
 }
 
-GridFeature warp::geometry::featureOf(const Levels &levels, int64_t index) {
-  int64_t count = levels.header.blindCount;
-  if (index < 0 || index >= count)
-    throw Error(Error::Kind::Runtime, "the grid has " + std::to_string(count) +
-                                          " feature arrays, but number " +
-                                          std::to_string(index) + " was asked");
+static GridFeature featureOf(const Levels &levels, int64_t index) {
   int64_t at, data, length, size = levels.size;
   int64_t about = int64_t(sizeof(BlindArray));
   if (__builtin_add_overflow(levels.header.blindOffset, index * about, &at) ||
@@ -147,9 +142,17 @@ GridFeature warp::geometry::featureOf(const Levels &levels, int64_t index) {
       __builtin_mul_overflow(array.count, array.size, &length) || data < 0 ||
       data > size || length < 0 || length > size - data)
     throw broken("a feature array is not within it");
-  return {std::string(array.name, strnlen(array.name, sizeof array.name)),
-          arrayTypeName(array.type), data, int64_t(array.size),
-          int64_t(array.count)};
+  if (!hasEnd(array.name))
+    throw broken("the name of a feature array has no end");
+  return {std::string(array.name), arrayTypeName(array.type), data,
+          int64_t(array.size), int64_t(array.count)};
+}
+
+std::vector<GridFeature> warp::geometry::featuresOf(const Levels &levels) {
+  std::vector<GridFeature> all;
+  for (int64_t i = 0; i < int64_t(levels.header.blindCount); ++i)
+    all.push_back(featureOf(levels, i));
+  return all;
 }
 
 template <class T>

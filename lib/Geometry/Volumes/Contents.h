@@ -30,7 +30,7 @@ VolumeSlot slotOf(const Levels &levels, const uint8_t *address,
 /// See `Volume`.
 int64_t listTiles(const Levels &levels, int32_t *rows, int64_t room);
 int64_t listVoxels(const Levels &levels, int32_t *rows, int64_t room);
-GridFeature featureOf(const Levels &levels, int64_t index);
+std::vector<GridFeature> featuresOf(const Levels &levels);
 
 /// The components of a value at an address.
 int readValue(const ValueFacts &facts, const uint8_t *at, double (&value)[4]);

@@ -66,11 +66,24 @@ static FileHeader fileHeaderOf(Source &source, size_t bytes) {
   return header;
 }
 
+/// Of files grids keep to the rules of the format that reading them does not
+/// need.
 static GridBytes checkedGrids(const GridBytes &grids, size_t count) {
   GridBytes whole = expandGrids(grids);
   size_t start = 0;
-  for (size_t i = 0; i < count; ++i)
-    start += checkedLevels(whole.data() + start, whole.size() - start).size;
+  bool areBreadthFirst = true;
+  for (size_t i = 0; i < count; ++i) {
+    Levels levels = checkedLevels(whole.data() + start, whole.size() - start);
+    if (levels.size % gridAlignment)
+      throw broken("its size of " + std::to_string(levels.size) +
+                   " bytes is no multiple of " + std::to_string(gridAlignment));
+    areBreadthFirst &= (levels.header.flags & isBreadthFirst) != 0;
+    start += levels.size;
+  }
+  if (!areBreadthFirst)
+    throw Error(Error::Kind::Runtime,
+                "Unsupported NanoVDB tree layout: the nodes of a level do not "
+                "follow each other");
   return whole;
 }
 

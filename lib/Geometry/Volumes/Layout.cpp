@@ -93,9 +93,9 @@ static GridLayout layoutOf(const ValueFacts &facts) {
 GridLayout warp::gridLayout(VoxelType type) {
   const ValueFacts *facts = factsOf(uint32_t(type));
   if (!facts)
-    throw Error(Error::Kind::Runtime, "a NanoVDB grid of type " +
-                                          std::to_string(uint32_t(type)) +
-                                          " is not supported");
+    throw Error(Error::Kind::Runtime,
+                "Invalid NanoVDB grid structure: a grid of type " +
+                    std::to_string(uint32_t(type)) + " is not supported");
   return layoutOf(*facts);
 }
 

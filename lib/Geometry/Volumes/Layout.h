@@ -21,6 +21,9 @@ namespace warp::geometry {
 inline constexpr uint64_t gridMagics[] = {0x304244566F6E614E,
                                           0x314244566F6E614E};
 inline constexpr uint32_t majorVersion = 32;
+/// A flag of headers: nodes of a level follow each other.
+inline constexpr uint32_t isBreadthFirst = 1 << 5;
+inline constexpr int64_t gridAlignment = 32;
 inline constexpr uint32_t writtenVersion = majorVersion << 21 | 3 << 10 | 3;
 
 struct GridHeader {

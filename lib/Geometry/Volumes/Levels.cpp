@@ -12,7 +12,8 @@ using namespace warp;
 using namespace warp::geometry;
 
 Error warp::geometry::broken(const std::string &why) {
-  return Error(Error::Kind::Runtime, "the NanoVDB grid is damaged: " + why);
+  return Error(Error::Kind::Runtime,
+               "Invalid NanoVDB grid structure, the grid is damaged: " + why);
 }
 
 GridHeader warp::geometry::headerOf(const uint8_t *grid, size_t bytes) {
@@ -28,6 +29,8 @@ GridHeader warp::geometry::headerOf(const uint8_t *grid, size_t bytes) {
                 "a NanoVDB grid of version " +
                     std::to_string(header.version >> 21) + ", but " +
                     std::to_string(majorVersion) + " is supported");
+  if (!hasEnd(header.name))
+    throw broken("its name has no end");
   return header;
 }
 
@@ -82,6 +85,26 @@ void Levels::find(bool hasLeaves) {
   leaves = {nullptr, leafAt, 0, layout.leaf};
   if (hasLeaves)
     leaves = level(leafAt, tree.counts[0], layout.leaf);
+  checkApart();
+}
+
+/// No byte belongs to two levels, nor to what is beside the grid.
+void Levels::checkApart() const {
+  struct Region {
+    int64_t begin, end;
+  };
+  std::vector<Region> regions = {{rootAt, tiles.end()}};
+  for (const Level *level : {&uppers, &lowers, &leaves})
+    if (level->count)
+      regions.push_back({level->at, level->end()});
+  std::sort(regions.begin(), regions.end(),
+            [](Region a, Region b) { return a.begin < b.begin; });
+  for (size_t i = 1; i < regions.size(); ++i)
+    if (regions[i].begin < regions[i - 1].end)
+      throw broken("two of its levels of nodes overlap");
+  // Grids without arrays may tell no place of them.
+  if (header.blindOffset > 0 && header.blindOffset < regions.back().end)
+    throw broken("its arrays overlap its nodes");
 }
 
 int64_t Levels::endAbove() const {

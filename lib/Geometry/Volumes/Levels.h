@@ -16,6 +16,7 @@
 #include "warp/Error.h"
 
 #include <bit>
+#include <vector>
 
 namespace warp::geometry {
 
@@ -29,6 +30,11 @@ struct Level {
 };
 
 Error broken(const std::string &why);
+
+/// Whether a text ends within its room.
+template <size_t room> bool hasEnd(const char (&text)[room]) {
+  return std::memchr(text, 0, room);
+}
 
 /// The header of the grid that some bytes begin with; throws if there is none,
 /// or one of another version.
@@ -68,6 +74,7 @@ public:
 
 private:
   void find(bool hasLeaves);
+  void checkApart() const;
   Level level(int64_t at, int64_t count, int64_t nodeSize);
   void checkWithin(int64_t at, int64_t bytes, const char *what) const;
 };

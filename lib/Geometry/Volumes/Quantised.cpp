@@ -140,7 +140,7 @@ void Expansion::describe(GridBytes &whole, int64_t leafAt,
   header.size = whole.size();
   // Nobody checks a sum that is all ones.
   header.checksum = ~uint64_t(0);
-  if (header.blindCount &&
+  if (header.blindOffset &&
       __builtin_add_overflow(header.blindOffset, moved, &header.blindOffset))
     throw broken("its arrays are not within its bytes");
   store(whole.data(), header);
@@ -155,6 +155,8 @@ GridBytes Expansion::run() {
   int64_t body = leafAt + int64_t(leaves.size()) * above.layout.leaf;
   // What follows the leaves, such as arrays beside the grid.
   int64_t tailAt = leaves.empty() ? ends : leaves.back().end();
+  if (above.header.blindOffset > 0 && above.header.blindOffset < tailAt)
+    throw broken("its arrays overlap its nodes");
   int64_t tail = above.size - tailAt;
   GridBytes whole(size_t(roundUp(body + tail, 32)));
   std::memcpy(whole.data(), grid.data(), ends);

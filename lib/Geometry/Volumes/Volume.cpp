@@ -38,6 +38,8 @@ struct Volume::Impl {
   std::shared_ptr<Buffer> table;
   VolumeSlot contents{};
   GridInfo info;
+  /// As they were when they were checked.
+  std::vector<GridFeature> features;
 };
 
 /// Bytes of the grid, and of those behind it; the memory itself if that is of
@@ -78,6 +80,7 @@ void Volume::Impl::adopt(const GridBytes &grids) {
 /// Lets kernels find a grid, whose bytes are here, too.
 void Volume::Impl::publish(GridBytes host) {
   Levels levels = checkedLevels(host.data(), host.size());
+  std::vector<GridFeature> found = featuresOf(levels);
   if (reinterpret_cast<uintptr_t>(data) % 8)
     throw Error(Error::Kind::Runtime,
                 "a NanoVDB grid starts at a multiple of 8 bytes");
@@ -96,6 +99,7 @@ void Volume::Impl::publish(GridBytes host) {
   slot.write(behindTag, sizeof contents - sizeof(u64),
              {{data, size}, {contents.numbers, bytes}});
   info = levels.info();
+  features = std::move(found);
   table = std::move(made);
 }
 
@@ -172,8 +176,12 @@ int64_t Volume::voxels(int32_t *rows, int64_t room) const {
 }
 
 GridFeature Volume::feature(int64_t index) const {
-  GridBytes host;
-  return featureOf(impl->levels(host), index);
+  auto count = int64_t(impl->features.size());
+  if (index < 0 || index >= count)
+    throw Error(Error::Kind::Runtime, "the grid has " + std::to_string(count) +
+                                          " feature arrays, but number " +
+                                          std::to_string(index) + " was asked");
+  return impl->features[index];
 }
 
 size_t Volume::next() const {

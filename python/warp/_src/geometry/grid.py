@@ -51,7 +51,8 @@ class HashGrid:
             )
         if cells[0] * cells[1] * cells[2] >= 2**31:
             raise errors.WarpError(
-                f"a HashGrid has fewer than 2^31 cells, but got {' * '.join(map(str, cells))}"
+                "the cell count exceeds supported limit: a HashGrid has fewer than 2^31 cells, "
+                f"but got {' * '.join(map(str, cells))}"
             )
         self._device = devices.get_device(device)
         self.dtype = dtype
@@ -78,7 +79,7 @@ class HashGrid:
         """Sorts points into cells, in place of those of the last build.
 
         Args:
-            points: an array of vec3h, vec3f or vec3d, as the grid's `dtype` says.
+            points: an array of vec3h, vec3f or vec3d, as the grid's `dtype` says, of any rank.
             radius: edge length of a cell, best that of the queries.
             groups: array of int32, a number for each point, which `hash_grid_query` may ask for;
                 it is kept and may be changed.
@@ -104,6 +105,8 @@ class HashGrid:
             raise errors.WarpError(
                 f"the points are on '{points.device}', but the HashGrid is on '{self.device}'"
             )
+        if dtypes.is_array(groups) and groups.ndim > 1:
+            groups = groups.contiguous().flatten()
         check_groups(groups, points)
         if groups is not None and groups.size != points.size:
             raise errors.WarpError(f"there are {points.size} points, but {groups.size} groups")
