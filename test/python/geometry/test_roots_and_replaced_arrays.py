@@ -168,3 +168,18 @@ def test_the_device_stays(device):
     for one in (hierarchy(device=device), mesh(device=device), wp.HashGrid(2, 2, 2, device)):
         with pytest.raises(AttributeError):
             one.device = "cuda:7"
+
+
+@wp.kernel
+def move(m: wp.uint64, out: wp.array(dtype=wp.vec3)):
+    out[0] = wp.mesh_eval_velocity(m, 0, 0.25, 0.25)
+    out[1] = wp.mesh_get_velocity(m, 2)
+
+
+def test_a_mesh_without_velocities_does_not_move(device):
+    """At first, and when they were replaced by none."""
+    triangles, out = mesh(device=device), wp.ones(2, dtype=wp.vec3, device=device)
+    for velocities, wanted in ((None, 0.0), (wp.ones_like(triangles.points), 1.0), (None, 0.0)):
+        triangles.velocities = velocities
+        wp.launch(move, 1, inputs=[triangles.id, out], device=device)
+        assert (out.numpy() == wanted).all()

@@ -58,8 +58,11 @@ def mesh_get_point(id: uint64, index: int) -> vec3f:
 
 
 def mesh_get_velocity(id: uint64, index: int) -> vec3f:
-    """The velocity of the corner at a place of the mesh's indices."""
-    return velocities(id)[indices(id)[index]]
+    """The velocity of the corner at a place of the mesh's indices; zero if it has none."""
+    values = velocities(id)
+    if len(values) == 0:
+        return wp.vec3f()
+    return values[indices(id)[index]]
 
 
 def mesh_get_index(id: uint64, index: int) -> int:
@@ -74,8 +77,9 @@ def mesh_eval_position(id: uint64, face: int, u: float, v: float) -> vec3f:
 
 
 def mesh_eval_velocity(id: uint64, face: int, u: float, v: float) -> vec3f:
-    """The velocity of a point of a face; zero if there is no such face."""
-    a, b, c = corners(velocities(id), indices(id), face)
+    """The velocity of a point of a face; zero if there is no such face, or no velocities."""
+    values = velocities(id)
+    a, b, c = corners(values, indices(id), wp.where(len(values) > 0, face, -1))
     return a * u + b * v + c * (1.0 - u - v)
 
 
