@@ -58,7 +58,8 @@ struct CompileOptions {
   /// Sums have the same bits in every run.
   bool deterministic = false;
   /// Deterministic: sums are made in one order, because that is quicker or the
-  /// arrays of the launch overlap. Otherwise they are exact.
+  /// arrays of the launch overlap. Otherwise they are exact. Not deterministic:
+  /// on a CPU, threads make updates that tell who came first in their order.
   bool ordered = false;
   bool lineinfo = false;
   int optLevel = 2;

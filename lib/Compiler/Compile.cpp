@@ -163,14 +163,7 @@ void Compilation::time(const std::string &phase, double since) {
 static LogicalResult nameVariant(ModuleOp module,
                                  const CompileOptions &options) {
   FunctionOpInterface kernel = findKernel(module);
-  if (!kernel)
-    return failure();
-  VariantAttr variant = getVariant(module.getContext(), options,
-                                   [&] { return kernel.emitError(); });
-  if (!variant)
-    return failure();
-  kernel->setAttr(attr::variant, variant);
-  return success();
+  return success(kernel && setVariant(kernel, options));
 }
 
 LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {

@@ -182,7 +182,7 @@ bool Kernel::Impl::isDisjoint(const VariantKey &key, const void *params) const {
   bool matters = key.device != cpuDevice;
   for (const Access &access : accesses)
     matters |= access.gradientSize != 0 || access.watched ||
-               (access.combined && !access.fetched);
+               (access.combined && (!access.fetched || options.orderedSlots));
   if (!matters)
     return false;
   return areDisjoint(accesses, params);
@@ -226,8 +226,9 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
-  result.ordered = options.deterministic &&
-                   (key.ordered || (arch == 0 && !options.sameOnDevices));
+  result.ordered = options.deterministic
+                       ? key.ordered || (arch == 0 && !options.sameOnDevices)
+                       : arch == 0 && options.orderedSlots;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;

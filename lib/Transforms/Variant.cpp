@@ -7,6 +7,7 @@
 #include "Variant.h"
 
 #include "Schedule.h"
+#include "Updates/Atomics.h"
 #include "WarpDialect/Passes.h"
 
 #include "llvm/Support/raw_ostream.h"
@@ -161,4 +162,18 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
       int64_t(options.threads), int64_t(options.minBlocks),
       int64_t(options.lanes), int64_t(options.row), options.debug,
       options.fastMath, deterministic);
+}
+
+bool warp::setVariant(FunctionOpInterface kernel,
+                      const CompileOptions &options) {
+  VariantAttr variant = getVariant(kernel->getContext(), options,
+                                   [&] { return kernel.emitError(); });
+  if (!variant)
+    return false;
+  kernel->setAttr(attr::variant, variant);
+  if (options.ordered && !options.deterministic && !variant.isGpu())
+    kernel->setAttr(attr::inTurn, UnitAttr::get(kernel->getContext()));
+  else
+    kernel->removeAttr(attr::inTurn);
+  return true;
 }

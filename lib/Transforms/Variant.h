@@ -15,6 +15,7 @@
 #include "warp/Compile.h"
 
 #include "mlir/IR/Diagnostics.h"
+#include "mlir/Interfaces/FunctionInterfaces.h"
 
 namespace warp {
 
@@ -23,6 +24,11 @@ namespace warp {
 VariantAttr
 getVariant(mlir::MLIRContext *context, const CompileOptions &options,
            llvm::function_ref<mlir::InFlightDiagnostic()> emitError);
+
+/// Marks a kernel for a launch with these options; false, with an error, if
+/// there is no such launch.
+bool setVariant(mlir::FunctionOpInterface kernel,
+                const CompileOptions &options);
 
 /// Bits of the widest vectors that do not lower a CPU's clock. "cpu" is the
 /// host, "cpu:<name>" another one.

@@ -29,22 +29,24 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
       "module",    "name",      "debug",         "fast_math",   "lineinfo",
       "opt_level", "block_dim", "max_registers", "max_threads", "min_blocks",
       "deterministic", "same_on_devices", "lanes", "quick_first",
+      "ordered_slots",
       nullptr};
   PyObject *module;
   const char *name;
   KernelOptions options;
   int debug = 0, fastMath = 0, lineinfo = 0, deterministic = 0,
-      sameOnDevices = 0, quickFirst = 0;
+      sameOnDevices = 0, quickFirst = 0, orderedSlots = 0;
   if (!PyArg_ParseTupleAndKeywords(
-          args, names, "Os|$pppiiiiippip", const_cast<char **>(keywords), &module,
+          args, names, "Os|$pppiiiiippipp", const_cast<char **>(keywords), &module,
           &name, &debug, &fastMath, &lineinfo, &options.optLevel,
           &options.blockDim, &options.maxRegisters, &options.maxThreads,
           &options.minBlocks, &deterministic, &sameOnDevices,
-          &options.lanes, &quickFirst))
+          &options.lanes, &quickFirst, &orderedSlots))
     return nullptr;
   options.deterministic = deterministic;
   options.sameOnDevices = sameOnDevices;
   options.quickFirst = quickFirst;
+  options.orderedSlots = orderedSlots;
   options.debug = debug;
   options.fastMath = fastMath;
   options.lineinfo = lineinfo;

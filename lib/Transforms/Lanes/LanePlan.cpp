@@ -77,9 +77,21 @@ static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {
   return shared.contains(condition);
 }
 
+/// Whether threads come to an update once, and nothing else to its array: lanes
+/// that make it one after another are as good as threads that do.
+static bool isOnlyTurn(Operation *update, FunctionOpInterface kernel) {
+  auto access = cast<warp::AccessOp>(update);
+  return warp::getVariant(kernel).getDisjoint() &&
+         isa<BlockArgument>(access.getArray()) &&
+         !update->getParentOfType<LoopLikeOpInterface>() &&
+         llvm::all_of(access.getArray().getUsers(), [&](Operation *user) {
+           return user == update || isa<warp::DimOp>(user);
+         });
+}
+
 /// Why lanes cannot do an operation; empty if they can.
 static std::string findObstacle(Operation *op, const ThreadVariance &variance,
-                                bool isDeterministic) {
+                                FunctionOpInterface kernel) {
   auto isVarying = [&](Value value) {
     return !variance.isUniform(value, warp::Scope::Lanes);
   };
@@ -93,7 +105,10 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance,
     return "an array differs from thread to thread";
   if (auto loop = dyn_cast<scf::WhileOp>(op); loop && mayWait(loop, variance))
     return "a loop may wait for another thread";
-  if (isDeterministic && warp::tellsTurn(op))
+  bool isDeterministic = warp::getVariant(kernel).isDeterministic();
+  bool isInTurn = kernel->hasAttr(warp::attr::inTurn);
+  if ((isDeterministic || isInTurn) && warp::tellsTurn(op) &&
+      (isDeterministic || !isOnlyTurn(op, kernel)))
     return "updates that tell who came first are made in the order of threads";
   return "";
 }
@@ -105,9 +120,8 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance,
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
                          const ThreadVariance &variance) {
   LanePlan plan;
-  bool isDeterministic = getVariant(kernel).isDeterministic();
   threads.getBody().walk<WalkOrder::PreOrder>([&](Operation *op) {
-    plan.reason = findObstacle(op, variance, isDeterministic);
+    plan.reason = findObstacle(op, variance, kernel);
     return plan.reason.empty() ? WalkResult::advance()
                                : WalkResult::interrupt();
   });

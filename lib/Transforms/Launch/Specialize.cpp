@@ -45,13 +45,9 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)
       return signalPassFailure();
-    if (areGiven || !kernel->hasAttr(warp::attr::variant)) {
-      auto variant = warp::getVariant(&getContext(), options,
-                                      [&] { return kernel.emitError(); });
-      if (!variant)
-        return signalPassFailure();
-      kernel->setAttr(warp::attr::variant, variant);
-    }
+    bool isNew = areGiven || !kernel->hasAttr(warp::attr::variant);
+    if (isNew && !warp::setVariant(kernel, options))
+      return signalPassFailure();
     warp::VariantAttr variant = warp::getVariant(kernel);
     rank = variant.getRank();
     getOperation().walk([&](Operation *op) {

@@ -89,6 +89,16 @@ bool warp::tellsTurn(Operation *update) {
          (!atomic->use_empty() || atomic.getKind() == AtomicKind::exch);
 }
 
+bool warp::keepsTurns(Operation *entry) {
+  return entry->hasAttr(attr::inTurn) &&
+         entry
+             ->walk([](Operation *op) {
+               return tellsTurn(op) ? WalkResult::interrupt()
+                                    : WalkResult::advance();
+             })
+             .wasInterrupted();
+}
+
 bool warp::dependsOnOrder(Operation *update) {
   if (tellsTurn(update))
     return true;

@@ -15,6 +15,12 @@
 
 namespace warp {
 
+namespace attr {
+/// On a kernel: on a CPU its threads make updates that tell who came first in
+/// the order of their indices.
+constexpr llvm::StringLiteral inTurn = "warp.in_turn";
+} // namespace attr
+
 /// The value that an update of `old` by `value` leaves. `type` still has its
 /// sign. With `anyOrder` a sum may be reassociated.
 mlir::Value combine(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
@@ -58,6 +64,10 @@ mlir::Value cloneInvariant(mlir::OpBuilder &b, mlir::Value value,
 /// Whether an update says, or leaves, who came first: old values that are used,
 /// exchanges. Never of exact sums.
 bool tellsTurn(mlir::Operation *update);
+
+/// Whether a kernel's threads have to come to such updates in turn. Set for a
+/// launch on a CPU unless the caller wants any order.
+bool keepsTurns(mlir::Operation *entry);
 
 /// Whether the order of atomic updates in an entry may show: sums of floats
 /// round unless they are exact, and some updates tell who came first.

@@ -29,7 +29,9 @@
 // quicker to do without, by one thread if only few would share the launch, or
 // by all if each has copies of the arrays (CopiedArrays.h). The recipe is then
 // exclusive. So it is in a deterministic launch if the order of updates would
-// show, by one thread; on a GPU that is a launch of one block.
+// show, by one thread; on a GPU that is a launch of one block. And so it is in
+// any launch on a CPU of a kernel that uses old values, unless the caller lets
+// threads come in any order: slots of a counter follow the threads.
 //
 //===----------------------------------------------------------------------===//
 
@@ -236,6 +238,10 @@ void UpdatePlanner::planNeighbours() {
 // Kernels
 //===----------------------------------------------------------------------===//
 
+/// Why one thread runs a launch whose threads look at old values.
+static constexpr llvm::StringLiteral turnReason =
+    "who comes first shows, and is who has the lower index";
+
 namespace {
 
 struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
@@ -275,31 +281,37 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
   /// Blocks that work on tiles make updates in one order on a CPU; on a GPU
   /// nothing but exact sums has the same bits in every run.
   LogicalResult orderBlocks(FunctionOpInterface kernel) {
+    bool inTurn = warp::keepsTurns(kernel);
     warp::VariantAttr variant = warp::getVariant(kernel);
-    if (!variant.isDeterministic() || !warp::hasOrderedUpdates(kernel))
+    bool isOrdered =
+        variant.isDeterministic() && warp::hasOrderedUpdates(kernel);
+    if (!inTurn && !isOrdered)
       return success();
     if (warp::isGpu(kernel))
       return kernel->emitError(
           "deterministic updates by blocks with tiles are sums of 32 or 64 "
           "bits in an array that the launch does not read or store to");
     warp::noteChoice(kernel, "updates", "by one thread",
-                     "sums are in one order");
+                     inTurn ? turnReason : "sums are in one order");
     warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());
     return success();
   }
 
   void planCpu(FunctionOpInterface kernel, warp::ThreadsOp threads) {
     warp::VariantAttr variant = warp::getVariant(kernel);
-    bool exclusive =
-        variant.isDeterministic() && warp::hasOrderedUpdates(kernel);
+    bool inTurn = warp::keepsTurns(kernel);
+    bool exclusive = inTurn || (variant.isDeterministic() &&
+                                warp::hasOrderedUpdates(kernel));
     if (exclusive)
       warp::noteChoice(kernel, "updates", "plain, by one thread",
-                       "sums are in one order");
+                       inTurn ? turnReason : "sums are in one order");
     if (!debug) {
       UpdatePlanner planner(kernel, threads);
       planner.planGroups(/*exact=*/true);
       planner.planNeighbours();
-      exclusive |= planPlainUpdates(kernel, threads, planner.variance);
+      // Copies are for several threads.
+      if (!inTurn)
+        exclusive |= planPlainUpdates(kernel, threads, planner.variance);
     }
     if (exclusive)
       warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());

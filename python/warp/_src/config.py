@@ -200,6 +200,14 @@ SETTINGS = {
             "exact, on the CPU they keep one order; see `DeterministicMode`",
         ),
         Setting(
+            "ordered_slots",
+            bool,
+            True,
+            "on the CPU, threads of a kernel that uses what an atomic returned run one after "
+            "another, so that slots taken from a counter are in the order of the threads; False "
+            "lets such kernels run on all cores, in any order",
+        ),
+        Setting(
             "enable_cpu_blocks",
             bool,
             False,

@@ -13,6 +13,7 @@ _NAMES = (
     "max_unroll",
     "dump",
     "deterministic",
+    "ordered_slots",
 )
 
 

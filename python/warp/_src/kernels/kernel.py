@@ -271,6 +271,7 @@ class Kernel:
             lanes=self.option("cpu_lanes") or 0,
             deterministic=self.is_deterministic,
             same_on_devices=self.option("deterministic") in settings.SAME_ON_DEVICES,
+            ordered_slots=self.option("ordered_slots"),
         )
 
     @functools.cached_property

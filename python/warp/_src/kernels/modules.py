@@ -23,6 +23,7 @@ OPTIONS = {
     "mode": "mode",
     "optimization_level": "optimization_level",
     "deterministic": "deterministic",
+    "ordered_slots": "ordered_slots",
     "tape": "tape",
     "cpu_lanes": None,
     "block_dim": None,
