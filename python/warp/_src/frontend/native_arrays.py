@@ -14,6 +14,7 @@ from warp._src.derivatives.functions import adjoint
 from warp._src.kernels import native_code
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.kernels.map_functions import define
+from warp._src.kernels.native_structs import definitions, fields_of, is_struct, type_name
 from warp._src.types import dtypes
 from warp._src.types.annotations import annotations_of
 from warp._src.types.native import ArrayType, native_text
@@ -28,10 +29,12 @@ class MemoryCode(NativeFunction):
 
     Attributes:
         results: native types of the numbers it gives; C++ returns them in a struct `Results`.
+        structs: definitions of the structs of the user that the text needs.
         likes: by name of an array of gradients the parameter it belongs to.
     """
 
     results: tuple = ()
+    structs: str = ""
     likes: dict = {}  # noqa: RUF012
 
 
@@ -40,9 +43,10 @@ def in_memory(function) -> bool:
     declared = annotations_of(function.func)
     # What cannot be returned is refused there.
     returned = declared.get("return")
-    return any(isinstance(one, ArrayType) or _is_composite(one) for one in declared.values()) or (
-        returned is not None and not _can_return(returned)
-    )
+    return any(
+        isinstance(one, ArrayType) or _is_composite(one) or is_struct(one)
+        for one in declared.values()
+    ) or (returned is not None and not _can_return(returned))
 
 
 def _is_composite(annotation) -> bool:
@@ -53,14 +57,14 @@ def call(context, function, node):
     """Calls what stands for a native function with arrays.
 
     Raises:
-        WarpCodegenError: a parameter is neither a number, a vector, a matrix or a quaternion nor
-            an array of these or of transforms; or the result is an array, a struct or a transform.
+        WarpCodegenError: a parameter is neither a number, a vector, a matrix, a quaternion, a
+            transform, a struct of such nor an array of these; or the result is an array or struct.
     """
     for name, annotation in annotations_of(function.func).items():
         if name == "return" and annotation is not None and not _can_return(annotation):
             problem = f"the native code of '{function.key}', which returns {_shown(annotation)},"
             raise context.unsupported(node, problem, _FIX, also="unsupported return type")
-        if name != "return" and _cpp(annotation) is None:
+        if name != "return" and type_name(annotation) is None:
             problem = f"the native code of '{function.key}', whose '{name}' C++ has no type for,"
             raise context.unsupported(node, problem, _FIX)
     if _MADE not in function.__dict__:
@@ -103,19 +107,24 @@ def emit(context, code, node):
 
 
 class _Maker:
-    """What the functions for one native function are made from."""
+    """What the functions for one native function are made from.
+
+    Structs are passed field by field and made whole in C++.
+    """
 
     def __init__(self, function):
         self.function = function
         self.types = dict(annotations_of(function.func))
         self.result = self.types.pop("return", None)
-        self.arrays = [name for name, one in self.types.items() if isinstance(one, ArrayType)]
+        self.structs = definitions(self.types.values())
+        self.parts = [one for name, kind in self.types.items() for one in fields_of(name, kind)]
+        arrays = [one for one in self.parts if isinstance(one.annotation, ArrayType)]
         self.floats = [
-            name
-            for name, one in self.types.items()
-            if not isinstance(one, ArrayType) and _numbers(one)[0] in _FLOATS
+            one
+            for one in self.parts
+            if one not in arrays and _numbers(one.annotation)[0] in _FLOATS
         ]
-        self.gradients = [name for name in self.arrays if _has_gradient(self.types[name])]
+        self.gradients = [one for one in arrays if _has_gradient(one.annotation)]
 
     def made(self) -> Function:
         """A function with the parameters of the native one."""
@@ -129,16 +138,30 @@ class _Maker:
             made.pullbacks.append(self.pullback(function.adj_native_snippet or ""))
         return made
 
+    def whole(self, prefix="") -> str:
+        """C++ that makes structs of their fields, those whose names have the prefix."""
+        text = ""
+        for name, kind in self.types.items():
+            if is_struct(kind):
+                text += f"{type_name(kind)} {prefix}{name} = {{}}; "
+                wanted = self.gradients if prefix else self.parts
+                text += "".join(
+                    f"{prefix}{one.path} = {prefix}{one.name}; "
+                    for one in fields_of(name, kind)
+                    if one in wanted
+                )
+        return text
+
     def forward(self, key, snippet) -> Function:
         body = f'\n#line 1 "{self.function.key}"\n{snippet}\n'
         results = () if self.result is None else _numbers(self.result)
         if _is_composite(self.result):
-            kind = _cpp(self.result)
+            kind = type_name(self.result)
             given = ", ".join(_parts("warp_ret", self.result))
             body = f"{kind} warp_ret = [&]() -> {kind} {{{body}}}();\nreturn {{{given}}};"
-        code = self.code(key, self.types, f"{{{body}}}")
+        code = self.code(key, self._passed(), f"{{ {self.whole()}{body}}}")
         code.results = tuple(results)
-        text = f"code({', '.join(self.types)})"
+        text = f"code({', '.join(one.path for one in self.parts)})"
         parts = [f"r{i}" for i in range(len(results))]
         lines = (
             [f"    {''.join(f'{one}, ' for one in parts)}= {text}"] if parts else [f"    {text}"]
@@ -148,44 +171,53 @@ class _Maker:
         names = {"types": self.types, "code": code, "made": self.result}
         return Function(self.define(key, self.types, lines, names))
 
+    def _passed(self) -> dict:
+        """Types of what the piece of native code gets, by name."""
+        return {one.name: one.annotation for one in self.parts}
+
     def pullback(self, snippet):
         """The derivative in the form of `@wp.func_grad`."""
-        types = dict(self.types)
+        types, passed = dict(self.types), self._passed()
         if self.result is not None:
-            types["adj_ret"] = self.result
-        seeds = list(types)
-        given = {**types, **{f"adj_{name}": self.types[name] for name in self.gradients}}
-        others = [name for name in self.types if name not in self.gradients]
-        started = "".join(f"{_cpp(self.types[name])} adj_{name} = {{}}; " for name in others)
-        parts = {name: _parts(f"d_{name}", self.types[name]) for name in self.floats}
+            types["adj_ret"] = passed["adj_ret"] = self.result
+        seeds = [*(one.path for one in self.parts), *list(passed)[len(self.parts) :]]
+        given = {**passed, **{f"adj_{one.name}": one.annotation for one in self.gradients}}
+        plain = [name for name, kind in self.types.items() if not is_struct(kind)]
+        arrays = {one.name for one in self.gradients}
+        started = "".join(
+            f"{type_name(self.types[name])} adj_{name} = {{}}; "
+            for name in plain
+            if name not in arrays
+        )
+        parts = {one: _parts(f"d_{one.name}", one.annotation) for one in self.floats}
         returned = ", ".join(
-            part for name in self.floats for part in _parts(f"adj_{name}", self.types[name])
+            part for one in self.floats for part in _parts(f"adj_{one.path}", one.annotation)
         )
         spread = [f"d_{i}" for i in range(sum(map(len, parts.values())))]
         body = (
-            f'{{ {started}[&]() {{\n#line 1 "{self.function.key}"\n{snippet}\n}}();\n'
+            f"{{ {self.whole()}{self.whole('adj_')}{started}[&]() {{\n"
+            f'#line 1 "{self.function.key}"\n{snippet}\n}}();\n'
             f"{f'return {{{returned}}};' if returned else ''} }}"
         )
         key = f"{self.function.key}_adjoint"
         code = self.code(key, given, body)
-        code.results = tuple(one for name in self.floats for one in _numbers(self.types[name]))
-        code.likes = {f"adj_{name}": name for name in self.gradients}
-        passed = ", ".join([*seeds, *(f"adjoint[{name}]" for name in self.gradients)])
+        code.results = tuple(kind for one in self.floats for kind in _numbers(one.annotation))
+        code.likes = {f"adj_{one.name}": one.name for one in self.gradients}
+        handed = ", ".join([*seeds, *(f"adjoint[{one.path}]" for one in self.gradients)])
         targets = "".join(f"{one}, " for one in spread)
-        lines = [f"    {targets}= code({passed})" if targets else f"    code({passed})"]
+        lines = [f"    {targets}= code({handed})" if targets else f"    code({handed})"]
         names = {"types": types, "code": code, "adjoint": adjoint}
-        for name in self.floats:
-            own, spread = spread[: len(parts[name])], spread[len(parts[name]) :]
-            names[f"made_{name}"] = self.types[name]
-            lines.append(
-                f"    adjoint[{name}] += {_made_of(f'made_{name}', self.types[name], own)}"
-            )
+        for i, one in enumerate(self.floats):
+            own, spread = spread[: len(parts[one])], spread[len(parts[one]) :]
+            names[f"made_{i}"] = one.annotation
+            lines.append(f"    adjoint[{one.path}] += {_made_of(f'made_{i}', one.annotation, own)}")
         return self.define(key, types, lines, names)
 
     def code(self, key, types, body) -> MemoryCode:
         declared = self.define(f"{key}_code", types, ["    pass"], {"types": types})
         code = MemoryCode(declared, body, None, None)
         code.key = self.function.key
+        code.structs = self.structs
         return code
 
     def define(self, key, types, lines, names):
@@ -197,7 +229,7 @@ def _has_gradient(annotation) -> bool:
     return str(dtypes.native_type(annotation.dtype)).rstrip(">").endswith(_FLOATS)
 
 
-_COMPOSITES = ("vec", "mat", "quat")
+_COMPOSITES = ("vec", "mat", "quat", "transform")
 
 
 def _numbers(annotation) -> list[str]:
@@ -227,20 +259,10 @@ def _made_of(kind, annotation, parts) -> str:
 
 def _can_return(annotation) -> bool:
     if not _is_composite(annotation):
-        scalar = isinstance(annotation, type) and not dtypes.is_struct(annotation)
+        scalar = isinstance(annotation, type) and not is_struct(annotation)
         return scalar and native_text(annotation) in native_code.SCALARS
-    return not issubclass(annotation, dtypes.Transformation) and _cpp(annotation) is not None
+    return type_name(annotation) is not None
 
 
 def _shown(annotation) -> str:
     return f"'{dtypes.type_repr(annotation)}'"
-
-
-def _cpp(annotation):
-    """What C++ calls a type; None where native code cannot have it."""
-    if isinstance(annotation, ArrayType):
-        element = native_code.element_name(native_text(annotation.dtype))
-        return element and f"wp::array_t<{element}>"
-    if _is_composite(annotation) and issubclass(annotation, dtypes.Transformation):
-        return None
-    return native_code.element_name(native_text(annotation))

@@ -14,22 +14,9 @@ import sys
 from pathlib import Path
 
 from warp import _native
-from warp._src.kernels.native_header import ARRAYS, NUMBERS
+from warp._src.kernels.native_header import header
+from warp._src.kernels.native_structs import SCALARS, element_name, scalar_name
 
-# By the text of the native type: what C++ calls it.
-SCALARS = {
-    "i1": "bool",
-    "si8": "int8_t",
-    "ui8": "uint8_t",
-    "si16": "int16_t",
-    "ui16": "uint16_t",
-    "si32": "int32_t",
-    "ui32": "uint32_t",
-    "si64": "int64_t",
-    "ui64": "uint64_t",
-    "f32": "float",
-    "f64": "double",
-}
 _known: dict = {}
 
 
@@ -83,7 +70,7 @@ def add(name, body, parameters, result, place, build) -> str:
     passed = ", ".join(parameter for parameter, _ in parameters)
     returned = SCALARS[result] if result else "void"
     text = (
-        f"{NUMBERS}{build.text}static inline {returned} warp_function({declared}) "
+        f"{header(body)}{build.text}static inline {returned} warp_function({declared}) "
         f'{{\n#line 1 "{name}"\n{body}\n}}\n'
     )
     separator = ", " if parameters else ""
@@ -107,28 +94,14 @@ def _add(prefix, name, text, parameters, body, place, build) -> str:
     return symbol
 
 
-_COMPOSITE = re.compile(r"!warp\.(\w+)<(?:([\dx ]+) x )?(\w+)>")
-
-
-def element_name(native) -> str | None:
-    """What C++ calls elements of an array by the text of their native type; None if nothing."""
-    found = _COMPOSITE.fullmatch(native)
-    if found is None:
-        return SCALARS.get(native)
-    kind, extents, scalar = found.groups()
-    if scalar not in SCALARS or kind not in ("vec", "mat", "quat", "transform"):
-        return None
-    numbers = [*re.findall(r"\d+", extents or ""), SCALARS[scalar]]
-    return f"wp::{kind}_t<{', '.join(numbers)}>"
-
-
 def add_memory(code, parameters, place, build) -> str:
     """Makes known a function with arrays (`native_arrays.MemoryCode`); its symbol.
 
     Args:
         code: its text is a block in braces that returns the one result, or all in braces.
         parameters: (name, native type, 0) of each number, (name, type of elements, rank) of each
-            array, (name, native type, minus its numbers) of each vector, matrix or quaternion.
+            array, (name, native type, minus its numbers) of each vector, matrix, quaternion or
+            transform.
         place, build: as for `add`.
     """
     fields = "".join(f"{SCALARS[one]} r{i}; " for i, one in enumerate(code.results))
@@ -136,7 +109,7 @@ def add_memory(code, parameters, place, build) -> str:
     declared, passed, outer = [], [], []
     for name, native, rank in parameters:
         if rank < 0:
-            kind, scalar = element_name(native), SCALARS[_COMPOSITE.fullmatch(native)[3]]
+            kind, scalar = element_name(native), scalar_name(native)
             parts = [f"{name}_{i}" for i in range(-rank)]
             declared.append(f"{kind} {name}")
             outer += [f"{scalar} {one}" for one in parts]
@@ -167,7 +140,7 @@ def add_memory(code, parameters, place, build) -> str:
     called = f"warp_function({', '.join(passed)})"
     kept = f"{{{called}}}" if one else called if code.results else f"({called}, Results{{0}})"
     text = (
-        f"{NUMBERS}{ARRAYS}{build.text}{results}"
+        f"{header(code.native_snippet, arrays=True)}{code.structs}{build.text}{results}"
         f"static inline {returned} warp_function({', '.join(declared)}) {code.native_snippet}\n"
     )
     out = ", ".join([*outer, "Results *warp_out"])

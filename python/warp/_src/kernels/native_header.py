@@ -1,8 +1,34 @@
-"""What C++ snippets of users find declared: names of numbers, and of arrays and their elements.
+"""What C++ snippets of users find declared: numbers, arrays, and what can be done with them.
 
 The names and the order of arguments are those of NVIDIA Warp's headers, as far as snippets use
 them; the text is our own.
 """
+
+import re
+
+from warp._src.kernels.native_geometry import MESHES, RAYS
+from warp._src.kernels.native_math import NUMBER_FUNCTIONS, VECTORS
+from warp._src.kernels.native_matrices import MATRICES, ROTATIONS
+
+# Words of code that uses more than numbers of C.
+_MORE = re.compile(r"\bwp\s*::|\b(vec|mat|quat|transform|spatial)\w*|\barray_t\b")
+_MESHES = re.compile(r"\b(mesh|bvh)_\w+|\bMesh\b")
+
+
+def header(body: str, arrays: bool = False) -> str:
+    """What stands before a function of the user.
+
+    Args:
+        body: the user's text.
+        arrays: the function has more than numbers among its parameters.
+    """
+    if not arrays and not _MORE.search(body):
+        return NUMBERS
+    parts = [NUMBERS, NUMBER_FUNCTIONS, VECTORS, MATRICES, ROTATIONS, ARRAYS, RAYS]
+    if _MESHES.search(body):
+        parts.append(MESHES)
+    return "".join(parts)
+
 
 NUMBERS = """#ifdef __CUDACC_RTC__
 typedef signed char int8_t;
@@ -30,13 +56,16 @@ typedef unsigned long long uint64_t;
 #define LLONG_MIN (-LLONG_MAX - 1ll)
 #define ULLONG_MAX 18446744073709551615ull
 #define WP_TILE_SYNC() __syncthreads()
+#define CUDA_CALLABLE __device__
 #else
 #include <float.h>
 #include <limits.h>
 #include <math.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 #define WP_TILE_SYNC()
+#define CUDA_CALLABLE
 #endif
 namespace wp {
 typedef int8_t int8;
@@ -64,74 +93,6 @@ inline void *calloc(size_t count, size_t size) {
 #include <stdlib.h>
 #endif
 namespace wp {
-template <unsigned N, typename T> struct vec_t {
-  T c[N] = {};
-  vec_t() = default;
-  explicit vec_t(T all) {
-    for (T &one : c)
-      one = all;
-  }
-  template <typename... R> vec_t(T x, T y, R... rest) : c{x, y, T(rest)...} {}
-  T &operator[](int i) { return c[i]; }
-  const T &operator[](int i) const { return c[i]; }
-  T &operator()(int i) { return c[i]; }
-  vec_t &operator+=(const vec_t &o) {
-    for (unsigned i = 0; i < N; ++i)
-      c[i] += o.c[i];
-    return *this;
-  }
-  vec_t &operator-=(const vec_t &o) {
-    for (unsigned i = 0; i < N; ++i)
-      c[i] -= o.c[i];
-    return *this;
-  }
-  vec_t &operator*=(T s) {
-    for (T &one : c)
-      one *= s;
-    return *this;
-  }
-  friend vec_t operator+(vec_t a, const vec_t &b) { return a += b; }
-  friend vec_t operator-(vec_t a, const vec_t &b) { return a -= b; }
-  friend vec_t operator*(vec_t a, T s) { return a *= s; }
-  friend vec_t operator*(T s, vec_t a) { return a *= s; }
-};
-template <unsigned N, typename T> T dot(const vec_t<N, T> &a, const vec_t<N, T> &b) {
-  T sum = 0;
-  for (unsigned i = 0; i < N; ++i)
-    sum += a.c[i] * b.c[i];
-  return sum;
-}
-template <unsigned R, unsigned C, typename T> struct mat_t {
-  T data[R][C] = {};
-  mat_t() = default;
-  template <typename... N> mat_t(T x, T y, N... rest) {
-    T all[] = {x, y, T(rest)...};
-    for (unsigned i = 0; i < R * C; ++i)
-      data[i / C][i % C] = all[i];
-  }
-  T *operator[](int i) { return data[i]; }
-  const T *operator[](int i) const { return data[i]; }
-};
-template <typename T> using quat_t = vec_t<4, T>;
-template <typename T> using transform_t = vec_t<7, T>;
-typedef vec_t<2, float> vec2, vec2f;
-typedef vec_t<3, float> vec3, vec3f;
-typedef vec_t<4, float> vec4, vec4f;
-typedef vec_t<2, double> vec2d;
-typedef vec_t<3, double> vec3d;
-typedef vec_t<4, double> vec4d;
-typedef vec_t<2, int> vec2i;
-typedef vec_t<3, int> vec3i;
-typedef vec_t<4, int> vec4i;
-typedef mat_t<2, 2, float> mat22, mat22f;
-typedef mat_t<3, 3, float> mat33, mat33f;
-typedef mat_t<4, 4, float> mat44, mat44f;
-typedef mat_t<2, 2, double> mat22d;
-typedef mat_t<3, 3, double> mat33d;
-typedef mat_t<4, 4, double> mat44d;
-typedef quat_t<float> quat, quatf;
-typedef quat_t<double> quatd;
-
 struct shape_t {
   int dims[4] = {1, 1, 1, 1};
   int operator[](int i) const { return dims[i]; }
@@ -181,7 +142,9 @@ template <typename T> array_t<T> view(const array_t<T> &a, int i) {
   row.ndim = a.ndim - 1;
   return row;
 }
-template <typename T> T array_load(const array_t<T> &a, int i) { return index(a, i); }
+template <typename T, typename... I> T array_load(const array_t<T> &a, I... i) {
+  return index(a, i...);
+}
 template <typename T> void array_store(const array_t<T> &a, int i, T v) { index(a, i) = v; }
 template <typename T> void array_store(const array_t<T> &a, int i, int j, T v) {
   index(a, i, j) = v;
@@ -189,28 +152,110 @@ template <typename T> void array_store(const array_t<T> &a, int i, int j, T v) {
 template <typename T> void array_store(const array_t<T> &a, int i, int j, int k, T v) {
   index(a, i, j, k) = v;
 }
+template <typename T> T atomic_cas(T *p, T expected, T value) {
 #ifdef __CUDACC_RTC__
-template <typename T> T atomic_add(T *p, T value) { return ::atomicAdd(p, value); }
+  return ::atomicCAS(p, expected, value);
 #else
-template <typename T> T atomic_add(T *p, T value) {
-  T old, next;
+  __atomic_compare_exchange(p, &expected, &value, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED);
+  return expected;
+#endif
+}
+#ifdef __CUDACC_RTC__
+template <unsigned S> struct word_of { typedef unsigned type; };
+template <> struct word_of<8> { typedef unsigned long long type; };
+/// The old value of a number of 4 or 8 bytes that `next` has changed.
+template <typename T, typename F> T update(T *p, F next) {
+  typedef typename word_of<sizeof(T)>::type word;
+  word old = *(volatile word *)p, seen;
+  T value;
+  do {
+    seen = old;
+    memcpy(&value, &seen, sizeof(T));
+    T made = next(value);
+    word changed;
+    memcpy(&changed, &made, sizeof(T));
+    old = ::atomicCAS((word *)p, seen, changed);
+  } while (old != seen);
+  return value;
+}
+inline float atomic_add(float *p, float value) { return ::atomicAdd(p, value); }
+inline double atomic_add(double *p, double value) { return ::atomicAdd(p, value); }
+inline int atomic_add(int *p, int value) { return ::atomicAdd(p, value); }
+inline unsigned atomic_add(unsigned *p, unsigned value) { return ::atomicAdd(p, value); }
+#else
+/// The old value of a number that `next` has changed.
+template <typename T, typename F> T update(T *p, F next) {
+  T old, made;
   __atomic_load(p, &old, __ATOMIC_RELAXED);
   do
-    next = old + value;
-  while (!__atomic_compare_exchange(p, &old, &next, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED));
+    made = next(old);
+  while (!__atomic_compare_exchange(p, &old, &made, false, __ATOMIC_RELAXED, __ATOMIC_RELAXED));
   return old;
 }
 #endif
-template <typename T> T atomic_add(const array_t<T> &a, int i, T v) {
-  return atomic_add(address(a, i), v);
+#define WARP_UPDATE(name, text) \\
+  template <typename T> warp_native::number_t<T> name(T *p, T value) { \\
+    return update(p, [=](T old) { return T(text); }); \\
+  }
+WARP_UPDATE(atomic_add, old + value)
+WARP_UPDATE(atomic_sub, old - value)
+WARP_UPDATE(atomic_min, value < old ? value : old)
+WARP_UPDATE(atomic_max, old < value ? value : old)
+WARP_UPDATE(atomic_and, old & value)
+WARP_UPDATE(atomic_or, old | value)
+WARP_UPDATE(atomic_xor, old ^ value)
+WARP_UPDATE(atomic_exch, value)
+#undef WARP_UPDATE
+/// Number by number.
+#define WARP_UPDATE(name) \\
+  WARP_VEC vec_t<N, T> name(vec_t<N, T> *p, const vec_t<N, T> &value) { \\
+    vec_t<N, T> old; \\
+    for (unsigned i = 0; i < N; ++i) \\
+      old.c[i] = name(&p->c[i], value.c[i]); \\
+    return old; \\
+  } \\
+  WARP_MAT mat_t<R, C, T> name(mat_t<R, C, T> *p, const mat_t<R, C, T> &value) { \\
+    mat_t<R, C, T> old; \\
+    for (unsigned i = 0; i < R * C; ++i) \\
+      old.data[i / C][i % C] = name(&p->data[i / C][i % C], value.data[i / C][i % C]); \\
+    return old; \\
+  }
+WARP_UPDATE(atomic_add) WARP_UPDATE(atomic_sub) WARP_UPDATE(atomic_min) WARP_UPDATE(atomic_max)
+#undef WARP_UPDATE
+#define WARP_UPDATE(name) \\
+  template <typename T> T name(const array_t<T> &a, int i, T v) { \\
+    return name(address(a, i), v); \\
+  } \\
+  template <typename T> T name(const array_t<T> &a, int i, int j, T v) { \\
+    return name(address(a, i, j), v); \\
+  } \\
+  template <typename T> T name(const array_t<T> &a, int i, int j, int k, T v) { \\
+    return name(address(a, i, j, k), v); \\
+  } \\
+  template <typename T> T name(const array_t<T> &a, int i, int j, int k, int l, T v) { \\
+    return name(address(a, i, j, k, l), v); \\
+  }
+WARP_UPDATE(atomic_add) WARP_UPDATE(atomic_sub) WARP_UPDATE(atomic_min) WARP_UPDATE(atomic_max)
+WARP_UPDATE(atomic_and) WARP_UPDATE(atomic_or) WARP_UPDATE(atomic_xor) WARP_UPDATE(atomic_exch)
+#undef WARP_UPDATE
+template <typename T> T atomic_cas(const array_t<T> &a, int i, T expected, T value) {
+  return atomic_cas(address(a, i), expected, value);
 }
-template <typename T> T atomic_add(const array_t<T> &a, int i, int j, T v) {
-  return atomic_add(address(a, i, j), v);
-}
+template <unsigned N, typename T> using fixedarray_t = vec_t<N, T>;
 } // namespace wp
 
 #ifndef __CUDACC_RTC__
 template <typename T> T atomicAdd(T *p, T value) { return wp::atomic_add(p, value); }
+template <typename T> T atomicSub(T *p, T value) { return wp::atomic_sub(p, value); }
+template <typename T> T atomicMin(T *p, T value) { return wp::atomic_min(p, value); }
+template <typename T> T atomicMax(T *p, T value) { return wp::atomic_max(p, value); }
+template <typename T> T atomicAnd(T *p, T value) { return wp::atomic_and(p, value); }
+template <typename T> T atomicOr(T *p, T value) { return wp::atomic_or(p, value); }
+template <typename T> T atomicXor(T *p, T value) { return wp::atomic_xor(p, value); }
+template <typename T> T atomicExch(T *p, T value) { return wp::atomic_exch(p, value); }
+template <typename T> T atomicCAS(T *p, T expected, T value) {
+  return wp::atomic_cas(p, expected, value);
+}
 #endif
 
 namespace warp_native {
