@@ -16,6 +16,7 @@
 #include "llvm/ADT/StringMap.h"
 #include "llvm/ADT/StringSet.h"
 #include "llvm/IR/Module.h"
+#include "llvm/Transforms/Utils/ModuleUtils.h"
 
 #include <mutex>
 #include <stdexcept>
@@ -126,6 +127,36 @@ void warp::linkNativeCode(llvm::Module &module) {
 // GPUs
 //===----------------------------------------------------------------------===//
 
+/// The function that a line of PTX declares to be elsewhere; empty for others.
+static StringRef externalName(StringRef line) {
+  if (!line.consume_front(".extern .func"))
+    return "";
+  return line.ltrim().take_until([](char c) { return c == '(' || c == ' '; });
+}
+
+/// Whether the device library has it.
+static bool isOfLibrary(StringRef name) {
+  return name.starts_with("warp_") &&
+         !name.starts_with(warp::nativeCodePrefix);
+}
+
+void warp::declareForNativeCode(llvm::Module &module,
+                                const std::string &target) {
+  llvm::SmallVector<llvm::GlobalValue *> used;
+  for (const std::string &name : missingNames(module))
+    for (StringRef line :
+         llvm::split(Registry::get().compiled(name, target), '\n'))
+      if (StringRef wanted = externalName(line); isOfLibrary(wanted))
+        used.push_back(llvm::cast<llvm::GlobalValue>(
+            module
+                .getOrInsertFunction(
+                    wanted, llvm::Type::getVoidTy(module.getContext()))
+                .getCallee()));
+  // What no kernel calls keeps its parameters for those who do.
+  if (!used.empty())
+    llvm::appendToCompilerUsed(module, used);
+}
+
 void warp::keepNativeCalls(llvm::Module &module) {
   // Threads may meet in them.
   for (const std::string &name : missingNames(module))
@@ -183,6 +214,9 @@ static std::string definitionsOf(StringRef ptx, StringRef symbol) {
       continue;
     if (StringRef name = definedName(line); !name.empty() && name != symbol)
       names.insert(name);
+    // The kernel's text defines it.
+    if (isOfLibrary(externalName(line)))
+      line = line.drop_front(strlen(".extern "));
     // Nobody outside calls it.
     if (line.starts_with(".visible .func"))
       line = line.drop_front(strlen(".visible "));

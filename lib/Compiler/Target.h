@@ -82,6 +82,9 @@ void linkBitcode(llvm::Module &module,
 /// Links the functions of NativeCode.h that `module`, for CPUs, declares.
 /// Throws if the process does not know one, or cannot compile it.
 void linkNativeCode(llvm::Module &module);
+/// Declares functions of the device library that functions of NativeCode.h call
+/// in PTX, so that `module`, for GPUs, gets them. Throws like `linkNativeCode`.
+void declareForNativeCode(llvm::Module &module, const std::string &target);
 /// Keeps calls of those that `module`, for GPUs, declares where they stand.
 void keepNativeCalls(llvm::Module &module);
 /// PTX with the functions that it declares. Throws like `linkNativeCode`.

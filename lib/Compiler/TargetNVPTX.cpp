@@ -98,6 +98,7 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                             const CompileOptions &options) {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
+  declareForNativeCode(module, options.target);
   std::optional<AssembledCalls> calls;
   if (options.linked)
     calls.emplace(module, options.target);

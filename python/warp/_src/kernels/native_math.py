@@ -23,8 +23,8 @@ template <typename T> using real_t = typename real<T>::type;
   inline float c_##name(float x, float y) { return ::name##f(x, y); } \\
   inline double c_##name(double x, double y) { return ::name(x, y); }
 #define WARP_ALL_UNARY(_) _(sqrt) _(cbrt) _(exp) _(exp2) _(expm1) _(log) _(log2) _(log10) \\
-  _(log1p) _(sin) _(cos) _(tan) _(asin) _(acos) _(atan) _(sinh) _(cosh) _(tanh) _(asinh) _(acosh) _(atanh) \\
-  _(floor) _(ceil) _(round) _(rint) _(trunc) _(erf) _(erfc)
+  _(log1p) _(sin) _(cos) _(tan) _(asin) _(acos) _(atan) _(sinh) _(cosh) \\
+  _(tanh) _(asinh) _(acosh) _(atanh) _(floor) _(ceil) _(round) _(rint) _(trunc) _(erf) _(erfc)
 #define WARP_ALL_BINARY(_) _(pow) _(atan2) _(fmod) _(copysign) _(hypot)
 WARP_ALL_UNARY(WARP_UNARY)
 WARP_ALL_BINARY(WARP_BINARY)
