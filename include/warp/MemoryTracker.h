@@ -12,11 +12,11 @@
 #define WARP_MEMORYTRACKER_H
 
 #include "warp/Export.h"
+#include "warp/Forks.h"
 
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <mutex>
 #include <string>
 #include <vector>
 
@@ -56,7 +56,7 @@ public:
   std::string largestUsers(int device, size_t count = 3) const;
 
 private:
-  mutable std::mutex mutex;
+  mutable ForkMutex mutex;
   std::map<const void *, Allocation> allocations;
   std::map<int, Totals> sums;
   uint64_t next = 0;

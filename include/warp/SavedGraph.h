@@ -38,6 +38,7 @@
 #include "warp/Memory.h"
 
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -73,11 +74,15 @@ class WARP_API LoadedGraph {
 public:
   /// Reads what `saveGraph` wrote. Throws if something is missing, damaged,
   /// from a release with another format, or made for another kind of device or
-  /// a newer one. The CPU: this thread must not be capturing.
-  static std::shared_ptr<LoadedGraph> load(const std::string &path, int device);
+  /// a newer one, or if it needs more than `mostBytes` of memory. The CPU: this
+  /// thread must not be capturing. No code of the file runs before the graph
+  /// does; that code is machine code, so do not launch the graph of a stranger.
+  static std::shared_ptr<LoadedGraph> load(const std::string &path, int device,
+                                           uint64_t mostBytes = UINT64_MAX);
   /// `origin` is named in errors.
   static std::shared_ptr<LoadedGraph>
-  fromFiles(const GraphFiles &files, int device, const std::string &origin);
+  fromFiles(const GraphFiles &files, int device, const std::string &origin,
+            uint64_t mostBytes = UINT64_MAX);
   ~LoadedGraph();
 
   /// Work of the graph and access to its memory is queued on `stream`, or on

@@ -7,6 +7,7 @@
 #include "AssembledLibrary.h"
 #include "Embedded.h"
 
+#include "warp/Forks.h"
 #include "warp/LibraryCode.h"
 
 #include "llvm/ADT/StringSwitch.h"
@@ -15,7 +16,6 @@
 #include "llvm/Support/MemoryBuffer.h"
 
 #include <map>
-#include <mutex>
 
 using namespace warp;
 
@@ -72,10 +72,10 @@ static std::vector<std::vector<char>> unpack(llvm::StringRef archive,
 
 const std::vector<std::vector<char>> &
 warp::assembledLibrary(const std::string &target) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   static auto *known =
       new std::map<std::string, std::vector<std::vector<char>>>;
-  std::lock_guard<std::mutex> guard(mutex);
+  std::lock_guard guard(mutex);
   auto [entry, isNew] = known->try_emplace(target);
   if (isNew)
     entry->second = unpack(libraryFor(target), target + ".");

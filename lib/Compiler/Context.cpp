@@ -16,22 +16,23 @@
 using namespace mlir;
 
 MLIRContext &warp::compilerContext() {
+  // It takes milliseconds to make.
+  ForkSection section;
   // Never destroyed: handles in other static objects may outlive `main`.
   static MLIRContext *context = [] {
     DialectRegistry registry;
     warp::registerCompilerDialects(registry);
-    auto *created =
-        new MLIRContext(registry, MLIRContext::Threading::DISABLED);
+    auto *created = new MLIRContext(registry, MLIRContext::Threading::DISABLED);
     created->printOpOnDiagnostic(false);
-    created->loadDialect<warp::WarpDialect, func::FuncDialect,
-                         scf::SCFDialect>();
+    created
+        ->loadDialect<warp::WarpDialect, func::FuncDialect, scf::SCFDialect>();
     return created;
   }();
   return *context;
 }
 
-std::recursive_mutex &warp::contextMutex() {
-  static auto *mutex = new std::recursive_mutex;
+warp::RecursiveForkMutex &warp::contextMutex() {
+  static auto *mutex = new RecursiveForkMutex;
   return *mutex;
 }
 

@@ -13,6 +13,7 @@
 #define WARP_LIB_COMPILER_CONTEXT_H
 
 #include "warp/Builder.h"
+#include "warp/Forks.h"
 
 #include "mlir/IR/BuiltinOps.h"
 #include "mlir/IR/Diagnostics.h"
@@ -27,11 +28,11 @@ namespace warp {
 mlir::MLIRContext &compilerContext();
 
 /// Held while IR is built, parsed, printed, transformed or destroyed.
-std::recursive_mutex &contextMutex();
+RecursiveForkMutex &contextMutex();
 
 struct ContextLock {
   ContextLock() : guard(contextMutex()) {}
-  std::lock_guard<std::recursive_mutex> guard;
+  std::lock_guard<RecursiveForkMutex> guard;
 };
 
 /// Collects the diagnostics of one operation on IR.

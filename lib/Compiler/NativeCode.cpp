@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "warp/NativeCode.h"
+#include "warp/Forks.h"
 
 #include "LibmNames.h"
 #include "NativeCompilers.h"
@@ -18,7 +19,6 @@
 #include "llvm/IR/Module.h"
 #include "llvm/Transforms/Utils/ModuleUtils.h"
 
-#include <mutex>
 #include <stdexcept>
 
 using llvm::StringRef;
@@ -32,7 +32,7 @@ struct Known {
 };
 
 struct Registry {
-  std::mutex mutex;
+  warp::ForkMutex mutex;
   llvm::StringMap<Known> functions;
 
   static Registry &get() {
@@ -42,7 +42,7 @@ struct Registry {
 
   /// Bitcode for the host, or PTX for an architecture.
   const std::string &compiled(StringRef symbol, const std::string &target) {
-    std::lock_guard<std::mutex> guard(mutex);
+    std::lock_guard guard(mutex);
     auto found = functions.find(symbol);
     if (found == functions.end())
       throw warp::Error(warp::Error::Kind::Compile,
@@ -70,7 +70,7 @@ struct Registry {
 
 void warp::addNativeCode(const std::string &symbol, NativeCode code) {
   Registry &registry = Registry::get();
-  std::lock_guard<std::mutex> guard(registry.mutex);
+  std::lock_guard guard(registry.mutex);
   registry.functions[symbol].code = std::move(code);
 }
 

@@ -9,6 +9,7 @@
 
 #include "NativeCompilers.h"
 
+#include "warp/Forks.h"
 #include "llvm/ADT/SmallVector.h"
 #include "llvm/Support/FileSystem.h"
 #include "llvm/Support/FileUtilities.h"
@@ -19,7 +20,6 @@
 
 #include <cstdlib>
 #include <dlfcn.h>
-#include <mutex>
 #include <stdexcept>
 
 using llvm::StringRef;
@@ -139,7 +139,7 @@ struct Nvrtc {
 };
 
 struct NvrtcPlaces {
-  std::mutex mutex;
+  warp::ForkMutex mutex;
   std::vector<std::string> folders;
   Nvrtc loaded;
 
@@ -150,7 +150,7 @@ struct NvrtcPlaces {
 
   /// Null if there is none; folders that come later are looked at, too.
   const Nvrtc *find() {
-    std::lock_guard<std::mutex> guard(mutex);
+    std::lock_guard guard(mutex);
     if (!loaded.path.empty())
       return &loaded;
     if (const char *named = environment("WARP_NVRTC"))
@@ -175,7 +175,7 @@ struct NvrtcPlaces {
 
 void warp::setNvrtcFolders(std::vector<std::string> folders) {
   NvrtcPlaces &places = NvrtcPlaces::get();
-  std::lock_guard<std::mutex> guard(places.mutex);
+  std::lock_guard guard(places.mutex);
   places.folders = std::move(folders);
 }
 

@@ -10,6 +10,7 @@
 #include "Target.h"
 
 #include "warp/Error.h"
+#include "warp/Forks.h"
 
 #include "llvm/Analysis/InlineCost.h"
 #include "llvm/Bitcode/BitcodeReader.h"
@@ -50,7 +51,6 @@
 #include "llvm/Transforms/Vectorize/VectorCombine.h"
 
 #include <map>
-#include <mutex>
 #include <vector>
 
 using namespace warp;
@@ -61,7 +61,7 @@ using namespace warp;
 
 namespace {
 struct MachinePool {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::map<std::string, std::vector<std::unique_ptr<llvm::TargetMachine>>> idle;
 
   static MachinePool &get() {
@@ -81,7 +81,7 @@ MachineLease::~MachineLease() {
   if (!machine)
     return;
   MachinePool &pool = MachinePool::get();
-  std::lock_guard<std::mutex> guard(pool.mutex);
+  std::lock_guard guard(pool.mutex);
   pool.idle[key].push_back(std::move(machine));
 }
 
@@ -89,7 +89,7 @@ MachineLease MachineLease::get(const CompileOptions &options) {
   std::string key = options.target + " " + std::to_string(options.optLevel);
   MachinePool &pool = MachinePool::get();
   {
-    std::lock_guard<std::mutex> guard(pool.mutex);
+    std::lock_guard guard(pool.mutex);
     auto &idle = pool.idle[key];
     if (!idle.empty()) {
       auto machine = std::move(idle.back());
@@ -119,9 +119,9 @@ void warp::linkBitcode(llvm::Module &module,
   });
   if (!missing)
     return;
-  auto parsed = llvm::getLazyBitcodeModule(llvm::MemoryBufferRef(bitcode(), name),
-                                           module.getContext(),
-                                           /*ShouldLazyLoadMetadata=*/true);
+  auto parsed = llvm::getLazyBitcodeModule(
+      llvm::MemoryBufferRef(bitcode(), name), module.getContext(),
+      /*ShouldLazyLoadMetadata=*/true);
   if (!parsed)
     throw Error(Error::Kind::Compile, "cannot read the embedded " + name.str() +
                                           ": " +

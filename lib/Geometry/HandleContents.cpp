@@ -75,6 +75,25 @@ std::vector<uint32_t> warp::pointerWords(GeometryKind kind) {
   return words;
 }
 
+bool warp::geometry::isPossible(
+    GeometryKind kind, const std::array<uint64_t, handleWords> &words) {
+  const auto *bytes = reinterpret_cast<const char *>(words.data());
+  for (const ArrayAt &at : layoutOf(kind).arrays) {
+    ArrayDescriptor array;
+    std::memcpy(&array, bytes + at.byte, sizeof array);
+    if (!possibleRangeOf(array.data, array, at.elementSize, 1) ||
+        !possibleRangeOf(array.grad, array, at.elementSize, 1))
+      return false;
+  }
+  if (kind != GeometryKind::Bvh && kind != GeometryKind::Mesh)
+    return true;
+  Tree tree;
+  TreeExtras extras;
+  std::memcpy(&tree, bytes, sizeof tree);
+  std::memcpy(&extras, bytes + extrasOffset, sizeof extras);
+  return tree.count >= 0 && extras.groupCount >= 0;
+}
+
 /// Memory that was said to be there, and that whose size is beside it.
 static std::vector<AddressRange>
 rangesOf(const HandleContents &contents,

@@ -7,11 +7,11 @@
 #include "Slots.h"
 
 #include "warp/Error.h"
+#include "warp/Forks.h"
 #include "warp/Memory.h"
 
 #include <cstring>
 #include <deque>
-#include <mutex>
 #include <unordered_map>
 #include <vector>
 
@@ -43,7 +43,7 @@ struct Pool {
 };
 
 struct Registry {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::unordered_map<int, Pool> pools;
   std::unordered_map<uint64_t, LiveSlot> live;
   /// Of the handles that were, by slot.
@@ -71,7 +71,7 @@ static void addSlab(Pool &pool, int device) {
 Slot::Slot(GeometryKind kind, int device)
     : geometryKind(kind), deviceIndex(device) {
   Registry &all = registry();
-  std::lock_guard<std::mutex> lock(all.mutex);
+  std::lock_guard lock(all.mutex);
   Pool &pool = all.pools[device];
   if (pool.free.size() <= (pool.slabs.empty() ? 0 : restingSlots))
     addSlab(pool, device);
@@ -85,7 +85,7 @@ Slot::Slot(GeometryKind kind, int device)
 
 Slot::~Slot() {
   Registry &all = registry();
-  std::lock_guard<std::mutex> lock(all.mutex);
+  std::lock_guard lock(all.mutex);
   uint64_t gone = 0, address = handle & addressMask;
   try {
     writeNewMemory(reinterpret_cast<void *>(address), deviceIndex, &gone,
@@ -113,7 +113,7 @@ void Slot::write(const void *contents, size_t bytes,
   writeNewMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex,
                  image, sizeof image);
   Registry &all = registry();
-  std::lock_guard<std::mutex> lock(all.mutex);
+  std::lock_guard lock(all.mutex);
   all.live.at(handle).memory = std::move(memory);
 }
 
@@ -135,7 +135,7 @@ static int deviceOf(uint64_t id) { return int(id >> deviceShift & 31) - 1; }
 
 void warp::writeHandleWord(uint64_t id, unsigned index, uint64_t value) {
   Registry &all = registry();
-  std::lock_guard<std::mutex> lock(all.mutex);
+  std::lock_guard lock(all.mutex);
   if (!all.live.count(id) || index == 0 || index >= slotSize / sizeof(uint64_t))
     throw Error(Error::Kind::Value, "no such word of a live handle");
   auto *words = reinterpret_cast<uint64_t *>(id & addressMask);
@@ -146,7 +146,7 @@ uint64_t warp::handleAddress(uint64_t id) { return id & addressMask; }
 
 std::optional<GeometryKind> warp::findHandle(uint64_t id, int device) {
   Registry &all = registry();
-  std::lock_guard<std::mutex> lock(all.mutex);
+  std::lock_guard lock(all.mutex);
   auto live = all.live.find(id);
   if (live == all.live.end() || deviceOf(id) != device)
     return {};
@@ -158,7 +158,7 @@ HandleContents warp::readHandle(uint64_t id) {
   std::vector<HandleMemory> memory;
   {
     Registry &all = registry();
-    std::lock_guard<std::mutex> lock(all.mutex);
+    std::lock_guard lock(all.mutex);
     auto live = all.live.find(id);
     if (live == all.live.end())
       throw Error(Error::Kind::Value, "no live handle");
@@ -179,7 +179,7 @@ static const char *nameOf(GeometryKind kind) {
 
 std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {
   Registry &all = registry();
-  std::lock_guard<std::mutex> lock(all.mutex);
+  std::lock_guard lock(all.mutex);
   auto live = all.live.find(id);
   if (live == all.live.end()) {
     auto last = all.lastKind.find(id & addressMask);

@@ -56,6 +56,11 @@ private:
 void findPointers(HandleContents &contents,
                   const std::vector<HandleMemory> &memory);
 
+/// Whether words that nobody has checked describe arrays and counts that can
+/// be; not where those lie.
+bool isPossible(GeometryKind kind,
+                const std::array<uint64_t, handleWords> &words);
+
 } // namespace warp::geometry
 
 #endif // WARP_LIB_GEOMETRY_SLOTS_H

@@ -49,7 +49,7 @@ void warp::saveGraph(const Graph &graph, const std::string &path,
 }
 
 std::shared_ptr<LoadedGraph> LoadedGraph::load(const std::string &path,
-                                               int device) {
+                                               int device, uint64_t mostBytes) {
   GraphFiles files;
   auto read = [&](const std::string &from) {
     errno = 0;
@@ -61,11 +61,7 @@ std::shared_ptr<LoadedGraph> LoadedGraph::load(const std::string &path,
   };
   files.graph = read(path);
   std::string module = GraphFile::fromBytes(files.graph, path).module;
-  // A name, never a place elsewhere.
-  if (module.find('/') != std::string::npos)
-    throw format.error(path,
-                       "is damaged, '" + module + "' is no name of a file");
   if (!module.empty())
     files.modules[module] = read((folderOf(path) / module).string());
-  return fromFiles(files, device, path);
+  return fromFiles(files, device, path, mostBytes);
 }

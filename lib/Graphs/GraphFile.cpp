@@ -9,6 +9,7 @@
 
 #include "GraphFile.h"
 
+#include "Geometry/Slots.h"
 #include "Runtime/Bytes.h"
 #include "Runtime/Support.h"
 #include "warp/Version.h"
@@ -26,7 +27,7 @@ static void writeWords(Writer &out, const std::vector<HandleWord> &words) {
 
 static std::vector<HandleWord> readWords(Reader &in) {
   std::vector<HandleWord> words;
-  auto count = in.number<uint64_t>();
+  uint64_t count = in.count(12);
   for (uint64_t i = 0; i < count && in.ok(); ++i) {
     HandleWord word;
     word.at = in.number<uint64_t>();
@@ -45,12 +46,11 @@ static void writeHandle(Writer &out, const FileHandle &handle) {
 }
 
 /// `kind` is checked where it says how many addresses there are.
-static FileHandle readHandle(Reader &in, const std::string &origin) {
+static FileHandle readHandle(Reader &in) {
   FileHandle handle;
-  handle.kind = in.number<uint8_t>();
-  if (in.ok() && (handle.kind < uint8_t(GeometryKind::HashGrid) ||
-                  handle.kind > uint8_t(GeometryKind::Volume)))
-    throw format.error(origin, "is damaged, there is no such geometry");
+  handle.kind =
+      in.number<uint8_t>(uint8_t(GeometryKind::HashGrid),
+                         uint8_t(GeometryKind::Volume), "the kind of geometry");
   for (uint64_t &word : handle.words)
     word = in.number<uint64_t>();
   if (in.ok())
@@ -80,14 +80,15 @@ static void writeOperation(Writer &out, const FileOperation &entry) {
 static FileOperation readOperation(Reader &in) {
   FileOperation entry;
   GraphOperation &operation = entry.operation;
-  operation.kind = static_cast<GraphOperation::Kind>(in.number<uint8_t>());
+  operation.kind = static_cast<GraphOperation::Kind>(in.number<uint8_t>(
+      0, uint8_t(GraphOperation::Kind::MultiplyRows), "the kind of operation"));
   entry.kernel = in.number<uint32_t>();
-  entry.blockDim = in.number<int32_t>();
-  operation.dim.rank = in.number<int32_t>();
+  entry.blockDim = in.number<int32_t>(0, 1024, "the threads of a block");
+  operation.dim.rank = in.number<int32_t>(1, maxRank, "the rank of a launch");
   for (int64_t &extent : operation.dim.extent)
-    extent = in.number<int64_t>();
+    extent = in.number<int64_t>(0, INT32_MAX, "the extent of a launch");
   operation.arguments = in.string();
-  auto pointers = in.number<uint64_t>();
+  uint64_t pointers = in.count(4);
   for (uint64_t i = 0; i < pointers && in.ok(); ++i)
     entry.blocks.push_back(in.number<uint32_t>());
   operation.constant = in.string();
@@ -125,34 +126,35 @@ std::string GraphFile::bytes() const {
   return format.wrap(payload.bytes);
 }
 
-static GraphFile readPayload(Reader &in, const std::string &origin) {
+static GraphFile readPayload(Reader &in) {
   GraphFile file;
   in.string();
-  file.target = in.string();
-  file.module = in.string();
+  file.target = in.text();
+  file.module = in.text();
   file.moduleHash = in.number<uint64_t>();
-  auto blocks = in.number<uint64_t>();
+  uint64_t blocks = in.count(28);
   for (uint64_t i = 0; i < blocks && in.ok(); ++i) {
     FileBlock block;
-    block.lead = in.number<uint32_t>();
-    block.bytes = in.number<uint64_t>();
+    block.lead = in.number<uint32_t>(0, 4095, "the alignment of a block");
+    block.bytes =
+        in.number<uint64_t>(0, uint64_t(1) << 47, "the size of a block");
     block.contents = in.string();
     block.handles = readWords(in);
     file.blocks.push_back(std::move(block));
   }
-  auto handles = in.number<uint64_t>();
+  uint64_t handles = in.count(1);
   for (uint64_t i = 0; i < handles && in.ok(); ++i)
-    file.handles.push_back(readHandle(in, origin));
-  auto names = in.number<uint64_t>();
+    file.handles.push_back(readHandle(in));
+  uint64_t names = in.count(28);
   for (uint64_t i = 0; i < names && in.ok(); ++i) {
     FileName name;
-    name.name = in.string();
+    name.name = in.text();
     name.block = in.number<uint32_t>();
     name.offset = in.number<uint64_t>();
     name.bytes = in.number<uint64_t>();
     file.names.push_back(std::move(name));
   }
-  auto operations = in.number<uint64_t>();
+  uint64_t operations = in.count(1);
   for (uint64_t i = 0; i < operations && in.ok(); ++i)
     file.operations.push_back(readOperation(in));
   return file;
@@ -182,6 +184,8 @@ static void checkHandles(const GraphFile &file, const std::string &origin) {
                origin);
   }
   for (const FileHandle &handle : file.handles) {
+    if (!geometry::isPossible(GeometryKind(handle.kind), handle.words))
+      throw format.error(origin, "is damaged, geometry has impossible arrays");
     size_t i = 0;
     for (uint32_t word : pointerWords(GeometryKind(handle.kind))) {
       uint32_t block = handle.blocks[i++];
@@ -195,8 +199,7 @@ static void checkHandles(const GraphFile &file, const std::string &origin) {
 
 static void checkMemory(const GraphFile &file, const std::string &origin) {
   for (const FileBlock &block : file.blocks)
-    if (block.lead >= 4096 || block.bytes > uint64_t(1) << 47 ||
-        (!block.contents.empty() && block.contents.size() != block.bytes))
+    if (!block.contents.empty() && block.contents.size() != block.bytes)
       throw format.error(origin,
                          "is damaged, a block of memory has no valid size");
   for (const FileName &name : file.names)
@@ -211,9 +214,13 @@ GraphFile GraphFile::fromBytes(const std::string &bytes,
                                const std::string &origin) {
   std::string_view payload = format.unwrap(bytes, origin);
   Reader in(payload.data(), payload.size());
-  GraphFile file = readPayload(in, origin);
+  GraphFile file = readPayload(in);
   if (!in.atEnd())
-    throw format.error(origin, "is damaged, it ends too early");
+    throw format.error(origin, "is damaged, " + in.problem());
+  // A name, never a place elsewhere.
+  if (file.module.find('/') != std::string::npos || file.module == "..")
+    throw format.error(origin, "is damaged, '" + file.module +
+                                   "' is no name of a file");
   checkMemory(file, origin);
   checkHandles(file, origin);
   return file;

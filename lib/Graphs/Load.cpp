@@ -55,6 +55,10 @@ public:
 
   void checkTarget() const;
   void loadKernels(const std::map<std::string, std::string> &modules);
+  /// Throws unless all that operations reach is in the graph's memory, and all
+  /// of that is reached by one. To be called before there is any.
+  void checkReach();
+  void checkRoom(uint64_t mostBytes) const;
   void allocate(const Stream *stream);
   void makeGeometry(const Stream *stream);
   void restorePointers();
@@ -65,6 +69,10 @@ private:
     return format.error(origin, "is damaged, " + how);
   }
   void restorePointers(FileOperation &entry);
+  FileOperation copyWithPointers(const FileOperation &entry);
+  void checkDepth() const;
+  void restorePointers(FileHandle &handle);
+  void noteReach(uint32_t block, uint64_t end);
   void prepareGeometry();
   void writeGeometry();
   void writeIds(const std::vector<HandleWord> &words, std::string &bytes);
@@ -74,7 +82,6 @@ private:
   bool exists(uint32_t block) const {
     return block < file.blocks.size() + file.handles.size();
   }
-  void checkRoom() const;
 
   GraphFile &file;
   std::vector<std::shared_ptr<Kernel>> &kernels;
@@ -83,8 +90,13 @@ private:
   SavedModule module;
   int device;
   const std::string &origin;
+  /// Where all memory begins before there is any.
+  static constexpr uint64_t nowhere = uint64_t(1) << 47;
   /// What pointers lead to that nothing is reached through.
-  uint64_t spare = 0;
+  uint64_t spare = nowhere;
+  bool isAllocated = false;
+  /// Bytes of each block up to the last one that an operation reaches.
+  std::vector<uint64_t> reach;
 };
 } // namespace
 
@@ -115,20 +127,24 @@ void Loader::loadKernels(const std::map<std::string, std::string> &modules) {
   }
 }
 
-void Loader::checkRoom() const {
+void Loader::checkRoom(uint64_t mostBytes) const {
   uint64_t needed = 0;
+  // The count of blocks is bounded by the length of the file.
   for (const FileBlock &block : file.blocks)
-    needed += block.lead + block.bytes;
+    needed = std::min(needed + block.lead + block.bytes, uint64_t(1) << 62);
+  auto refuse = [&](const std::string &why) {
+    throw Error(Error::Kind::Memory,
+                "saved graph '" + origin + "' needs " + formatBytes(needed) +
+                    " on '" + deviceInfo(device).alias + "', " + why);
+  };
+  if (needed > mostBytes)
+    refuse("but is to have at most " + formatBytes(mostBytes));
   size_t free = deviceMemory(device).first;
   if (needed > free)
-    throw Error(Error::Kind::Memory, "saved graph '" + origin + "' needs " +
-                                         formatBytes(needed) + " on '" +
-                                         deviceInfo(device).alias + "', free " +
-                                         formatBytes(free));
+    refuse("free " + formatBytes(free));
 }
 
 void Loader::allocate(const Stream *stream) {
-  checkRoom();
   for (FileBlock &block : file.blocks) {
     auto buffer = std::make_unique<Buffer>(device, block.lead + block.bytes,
                                            false, stream);
@@ -142,6 +158,7 @@ void Loader::allocate(const Stream *stream) {
   }
   buffers.push_back(std::make_unique<Buffer>(device, 256, false, stream));
   spare = reinterpret_cast<uint64_t>(buffers.back()->data());
+  isAllocated = true;
   if (stream)
     stream->synchronize();
 }
@@ -162,7 +179,11 @@ void Loader::writeIds(const Stream *stream) {
 }
 
 AddressRange Loader::rangeOf(uint32_t block) const {
-  if (block >= file.blocks.size()) {
+  bool isHandle = block >= file.blocks.size();
+  if (!isAllocated)
+    return {nowhere, nowhere + (isHandle ? sizeof(FileHandle::words)
+                                         : file.blocks[block].bytes)};
+  if (isHandle) {
     uint64_t start = geometry.address(block - uint32_t(file.blocks.size()));
     return {start, start + sizeof(FileHandle::words)};
   }
@@ -194,36 +215,38 @@ void Loader::prepareGeometry() {
       continue;
     if (entry.handles.size() != 1 || entry.handles[0].at != 0)
       throw damaged("the " + describe(operation) + " lacks its geometry");
-    // A copy of it that knows where its arrays are, and not yet whose it is.
-    FileOperation known = entry;
-    known.handles.clear();
-    restorePointers(known);
+    // It is not known yet whose it is.
+    FileOperation known = copyWithPointers(entry);
     uint32_t number = entry.handles[0].handle;
     geometry.prepare(number, file.handles[number],
                      known.operation.read<UpdateGeometry>());
   }
 }
 
+void Loader::restorePointers(FileHandle &handle) {
+  std::vector<uint32_t> words = pointerWords(GeometryKind(handle.kind));
+  for (size_t k = 0; k < words.size(); ++k)
+    handle.words[words[k]] =
+        addressOf(handle.blocks[k], handle.words[words[k]]);
+  HandleContents reached{GeometryKind(handle.kind), handle.words, {}};
+  warp::geometry::findPointers(reached, {});
+  for (size_t k = 0; k < words.size(); ++k) {
+    const HandleContents::Pointer &pointer = reached.pointers[k];
+    if (pointer.begin == pointer.end)
+      continue;
+    AddressRange memory;
+    if (exists(handle.blocks[k]))
+      memory = rangeOf(handle.blocks[k]);
+    if (pointer.begin < memory.begin || pointer.end > memory.end)
+      throw damaged("geometry reaches beyond its memory");
+    noteReach(handle.blocks[k], pointer.end - memory.begin);
+  }
+}
+
 void Loader::writeGeometry() {
   for (uint32_t i = 0; i < file.handles.size(); ++i) {
-    FileHandle &handle = file.handles[i];
-    std::vector<uint32_t> words = pointerWords(GeometryKind(handle.kind));
-    for (size_t k = 0; k < words.size(); ++k)
-      handle.words[words[k]] =
-          addressOf(handle.blocks[k], handle.words[words[k]]);
-    HandleContents reached{GeometryKind(handle.kind), handle.words, {}};
-    warp::geometry::findPointers(reached, {});
-    for (size_t k = 0; k < words.size(); ++k) {
-      const HandleContents::Pointer &pointer = reached.pointers[k];
-      if (pointer.begin == pointer.end)
-        continue;
-      AddressRange memory;
-      if (exists(handle.blocks[k]))
-        memory = rangeOf(handle.blocks[k]);
-      if (pointer.begin < memory.begin || pointer.end > memory.end)
-        throw damaged("geometry reaches beyond its memory");
-    }
-    geometry.write(i, handle.words);
+    restorePointers(file.handles[i]);
+    geometry.write(i, file.handles[i].words);
   }
 }
 
@@ -277,20 +300,62 @@ void Loader::restorePointers(FileOperation &entry) {
         range.begin > range.end)
       throw damaged("the " + describe(operation) +
                     " reaches beyond its memory");
+    noteReach(entry.blocks[i], range.end - memory.begin);
   }
 }
 
+/// An operation that knows where its arrays are, and no ids.
+FileOperation Loader::copyWithPointers(const FileOperation &entry) {
+  FileOperation known = entry;
+  known.handles.clear();
+  known.constantHandles.clear();
+  restorePointers(known);
+  return known;
+}
+
 void Loader::restorePointers() {
-  int depth = 0;
-  for (FileOperation &entry : file.operations) {
+  for (FileOperation &entry : file.operations)
     restorePointers(entry);
+}
+
+/// The host runs bodies within bodies by calls within calls.
+static constexpr int mostBodies = 256;
+
+void Loader::checkDepth() const {
+  int depth = 0;
+  for (const FileOperation &entry : file.operations) {
     depth += entry.operation.kind == Kind::BeginBody;
     depth -= entry.operation.kind == Kind::EndBody;
-    if (depth < 0)
+    if (depth < 0 || depth > mostBodies)
       break;
   }
   if (depth != 0)
     throw damaged("branches and loops do not end where they should");
+}
+
+void Loader::noteReach(uint32_t block, uint64_t end) {
+  if (!isAllocated && block < reach.size())
+    reach[block] = std::max(reach[block], end);
+}
+
+void Loader::checkReach() {
+  checkDepth();
+  reach.resize(file.blocks.size());
+  for (FileHandle handle : file.handles)
+    restorePointers(handle);
+  for (const FileName &name : file.names)
+    noteReach(name.block, name.bytes ? name.offset + name.bytes : 0);
+  for (const FileOperation &entry : file.operations)
+    copyWithPointers(entry);
+  for (size_t i = 0; i < file.blocks.size(); ++i) {
+    // Contents are in the file.
+    const FileBlock &block = file.blocks[i];
+    if (block.contents.empty() && block.bytes != reach[i])
+      throw damaged("block " + std::to_string(i) + " of memory has '" +
+                    std::to_string(block.bytes) +
+                    "' bytes, but operations reach '" +
+                    std::to_string(reach[i]) + "'");
+  }
 }
 
 std::shared_ptr<Graph> Loader::capture(std::shared_ptr<Stream> stream) {
@@ -302,9 +367,15 @@ std::shared_ptr<Graph> Loader::capture(std::shared_ptr<Stream> stream) {
   return capture->end();
 }
 
+/// Whether it says already what is wrong with a saved graph.
+static bool isAboutFile(const Error &error) {
+  return error.message.starts_with(format.name);
+}
+
 std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
                                                     int device,
-                                                    const std::string &origin) {
+                                                    const std::string &origin,
+                                                    uint64_t mostBytes) {
   auto impl = std::make_unique<Impl>();
   impl->file = GraphFile::fromBytes(files.graph, origin);
   Loader loader(impl->file, impl->kernels, impl->buffers, impl->geometry,
@@ -317,13 +388,17 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
   if (device != cpuDevice)
     stream = std::make_shared<Stream>(device);
   loader.loadKernels(files.modules);
-  loader.allocate(stream.get());
   try {
+    loader.checkReach();
+    loader.checkRoom(mostBytes);
+    loader.allocate(stream.get());
     loader.makeGeometry(stream.get());
     loader.restorePointers();
     impl->graph = loader.capture(stream);
   } catch (const Error &error) {
-    if (error.kind != Error::Kind::Value)
+    // On a GPU the driver may have a reason of its own.
+    if (error.kind == Error::Kind::Memory || isAboutFile(error) ||
+        (error.kind == Error::Kind::Runtime && device != cpuDevice))
       throw;
     throw format.error(origin, "is damaged, " + error.message);
   }

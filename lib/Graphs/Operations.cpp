@@ -16,6 +16,7 @@
 #include "warp/SparseProduct.h"
 #include "warp/TreeBuild.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <limits>
 
@@ -113,17 +114,14 @@ public:
         operation.arguments.size() - slot < sizeof(array))
       throw nonsense(operation);
     std::memcpy(&array, operation.arguments.data() + slot, sizeof(array));
-    bool valid = array.ndim >= 0 && array.ndim <= maxRank && elementSize >= 0;
     bool empty = false;
-    for (int i = 0; valid && i < array.ndim; ++i) {
-      valid = array.shape[i] >= 0;
+    for (int i = 0; i < std::clamp(array.ndim, 0, maxRank); ++i)
       empty |= array.shape[i] == 0;
-    }
     // A kernel may ask whether it has an array, and geometry whether it has
     // groups; a copy has both.
     bool optional = operation.kind == Kind::Launch ||
                     operation.kind == Kind::UpdateGeometry;
-    if (!slotsOnly && (!valid || (!optional && !empty && !array.data)))
+    if (!slotsOnly && !optional && !empty && !array.data)
       throw nonsense(operation);
     addElements(slot + offsetof(ArrayDescriptor, data), array, elementSize, 1);
     size_t grad = slot + offsetof(ArrayDescriptor, grad);
@@ -146,7 +144,11 @@ private:
     if (slotsOnly)
       return found.push_back({slot, {}});
     auto *data = reinterpret_cast<const void *>(pointerAt(slot));
-    found.push_back({slot, rangeOf(data, array, size, scale)});
+    std::optional<AddressRange> range =
+        possibleRangeOf(data, array, size, scale);
+    if (!range)
+      throw nonsense(operation);
+    found.push_back({slot, *range});
   }
 
   const GraphOperation &operation;
@@ -171,12 +173,16 @@ static int64_t widthOf(const GraphOperation &operation, int32_t type) {
 static void collectSequences(const GraphOperation &operation, Collector &all) {
   if (operation.kind == Kind::Scan) {
     auto scan = operation.read<Scan>();
+    if (scan.width < 1)
+      throw nonsense(operation);
     int64_t width = widthOf(operation, scan.type) * scan.width;
     all.add(offsetof(Scan, out), scan.out, scan.count, width);
     all.add(offsetof(Scan, in), scan.in, scan.count, width);
   } else if (operation.kind == Kind::SortPairs) {
     // There is room for as much again behind keys and values.
     auto sort = operation.read<SortPairs>();
+    if (sort.beginBit < 0 || sort.beginBit > sort.endBit || sort.endBit > 64)
+      throw nonsense(operation);
     all.add(offsetof(SortPairs, keys), sort.count,
             2 * widthOf(operation, sort.type));
     all.add(offsetof(SortPairs, values), sort.count,
@@ -215,8 +221,27 @@ static void collectTree(const GraphOperation &operation, Collector &all) {
   all.add(offsetof(graphs::BuildTree, found), 8);
 }
 
-static void collectGeometry(const GraphOperation &operation, Collector &all) {
+/// Throws unless arrays of an update are lists, of which the host reads as many
+/// elements as their extents say, and of boxes and groups there are enough.
+static void checkLists(const GraphOperation &operation) {
   auto update = operation.read<UpdateGeometry>();
+  for (const ArrayDescriptor &array : update.arrays)
+    if (array.shape[0] != 0 && (array.ndim != 1 || !array.data))
+      throw nonsense(operation);
+  auto count = [&](int i) { return update.arrays[i].shape[0]; };
+  auto isGroups = [&](int i) { return count(i) == 0 || count(i) == count(0); };
+  GeometryKind kind{uint8_t(update.kind)};
+  if ((kind == GeometryKind::Bvh && (count(1) != count(0) || !isGroups(2))) ||
+      (kind == GeometryKind::HashGrid && !isGroups(1)))
+    throw nonsense(operation);
+}
+
+static void collectGeometry(const GraphOperation &operation, Collector &all,
+                            bool slotsOnly) {
+  auto update = operation.read<UpdateGeometry>();
+  if (update.rebuilds < 0 || update.rebuilds > 1 || update.constructor < 0 ||
+      update.constructor > int32_t(BvhConstructor::Median))
+    throw nonsense(operation);
   std::vector<int64_t> sizes;
   switch (GeometryKind(update.kind)) {
   case GeometryKind::HashGrid:
@@ -234,11 +259,11 @@ static void collectGeometry(const GraphOperation &operation, Collector &all) {
   default:
     throw nonsense(operation);
   }
-  size_t at = offsetof(UpdateGeometry, arrays);
-  for (int64_t size : sizes) {
-    all.addArray(at, size, 0);
-    at += sizeof(ArrayDescriptor);
-  }
+  for (size_t i = 0; i < sizes.size(); ++i)
+    all.addArray(offsetof(UpdateGeometry, arrays) + i * sizeof(ArrayDescriptor),
+                 sizes[i], 0);
+  if (!slotsOnly)
+    checkLists(operation);
 }
 
 static void collectProduct(const GraphOperation &operation, Collector &all) {
@@ -295,7 +320,7 @@ static std::vector<Pointer> collect(const GraphOperation &operation,
     collectTree(operation, all);
     break;
   case Kind::UpdateGeometry:
-    collectGeometry(operation, all);
+    collectGeometry(operation, all, slotsOnly);
     break;
   case Kind::MultiplyRows:
     collectProduct(operation, all);
@@ -365,6 +390,10 @@ void graphs::checkArguments(const GraphOperation &operation,
     }
     throw Error(Error::Kind::Value, "an operation is of no known kind");
   };
-  if (operation.arguments.size() != sizeOfArguments())
+  bool fills = operation.kind == Kind::FillBytes ||
+               operation.kind == Kind::FillArray ||
+               operation.kind == Kind::Upload;
+  if (operation.arguments.size() != sizeOfArguments() ||
+      fills == operation.constant.empty())
     throw nonsense(operation);
 }

@@ -129,8 +129,12 @@ void Saver::chooseContents() {
     touch({start, start + memory.bytes}, false);
   }
   for (const HandleContents &found : handles.all())
-    for (const HandleContents::Pointer &pointer : found.pointers)
-      touch({pointer.begin, pointer.end}, false);
+    for (const HandleContents::Pointer &pointer : found.pointers) {
+      AddressRange range{pointer.begin, pointer.end};
+      touch(range, false);
+      if (range.begin != range.end && !handles.around(range))
+        blocks[blockOf(range)].ofGeometry = true;
+    }
   for (size_t i = 0; i < operations.size(); ++i)
     // An object is made of them when the graph is loaded.
     if (operations[i].kind == Kind::UpdateGeometry)
@@ -160,7 +164,7 @@ void Saver::readBlocks() {
                reinterpret_cast<const void *>(block.range.begin), device,
                saved.bytes);
     saved.handles = idsIn(block.range, saved.contents);
-    if (saved.handles.empty() &&
+    if (saved.handles.empty() && !block.ofGeometry &&
         saved.contents.find_first_not_of('\0') == std::string::npos)
       saved.contents.clear();
   }

@@ -25,6 +25,8 @@ struct Block {
   AddressRange range;
   /// Whether the contents matter, once that is known.
   bool touched = false, needed = false;
+  /// Geometry leads there, and does not always say how far.
+  bool ofGeometry = false;
 };
 
 class Saver {

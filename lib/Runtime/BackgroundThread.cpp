@@ -8,14 +8,13 @@
 
 #include "Compiler/Abandon.h"
 #include "warp/Background.h"
+#include "warp/Forks.h"
 
 #include <atomic>
-#include <chrono>
 #include <condition_variable>
 #include <csignal>
 #include <cstdlib>
 #include <deque>
-#include <mutex>
 #include <new>
 #include <pthread.h>
 #include <sched.h>
@@ -27,8 +26,6 @@ using namespace warp;
 
 /// Added to the niceness of the process.
 static constexpr int politeness = 10;
-/// How long a fork waits for the task in progress.
-static constexpr std::chrono::seconds mostForkWait(5);
 
 namespace {
 class Worker {
@@ -47,28 +44,26 @@ private:
   Worker();
   void start();
   void run();
-  void beforeFork();
-  void afterFork(bool inChild);
+  void restartInChild();
 
-  std::mutex mutex;
-  std::condition_variable changed;
+  ForkMutex mutex;
+  std::condition_variable_any changed;
   std::deque<std::function<void()>> tasks;
   /// Those of the process.
   cpu_set_t processors{};
-  bool isStarted = false, isBusy = false, isForking = false;
+  bool isStarted = false, isBusy = false;
   std::atomic<bool> isStopped{false};
 };
 } // namespace
 
 Worker::Worker() {
   (void)sched_getaffinity(getpid(), sizeof(processors), &processors);
-  pthread_atfork([] { get().beforeFork(); }, [] { get().afterFork(false); },
-                 [] { get().afterFork(true); });
+  pthread_atfork(nullptr, nullptr, [] { get().restartInChild(); });
   std::atexit([] { get().stop(); });
 }
 
 void Worker::add(std::function<void()> task) {
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   if (isStopped)
     return;
   tasks.push_back(std::move(task));
@@ -94,9 +89,15 @@ void Worker::run() {
   // Of this thread alone, on Linux.
   (void)setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + politeness);
   Abandonable tasksAre(isStopped);
-  std::unique_lock<std::mutex> lock(mutex);
+  std::unique_lock lock(mutex);
   for (;;) {
-    changed.wait(lock, [&] { return !tasks.empty() && !isForking; });
+    changed.wait(lock, [&] { return !tasks.empty(); });
+    lock.unlock();
+    // A fork waits for the task, which has locks, and no task begins meanwhile.
+    ForkSection section;
+    lock.lock();
+    if (tasks.empty())
+      continue;
     std::function<void()> task = std::move(tasks.front());
     tasks.pop_front();
     isBusy = true;
@@ -110,36 +111,23 @@ void Worker::run() {
 }
 
 void Worker::wait() {
-  std::unique_lock<std::mutex> lock(mutex);
+  std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return tasks.empty() && !isBusy; });
 }
 
 void Worker::stop() {
-  std::unique_lock<std::mutex> lock(mutex);
+  std::unique_lock lock(mutex);
   isStopped = true;
   tasks.clear();
   changed.wait(lock, [&] { return !isBusy; });
 }
 
-void Worker::beforeFork() {
-  std::unique_lock<std::mutex> lock(mutex);
-  isForking = true;
-  changed.wait_for(lock, mostForkWait, [&] { return !isBusy; });
-  // Held until the fork is over, so that it is this thread's in the child.
-  lock.release();
-}
-
-void Worker::afterFork(bool inChild) {
-  isForking = false;
-  if (inChild) {
-    // Those who waited, and who was busy, are not here.
-    new (&changed) std::condition_variable;
-    isStarted = isBusy = false;
-    if (!tasks.empty() && !isStopped)
-      start();
-  }
-  mutex.unlock();
-  changed.notify_all();
+void Worker::restartInChild() {
+  // Those who waited, and who was busy, are not here.
+  new (&changed) std::condition_variable_any;
+  isStarted = isBusy = false;
+  if (!tasks.empty() && !isStopped)
+    start();
 }
 
 void background::add(std::function<void()> task) {

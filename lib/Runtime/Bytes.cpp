@@ -6,14 +6,119 @@
 
 #include "Bytes.h"
 
+#include "FileChecks.h"
 #include "Support.h"
 
 #include <cerrno>
+#include <cmath>
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 using namespace warp;
+
+//===----------------------------------------------------------------------===//
+// Reading
+//===----------------------------------------------------------------------===//
+
+void Reader::fail(const std::string &what) {
+  if (firstProblem.empty())
+    firstProblem = what;
+  left = 0;
+}
+
+bool Reader::take(size_t size) {
+  if (ok() && size > left)
+    fail("it ends too early");
+  if (!ok())
+    return false;
+  data += size;
+  left -= size;
+  return true;
+}
+
+bool Reader::atEnd() {
+  if (left != 0)
+    fail("it goes on behind its end");
+  return ok();
+}
+
+void Reader::failRange(const char *what, const std::string &value,
+                       const std::string &least, const std::string &most) {
+  fail(std::string(what) + " is '" + value + "', but has to be from " + least +
+       " to " + most);
+}
+
+double Reader::amount(const char *what) {
+  auto value = number<double>();
+  if (std::isfinite(value) && value >= 0)
+    return value;
+  fail(std::string(what) + " is '" + std::to_string(value) +
+       "', but has to be finite and not negative");
+  return 0;
+}
+
+uint64_t Reader::count(size_t leastBytes) {
+  auto value = number<uint64_t>();
+  if (value <= left / leastBytes)
+    return value;
+  fail("it has no room for '" + std::to_string(value) + "' entries");
+  return 0;
+}
+
+std::string Reader::string() {
+  uint64_t size = count(1);
+  if (!take(size))
+    return {};
+  return std::string(data - size, size);
+}
+
+/// Bytes of the character that begins there; 0 if none does.
+static size_t characterAt(std::string_view text) {
+  auto byte = [&](size_t i) { return static_cast<unsigned char>(text[i]); };
+  if (byte(0) < 0x80)
+    return byte(0) != 0;
+  size_t size = byte(0) < 0xc2   ? 0
+                : byte(0) < 0xe0 ? 2
+                : byte(0) < 0xf0 ? 3
+                : byte(0) < 0xf5 ? 4
+                                 : 0;
+  if (size > text.size())
+    return 0;
+  uint32_t character = byte(0) & (0xff >> (size + 1));
+  for (size_t i = 1; i < size; ++i) {
+    if (byte(i) >> 6 != 2)
+      return 0;
+    character = character << 6 | (byte(i) & 0x3f);
+  }
+  static constexpr uint32_t least[] = {0, 0, 0x80, 0x800, 0x10000};
+  bool isSurrogate = character >= 0xd800 && character < 0xe000;
+  return character < least[size] || character > 0x10ffff || isSurrogate ? 0
+                                                                        : size;
+}
+
+std::string Reader::text() {
+  std::string value = string();
+  std::string_view rest = value;
+  while (!rest.empty()) {
+    size_t size = characterAt(rest);
+    if (size == 0) {
+      fail("a name or a type in it is no text");
+      return {};
+    }
+    rest.remove_prefix(size);
+  }
+  return value;
+}
+
+//===----------------------------------------------------------------------===//
+// Code
+//===----------------------------------------------------------------------===//
+
+/// Bounds of numbers in files: far above what compilers and users make, and so
+/// low that sums and products of a few of them stay exact.
+static constexpr int32_t mostItems = 1 << 20, mostBlockBytes = 1 << 24;
+static constexpr int64_t mostElementBytes = int64_t(1) << 31;
 
 void warp::writeCode(Writer &out, const Code &code) {
   out.string(code.entry);
@@ -58,38 +163,41 @@ void warp::writeCode(Writer &out, const Code &code) {
 
 Code warp::readCode(Reader &in) {
   Code code;
-  code.entry = in.string();
+  code.entry = in.text();
   std::string binary = in.string();
+  if (code.entry.empty() || binary.empty())
+    in.fail("a kernel has no code");
   code.binary.assign(binary.begin(), binary.end());
-  code.cost = in.number<double>();
-  code.usesPrintf = in.number<uint8_t>();
-  code.exclusive = in.number<uint8_t>();
-  code.atomics = in.number<uint8_t>();
-  code.isLong = in.number<uint8_t>();
-  code.isExact = in.number<uint8_t>();
-  auto copies = in.number<int32_t>();
+  code.cost = in.amount("the cost of a thread");
+  code.usesPrintf = in.flag();
+  code.exclusive = in.flag();
+  code.atomics = in.flag();
+  code.isLong = in.flag();
+  code.isExact = in.flag();
+  auto copies = in.number<int32_t>(0, mostItems, "the number of copied arrays");
   for (int32_t i = 0; i < copies && in.ok(); ++i)
     code.copied.list.push_back(in.number<CopiedArray>());
-  code.copied.plainTime = in.number<double>();
-  code.copied.atomicTime = in.number<double>();
-  code.items = in.number<int32_t>();
-  code.fixedBlock = in.number<uint8_t>();
-  code.cooperative = in.number<uint8_t>();
-  code.ragged = in.number<uint8_t>();
-  code.dynamicBytes = in.number<int32_t>();
-  auto maps = in.number<int32_t>();
+  code.copied.plainTime = in.amount("the time of a thread");
+  code.copied.atomicTime = in.amount("the time of a thread");
+  code.items = in.number<int32_t>(1, mostItems, "the indices of a thread");
+  code.fixedBlock = in.flag();
+  code.cooperative = in.flag();
+  code.ragged = in.flag();
+  code.dynamicBytes =
+      in.number<int32_t>(0, mostBlockBytes, "the memory of a block");
+  auto maps = in.number<int32_t>(0, mostItems, "the number of maps");
   for (int32_t i = 0; i < maps && in.ok(); ++i)
     code.maps.push_back(in.number<TensorMap>());
-  code.rows = in.number<int32_t>();
-  code.tile = in.number<int32_t>();
-  code.split = in.number<int32_t>();
-  code.joined = in.number<int32_t>();
-  code.alternates = in.number<uint8_t>();
-  code.sizeFacts = in.number<uint8_t>();
-  auto sums = in.number<int32_t>();
+  code.rows = in.number<int32_t>(1, code.items, "the rows of a thread");
+  code.tile = in.number<int32_t>(0, mostItems, "the side of a square");
+  code.split = in.number<int32_t>(1, 1024, "the threads of an index");
+  code.joined = in.number<int32_t>(1, 1024, "the number of joined blocks");
+  code.alternates = in.flag();
+  code.sizeFacts = in.number<uint8_t>(0, 31, "the facts of a size");
+  auto sums = in.number<int32_t>(0, mostItems, "the number of sums");
   for (int32_t i = 0; i < sums && in.ok(); ++i)
     code.sums.push_back(in.number<SummedArray>());
-  auto sites = in.number<uint64_t>();
+  uint64_t sites = in.count(32);
   for (uint64_t i = 0; i < sites && in.ok(); ++i) {
     Site site;
     site.kernel = in.string();
@@ -118,15 +226,19 @@ void warp::writeParam(Writer &out, const Param &param) {
 
 Param warp::readParam(Reader &in) {
   Param param;
-  param.name = in.string();
-  param.kind = static_cast<Param::Kind>(in.number<uint8_t>());
-  param.type = in.string();
-  param.offset = in.number<int64_t>();
-  param.size = in.number<int64_t>();
-  param.rank = in.number<int32_t>();
-  param.element = in.string();
-  param.elementSize = in.number<int64_t>();
-  auto arrays = in.number<uint64_t>();
+  param.name = in.text();
+  param.kind = static_cast<Param::Kind>(
+      in.number<uint8_t>(0, uint8_t(Param::Kind::Struct), "the kind"));
+  param.type = in.text();
+  param.offset = in.number<int64_t>(firstArgument, mostParameterBytes,
+                                    "the place of an argument");
+  param.size =
+      in.number<int64_t>(0, mostParameterBytes, "the size of an argument");
+  param.rank = in.number<int32_t>(0, maxRank, "the rank of an array");
+  param.element = in.text();
+  param.elementSize =
+      in.number<int64_t>(0, mostElementBytes, "the size of an element");
+  uint64_t arrays = in.count(8);
   for (uint64_t i = 0; i < arrays && in.ok(); ++i)
     param.arrays.push_back(in.number<int64_t>());
   return param;
@@ -145,11 +257,12 @@ Access warp::readAccess(Reader &in) {
   Access access;
   for (bool *fact : {&access.loaded, &access.stored, &access.combined,
                      &access.fetched, &access.watched})
-    *fact = in.number<uint8_t>();
+    *fact = in.flag();
   access.line = in.number<uint32_t>();
-  for (int64_t *size :
-       {&access.offset, &access.elementSize, &access.gradientSize})
-    *size = in.number<int64_t>();
+  access.offset = in.number<int64_t>(firstArgument, mostParameterBytes,
+                                     "the place of an array");
+  for (int64_t *size : {&access.elementSize, &access.gradientSize})
+    *size = in.number<int64_t>(0, mostElementBytes, "the size of an element");
   return access;
 }
 

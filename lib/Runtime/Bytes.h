@@ -32,8 +32,9 @@ public:
   std::string bytes;
 };
 
-/// Reads what a `Writer` wrote, and trusts nothing: what goes beyond the end
-/// gives zero and turns `ok` off.
+/// Reads what a `Writer` wrote, and trusts nothing: what goes beyond the end or
+/// is no possible value gives the least one, turns `ok` off and is the
+/// `problem`, the first of which stays.
 class Reader {
 public:
   Reader(const char *data, size_t size) : data(data), left(size) {}
@@ -44,34 +45,41 @@ public:
       std::memcpy(&value, data - sizeof(T), sizeof(T));
     return value;
   }
-  std::string string() {
-    auto size = number<uint64_t>();
-    if (size > left) {
-      good = false;
-      return {};
-    }
-    take(size);
-    return std::string(data - size, size);
+  /// One from `least` to `most`; `what` names it in the problem.
+  template <typename T> T number(T least, T most, const char *what) {
+    T value = number<T>();
+    if (value >= least && value <= most)
+      return value;
+    failRange(what, std::to_string(value), std::to_string(least),
+              std::to_string(most));
+    return least;
   }
-  bool atEnd() const { return good && left == 0; }
-  bool ok() const { return good; }
+  bool flag() { return number<uint8_t>(0, 1, "a flag") != 0; }
+  /// One that is finite and not negative.
+  double amount(const char *what);
+  /// How many entries follow, each of so many bytes at least.
+  uint64_t count(size_t leastBytes);
+  std::string string();
+  /// One that is UTF-8 and has no zeros.
+  std::string text();
+
+  void fail(const std::string &what);
+  bool atEnd();
+  bool ok() const { return firstProblem.empty(); }
+  const std::string &problem() const { return firstProblem; }
 
 private:
-  bool take(size_t size) {
-    good = good && size <= left;
-    if (!good)
-      return false;
-    data += size;
-    left -= size;
-    return true;
-  }
+  bool take(size_t size);
+  void failRange(const char *what, const std::string &value,
+                 const std::string &least, const std::string &most);
 
   const char *data;
   size_t left;
-  bool good = true;
+  std::string firstProblem;
 };
 
-/// The fields of `Code`, in the kernel cache and in saved modules.
+/// The fields of `Code`, in the kernel cache and in saved modules. Readers
+/// check each field; FileChecks.h has how fields fit together.
 void writeCode(Writer &out, const Code &code);
 Code readCode(Reader &in);
 void writeParam(Writer &out, const Param &param);
@@ -84,8 +92,7 @@ Access readAccess(Reader &in);
 std::string seal(const char (&magic)[8], uint32_t version,
                  const std::string &key, const std::string &payload);
 /// The payload, a part of `bytes`; nothing if they are not exactly right.
-std::optional<std::string_view> unseal(const char (&magic)[8],
-                                       uint32_t version,
+std::optional<std::string_view> unseal(const char (&magic)[8], uint32_t version,
                                        const std::string &key,
                                        const std::string &bytes);
 

@@ -13,12 +13,12 @@
 
 #include "CopyNest.h"
 
+#include "warp/Forks.h"
 #include "warp/Kernel.h"
 
 #include <algorithm>
 #include <cstring>
 #include <map>
-#include <mutex>
 #include <string>
 
 using namespace warp;
@@ -47,7 +47,8 @@ static std::string kernelText(int rank, int64_t word) {
     indices += (i ? ", %i" : "%i") + std::to_string(i);
     indexTypes += i ? ", si32" : "si32";
   }
-  std::string array = "!warp.array<" + std::to_string(rank) + " x " + type + ">";
+  std::string array =
+      "!warp.array<" + std::to_string(rank) + " x " + type + ">";
   return "func.func @copy_strided(%dst: " + array + ", %src: " + array +
          ") attributes {warp.kernel, warp.arg_names = [\"dst\", \"src\"]} {\n" +
          indices + " = warp.tid : " + indexTypes + "\n" +
@@ -58,10 +59,10 @@ static std::string kernelText(int rank, int64_t word) {
 }
 
 static Kernel &kernelFor(int rank, int64_t word) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   // Never destroyed: arrays may be copied while the process ends.
   static auto *kernels = new std::map<std::pair<int, int64_t>, Kernel>;
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   auto found = kernels->find({rank, word});
   if (found == kernels->end())
     found = kernels
@@ -74,7 +75,8 @@ static Kernel &kernelFor(int rank, int64_t word) {
 
 /// Largest power of two up to 16 that divides every address and the run.
 static int64_t wordSize(const CopyNest &nest) {
-  uint64_t bits = 16 | uint64_t(nest.run) | reinterpret_cast<uintptr_t>(nest.dst) |
+  uint64_t bits = 16 | uint64_t(nest.run) |
+                  reinterpret_cast<uintptr_t>(nest.dst) |
                   reinterpret_cast<uintptr_t>(nest.src);
   for (int i = 0; i < nest.rank; ++i)
     bits |= uint64_t(nest.dims[i].dstStride) | uint64_t(nest.dims[i].srcStride);

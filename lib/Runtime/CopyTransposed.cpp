@@ -14,11 +14,11 @@
 
 #include "CopyNest.h"
 
+#include "warp/Forks.h"
 #include "warp/Kernel.h"
 
 #include <cstdlib>
 #include <map>
-#include <mutex>
 #include <string>
 
 using namespace warp;
@@ -63,7 +63,8 @@ static std::string wordText(int64_t row, int64_t column, int64_t bits) {
 /// tile, row of the tile, position along it).
 static std::string kernelText(int64_t bits) {
   const int64_t count = 8 * side / bits;
-  const std::string array = "!warp.array<4 x ui64>", four = ", si32, si32, si32, si32";
+  const std::string array = "!warp.array<4 x ui64>",
+                    four = ", si32, si32, si32, si32";
   std::string text =
       "func.func @copy_transposed(%dst: " + array + ", %src: " + array +
       ") attributes {warp.kernel, warp.arg_names = [\"dst\", \"src\"]} {\n"
@@ -86,15 +87,16 @@ static std::string kernelText(int64_t bits) {
   binary("%fits1", "lt", "%across", "%extent1", "i1");
   binary("%fits3", "lt", "%down", "%extent3", "i1");
   text += "%exists = warp.bit_and(%fits1, %fits3) : (i1, i1) -> i1\n"
-      "scf.if %exists {\n" +
-      constantText("%mask", bits == 64 ? ~uint64_t(0) : (uint64_t(1) << bits) - 1,
-                   "ui64");
+          "scf.if %exists {\n" +
+          constantText("%mask",
+                       bits == 64 ? ~uint64_t(0) : (uint64_t(1) << bits) - 1,
+                       "ui64");
   for (int64_t i = 0; i < count; ++i) {
     std::string n = std::to_string(i);
     text += constantText("%shift" + n, i * bits, "ui64") +
             constantText("%at" + n, i, "si32") + "%row" + n +
-            " = warp.load %src[%outer, %across, %at" + n + ", %down] : " +
-            array + four + " -> ui64\n";
+            " = warp.load %src[%outer, %across, %at" + n +
+            ", %down] : " + array + four + " -> ui64\n";
   }
   for (int64_t column = 0; column < count; ++column) {
     for (int64_t row = 0; row < count; ++row)
@@ -108,10 +110,10 @@ static std::string kernelText(int64_t bits) {
 }
 
 static Kernel &kernelFor(int64_t word) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   // Never destroyed: arrays may be copied while the process ends.
   static auto *kernels = new std::map<int64_t, Kernel>;
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   auto found = kernels->find(word);
   if (found == kernels->end())
     found = kernels

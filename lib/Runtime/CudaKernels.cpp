@@ -7,10 +7,10 @@
 #include "CudaKernels.h"
 
 #include "GraphDriver.h"
+#include "warp/Forks.h"
 #include "warp/LibraryCode.h"
 
 #include <map>
-#include <mutex>
 #include <utility>
 
 using namespace warp;
@@ -79,11 +79,11 @@ static cuda::Function load(KernelFile &file, const std::string &fileName,
 
 LibraryKernel warp::kernelOf(int device, const char *file,
                              const std::string &name) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   static auto *files = new std::map<std::pair<int, std::string>, KernelFile>;
   static auto *kernels =
       new std::map<std::pair<int, std::string>, LibraryKernel>;
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   LibraryKernel &kernel = (*kernels)[{device, name}];
   if (kernel.function)
     return kernel;

@@ -14,6 +14,7 @@
 #include "DeviceState.h"
 #include "GraphImpl.h"
 #include "Support.h"
+#include "warp/Forks.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -118,7 +119,7 @@ struct DeviceTable {
 
   DeviceState *states[capacity] = {};
   std::atomic<int> count{0};
-  std::mutex mutex;
+  ForkMutex mutex;
 };
 } // namespace
 
@@ -177,7 +178,7 @@ void *warp::setCurrentCudaContext(void *context) {
 int warp::mapContext(void *pointer) {
   auto context = static_cast<cuda::Context>(pointer);
   DeviceTable &table = deviceTable();
-  std::lock_guard<std::mutex> lock(table.mutex);
+  std::lock_guard lock(table.mutex);
   cuda::Context previous = nullptr;
   cuda::DeviceHandle ordinal;
   WARP_CUDA(ctxGetCurrent, &previous);
@@ -245,7 +246,7 @@ void warp::synchronizeAll() {
   // Devices that nobody used have no stream and nothing to wait for.
   auto isUsed = [](int device) {
     DeviceState &state = cudaDeviceState(device);
-    std::lock_guard<std::mutex> lock(state.mutex);
+    std::lock_guard lock(state.mutex);
     return state.stream != nullptr;
   };
   for (int device = 0; device < knownDeviceCount(); ++device)

@@ -10,6 +10,7 @@
 #include "CudaDriver.h"
 #include "warp/Compile.h"
 #include "warp/Device.h"
+#include "warp/Forks.h"
 #include "warp/Launch.h"
 #include "warp/Memory.h"
 
@@ -50,7 +51,7 @@ struct DeviceState {
   std::once_flag contextOnce;
   cuda::Context context = nullptr;
 
-  std::mutex mutex;
+  ForkMutex mutex;
   /// The current stream.
   std::shared_ptr<Stream> stream;
   std::vector<StreamUse *> uses;

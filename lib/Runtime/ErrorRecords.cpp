@@ -11,9 +11,9 @@
 
 #include "CudaDriver.h"
 #include "DeviceState.h"
+#include "warp/Forks.h"
 
 #include <algorithm>
-#include <mutex>
 #include <string>
 
 using namespace warp;
@@ -62,7 +62,7 @@ struct Registered {
 };
 
 struct Registry {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::vector<Registered> records;
 };
 } // namespace
@@ -80,13 +80,13 @@ DeviceErrorRecord::DeviceErrorRecord(int device, const std::vector<Site> &sites)
             cuda::hostAllocPortable | cuda::hostAllocDeviceMap);
   record = new (memory) ErrorRecord;
   WARP_CUDA(memHostGetDevicePointer, &deviceAddress, memory, 0);
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   registry().records.push_back({device, record, &this->sites});
 }
 
 DeviceErrorRecord::~DeviceErrorRecord() {
   {
-    std::lock_guard<std::mutex> lock(registry().mutex);
+    std::lock_guard lock(registry().mutex);
     auto &records = registry().records;
     records.erase(std::remove_if(records.begin(), records.end(),
                                  [&](const Registered &entry) {
@@ -98,7 +98,7 @@ DeviceErrorRecord::~DeviceErrorRecord() {
 }
 
 void DeviceErrorRecord::check(int device) {
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   for (Registered &entry : registry().records) {
     if (entry.device != device ||
         !__atomic_load_n(&entry.record->flag, __ATOMIC_ACQUIRE))

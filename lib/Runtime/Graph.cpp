@@ -14,11 +14,11 @@
 
 #include "DeviceState.h"
 #include "Support.h"
+#include "warp/Forks.h"
 
 #include <algorithm>
 #include <cstring>
 #include <dlfcn.h>
-#include <mutex>
 #include <thread>
 
 using namespace warp;
@@ -30,7 +30,7 @@ struct Entry {
 };
 
 struct Registry {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::vector<Entry> entries;
 };
 
@@ -81,7 +81,7 @@ std::unique_ptr<Capture> Capture::begin(int device,
 }
 
 CaptureBase::CaptureBase(int device) : Capture(device) {
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   registry().entries.push_back({this, std::this_thread::get_id()});
   ++capturesInProgress;
 }
@@ -89,7 +89,7 @@ CaptureBase::CaptureBase(int device) : Capture(device) {
 CaptureBase::~CaptureBase() { close(); }
 
 std::shared_ptr<Kept> CaptureBase::close() {
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   if (!open)
     return nullptr;
   open = false;
@@ -105,7 +105,7 @@ std::shared_ptr<Kept> CaptureBase::close() {
 }
 
 void CaptureBase::startTrace() {
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   notes = std::make_shared<GraphTrace>();
   ++tracesInProgress;
 }
@@ -121,7 +121,7 @@ bool warp::keepForCapture(int device, std::function<void()> release) {
   if (capturesInProgress.load(std::memory_order_relaxed) == 0)
     return false;
   std::shared_ptr<void> kept;
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   for (const Entry &entry : registry().entries) {
     if (!mayUse(entry, device))
       continue;
@@ -136,7 +136,7 @@ GraphTrace *warp::findTrace(int device, const Stream *stream) {
   if (device != cpuDevice &&
       !(stream ? stream : currentStream(device).get())->isCapturing())
     return nullptr;
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   for (const Entry &entry : registry().entries)
     if (entry.capture->device() == device && entry.capture->trace() &&
         mayUse(entry, device))
@@ -149,7 +149,7 @@ bool warp::isCapturing(int device) {
     return false;
   if (device == cpuDevice)
     return threadRecorder() != nullptr;
-  std::lock_guard<std::mutex> lock(registry().mutex);
+  std::lock_guard lock(registry().mutex);
   return std::any_of(
       registry().entries.begin(), registry().entries.end(),
       [&](const Entry &entry) { return entry.capture->device() == device; });

@@ -13,10 +13,10 @@
 
 #include "DeviceState.h"
 #include "GraphImpl.h"
+#include "warp/Forks.h"
 
 #include <algorithm>
 #include <map>
-#include <mutex>
 
 using namespace warp;
 using namespace warp::cuda;
@@ -27,7 +27,7 @@ using namespace warp::cuda;
 
 namespace {
 struct Conditionals {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::map<GraphNode, Conditional> known;
 };
 } // namespace
@@ -54,11 +54,11 @@ GraphNode cuda::addConditional(int device, GraphHandle graph,
   WARP_CUDA_GRAPH(addNode, &node, graph, after, count, &description);
   conditional.body = description.bodies[0];
   {
-    std::lock_guard<std::mutex> lock(conditionals().mutex);
+    std::lock_guard lock(conditionals().mutex);
     conditionals().known[node] = conditional;
   }
   keepForCapture(device, [node] {
-    std::lock_guard<std::mutex> lock(conditionals().mutex);
+    std::lock_guard lock(conditionals().mutex);
     conditionals().known.erase(node);
   });
   return node;
@@ -114,7 +114,7 @@ static int typeOf(GraphNode node) {
 
 bool cuda::hasConditionals(GraphHandle graph) {
   {
-    std::lock_guard<std::mutex> lock(conditionals().mutex);
+    std::lock_guard lock(conditionals().mutex);
     if (conditionals().known.empty())
       return false;
   }
@@ -193,7 +193,7 @@ GraphNode Cloner::copyConditional(GraphNode node, GraphHandle target,
                                   const std::vector<GraphNode> &after) {
   Conditional found;
   {
-    std::lock_guard<std::mutex> lock(conditionals().mutex);
+    std::lock_guard lock(conditionals().mutex);
     auto entry = conditionals().known.find(node);
     if (entry == conditionals().known.end())
       throw Error(Error::Kind::Runtime,

@@ -19,9 +19,9 @@
 #include "DeviceState.h"
 #include "GraphClone.h"
 #include "GraphImpl.h"
+#include "warp/Forks.h"
 
 #include <map>
-#include <mutex>
 
 using namespace warp;
 using cuda::GraphHandle;
@@ -350,9 +350,9 @@ std::shared_ptr<Graph> CudaCapture::end() {
 
 /// The kernel that sets a handle; loaded once per device, never unloaded.
 static cuda::Function conditionKernel(int device) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   static auto *functions = new std::map<int, cuda::Function>;
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   cuda::Function &function = (*functions)[device];
   if (function)
     return function;

@@ -14,6 +14,7 @@
 #include "warp/Kernel.h"
 
 #include "ExactSums.h"
+#include "FileChecks.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "PrivateCopies.h"
@@ -60,10 +61,7 @@ Kernel::Impl::~Impl() {
 
 void Kernel::Impl::setParameters(std::vector<Param> list) {
   params = std::move(list);
-  int64_t end = sizeof(LaunchHeader);
-  for (const Param &param : params)
-    end = std::max(end, param.offset + param.size);
-  paramSize = (end + 7) / 8 * 8;
+  paramSize = parameterBytes(params);
 }
 
 Kernel::~Kernel() = default;
@@ -93,7 +91,7 @@ KernelOptions Kernel::options() const { return impl->options; }
 const std::vector<Param> &Kernel::parameters() const { return impl->params; }
 
 std::map<std::string, double> Kernel::compileTimes() const {
-  std::lock_guard<std::mutex> lock(impl->mutex);
+  std::lock_guard lock(impl->mutex);
   return impl->times;
 }
 

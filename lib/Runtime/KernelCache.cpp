@@ -15,6 +15,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "warp/KernelCache.h"
+#include "warp/Forks.h"
 
 #include "Bytes.h"
 #include "Support.h"
@@ -26,7 +27,6 @@
 #include <ctime>
 #include <dirent.h>
 #include <fcntl.h>
-#include <mutex>
 #include <pwd.h>
 #include <random>
 #include <sys/stat.h>
@@ -68,7 +68,7 @@ std::optional<Code> warp::deserialize(const std::string &key,
 // Files
 //===----------------------------------------------------------------------===//
 
-static std::mutex cacheMutex;
+static ForkMutex cacheMutex;
 
 static std::string homeFolder() {
   std::string home = environment("HOME");
@@ -142,23 +142,23 @@ KernelCache::KernelCache(std::string directory)
     : folder(std::move(directory)) {}
 
 std::string KernelCache::directory() const {
-  std::lock_guard<std::mutex> lock(cacheMutex);
+  std::lock_guard lock(cacheMutex);
   return folder;
 }
 
 void KernelCache::setDirectory(std::string directory) {
-  std::lock_guard<std::mutex> lock(cacheMutex);
+  std::lock_guard lock(cacheMutex);
   folder = directory.empty() ? defaultDirectory() : std::move(directory);
   prepared = false;
 }
 
 void KernelCache::setEnabled(bool enabled) {
-  std::lock_guard<std::mutex> lock(cacheMutex);
+  std::lock_guard lock(cacheMutex);
   active = enabled;
 }
 
 bool KernelCache::enabled() const {
-  std::lock_guard<std::mutex> lock(cacheMutex);
+  std::lock_guard lock(cacheMutex);
   return active;
 }
 
@@ -179,7 +179,7 @@ bool KernelCache::prepare(std::string &message) {
 std::optional<std::string> KernelCache::read(const std::string &name) {
   std::string file;
   {
-    std::lock_guard<std::mutex> lock(cacheMutex);
+    std::lock_guard lock(cacheMutex);
     if (!active)
       return std::nullopt;
     file = folder + "/" + name;
@@ -229,7 +229,7 @@ void KernelCache::write(const std::string &name, const std::string &bytes,
   for (int attempt = 0; attempt < 2; ++attempt) {
     std::string file, temporary;
     {
-      std::lock_guard<std::mutex> lock(cacheMutex);
+      std::lock_guard lock(cacheMutex);
       prepared = prepared && attempt == 0;
       if (!active || !prepare(message))
         return;
@@ -244,7 +244,7 @@ void KernelCache::write(const std::string &name, const std::string &bytes,
     if (reason != ENOENT)
       break;
   }
-  std::lock_guard<std::mutex> lock(cacheMutex);
+  std::lock_guard lock(cacheMutex);
   if (writable)
     message = "cannot write to kernel cache '" + folder +
               "': " + std::strerror(reason);

@@ -19,6 +19,7 @@
 
 #include "BackgroundThread.h"
 #include "Compiler/Abandon.h"
+#include "FileChecks.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "Support.h"
@@ -75,27 +76,33 @@ static void addTimes(std::map<std::string, double> &all,
     all[prefix + phase] += milliseconds;
 }
 
+std::optional<Code> Kernel::Impl::findCached(const std::string &key) const {
+  std::optional<Code> found = KernelCache::get().find(key);
+  if (found && !problemOf(*found, params, paramSize).empty())
+    return std::nullopt;
+  return found;
+}
+
 Code Kernel::Impl::obtain(const CompileOptions &compileOptions,
                           std::map<std::string, double> &spent) {
   Stopwatch watch(spent);
   std::string key = fingerprint(hashes(), compileOptions);
   watch.lap("fingerprint");
-  KernelCache &cache = KernelCache::get();
-  std::optional<Code> cached = cache.find(key);
+  std::optional<Code> cached = findCached(key);
   watch.lap("cache");
   if (cached)
     return std::move(*cached);
   Code code = compile(source(), compileOptions);
   watch.lap("compile");
   addTimes(spent, code.phaseMs, "compile/");
-  cache.store(key, code);
+  KernelCache::get().store(key, code);
   watch.lap("cache");
   return code;
 }
 
 Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   cuda::RelaxedCaptures relaxed;
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   if (Variant *made = find(key))
     return made;
   int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
@@ -184,23 +191,22 @@ bool Kernel::Impl::mayBeQuick(const VariantKey &key,
 
 FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
                                     int64_t items) {
-  KernelCache &cache = KernelCache::get();
   Stopwatch watch(times);
   CompileOptions quick = quickOptions(wanted);
   std::string best = fingerprint(hashes(), wanted);
   std::string key = fingerprint(hashes(), quick);
   watch.lap("fingerprint");
-  std::optional<Code> cached = cache.find(best);
+  std::optional<Code> cached = findCached(best);
   bool isQuick = !cached;
   if (isQuick)
-    cached = cache.find(key);
+    cached = findCached(key);
   watch.lap("cache");
   if (cached && (!isQuick || quick.linked || isQuickEnough(*cached, items)))
     return {std::move(*cached), isQuick};
   FirstCode made = compileFirst(source(), wanted, items);
   watch.lap("compile");
   addTimes(times, made.code.phaseMs, "compile/");
-  cache.store(made.isQuick ? key : best, made.code);
+  KernelCache::get().store(made.isQuick ? key : best, made.code);
   watch.lap("cache");
   return made;
 }
@@ -240,7 +246,7 @@ std::unique_ptr<QuickCode> Kernel::Impl::makeQuick(const CompileOptions &wanted,
 void Kernel::Impl::improve(Variant &variant) {
   if (!variant.isQuick)
     return;
-  std::lock_guard<std::mutex> alone(variant.quick->mutex);
+  std::lock_guard alone(variant.quick->mutex);
   if (!variant.isQuick)
     return;
   std::map<std::string, double> spent;
@@ -255,7 +261,7 @@ void Kernel::Impl::improve(Variant &variant) {
   } catch (...) {
     // What there is does the same.
   }
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   addTimes(times, spent);
   if (better)
     variant.cpu = better;
@@ -286,6 +292,7 @@ void QuickCode::spendLaunch(int64_t threads) {
 //===----------------------------------------------------------------------===//
 
 const Module &Kernel::Impl::source() {
+  ForkSection section;
   std::call_once(parsed, [this] {
     if (!text.empty())
       module = Module::fromText(text);
@@ -297,6 +304,7 @@ const Module &Kernel::Impl::source() {
 }
 
 const SourceHashes &Kernel::Impl::hashes(std::string *text) {
+  ForkSection section;
   std::call_once(hashed, [&] { knownHashes = sourceHashes(source(), text); });
   return knownHashes;
 }

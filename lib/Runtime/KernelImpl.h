@@ -12,6 +12,7 @@
 #include "DeviceState.h"
 #include "WidthPolicy.h"
 #include "warp/FirstCode.h"
+#include "warp/Forks.h"
 #include "warp/Kernel.h"
 #include "warp/Translation.h"
 
@@ -78,7 +79,7 @@ struct QuickCode {
   std::atomic<int64_t> patience{0};
   std::function<void()> ask;
   /// Held while better code is made.
-  std::mutex mutex;
+  ForkMutex mutex;
 
   void spend(int64_t amount);
   /// A launch on a GPU.
@@ -161,7 +162,7 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Read without a lock by launches.
   std::atomic<Variant *> variants{nullptr};
   /// Held while a variant is made.
-  mutable std::mutex mutex;
+  mutable ForkMutex mutex;
   std::map<std::string, double> times;
 
   /// Code from files, tried before the compiler.
@@ -220,6 +221,8 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// `spent` gets the milliseconds of each phase.
   Code obtain(const CompileOptions &compileOptions,
               std::map<std::string, double> &spent);
+  /// Code in the disk cache; nothing if it does not fit this kernel.
+  std::optional<Code> findCached(const std::string &key) const;
   /// Whether quick code may do for a launch of so many threads.
   bool mayBeQuick(const VariantKey &key, const CompileOptions &wanted,
                   int64_t items) const;

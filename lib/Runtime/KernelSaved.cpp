@@ -10,6 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "FileChecks.h"
 #include "KernelImpl.h"
 #include "Support.h"
 #include "warp/KernelCache.h"
@@ -49,7 +50,12 @@ void Kernel::attach(const SavedKernel &saved) {
            (saved.options.fastMath ? "with" : "without") + " 'fast_math'");
   if (options.deterministic)
     reject("it asks for 'deterministic' code");
-  std::lock_guard<std::mutex> lock(impl->mutex);
+  for (const SavedVariant &variant : saved.variants)
+    if (std::string problem =
+            problemOf(variant.code, impl->params, impl->paramSize);
+        !problem.empty())
+      reject(problem);
+  std::lock_guard lock(impl->mutex);
   // What came last is tried first.
   impl->saved.insert(impl->saved.begin(), std::make_unique<SavedKernel>(saved));
 }
@@ -152,7 +158,7 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
 SavedKernel Kernel::save(int arch, int device) {
   SavedKernel saved = impl->describeSaved(arch);
   int rank = impl->threadRank();
-  std::lock_guard<std::mutex> lock(impl->mutex);
+  std::lock_guard lock(impl->mutex);
   for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
     key.device = device;
     // One for arrays wherever they lie.
@@ -166,14 +172,14 @@ SavedKernel Kernel::save(const Plan &plan) {
   VariantKey key = plan.variant->key;
   int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
   if (!impl->hasSource()) {
-    std::lock_guard<std::mutex> lock(impl->mutex);
+    std::lock_guard lock(impl->mutex);
     auto [kernel, variant] = impl->chooseSaved(key, arch);
     SavedKernel saved = *kernel;
     saved.variants = {*variant};
     return saved;
   }
   SavedKernel saved = impl->describeSaved(arch);
-  std::lock_guard<std::mutex> lock(impl->mutex);
+  std::lock_guard lock(impl->mutex);
   // Not that device's machine code, which no other could run.
   key.device = cpuDevice;
   saved.variants.push_back(impl->compileSaved(key, arch));

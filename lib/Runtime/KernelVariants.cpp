@@ -167,7 +167,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
 }
 
 void Kernel::Impl::findAccesses() {
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   if (hasAccesses.load(std::memory_order_relaxed))
     return;
   if (hasSource())

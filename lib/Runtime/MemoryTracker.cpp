@@ -21,7 +21,7 @@ MemoryTracker &MemoryTracker::get() {
 
 void MemoryTracker::add(const void *memory, size_t bytes, int device,
                         bool pinned, const std::string &site) {
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   allocations[memory] = {memory, bytes, device, pinned, site, next++};
   Totals &sum = sums[pinned ? pinnedKey : device];
   ++sum.allocations;
@@ -30,7 +30,7 @@ void MemoryTracker::add(const void *memory, size_t bytes, int device,
 }
 
 void MemoryTracker::remove(const void *memory) {
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   auto found = allocations.find(memory);
   // Absent after `clear`.
   if (found == allocations.end())
@@ -43,7 +43,7 @@ void MemoryTracker::remove(const void *memory) {
 }
 
 void MemoryTracker::clear() {
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   allocations.clear();
   sums.clear();
 }
@@ -51,7 +51,7 @@ void MemoryTracker::clear() {
 std::vector<MemoryTracker::Allocation> MemoryTracker::live() const {
   std::vector<Allocation> list;
   {
-    std::lock_guard<std::mutex> lock(mutex);
+    std::lock_guard lock(mutex);
     for (const auto &[memory, allocation] : allocations)
       list.push_back(allocation);
   }
@@ -61,7 +61,7 @@ std::vector<MemoryTracker::Allocation> MemoryTracker::live() const {
 }
 
 std::map<int, MemoryTracker::Totals> MemoryTracker::totals() const {
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   return sums;
 }
 

@@ -32,6 +32,34 @@ AddressRange warp::rangeOf(const void *data, const ArrayDescriptor &array,
   return range;
 }
 
+std::optional<AddressRange> warp::possibleRangeOf(const void *data,
+                                                  const ArrayDescriptor &array,
+                                                  int64_t elementSize,
+                                                  int64_t strideScale) {
+  constexpr __int128 most = __int128(1) << 62;
+  if (array.ndim < 0 || array.ndim > maxRank || elementSize < 0 ||
+      elementSize > most || strideScale < 0 || strideScale > INT32_MAX)
+    return {};
+  __int128 bytes = elementSize, count = 1;
+  auto begin = __int128(reinterpret_cast<uint64_t>(data)), end = begin + bytes;
+  for (int i = 0; i < array.ndim; ++i) {
+    if (array.shape[i] < 0)
+      return {};
+    bytes *= array.shape[i];
+    count *= array.shape[i];
+    __int128 span =
+        __int128(array.shape[i] - 1) * array.strides[i] * strideScale;
+    (span < 0 ? begin : end) += span;
+    if (bytes > most || count > most)
+      return {};
+  }
+  if (count == 0 || !data)
+    return AddressRange{};
+  if (begin < 0 || end > most)
+    return {};
+  return AddressRange{uint64_t(begin), uint64_t(end)};
+}
+
 bool warp::isPacked(const ArrayDescriptor &array, int64_t elementSize,
                     int64_t &count) {
   int64_t expected = elementSize;

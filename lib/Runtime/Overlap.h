@@ -10,6 +10,7 @@
 #include "warp/Compile.h"
 #include "warp/Launch.h"
 
+#include <optional>
 #include <vector>
 
 namespace warp {
@@ -27,6 +28,13 @@ struct AddressRange {
 /// descriptor and its strides times `strideScale`; empty without elements.
 AddressRange rangeOf(const void *data, const ArrayDescriptor &array,
                      int64_t elementSize, int64_t strideScale);
+
+/// The same for a descriptor that nobody has checked: nothing if it is none, or
+/// if its elements or their bytes are more than 2^62.
+std::optional<AddressRange> possibleRangeOf(const void *data,
+                                            const ArrayDescriptor &array,
+                                            int64_t elementSize,
+                                            int64_t strideScale);
 
 /// Whether an array of elements of that size is packed in row-major order; its
 /// number of elements goes to `count`.

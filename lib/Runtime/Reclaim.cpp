@@ -22,6 +22,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "DeviceState.h"
+#include "warp/Forks.h"
 
 #include <algorithm>
 
@@ -38,7 +39,7 @@ static constexpr size_t pinnedReserve = size_t(512) << 20;
 
 StreamUse *warp::retainStream(int device, StreamHandle handle) {
   DeviceState &state = cudaDeviceState(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   for (StreamUse *use : state.uses)
     if (use->handle == handle) {
       ++use->references;
@@ -93,7 +94,7 @@ static void waitFor(DeviceState &state, StreamUse &use) {
 
 std::vector<EventHandle> warp::eventsOfStreams(int device) {
   DeviceState &state = cudaDeviceState(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   std::vector<EventHandle> events;
   for (StreamUse *use : state.uses)
     if (use->exists() && use->used) {
@@ -138,7 +139,7 @@ struct Pending {
 /// Records an event after all work of a device. False while it is captured.
 static bool recordPending(int device, std::vector<Pending> &list) {
   DeviceState &state = cudaDeviceState(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   if (state.uses.empty())
     return true;
   cuda::ContextScope scope(device);
@@ -151,7 +152,7 @@ static bool recordPending(int device, std::vector<Pending> &list) {
 
 void warp::releaseStream(int device, StreamUse *use, bool destroyed) {
   DeviceState &state = cudaDeviceState(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   bool last = --use->references == 0;
   if (!last && !destroyed)
     return;
@@ -170,7 +171,7 @@ void warp::releaseStream(int device, StreamUse *use, bool destroyed) {
 void warp::joinStreams(const Stream &stream) {
   int device = stream.device();
   DeviceState &state = cudaDeviceState(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   cuda::ContextScope scope(device);
   StreamHandle handle = afterAllWork(state);
   if (handle == stream.handle())
@@ -234,7 +235,7 @@ void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
   cuda::ContextScope scope(device);
   std::vector<std::pair<cuda::Pointer, bool>> batch;
   {
-    std::lock_guard<std::mutex> lock(state.mutex);
+    std::lock_guard lock(state.mutex);
     state.deferred.emplace_back(memory, pooled);
     if (isCapturing(state))
       return;
@@ -246,7 +247,7 @@ void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
     cuda::driver()->ctxSynchronize();
     peers.synchronize();
   }
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   for (auto [address, fromPool] : batch)
     freeNow(state, peers, address, fromPool);
 }
@@ -266,7 +267,7 @@ struct PinnedBlock {
 };
 
 struct PinnedList {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::vector<PinnedBlock> blocks;
   size_t bytes = 0;
 };
@@ -323,13 +324,13 @@ static void trim(PinnedList &list, size_t limit) {
 }
 
 void warp::trimPinned() {
-  std::lock_guard<std::mutex> lock(pinnedList().mutex);
+  std::lock_guard lock(pinnedList().mutex);
   trim(pinnedList(), 0);
 }
 
 void *warp::recyclePinned(size_t bytes) {
   PinnedList &list = pinnedList();
-  std::lock_guard<std::mutex> lock(list.mutex);
+  std::lock_guard lock(list.mutex);
   for (size_t i = 0; i < list.blocks.size(); ++i) {
     PinnedBlock &block = list.blocks[i];
     if (block.bytes != bytes || !isDone(block))
@@ -346,7 +347,7 @@ void warp::reclaimPinned(void *memory, size_t bytes) {
   PinnedBlock block{memory, bytes, {}};
   recordEvents(block);
   PinnedList &list = pinnedList();
-  std::lock_guard<std::mutex> lock(list.mutex);
+  std::lock_guard lock(list.mutex);
   list.bytes += bytes;
   list.blocks.push_back(std::move(block));
   trim(list, pinnedReserve);

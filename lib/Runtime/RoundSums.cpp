@@ -16,8 +16,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "ExactSums.h"
-
-#include <mutex>
+#include "warp/Forks.h"
 
 using namespace warp;
 
@@ -57,8 +56,8 @@ struct Number64 {
 
 /// The branch that is not taken is computed, too.
 Number64 choose(Number64 condition, Number64 yes, Number64 no) {
-  return {yes.b, yes.b->builtin("where", {condition.value, yes.value,
-                                          no.value}).values[0]};
+  return {yes.b, yes.b->builtin("where", {condition.value, yes.value, no.value})
+                     .values[0]};
 }
 
 class RoundingKernel {
@@ -110,12 +109,12 @@ RoundingKernel::RoundingKernel(int width)
       b("round_sums"), real(Type::parse(width == 32 ? "f32" : "f64")),
       bits(Type::parse(width == 32 ? "ui32" : "ui64")),
       wide(Type::parse("si64")) {
-  auto arguments = b.beginFunction(
-      "round_sums", {"out", "digits", "touched"},
-      {Type::parse("!warp.array<1 x " + real.str() + ">"),
-       Type::parse("!warp.array<2 x si64>"),
-       Type::parse("!warp.array<1 x si32>")},
-      /*isKernel=*/true);
+  auto arguments =
+      b.beginFunction("round_sums", {"out", "digits", "touched"},
+                      {Type::parse("!warp.array<1 x " + real.str() + ">"),
+                       Type::parse("!warp.array<2 x si64>"),
+                       Type::parse("!warp.array<1 x si32>")},
+                      /*isKernel=*/true);
   out = arguments[0];
   digits = arguments[1];
   touched = arguments[2];
@@ -156,8 +155,8 @@ Number64 RoundingKernel::word(Value weight) {
 }
 
 Number64 RoundingKernel::anyWord() {
-  auto loop = b.beginFor(lowest.value, highest.value, number(1).value,
-                         {zero.value});
+  auto loop =
+      b.beginFor(lowest.value, highest.value, number(1).value, {zero.value});
   return wrap(b.endFor({(wrap(loop[1]) | word(loop[0])).value})[0]);
 }
 
@@ -210,21 +209,21 @@ Number64 RoundingKernel::round(N sign) {
   // Carry; the two digits before this one, and whether any before those is not
   // zero; the highest digit so far with what was below it.
   Value none = zero.value;
-  auto loop = beginDigits(
-      {none, none, none, none, none, none, none, none, none});
+  auto loop =
+      beginDigits({none, none, none, none, none, none, none, none, none});
   N carry = wrap(loop[1]), before = wrap(loop[2]), second = wrap(loop[3]),
     below = wrap(loop[4]);
   N total = sign * digit(loop[0]) + carry;
   N current = total & ((int64_t(1) << digitBits) - 1);
   N isTop = current != 0;
   N weight = wrap(loop[0]);
-  auto results = b.endFor(
-      {(total >> digitBits).value, current.value, before.value,
-       (below | second).value, choose(isTop, weight, wrap(loop[5])).value,
-       choose(isTop, current, wrap(loop[6])).value,
-       choose(isTop, before, wrap(loop[7])).value,
-       choose(isTop, second, wrap(loop[8])).value,
-       choose(isTop, below, wrap(loop[9])).value});
+  auto results = b.endFor({(total >> digitBits).value, current.value,
+                           before.value, (below | second).value,
+                           choose(isTop, weight, wrap(loop[5])).value,
+                           choose(isTop, current, wrap(loop[6])).value,
+                           choose(isTop, before, wrap(loop[7])).value,
+                           choose(isTop, second, wrap(loop[8])).value,
+                           choose(isTop, below, wrap(loop[9])).value});
   N window[3] = {wrap(results[5]), wrap(results[6]), wrap(results[7])};
   N rounded = compose(wrap(results[4]), window, wrap(results[8]));
   rounded = choose(window[0] == 0, zero, rounded);
@@ -292,10 +291,10 @@ Value RoundingKernel::roundOrNot(Value old) {
 }
 
 Kernel &warp::roundingKernel(int width) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   // Never destroyed: launches may end while the process does.
   static Kernel *kernels[2] = {};
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   Kernel *&kernel = kernels[width == 64];
   if (!kernel)
     kernel = new Kernel(RoundingKernel(width).finish(), "round_sums");

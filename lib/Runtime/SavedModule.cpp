@@ -12,6 +12,7 @@
 #include "warp/SavedModule.h"
 
 #include "Bytes.h"
+#include "FileChecks.h"
 #include "FileFormat.h"
 #include "Support.h"
 #include "warp/Version.h"
@@ -45,14 +46,14 @@ static void writeOptions(Writer &out, const KernelOptions &options) {
 
 static KernelOptions readOptions(Reader &in) {
   KernelOptions options;
-  options.debug = in.number<uint8_t>();
-  options.fastMath = in.number<uint8_t>();
-  options.lineinfo = in.number<uint8_t>();
-  options.optLevel = in.number<int32_t>();
-  options.blockDim = in.number<int32_t>();
-  options.maxRegisters = in.number<int32_t>();
-  options.maxThreads = in.number<int32_t>();
-  options.minBlocks = in.number<int32_t>();
+  options.debug = in.flag();
+  options.fastMath = in.flag();
+  options.lineinfo = in.flag();
+  options.optLevel = in.number<int32_t>(0, 3, "the level of optimization");
+  options.blockDim = in.number<int32_t>(0, 1024, "the threads of a block");
+  options.maxRegisters = in.number<int32_t>(0, 65536, "the most registers");
+  options.maxThreads = in.number<int32_t>(0, 65536, "the most threads");
+  options.minBlocks = in.number<int32_t>(0, 65536, "the fewest blocks");
   return options;
 }
 
@@ -69,13 +70,13 @@ static void writeVariant(Writer &out, const SavedVariant &variant) {
 
 static SavedVariant readVariant(Reader &in) {
   SavedVariant variant;
-  variant.rank = in.number<int32_t>();
+  variant.rank = in.number<int32_t>(1, maxRank, "the rank of a launch");
   variant.contiguous = in.number<uint64_t>();
-  variant.index32 = in.number<uint8_t>();
-  variant.flat = in.number<uint8_t>();
-  variant.large = in.number<uint8_t>();
-  variant.disjoint = in.number<uint8_t>();
-  variant.blockDim = in.number<int32_t>();
+  variant.index32 = in.flag();
+  variant.flat = in.flag();
+  variant.large = in.flag();
+  variant.disjoint = in.flag();
+  variant.blockDim = in.number<int32_t>(0, 1024, "the threads of a block");
   variant.code = readCode(in);
   return variant;
 }
@@ -97,22 +98,53 @@ static void writeKernel(Writer &out, const SavedKernel &kernel) {
     writeVariant(out, variant);
 }
 
+/// "cpu" or "sm_90".
+static bool isTarget(const std::string &target) {
+  if (target == "cpu")
+    return true;
+  return target.starts_with("sm_") && target.size() > 4 && target.size() < 7 &&
+         std::all_of(
+             target.begin() + 3, target.end(),
+             [](char digit) { return digit >= '0' && digit <= '9'; });
+}
+
+/// How the fields of a kernel fit together.
+static std::string problemOf(const SavedKernel &kernel) {
+  if (!isTarget(kernel.target))
+    return "there is no target '" + kernel.target + "'";
+  std::string problem = warp::problemOf(kernel.params, kernel.accesses);
+  size_t bytes = parameterBytes(kernel.params);
+  for (const SavedVariant &variant : kernel.variants) {
+    if (problem.empty())
+      problem = warp::problemOf(variant.code, kernel.params, bytes);
+    bool hasBlock = variant.blockDim >= variant.code.split;
+    if (problem.empty() && hasBlock == (kernel.target == "cpu"))
+      problem = "it has no possible block of threads";
+  }
+  if (problem.empty() && kernel.variants.empty())
+    problem = "it has no code";
+  return problem;
+}
+
 static SavedKernel readKernel(Reader &in) {
   SavedKernel kernel;
-  kernel.name = in.string();
-  kernel.target = in.string();
-  kernel.processor = in.string();
-  kernel.source = in.string();
+  kernel.name = in.text();
+  kernel.target = in.text();
+  kernel.processor = in.text();
+  kernel.source = in.text();
   kernel.options = readOptions(in);
-  auto params = in.number<uint64_t>();
+  uint64_t params = in.count(1);
   for (uint64_t i = 0; i < params && in.ok(); ++i)
     kernel.params.push_back(readParam(in));
-  auto accesses = in.number<uint64_t>();
+  uint64_t accesses = in.count(1);
   for (uint64_t i = 0; i < accesses && in.ok(); ++i)
     kernel.accesses.push_back(readAccess(in));
-  auto variants = in.number<uint64_t>();
+  uint64_t variants = in.count(1);
   for (uint64_t i = 0; i < variants && in.ok(); ++i)
     kernel.variants.push_back(readVariant(in));
+  std::string problem = in.ok() ? problemOf(kernel) : "";
+  if (!problem.empty())
+    in.fail("kernel '" + kernel.name + "': " + problem);
   return kernel;
 }
 
@@ -136,12 +168,12 @@ SavedModule SavedModule::fromBytes(const std::string &bytes,
   Reader in(payload.data(), payload.size());
   SavedModule module;
   in.string();
-  module.name = in.string();
-  auto count = in.number<uint64_t>();
+  module.name = in.text();
+  uint64_t count = in.count(1);
   for (uint64_t i = 0; i < count && in.ok(); ++i)
     module.kernels.push_back(readKernel(in));
   if (!in.atEnd())
-    throw format.error(origin, "is damaged, it ends too early");
+    throw format.error(origin, "is damaged, " + in.problem());
   return module;
 }
 

@@ -176,12 +176,12 @@ float warp::elapsedMilliseconds(const Event &start, const Event &end) {
 std::shared_ptr<Stream> warp::currentStream(int device) {
   DeviceState &state = cudaDeviceState(device);
   {
-    std::lock_guard<std::mutex> lock(state.mutex);
+    std::lock_guard lock(state.mutex);
     if (state.stream)
       return state.stream;
   }
   auto made = std::make_shared<Stream>(device);
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   // Another thread may have been first. `made` goes after the lock does, since
   // that needs the mutex.
   if (state.stream)
@@ -199,7 +199,7 @@ void warp::setCurrentStream(int device, std::shared_ptr<Stream> stream) {
             (stream ? "one of 'cuda:" + std::to_string(stream->device()) + "'"
                     : std::string("none")));
   // The former one is released without the mutex, which that needs.
-  std::lock_guard<std::mutex> lock(state.mutex);
+  std::lock_guard lock(state.mutex);
   state.stream.swap(stream);
 }
 

@@ -6,6 +6,7 @@
 
 #include "Support.h"
 
+#include "warp/Forks.h"
 #include "warp/KernelCache.h"
 #include "warp/Launch.h"
 
@@ -14,7 +15,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <mutex>
 #include <set>
 
 using namespace warp;
@@ -38,9 +38,9 @@ std::string warp::environment(const char *name) {
 }
 
 const char *warp::permanentName(const std::string &name) {
-  static std::mutex mutex;
+  static ForkMutex mutex;
   static auto *names = new std::set<std::string>;
-  std::lock_guard<std::mutex> lock(mutex);
+  std::lock_guard lock(mutex);
   return names->insert(name).first->c_str();
 }
 

@@ -11,10 +11,10 @@
 
 #include "Pool.h"
 #include "PoolCpus.h"
+#include "warp/Forks.h"
 
 #include <algorithm>
 #include <linux/futex.h>
-#include <new>
 #include <pthread.h>
 #include <sys/syscall.h>
 #include <unistd.h>
@@ -107,19 +107,18 @@ void Pool::run(int64_t begin, int64_t end, WidthPolicy::Plan plan,
 
 namespace {
 std::atomic<Pool *> pool{nullptr};
-std::mutex poolMutex;
+ForkMutex poolMutex;
 } // namespace
 
 static void forgetPoolInChild() {
   pool.store(nullptr);
-  new (&poolMutex) std::mutex;
   numberInLoop = outside;
 }
 
 static Pool &getPool() {
   if (Pool *existing = pool.load(std::memory_order_acquire))
     return *existing;
-  std::lock_guard<std::mutex> lock(poolMutex);
+  std::lock_guard lock(poolMutex);
   if (Pool *existing = pool.load(std::memory_order_acquire))
     return *existing;
   static bool registered = false;

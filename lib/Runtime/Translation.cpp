@@ -9,6 +9,7 @@
 #include "warp/Translation.h"
 
 #include "Bytes.h"
+#include "FileChecks.h"
 #include "warp/KernelCache.h"
 
 using namespace warp;
@@ -45,16 +46,16 @@ warp::deserializeTranslation(const std::string &name,
   Translation result;
   result.hashes.plain = in.string();
   result.hashes.located = in.string();
-  auto params = in.number<uint64_t>();
+  uint64_t params = in.count(1);
   for (uint64_t i = 0; i < params && in.ok(); ++i)
     result.params.push_back(readParam(in));
-  auto accesses = in.number<uint64_t>();
+  uint64_t accesses = in.count(1);
   for (uint64_t i = 0; i < accesses && in.ok(); ++i)
     result.accesses.push_back(readAccess(in));
-  result.rank = in.number<int32_t>();
+  result.rank = in.number<int32_t>(1, maxRank, "the rank of a kernel");
   result.notes = in.string();
   result.text = in.string();
-  if (!in.atEnd())
+  if (!in.atEnd() || !problemOf(result.params, result.accesses).empty())
     return std::nullopt;
   return result;
 }

@@ -44,48 +44,19 @@ static void beginExit() {
 }
 
 //===----------------------------------------------------------------------===//
-// Forks
+// Exit
 //===----------------------------------------------------------------------===//
 
-// Numbers rather than a lock: a lock knows its thread by an id that a child
-// process does not have.
-static std::atomic<int> compilations{0};
-static std::atomic<bool> forking{false};
-
-warp::python::Compiling::Compiling() {
-  for (;;) {
-    ++compilations;
-    if (!forking)
-      return;
-    --compilations;
-    std::this_thread::sleep_for(std::chrono::microseconds(50));
-  }
-}
-
-warp::python::Compiling::~Compiling() { --compilations; }
-
-static void beforeFork() {
-  forking = true;
-  // A compilation that wants to tell Python something waits for this thread.
-  auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
-  while (compilations != 0 && std::chrono::steady_clock::now() < end)
-    std::this_thread::sleep_for(std::chrono::microseconds(50));
-}
-
-static void afterFork() { forking = false; }
-
-static void afterForkInChild() {
-  // A child process has none of the threads that were at it or on their way.
-  compilations = returning = 0;
-  forking = false;
-}
-
 void warp::python::watchExit(py::module_ &m) {
-  pthread_atfork(beforeFork, afterFork, afterForkInChild);
-  m.def("wait_for_background", [] {
-    Unlocked unlocked;
-    warp::waitForBackground();
-  }, "Waits until all better code that was asked for is in use.");
+  // A child process has none of the threads that were on their way.
+  pthread_atfork(nullptr, nullptr, [] { returning = 0; });
+  m.def(
+      "wait_for_background",
+      [] {
+        Unlocked unlocked;
+        warp::waitForBackground();
+      },
+      "Waits until all better code that was asked for is in use.");
   m.def("begin_exit", &beginExit,
         "Threads that come back from native code wait from now on.");
   py::module_::import("atexit").attr("register")(m.attr("begin_exit"));

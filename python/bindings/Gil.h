@@ -30,15 +30,6 @@ private:
   PyThreadState *state;
 };
 
-/// Native code is being made. A fork waits for it (for seconds at most), since a
-/// child would never get the locks that it holds.
-class Compiling {
-public:
-  Compiling();
-  Compiling(const Compiling &) = delete;
-  ~Compiling();
-};
-
 /// Makes the exit of the interpreter known; by the thread that will do it.
 void watchExit(pybind11::module_ &m);
 

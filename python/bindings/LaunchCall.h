@@ -12,6 +12,8 @@
 #include "Gil.h"
 #include "KernelObject.h"
 
+#include "warp/Forks.h"
+
 #include <vector>
 
 namespace warp::python {
@@ -39,7 +41,8 @@ public:
     if (!sequence || sequence == Py_None)
       return;
     if (!PyList_Check(sequence) && !PyTuple_Check(sequence)) {
-      copy = pybind11::reinterpret_steal<pybind11::object>(PySequence_List(sequence));
+      copy = pybind11::reinterpret_steal<pybind11::object>(
+          PySequence_List(sequence));
       if (!copy) {
         PyErr_Clear();
         throw Error(Error::Kind::LaunchType,
@@ -91,16 +94,15 @@ void runPlan(Kernel &kernel, const Kernel::Plan &plan, void *block,
 }
 
 template <typename MakeHold>
-void launchPacked(Kernel &kernel, int device, const LaunchDim &dim,
-                         char *block, const Stream *stream, int blockDim,
-                         MakeHold &&makeHold) {
+void launchPacked(Kernel &kernel, int device, const LaunchDim &dim, char *block,
+                  const Stream *stream, int blockDim, MakeHold &&makeHold) {
   Kernel::Plan plan = kernel.tryPrepare(device, dim, block, blockDim);
   if (plan.items == 0)
     return;
   if (!plan.variant) {
     auto hold = makeHold();
     Unlocked unlocked;
-    Compiling compiling;
+    ForkSection section;
     plan = kernel.prepare(device, dim, block, blockDim);
   }
   runPlan(kernel, plan, block, stream, makeHold);

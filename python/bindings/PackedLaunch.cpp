@@ -168,7 +168,7 @@ void PackedLaunch::makePlan() {
     unsigned before = version;
     {
       warp::python::Unlocked unlocked;
-      warp::python::Compiling compiling;
+      ForkSection section;
       native().prepare(device, copiedDim, copy.data(), blockDim);
     }
     if (before == version)

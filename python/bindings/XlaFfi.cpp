@@ -20,11 +20,11 @@
 #include "KernelObject.h"
 #include "XlaCall.h"
 
+#include "warp/Forks.h"
 #include "warp/Graph.h"
 
 #include <cstring>
 #include <memory>
-#include <mutex>
 #include <unordered_map>
 
 namespace py = pybind11;
@@ -94,7 +94,7 @@ struct CallPlan {
 };
 
 struct CallTable {
-  std::mutex mutex;
+  ForkMutex mutex;
   std::unordered_map<int64_t, std::unique_ptr<CallPlan>> plans;
 };
 
@@ -164,7 +164,7 @@ static int64_t addCall(py::object kernelObject, const py::tuple &dim,
                 .cast<int64_t>();
   // The entry may exist, and be in use: it is the same.
   CallTable &table = calls();
-  std::lock_guard<std::mutex> lock(table.mutex);
+  std::lock_guard lock(table.mutex);
   table.plans.try_emplace(id, std::move(plan));
   return id;
 }
@@ -176,7 +176,7 @@ static int64_t addCall(py::object kernelObject, const py::tuple &dim,
 static CallPlan &findPlan(const xla::Attributes &attributes) {
   int64_t id = callNumber(attributes);
   CallTable &table = calls();
-  std::lock_guard<std::mutex> lock(table.mutex);
+  std::lock_guard lock(table.mutex);
   auto found = table.plans.find(id);
   if (found == table.plans.end())
     fail("the program was traced in another process");
@@ -281,7 +281,7 @@ static xla::Error *runCpu(xla::Frame *frame) {
 /// Never released, as XLA keeps its programs.
 static void keepRecorded(std::shared_ptr<Graph> graph) {
   static auto *graphs = new std::vector<std::shared_ptr<Graph>>;
-  std::lock_guard<std::mutex> lock(calls().mutex);
+  std::lock_guard lock(calls().mutex);
   graphs->push_back(std::move(graph));
 }
 

@@ -10,11 +10,15 @@ its own: an object for `readelf` and `objdump`, PTX for `ptxas`, a cubin for `cu
 from __future__ import annotations
 
 import argparse
+import os
+import re
 import sys
 from pathlib import Path
 
 # Number of NVIDIA's GPUs in the header of an ELF file.
 _GPU_MACHINE = 190
+# Characters of a kernel's name that are in that of a file.
+_LONGEST = 200
 
 
 def kind_of(code: bytes) -> str:
@@ -73,24 +77,43 @@ def _fits(one) -> str:
     return ", ".join(parts)
 
 
+def _component(name) -> str:
+    """A name from a file as that of a file in any folder: letters, digits and `_ . < > -`."""
+    return re.sub(r"[^\w.<>-]", "_", name)[:_LONGEST].lstrip(".") or "_"
+
+
 def _name(number, one) -> str:
-    return f"{one['kernel']}.{number}.{one['kind']}"
+    return f"{_component(one['kernel'])}.{number}.{one['kind']}"
 
 
 def extract(path, folder) -> list[Path]:
     """Writes each variant in a file to a file of its own, in a folder that has the file's name.
 
+    Names of kernels are what the file says, so of other characters than letters, digits and
+    `_ . < > -` each becomes `_`. Nothing is written through symbolic links in the folder.
+
     Raises:
         FileNotFoundError, ValueError: as `read` does.
+        OSError: a file cannot be written, or is a symbolic link.
     """
-    folder = Path(folder) / Path(path).stem
+    folder = Path(folder) / _component(Path(path).stem)
     variants = read(path)
     folder.mkdir(parents=True, exist_ok=True)
     written = []
-    for number, one in enumerate(variants):
-        written.append(folder / _name(number, one))
-        written[-1].write_bytes(one["code"])
+    inside = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    try:
+        for number, one in enumerate(variants):
+            written.append(folder / _name(number, one))
+            _write(written[-1].name, one["code"], inside)
+    finally:
+        os.close(inside)
     return written
+
+
+def _write(name, contents, folder) -> None:
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW
+    with open(os.open(name, flags, 0o666, dir_fd=folder), "wb") as file:
+        file.write(contents)
 
 
 def main(arguments=None) -> int:
@@ -112,7 +135,11 @@ def main(arguments=None) -> int:
             text = "  ".join(filter(None, (one["target"], one["fits"])))
             print(f"  {_name(number, one):40} {len(one['code']):8} bytes  {text}")
         if options.extract:
-            extract(file, options.extract)
+            try:
+                extract(file, options.extract)
+            except OSError as error:
+                print(f"{file}: cannot be extracted: {error}", file=sys.stderr)
+                status = 1
     return status
 
 

@@ -1,9 +1,9 @@
-"""Forks while another thread translates its first kernel, or imports.
+"""Forks while another thread holds a lock of the package, or imports.
 
 A child process has the forking thread alone. A lock that another thread held is taken for ever
-there: ours while a kernel is translated, and Python's own of each module that is being imported,
-which is how rarely used parts of this package are loaded. So a fork waits for both; they take
-milliseconds.
+there: ours, and Python's own of each module that is being imported, which is how rarely used parts
+of this package are loaded. So a fork waits for both; they take milliseconds. Locks of native code
+are looked after in `warp/Forks.h`.
 """
 
 from __future__ import annotations
@@ -11,13 +11,40 @@ from __future__ import annotations
 import os
 import sys
 from _thread import RLock, get_ident
+from contextlib import suppress
 from time import monotonic, sleep
 
-# Held while a kernel is translated, and for a fork.
-translating = RLock()
+# All locks that a fork waits for.
+_locks: list = []
 
 # Seconds for imports that themselves wait for the forking thread.
 _PATIENCE = 5.0
+
+
+def shared_lock():
+    """A lock, which its thread may take again, that no child process finds taken by another."""
+    _locks.append(RLock())
+    return _locks[-1]
+
+
+# Held while a kernel is translated.
+translating = shared_lock()
+
+
+def _take_all() -> bool:
+    """Takes all locks, or none: who has one may be waiting for another."""
+    for number, lock in enumerate(_locks):
+        if not lock.acquire(blocking=False):
+            _release(number)
+            return False
+    return True
+
+
+def _release(count=None) -> None:
+    for lock in _locks[:count]:
+        # Not taken where an exception has ended `_before_fork`.
+        with suppress(RuntimeError):
+            lock.release()
 
 
 def _others_import() -> bool:
@@ -28,7 +55,8 @@ def _others_import() -> bool:
 
 
 def _before_fork() -> None:
-    translating.acquire()
+    while not _take_all():
+        sleep(0.0002)
     end = monotonic() + _PATIENCE
     while _others_import() and monotonic() < end:
         sleep(0.0002)
@@ -37,6 +65,6 @@ def _before_fork() -> None:
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(
         before=_before_fork,
-        after_in_parent=translating.release,
-        after_in_child=translating.release,
+        after_in_parent=_release,
+        after_in_child=_release,
     )

@@ -13,19 +13,19 @@ and rounds it once (`derivatives.wide_gradients`).
 from __future__ import annotations
 
 import functools
-import threading
 
 from warp import _native
 from warp._src import errors
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import element_type, type_id
+from warp._src.forks import shared_lock
 from warp._src.types import dtypes
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import uint8
 
 # Two threads that ask at once get the same gradient.
-_first_use = threading.RLock()
+_first_use = shared_lock()
 
 
 class ArrayGradients:

@@ -6,6 +6,7 @@ the graph is saved and records them again when it is loaded (`include/warp/Saved
 
 from __future__ import annotations
 
+import numbers
 import os
 from collections.abc import Mapping
 
@@ -92,38 +93,55 @@ def capture_save(graph, path, inputs=None, outputs=None, source_fallback=False) 
     _native.save_graph(graph.native, path, named)
 
 
-def capture_load(path, device=None) -> Graph:
+def capture_load(path, device=None, memory_limit=None) -> Graph:
     """Loads a graph that `capture_save` wrote.
+
+    Reading trusts nothing that is in the files, so loading runs none of their code and writes
+    nothing but the graph's own memory. To launch the graph runs that code with the rights of the
+    process: launch graphs of people whose programs you would run.
 
     Args:
         path: the file; the suffix ".wrp" is added if need be. Its folder has to be beside it.
         device: where it shall run, by default the current device: the CPU for a graph that was
             captured there, a GPU no older than that of the capture for others.
+        memory_limit: most bytes of memory that the graph may take; by default all that is free.
 
     Raises:
         WarpError: files are missing, damaged, of another release's format or for another kind of
-            device; or this thread is capturing.
+            device; the graph needs more memory than is free, or than `memory_limit`; or this
+            thread is capturing.
+        ValueError: `memory_limit` is no number of bytes.
     """
     path = _with_suffix(path)
     device = get_device(device)
+    limit = _checked_limit(memory_limit)
     try:
-        return Graph(_native.LoadedGraph.load(path, device.index))
+        return Graph(_native.LoadedGraph.load(path, device.index, limit))
     except errors.WarpError as error:
         raise _failed(path, error) from None
 
 
-def capture_load_from_bytes(data, modules=None, device=None) -> Graph:
+def _checked_limit(limit) -> int:
+    most = 2**64 - 1
+    if limit is None:
+        return most
+    if not isinstance(limit, numbers.Integral) or not 0 <= limit <= most:
+        raise ValueError(f"memory_limit has to be a number of bytes, but got {limit!r}")
+    return int(limit)
+
+
+def capture_load_from_bytes(data, modules=None, device=None, memory_limit=None) -> Graph:
     """Loads a graph from the contents of the files that `capture_save` wrote.
 
     Args:
         data: contents of the ".wrp" file, anything with a contiguous buffer.
         modules: contents of the files in the folder beside it, by name; not needed for a graph
             without launches. Others than the graph needs are ignored.
-        device: as for `capture_load`.
+        device, memory_limit: as for `capture_load`.
 
     Raises:
         TypeError: something is no buffer, `modules` no mapping, or a name no string.
-        ValueError: a buffer is not contiguous.
+        ValueError: a buffer is not contiguous, or as for `capture_load`.
         WarpError: as for `capture_load`.
     """
     modules = {} if modules is None else modules
@@ -137,8 +155,10 @@ def capture_load_from_bytes(data, modules=None, device=None) -> Graph:
             raise TypeError(f"Module names must be strings, got {type(name).__name__}")
         code[name] = _bytes(contents, f"Module '{name}'")
     device = get_device(device)
+    limit = _checked_limit(memory_limit)
     try:
-        native = _native.LoadedGraph.from_bytes(_bytes(data, "data"), code, device.index, "bytes")
+        contents = _bytes(data, "data")
+        native = _native.LoadedGraph.from_bytes(contents, code, device.index, "bytes", limit)
     except errors.WarpError as error:
         raise _failed("bytes", error) from None
     return Graph(native)
