@@ -86,8 +86,14 @@ public:
     held.clear();
   }
 
+  void endBodies(size_t left) {
+    for (; capture && depth > left; --depth)
+      capture->endBody();
+  }
+
   std::unique_ptr<Capture> capture;
   std::vector<py::object> held;
+  size_t depth = 0;
 };
 
 } // namespace
@@ -164,25 +170,26 @@ static void bindLoadedGraph(py::module_ &m) {
                                                         "A graph from a file.")
       .def_static(
           "load",
-          [](const std::string &path, int device) {
+          [](const std::string &path, int device, uint64_t mostBytes) {
             warp::python::Unlocked unlocked;
-            return LoadedGraph::load(path, device);
+            return LoadedGraph::load(path, device, mostBytes);
           },
-          py::arg("path"), py::arg("device"))
+          py::arg("path"), py::arg("device"),
+          py::arg("most_bytes") = UINT64_MAX)
       .def_static(
           "from_bytes",
           [](const py::bytes &graph,
              const std::map<std::string, py::bytes> &modules, int device,
-             const std::string &origin) {
+             const std::string &origin, uint64_t mostBytes) {
             GraphFiles files;
             files.graph = std::string(graph);
             for (const auto &[name, bytes] : modules)
               files.modules[name] = std::string(bytes);
             warp::python::Unlocked unlocked;
-            return LoadedGraph::fromFiles(files, device, origin);
+            return LoadedGraph::fromFiles(files, device, origin, mostBytes);
           },
           py::arg("graph"), py::arg("modules"), py::arg("device"),
-          py::arg("origin"))
+          py::arg("origin"), py::arg("most_bytes") = UINT64_MAX)
       .def_property_readonly("device_index", &LoadedGraph::device)
       .def_property_readonly(
           "node_count", [](LoadedGraph &self) { return self.graph().size(); })
@@ -265,8 +272,13 @@ void python::bindGraph(py::module_ &m) {
       .def("begin_body",
            [](PyCapture &self, uint64_t condition, bool loop) {
              self.get().beginBody(condition, loop);
+             ++self.depth;
            })
-      .def("end_body", [](PyCapture &self) { self.get().endBody(); });
+      .def(
+          "end_bodies",
+          [](PyCapture &self, size_t depth) { self.endBodies(depth); },
+          py::arg("depth"), "Ends bodies until so many are open.")
+      .def_readonly("depth", &PyCapture::depth, "How many bodies are open.");
   m.def(
       "is_capturing", [](int device) { return isCapturing(device); },
       py::arg("device"), "Whether work for a device is being recorded.");

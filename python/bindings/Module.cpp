@@ -13,6 +13,7 @@ void bindTileBuilder(pybind11::module_ &m);
 PYBIND11_MODULE(_native, m) {
   m.doc() = "Compiler and runtime of the warp package; use `warp` instead.";
   warp::python::bindErrors(m);
+  warp::python::bindScopes(m);
   bindBuilder(m);
   bindTileBuilder(m);
   warp::python::bindAutodiff(m);

@@ -6,7 +6,7 @@ import sys
 import typing
 import warnings
 
-from warp import config
+from warp import _native, config
 from warp._src.config import LOG_WARNING
 
 
@@ -85,31 +85,39 @@ def notice(message: str) -> None:
         logger.warning(message)
 
 
-class ScopedLogger:
+class ScopedLogger(_native.Scope):
     """Uses a logger for a block; None stands for that of the package."""
 
     def __init__(self, logger: Logger | None):
         self.logger = None if logger is None else checked(logger)
 
-    def __enter__(self):
+    _saved = None
+
+    def _enter(self):
         self._saved = get_logger()
         set_logger(self.logger)
         return self
 
-    def __exit__(self, *exception):
-        _state["logger"] = self._saved
+    def _restore(self):
+        if self._saved is not None:
+            _state["logger"] = self._saved
+        self._saved = None
 
 
-class ScopedLogLevel:
+class ScopedLogLevel(_native.Scope):
     """Sets `config.log_level` for a block, to one of `wp.LOG_DEBUG` to `wp.LOG_ERROR`."""
 
     def __init__(self, log_level: int):
         self.log_level = log_level
 
-    def __enter__(self):
-        self._saved = config.log_level
+    _saved: tuple = ()
+
+    def _enter(self):
+        self._saved = (config.log_level,)
         config.log_level = self.log_level
         return self
 
-    def __exit__(self, *exception):
-        config.log_level = self._saved
+    def _restore(self):
+        if self._saved:
+            (config.log_level,) = self._saved
+        self._saved = ()

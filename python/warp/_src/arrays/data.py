@@ -281,14 +281,17 @@ def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner
     target._setup(ptr, extents, strides, dtype, type_id(dtype), item_size, index, owner, False)
 
 
-class Deleter:
+class Deleter(_native.Finalized):
     """Calls `deleter(ptr, size)` when the last array over the memory is gone."""
 
     def __init__(self, ptr, size, deleter):
         self.ptr, self.size, self.deleter = ptr, size, deleter
 
-    def __del__(self):
-        self.deleter(self.ptr, self.size)
+    def _release(self):
+        # Never called twice, also where an interrupt ends it.
+        deleter, self.deleter = self.deleter, None
+        if deleter is not None:
+            deleter(self.ptr, self.size)
 
 
 def element_bytes(dtype, value) -> bytes:

@@ -66,7 +66,7 @@ class Budget:
         )
 
 
-class Piece:
+class Piece(_native.Finalized):
     """What a region held.
 
     Attributes:
@@ -80,9 +80,10 @@ class Piece:
         self.region, self.copies = region, copies
         self._budget, self._size = budget, size
 
-    def __del__(self):
-        if self._budget is not None:
-            self._budget.give_back(self._size)
+    def _release(self):
+        budget, self._budget = self._budget, None
+        if budget is not None:
+            budget.give_back(self._size)
 
 
 def blocks(region, one) -> list:

@@ -56,28 +56,33 @@ class Observers:
     executor = None
     memory = Memory(copy_elements)
     timer = None
-    _owners: typing.ClassVar[set] = set()
+    # Weak references to those that have records, by their ids.
+    _owners: typing.ClassVar[dict] = {}
     _listeners: typing.ClassVar[list] = []
+    # What all listeners were told.
+    _told = False
 
     @classmethod
     def update(cls) -> None:
-        before = cls.active
         watched = cls.tape is not None or cls.executor is not None or cls.timer is not None
         cls.active = bool(cls._owners) or watched
         kept.natively = cls.executor is None
         # Tapes die at any time, also while another one is about to take its first record.
         if not cls.active:
             cls.memory.clear()
-        if cls.active != before:
+        # An interrupt may end this anywhere; the next call goes on.
+        if cls.active != cls._told:
             for listener in cls._listeners:
                 listener()
+            cls._told = cls.active
 
     @classmethod
     def retain(cls, owner) -> None:
         """Keeps an eye on memory for something that has records, as long as it lives."""
-        if id(owner) not in cls._owners:
-            cls._owners.add(id(owner))
-            weakref.finalize(owner, cls._drop, id(owner))
+        identity = id(owner)
+        if identity not in cls._owners:
+            drop = _native.Finalizer(functools.partial(cls._drop, identity))
+            cls._owners[identity] = weakref.ref(owner, drop)
             cls.update()
 
     @classmethod
@@ -93,7 +98,7 @@ class Observers:
 
     @classmethod
     def _drop(cls, identity) -> None:
-        cls._owners.discard(identity)
+        cls._owners.pop(identity, None)
         cls.update()
 
     @classmethod
@@ -102,7 +107,7 @@ class Observers:
         cls._listeners.append(listener)
 
 
-class Observing:
+class Observing(_native.Scope):
     """Replaces tape, executor or memory for a block."""
 
     def __init__(self, **changes):
@@ -110,11 +115,13 @@ class Observing:
             name: value for name, value in changes.items() if getattr(Observers, name) is not value
         }
 
-    def __enter__(self):
+    saved: typing.ClassVar[dict] = {}
+
+    def _enter(self):
         self.saved = {name: getattr(Observers, name) for name in self.changes}
         self._set(self.changes)
 
-    def __exit__(self, *exception):
+    def _restore(self):
         self._set(self.saved)
 
     def _set(self, values):

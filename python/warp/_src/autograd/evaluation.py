@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
+from warp import _native
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observing, copy_layout
@@ -64,7 +65,7 @@ class FunctionMetadata:
     output_dtypes: list | None = None
 
 
-class Evaluation:
+class Evaluation(_native.Scope):
     """A function with its arguments.
 
     Args:
@@ -174,10 +175,7 @@ class Evaluation:
             for one, contents in self._saved:
                 one.assign(contents)
 
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *exception):
+    def _restore(self):
         if self.restore_at_end:
             self.reset()
 

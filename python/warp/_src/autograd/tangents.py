@@ -155,7 +155,7 @@ class Tangents:
         if not any(active):
             self._run(call)
             return
-        with handles.showing(self):
+        with handles.Showing(self):
             self._launch(call, active)
 
     def _launch(self, call, active) -> None:

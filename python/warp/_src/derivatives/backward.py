@@ -11,7 +11,7 @@ from warp._src.arrays.kept import Images
 from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import handles_alive
-from warp._src.derivatives.singular import one_report
+from warp._src.derivatives.singular import OneReport
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.devices import devices
 from warp._src.devices.graphs import _captures
@@ -48,7 +48,7 @@ class BackwardPass:
 
     def run(self) -> None:
         """Does all of it."""
-        with Observing(tape=None), one_report():
+        with Observing(tape=None), OneReport():
             self._wait_for_streams()
             found = self._set_aside()
             for target, seed in self.seeds.items():

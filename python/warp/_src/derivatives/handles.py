@@ -7,14 +7,12 @@ long as the launch takes.
 
 from __future__ import annotations
 
-import contextlib
-import weakref
-
 from warp import _native
 from warp._src import errors
 from warp._src.devices import devices
+from warp._src.weak import WeakObjects
 
-_alive: weakref.WeakSet = weakref.WeakSet()
+_alive = WeakObjects()
 
 
 class Behind:
@@ -98,19 +96,26 @@ def arrays_of(call) -> list:
     ]
 
 
-@contextlib.contextmanager
-def showing(tangents):
+class Showing(_native.Scope):
     """Lets slots lead to tangents, one direction after the other, in the block."""
-    kept = []
-    for owner in list(_alive):
-        for word, one, start in owner._behind():
-            packed = None
-            if one is not None and tangents.has(one):
-                packed = owner._tangents(tangents, one)
-                kept.append(packed)
-            owner._point(word, _address(packed and packed.ptr, start))
-    try:
-        yield
-    finally:
-        # Nobody reads them any more when the memory is given back.
-        show_gradients(in_use=True)
+
+    _kept = None
+
+    def __init__(self, tangents):
+        self.tangents = tangents
+
+    def _enter(self):
+        self._kept = []
+        for owner in list(_alive):
+            for word, one, start in owner._behind():
+                packed = None
+                if one is not None and self.tangents.has(one):
+                    packed = owner._tangents(self.tangents, one)
+                    self._kept.append(packed)
+                owner._point(word, _address(packed and packed.ptr, start))
+
+    def _restore(self):
+        if self._kept is not None:
+            # Nobody reads them any more when the memory is given back.
+            show_gradients(in_use=True)
+        self._kept = None

@@ -6,7 +6,7 @@ are read and printed, summed over launches, when a backward pass ends.
 
 from __future__ import annotations
 
-import contextlib
+from warp import _native
 
 # What is said of places: by default of first derivatives.
 SINGULAR = "singular point met {times}, its derivative counts as 0"
@@ -28,17 +28,27 @@ def count_singular(made, values, message=SINGULAR) -> None:
         report()
 
 
-@contextlib.contextmanager
-def one_report():
+class OneReport(_native.Scope):
     """A block of launches that are reported together, at its end."""
-    global _depth
-    _depth += 1
-    try:
-        yield
-    finally:
-        _depth -= 1
+
+    _outer = None
+
+    def _enter(self):
+        global _depth
+        self._outer = _depth
+        _depth = self._outer + 1
+
+    def _leave(self, *exception):
+        global _depth
+        _depth = self._outer
         if not _depth:
             report()
+
+    def _restore(self):
+        global _depth
+        if self._outer is not None:
+            _depth = self._outer
+        self._outer = None
 
 
 def report() -> None:

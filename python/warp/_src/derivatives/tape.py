@@ -18,7 +18,7 @@ from warp._src.kernels.call import Call
 from warp._src.types.structs import StructInstance
 
 
-class Tape:
+class Tape(_native.Scope):
     """Records what is done to arrays in a `with` block, to compute gradients.
 
     Recorded are launches, `wp.map`, operators of arrays, `wp.copy`, `wp.clone`, `assign`, `fill_`
@@ -69,20 +69,22 @@ class Tape:
 
     # Recording.
 
-    def __enter__(self):
+    def _check(self):
         if Observers.tape is not None:
             raise errors.WarpError(
                 "a tape is recording already: leave its block before, or record both parts on it"
             )
+
+    def _enter(self):
         Observers.tape = self
         Observers.update()
         return self
 
-    def __exit__(self, *exception):
+    def _restore(self):
         if Observers.tape is self:
             lending.settle()
             Observers.tape = None
-            Observers.update()
+        Observers.update()
 
     def _add(self, record) -> None:
         self._records.append(record)

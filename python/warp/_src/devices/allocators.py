@@ -44,18 +44,33 @@ class CudaManagedAllocator:
         _native.free_managed(index, ptr)
 
 
-class CustomBuffer:
+class _CurrentContext(_native.Scope):
+    """Makes the context of a device the driver's current one for a block."""
+
+    _previous: tuple = ()
+
+    def __init__(self, device: int):
+        self.context = _native.cuda_context(device)
+
+    def _enter(self):
+        self._previous = (_native.current_context(),)
+        _native.set_current_context(self.context)
+
+    def _restore(self):
+        if self._previous:
+            _native.set_current_context(*self._previous)
+        self._previous = ()
+
+
+class CustomBuffer(_native.Finalized):
     """Memory of a custom allocator, freed with the last array over it."""
 
     tracked = False
 
     def __init__(self, allocator, device: int, size: int):
         self.allocator, self.device, self.size, self.ptr = allocator, device, size, 0
-        previous = _native.set_current_context(_native.cuda_context(device))
-        try:
+        with _CurrentContext(device):
             self.ptr = int(allocator.allocate(size) or 0)
-        finally:
-            _native.set_current_context(previous)
         if not self.ptr:
             raise MemoryError(f"the allocator of '{devices.by_index(device)}' gave no memory")
 
@@ -63,20 +78,20 @@ class CustomBuffer:
         self.tracked = True
         _native.tracker_add(self.ptr, self.size, self.device, site)
 
-    def __del__(self):
+    def _release(self):
         if not self.ptr:
             return
         if self.tracked:
             _native.tracker_remove(self.ptr)
         try:
             _native.join_streams(_native.current_stream(self.device))
-            previous = _native.set_current_context(_native.cuda_context(self.device))
+            context = _CurrentContext(self.device)
         except RuntimeError:
             return
-        try:
-            self.allocator.deallocate(self.ptr, self.size)
-        finally:
-            _native.set_current_context(previous)
+        with context:
+            # Never twice, also where an interrupt ends it.
+            ptr, self.ptr = self.ptr, 0
+            self.allocator.deallocate(ptr, self.size)
 
 
 def make_buffer(device: int, size: int, pinned: bool):
@@ -138,7 +153,7 @@ def set_cuda_allocator(allocator: Allocator | None) -> None:
         set_device_allocator(device, allocator)
 
 
-class ScopedAllocator:
+class ScopedAllocator(_native.Scope):
     """Lets an allocator serve the arrays of a device for a block."""
 
     def __init__(self, device, allocator: Allocator | None):
@@ -148,10 +163,14 @@ class ScopedAllocator:
         _check(allocator)
         self.allocator = allocator
 
-    def __enter__(self):
-        self._saved = get_device_allocator(self.device)
+    _saved: tuple = ()
+
+    def _enter(self):
+        self._saved = (get_device_allocator(self.device),)
         set_device_allocator(self.device, self.allocator)
         return self
 
-    def __exit__(self, *exception):
-        set_device_allocator(self.device, self._saved)
+    def _restore(self):
+        if self._saved:
+            set_device_allocator(self.device, *self._saved)
+        self._saved = ()

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import sys
 import threading
+import typing
 
 from warp import _native, config
 from warp._src.devices.builtin_allocators import custom_allocators, get_builtin_allocator
+from warp._src.forks import shared_lock
 from warp._src.version import VERSION
 
 CPU = -1
@@ -272,7 +274,7 @@ def _set_default(device) -> None:
 def _name_default() -> None:
     """Puts the names whose meaning changes where launches find them, or out of there."""
     for name, device in ((None, _state["default"]), ("cuda", _state["cuda"])):
-        if device is None or OwnDefault.count:
+        if device is None or OwnDefault.blocks:
             index_of.pop(name, None)
         else:
             index_of[name] = device.index
@@ -287,30 +289,33 @@ class _Own(threading.local):
 _own = _Own()
 
 
-class OwnDefault:
+class OwnDefault(_native.Scope):
     """Makes a device the default of this thread alone, for a block."""
 
-    count = 0
-    _lock = threading.Lock()
+    # Those that are entered, by their ids.
+    blocks: typing.ClassVar[dict] = {}
+    _lock = shared_lock()
+    _saved: tuple = ()
 
     def __init__(self, device):
         self.device = device
 
-    def __enter__(self):
+    def _enter(self):
         initialize()
-        self._saved, _own.device = _own.device, self.device
-        self._add(1)
+        self._saved = (_own.device,)
+        _own.device = self.device
+        with self._lock:
+            self.blocks[id(self)] = self
+            _name_default()
         return self.device
 
-    def __exit__(self, *exception):
-        _own.device = self._saved
-        self._add(-1)
-
-    @classmethod
-    def _add(cls, number) -> None:
-        with cls._lock:
-            cls.count += number
-            _name_default()
+    def _restore(self):
+        if self._saved:
+            (_own.device,) = self._saved
+            with self._lock:
+                self.blocks.pop(id(self), None)
+                _name_default()
+        self._saved = ()
 
 
 def _first_cuda():

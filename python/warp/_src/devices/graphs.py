@@ -179,8 +179,7 @@ def capture_begin(
         WarpError: a graph is being recorded there already.
     """
     device, stream, key = _place(device, stream)
-    if key in _captures:
-        raise errors.WarpError(f"a graph is being captured on '{device}' already")
+    _check_free(device, key)
     if force_module_load:
         force_load(device)
     if config.verify_cuda and device.is_cuda:
@@ -191,6 +190,11 @@ def capture_begin(
     _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external, bool(apic))
 
 
+def _check_free(device, key) -> None:
+    if key in _captures:
+        raise errors.WarpError(f"a graph is being captured on '{device}' already")
+
+
 def capture_end(device=None, stream=None) -> Graph:
     """Ends the recording and returns the graph.
 
@@ -198,10 +202,30 @@ def capture_end(device=None, stream=None) -> Graph:
         WarpError: nothing is being recorded there, or something was done that a graph cannot hold.
     """
     device, stream, key = _place(device, stream)
-    capture = _captures.pop(key, None)
-    if capture is None:
+    if key not in _captures:
         raise errors.WarpError(f"no graph is being captured on '{device}'")
-    return Graph(capture.end())
+    with _Ending(key) as capture:
+        graph = Graph(capture.end())
+    return graph
+
+
+class _Ending(_native.Scope):
+    """A block in which a capture ends; then there is none, whatever happens."""
+
+    capture = None
+
+    def __init__(self, key):
+        self.key = key
+
+    def _enter(self):
+        self.capture = _captures[self.key]
+        return self.capture
+
+    def _restore(self):
+        if self.capture is not None:
+            _captures.pop(self.key, None)
+            self.capture.abandon()
+        self.capture = None
 
 
 def capture_launch(graph, stream=None) -> None:
@@ -234,7 +258,7 @@ def is_conditional_graph_supported() -> bool:
     return _native.supports_conditional_graphs()
 
 
-class ScopedCapture:
+class ScopedCapture(_native.Scope):
     """Records a block as a graph; arguments as for `capture_begin`.
 
     Attributes:
@@ -260,23 +284,29 @@ class ScopedCapture:
         self.device, self.stream = device, stream
         self.options = (force_module_load, external, apic, capture_mode)
         self.active = False
-        self.graph = None
+        self.graph = self._key = None
 
-    def __enter__(self):
+    def _check(self):
+        device, _, key = _place(self.device, self.stream)
+        _check_free(device, key)
+
+    def _enter(self):
         self.device, stream, self._key = _place(self.device, self.stream)
         capture_begin(self.device, stream, *self.options)
         self.active = True
         return self
 
-    def __exit__(self, kind, value, traceback):
+    def _leave(self, kind, *exception):
+        capture = _captures.get(self._key)
+        if kind is None and capture is not None:
+            self.graph = Graph(capture.end())
+
+    def _restore(self):
         self.active = False
         capture = _captures.pop(self._key, None)
-        if capture is None:
-            return
-        if kind is not None:
+        if capture is not None:
             capture.abandon()
-            return
-        self.graph = Graph(capture.end())
+        self._key = None
 
 
 def _active(condition, stream):
@@ -312,6 +342,24 @@ def _run(body, stream, arguments) -> None:
         )
 
 
+class _Body(_native.Scope):
+    """A block that records the body of a branch or loop, which also an exception ends."""
+
+    depth = None
+
+    def __init__(self, capture, handle, loop):
+        self.capture, self.handle, self.loop = capture, handle, loop
+
+    def _enter(self):
+        self.depth = self.capture.depth
+        self.capture.begin_body(self.handle, self.loop)
+
+    def _restore(self):
+        if self.depth is not None:
+            self.capture.end_bodies(self.depth)
+        self.depth = None
+
+
 def capture_if(condition, on_true=None, on_false=None, stream=None, **kwargs) -> None:
     """Runs one of two functions or graphs, by the value of an array of one int32.
 
@@ -335,9 +383,8 @@ def capture_if(condition, on_true=None, on_false=None, stream=None, **kwargs) ->
         if body is not None
     ]
     for handle, body in branches:
-        capture.begin_body(handle, False)
-        _run(body, stream, kwargs)
-        capture.end_body()
+        with _Body(capture, handle, False):
+            _run(body, stream, kwargs)
 
 
 def capture_while(condition, while_body, stream=None, **kwargs) -> None:
@@ -356,7 +403,6 @@ def capture_while(condition, while_body, stream=None, **kwargs) -> None:
             _run(while_body, stream, kwargs)
         return
     handle = capture.add_condition(condition, False)
-    capture.begin_body(handle, True)
-    _run(while_body, stream, kwargs)
-    capture.update_condition(handle, condition, False)
-    capture.end_body()
+    with _Body(capture, handle, True):
+        _run(while_body, stream, kwargs)
+        capture.update_condition(handle, condition, False)

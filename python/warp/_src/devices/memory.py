@@ -175,46 +175,58 @@ def memory_kind(array) -> MemoryKind:
     return MemoryKind(_native.memory_kind(array.device_index, array.ptr or 0))
 
 
-class ScopedMempool:
+class ScopedMempool(_native.Scope):
     """Lets new arrays of a device come from its pool, or not, for a block."""
 
     def __init__(self, device, enable: bool):
         self.device, self.enable = get_device(device), enable
 
-    def __enter__(self):
+    _saved = None
+
+    def _enter(self):
         self._saved = is_mempool_enabled(self.device)
         set_mempool_enabled(self.device, self.enable)
 
-    def __exit__(self, *exception):
-        set_mempool_enabled(self.device, self._saved)
+    def _restore(self):
+        if self._saved is not None:
+            set_mempool_enabled(self.device, self._saved)
+        self._saved = None
 
 
-class ScopedMempoolAccess:
+class ScopedMempoolAccess(_native.Scope):
     """Gives a device access to the memory pool of another one for a block, or takes it."""
 
     def __init__(self, target_device, peer_device, enable: bool):
         self.devices, self.enable = (target_device, peer_device), enable
 
-    def __enter__(self):
+    _saved = None
+
+    def _enter(self):
         self._saved = is_mempool_access_enabled(*self.devices)
         set_mempool_access_enabled(*self.devices, self.enable)
 
-    def __exit__(self, *exception):
-        set_mempool_access_enabled(*self.devices, self._saved)
+    def _restore(self):
+        if self._saved is not None:
+            set_mempool_access_enabled(*self.devices, self._saved)
+        self._saved = None
 
 
-class ScopedPeerAccess:
+class ScopedPeerAccess(_native.Scope):
     """Gives a device access to the plain memory of another one for a block, or takes it."""
 
     def __init__(self, target_device, peer_device, enable: bool):
         self.devices, self.enable = (target_device, peer_device), enable
 
-    def __enter__(self):
+    _saved = None
+
+    def _enter(self):
         self._saved = is_peer_access_enabled(*self.devices)
         set_peer_access_enabled(*self.devices, self.enable)
 
-    def __exit__(self, *exception):
-        set_peer_access_enabled(*self.devices, self._saved)
+    def _restore(self):
+        if self._saved is not None:
+            set_peer_access_enabled(*self.devices, self._saved)
+        self._saved = None
 
 
 # ---- Other processes -----------------------------------------------------------------------------
@@ -230,16 +242,19 @@ def ipc_handle(array) -> bytes:
     return handle + (offset.to_bytes(8, "little") if offset else b"")
 
 
-class Imported:
+class Imported(_native.Finalized):
     """Memory of another process, closed with the last array over it."""
 
     def __init__(self, device: int, handle: bytes):
         self.device = device
         self.ptr = _native.import_memory(device, handle)
 
-    def __del__(self):
-        if hasattr(self, "ptr"):
-            _native.close_imported(self.device, self.ptr)
+    ptr = None
+
+    def _release(self):
+        ptr, self.ptr = self.ptr, None
+        if ptr is not None:
+            _native.close_imported(self.device, ptr)
 
 
 def event_from_ipc_handle(handle: bytes, device=None):

@@ -15,11 +15,13 @@ from warp._src.devices.call_sites import scopes
 
 _PINNED = -2
 
-_state = {"active": 0, "config": False}
+_state = {"config": False}
+# Blocks that are entered, by their ids.
+_blocks: dict = {}
 
 
 def _update() -> None:
-    on = _state["active"] > 0 or _state["config"]
+    on = bool(_blocks) or _state["config"]
     (allocators.special.add if on else allocators.special.discard)("tracker")
 
 
@@ -31,7 +33,7 @@ def _set_from_config(value) -> None:
 settings.on_change("track_memory", _set_from_config)
 
 
-class ScopedMemoryTracker:
+class ScopedMemoryTracker(_native.Scope):
     """Notes the allocations of arrays made in a block, and prints a summary at its end.
 
     Args:
@@ -47,25 +49,29 @@ class ScopedMemoryTracker:
         self.print = print
         self.report_func = report_func
 
-    def __enter__(self):
+    # Names around the block, while it is entered.
+    _outer = None
+
+    def _enter(self):
         if self.active:
-            if not hasattr(scopes, "names"):
-                scopes.names = []
-            scopes.names.append(self.name)
-            _state["active"] += 1
+            self._outer = getattr(scopes, "names", [])
+            scopes.names = [*self._outer, self.name]
+            _blocks[id(self)] = self
             _update()
         return self
 
-    def __exit__(self, *exception):
-        if not self.active:
-            return
-        scopes.names.pop()
-        try:
+    def _leave(self, *exception):
+        if self.active:
+            scopes.names = self._outer
             if self.print:
                 self.report()
-        finally:
-            _state["active"] -= 1
+
+    def _restore(self):
+        if self._outer is not None:
+            scopes.names = self._outer
+            _blocks.pop(id(self), None)
             _update()
+        self._outer = None
 
     def report(self, file=None, sort="size", max_items=10):
         """Prints what is allocated now; `sort` is "size" or "chronological"."""

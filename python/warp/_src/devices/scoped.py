@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 
+from warp import _native
+from warp._src.arrays.observers import Observers
 from warp._src.devices import devices
 
 
-class ScopedTimer:
+class ScopedTimer(_native.Scope):
     """Measures a block and prints one line, `name took 1.23 ms`.
 
     Args:
@@ -35,6 +37,9 @@ class ScopedTimer:
 
     indent = -1
     enabled = True
+    # How far the block itself is indented, while it is entered, and who timed before.
+    _indent = _profile = _range = None
+    _replaced: tuple = ()
 
     def __init__(
         self,
@@ -65,7 +70,7 @@ class ScopedTimer:
         if dict is not None:
             dict.setdefault(name, [])
 
-    def __enter__(self):
+    def _enter(self):
         if self.active:
             nvtx = _nvtx() if self.use_nvtx else None
             if self.synchronize:
@@ -73,6 +78,7 @@ class ScopedTimer:
             if self.cuda_filter:
                 from warp._src.devices.timing import timing_begin
 
+                self._replaced = (Observers.timer,)
                 timing_begin(self.cuda_filter, synchronize=not self.synchronize)
             if self.detailed:
                 import cProfile
@@ -81,15 +87,16 @@ class ScopedTimer:
                 self._profile.enable()
             if nvtx is not None:
                 self._range = nvtx, nvtx.start_range(self.name, color=self.color)
-            ScopedTimer.indent += 1
+            self._indent = ScopedTimer.indent + 1
+            ScopedTimer.indent = self._indent
             self.start = time.perf_counter_ns()
         return self
 
-    def __exit__(self, kind, *exception):
+    def _leave(self, kind, *exception):
         if not self.active:
             return
         indent = "    " * ScopedTimer.indent
-        ScopedTimer.indent -= 1
+        ScopedTimer.indent = self._indent - 1
         try:
             self._stop()
         except RuntimeError:
@@ -100,6 +107,22 @@ class ScopedTimer:
         if self.print:
             self._report(indent)
 
+    def _restore(self):
+        if self._indent is not None:
+            ScopedTimer.indent = self._indent - 1
+        self._end_range()
+        if self._profile is not None:
+            self._profile.disable()
+        if self._replaced:
+            (Observers.timer,) = self._replaced
+            Observers.update()
+        self._indent, self._replaced = None, ()
+
+    def _end_range(self):
+        if self._range is not None:
+            (nvtx, number), self._range = self._range, None
+            nvtx.end_range(number)
+
     def _stop(self):
         """Reads the clock and ends what else was measured."""
         try:
@@ -107,9 +130,7 @@ class ScopedTimer:
                 devices.synchronize()
         finally:
             self.elapsed = (time.perf_counter_ns() - self.start) / 1e6
-            if self.use_nvtx:
-                nvtx, number = self._range
-                nvtx.end_range(number)
+            self._end_range()
         if self.detailed:
             self._profile.disable()
         if self.dict is not None:
@@ -142,22 +163,26 @@ def _nvtx():
     return nvtx
 
 
-class ScopedDevice:
+class ScopedDevice(_native.Scope):
     """Makes a device the default for a block."""
 
     def __init__(self, device):
         self.device = devices.get_device(device)
 
-    def __enter__(self):
+    _saved = None
+
+    def _enter(self):
         self._saved = devices.get_device()
         devices.set_device(self.device)
         return self.device
 
-    def __exit__(self, *exception):
-        devices.set_device(self._saved)
+    def _restore(self):
+        if self._saved is not None:
+            devices.set_device(self._saved)
+        self._saved = None
 
 
-class ScopedStream:
+class ScopedStream(_native.Scope):
     """Makes a stream the current one of its device for a block; None changes nothing."""
 
     def __init__(self, stream, sync_enter=True, sync_exit=False):
@@ -165,16 +190,19 @@ class ScopedStream:
         self.sync_enter = sync_enter
         self.sync_exit = sync_exit
 
-    def __enter__(self):
+    _saved = None
+
+    def _enter(self):
         if self.stream is not None:
             self._device = self.stream.device
-            self._saved_device = devices.get_device()
-            self._saved = self._device.stream
+            self._saved = (self._device.stream, devices.get_device())
             devices.set_stream(self.stream, self._device, self.sync_enter)
             devices.set_device(self._device)
         return self.stream
 
-    def __exit__(self, *exception):
-        if self.stream is not None:
-            devices.set_stream(self._saved, self._device, self.sync_exit)
-            devices.set_device(self._saved_device)
+    def _restore(self):
+        if self._saved is not None:
+            stream, device = self._saved
+            devices.set_stream(stream, self._device, self.sync_exit)
+            devices.set_device(device)
+        self._saved = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 
+from warp import _native
 from warp._src.arrays.observers import Observers
 from warp._src.devices import devices
 from warp._src.devices.streams import Event, get_event_elapsed_time
@@ -59,8 +60,13 @@ def timing_begin(cuda_filter: int = TIMING_ALL, synchronize: bool = True) -> Non
     """
     if synchronize:
         devices.synchronize()
-    Observers.timer = _Timer(cuda_filter)
-    Observers.update()
+    try:
+        Observers.timer = _Timer(cuda_filter)
+        Observers.update()
+    except BaseException:
+        Observers.timer = None
+        Observers.update()
+        raise
 
 
 def timing_end(synchronize: bool = True) -> list[TimingResult]:
@@ -130,15 +136,24 @@ def cuda_profiler_stop(device=None) -> None:
     _profiler(device, "cuProfilerStop")
 
 
-class ScopedCudaProfiler:
+class ScopedCudaProfiler(_native.Scope):
     """Lets a profiler that is attached collect a block."""
 
     def __init__(self, device=None):
         self.device = devices.get_device(device)
 
-    def __enter__(self):
-        cuda_profiler_start(self.device)
+    _started = False
+
+    def _enter(self):
+        self._started = True
+        try:
+            cuda_profiler_start(self.device)
+        except Exception:
+            self._started = False
+            raise
         return self
 
-    def __exit__(self, *exception):
-        cuda_profiler_stop(self.device)
+    def _restore(self):
+        if self._started:
+            cuda_profiler_stop(self.device)
+        self._started = False

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numbers
-import threading
-import weakref
 
 from warp import _native
 from warp._src import errors
 from warp._src.derivatives.handles import Behind
 from warp._src.devices import devices
+from warp._src.forks import shared_lock
 from warp._src.geometry.bvh import (
     Hierarchical,
     builds_on_device,
@@ -23,10 +22,11 @@ from warp._src.geometry.mesh_arrays import POINT_GRADIENTS, VELOCITY_GRADIENTS
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
 from warp._src.types.structs import StructInstance
+from warp._src.weak import WeakValues
 
 # Meshes that nobody has asked for winding numbers, by id.
-_without_winding: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
-_supporting = threading.Lock()
+_without_winding = WeakValues()
+_supporting = shared_lock()
 
 
 def support_winding(values) -> None:
@@ -231,7 +231,7 @@ class Mesh(Hierarchical, Behind):
         if self.support_winding_number:
             return
         self.support_winding_number = True
-        del _without_winding[self.id]
+        _without_winding.pop(self.id)
         self._wait()
         if self._by_kernels:
             self._show_moments()

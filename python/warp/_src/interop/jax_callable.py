@@ -5,7 +5,6 @@ from __future__ import annotations
 import collections
 import enum
 import types
-import weakref
 
 from warp._src.arrays.copies import copy
 from warp._src.arrays.create import empty
@@ -15,8 +14,9 @@ from warp._src.interop import jax_arrays
 from warp._src.interop.jax_calls import Arguments, Parameter, Plan, extents_of
 from warp._src.types import annotations
 from warp._src.types.native import ArrayType
+from warp._src.weak import WeakObjects
 
-_all: weakref.WeakSet = weakref.WeakSet()
+_all = WeakObjects()
 
 
 class JaxCallableGraphMode(enum.IntEnum):

@@ -13,6 +13,7 @@ from warp._src import config as settings
 from warp._src import errors
 from warp._src.devices import devices
 from warp._src.kernels.build_options import Build, ModuleBuildOptions
+from warp._src.weak import WeakObjects
 
 # Options that change compiled code, with the setting that gives the default.
 OPTIONS = {
@@ -148,7 +149,7 @@ def _check_count(name, value) -> None:
 
 modules_by_name: dict[str, Module] = {}
 # Those of one kernel each, as long as somebody has it.
-_unique: weakref.WeakSet = weakref.WeakSet()
+_unique = WeakObjects()
 
 
 def get_module(name: str) -> Module:

@@ -7,7 +7,6 @@ for whatever asks for more later. What the front end tells the kernel on the way
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import marshal
 from _blake2 import blake2b
@@ -64,23 +63,25 @@ def _find(name, functions) -> tuple:
     return name, None, ()
 
 
-@contextlib.contextmanager
-def _garbage_kept():
+class _GarbageKept(_native.Scope):
     """Syntax trees are many objects that stay: Python would look through all of them, and those of
     the program, again and again."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
+
+    _was_enabled = False
+
+    def _enter(self):
+        self._was_enabled = gc.isenabled()
+        gc.disable()
+
+    def _restore(self):
+        if self._was_enabled:
             gc.enable()
 
 
 def _translated(kernel, arguments, threads, constants, name, found):
     from warp._src.frontend.build import translate_kernel
 
-    with _garbage_kept():
+    with _GarbageKept():
         module, session = translate_kernel(kernel, arguments, threads, constants)
     facts = (session.tile_builder is not None, dict(session.handles), session.sums_winding)
     _tell(kernel, *facts)
