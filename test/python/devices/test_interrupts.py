@@ -129,6 +129,33 @@ def test_what_follows_is_right(work):
     assert interrupted_everywhere(work, check, most=60) > 10
 
 
+def test_a_kernel_is_translated_after_all():
+    """An interrupt of the first launch, also while the kernel is translated, spoils no other."""
+    made = []
+
+    def first_launch():
+        @wp.kernel(module="unique")
+        def cube(x: wp.array(dtype=float), y: wp.array(dtype=float), s: float):
+            i = wp.tid()
+            for k in range(2):
+                y[i] = x[i] * x[i] * (x[i] + float(k)) * s
+
+        cube.unique_key = None
+        made.append(cube)
+        wp.launch(cube, 3, [x, y, 2.0], device=CPU)
+
+    def check(step):
+        if made:
+            wp.launch(made[-1], 3, [x, y, 2.0], device=CPU)
+        else:
+            first_launch()
+        numbers = x.numpy()
+        assert (y.numpy() == 2.0 * numbers**2 * (numbers + 1.0)).all(), f"step {step}"
+        made.clear()
+
+    assert interrupted_everywhere(first_launch, check, most=25) > 10
+
+
 def test_an_interrupt_in_a_finalizer_is_not_lost():
     """It is raised behind what has freed the object, and the finalizer ends all the same."""
 

@@ -12,6 +12,7 @@ import os
 import typing
 
 from warp import _native
+from warp._src import errors
 from warp._src.devices.devices import get_cuda_devices, get_device
 from warp._src.kernels.modules import Module, imported_module
 
@@ -65,7 +66,12 @@ def compile_aot_module(
     _set_strip(module, strip_hash)
     kernels = _named_kernels(module)
     if not kernels:
-        raise RuntimeError(f"module '{module.name}' has no kernels to compile")
+        raise errors.WarpError(
+            f"module '{module.name}' has no kernels to compile",
+            hint="give generic kernels overloads by `wp.overload`",
+            also="No compilable kernels found, expects a kernel or a generic kernel with overloads",
+        )
+    _warn_of_generic(module)
     folder = _folder(module_dir)
     folder.mkdir(parents=True, exist_ok=True)
     stem = _stem(module, kernels)
@@ -128,6 +134,16 @@ def _folder(module_dir) -> Path:
 def _named_kernels(module: Module) -> list:
     """Native kernels and the names they are saved under."""
     return [pair for key, kernel in sorted(module.kernels.items()) for pair in _named(kernel, key)]
+
+
+def _warn_of_generic(module: Module) -> None:
+    """Tells which generic kernels are left out, since nobody has said what they are for."""
+    from warp._src.logger import notice
+
+    left = [key for key, kernel in sorted(module.kernels.items()) if not _named(kernel, key)]
+    if left:
+        names = ", ".join(f"'{key}'" for key in left)
+        notice(f"Warp UserWarning: generic kernels without overloads are not compiled: {names}")
 
 
 def _named(kernel, key) -> list:

@@ -55,7 +55,11 @@ def _find(name, functions) -> tuple:
         known = _native.find_translation(name)
         if known is None:
             break
-        facts, entries, together = marshal.loads(known.notes)
+        try:
+            facts, entries, together = marshal.loads(known.notes)
+        except (EOFError, TypeError, ValueError):
+            # The checksum fits, so somebody else wrote it.
+            break
         now = statics.evaluate(entries, functions)
         if now == ([digest for *_, digest in entries], together):
             return name, known, facts
