@@ -132,6 +132,10 @@ class WarpTypeError(WarpError, TypeError):
     """Data of a type that cannot be used."""
 
 
+class WarpArgumentError(WarpTypeError, ValueError):
+    """An argument of a public function is of another kind than it expects."""
+
+
 class WarpRowError(WarpTypeError, ValueError):
     """A row of a matrix has more or fewer components."""
 

@@ -12,6 +12,7 @@ import sys
 import typing
 
 from warp._src import errors
+from warp._src.arguments import shown
 from warp._src.types import native
 from warp._src.types.native import ArrayType, IndexedArrayType
 from warp._src.types.vectors import GenericAnnotation, unwrapped
@@ -199,7 +200,13 @@ def resolve(annotation):
 
 
 def caller_namespaces(cls, depth=2):
-    """Where string annotations of a decorated class may refer to: locals, globals, its module."""
+    """Where string annotations of a decorated class may refer to: locals, globals, its module.
+
+    Raises:
+        TypeError: it is no class.
+    """
+    if not isinstance(cls, type):
+        raise TypeError(f"wp.struct() expects a class to decorate, but got {shown(cls)}")
     module = sys.modules.get(cls.__module__)
     frame = sys._getframe(depth)
     return [frame.f_locals, frame.f_globals, vars(module) if module else {}]

@@ -47,6 +47,19 @@ def divide(a, b):
     return a / b
 
 
+def power(a, b):
+    """`a**b` of floats as C has it: infinite beyond the range, NaN where it is not real."""
+    try:
+        result = a**b
+    except OverflowError:
+        result = math.inf
+    except ZeroDivisionError:
+        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
+    if isinstance(result, complex):
+        return math.nan
+    return -result if result == math.inf and a < 0 and b % 2 == 1 else result
+
+
 def floor_divide(a, b):
     if isinstance(a, int) and isinstance(b, int):
         return a // b if b else 0

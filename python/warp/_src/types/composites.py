@@ -12,6 +12,7 @@ import ctypes
 
 from warp import config
 from warp._src import errors
+from warp._src.arguments import shown
 from warp._src.types import arithmetic, scalars
 from warp._src.types.scalars import scalar_base
 
@@ -96,25 +97,75 @@ class Composite:
 
         A number of Python for the types that are Python's own, else one of the scalar type; with
         `wp.config.legacy_scalar_return_types` always a number of Python.
+
+        Raises:
+            WarpTypeError: it is no number, or the class is a family of types.
         """
         scalar = cls._wp_scalar_type_
         bits = scalars.BITS.get(scalar)
-        if bits:
-            number = bits[1](number)
-        if scalar in _PYTHON_OWN or config.legacy_scalar_return_types:
-            return number
-        return scalar(number)
+        try:
+            if bits:
+                number = bits[1](number)
+            if scalar in _PYTHON_OWN or config.legacy_scalar_return_types:
+                return number
+            return scalar(number)
+        except (TypeError, OverflowError) as error:
+            if scalar is None:
+                raise family_error(cls) from None
+            if isinstance(error, errors.WarpError):
+                raise
+            raise errors.WarpTypeError(
+                f"expects what a '{cls.__name__}' stores, but got {shown(number)}"
+            ) from None
 
     @classmethod
     def scalar_import(cls, number):
-        """What is stored for a number or scalar."""
+        """What is stored for a number or scalar.
+
+        Raises:
+            WarpTypeError: it is none, which a type whose numbers are stored as they are notices
+                when it stores them.
+        """
         bits = scalars.BITS.get(cls._wp_scalar_type_)
         if bits:
-            return bits[0](number.value if isinstance(number, scalar_base) else number)
+            return bits[0](
+                scalars.as_float(cls, number.value if isinstance(number, scalar_base) else number)
+            )
         return number.value if isinstance(number, scalar_base) else number
 
     def _get(self, index):
-        return self.scalar_export(_raw_get(self, index))
+        try:
+            return self.scalar_export(_raw_get(self, index))
+        except IndexError:
+            raise self._out_of_range(index) from None
+        except TypeError as error:
+            if isinstance(error, errors.WarpError):
+                raise
+            raise self._no_index(index) from None
+
+    def _out_of_range(self, index):
+        return errors.WarpIndexError(
+            f"index {shown(index)} is out of range for the {self._length_} components of "
+            f"'{shown_name(type(self))}'"
+        )
+
+    def _no_index(self, key):
+        # A list that holds itself has no text.
+        spelled = key if isinstance(key, (str, int, float)) or key is None else shown(key)
+        return errors.WarpKeyError(
+            f"expects an int or slice as index of '{shown_name(type(self))}'",
+            also=f"Invalid key {spelled}, expected int or slice",
+        )
+
+    def _indices(self, key) -> range:
+        """The indices that a slice selects."""
+        try:
+            return range(self._length_)[key]
+        except (TypeError, ValueError) as problem:
+            raise self._bad_slice(problem) from None
+
+    def _bad_slice(self, problem):
+        return errors.WarpArgumentError(f"'{shown_name(type(self))}': {problem}")
 
     def _set(self, index, number):
         try:
@@ -122,12 +173,15 @@ class Composite:
                 # A conversion to bits would read it.
                 raise TypeError
             _raw_set(self, index, self.scalar_import(number))
-        except TypeError:
-            if not hasattr(index, "__index__"):
-                raise errors.WarpKeyError(
-                    f"expects an int or slice as index of '{shown_name(type(self))}'",
-                    also=f"Invalid key {index}, expected int or slice",
-                ) from None
+        except IndexError:
+            raise self._out_of_range(index) from None
+        except OverflowError:
+            raise _too_large(self, number) from None
+        except (TypeError, ValueError):
+            if not hasattr(index, "__index__") or hasattr(type(index), "shape"):
+                raise self._no_index(index) from None
+            if self._wp_scalar_type_ is None:
+                raise family_error(type(self)) from None
             wanted, given = self._wp_scalar_type_.__name__, shown_name(type(number))
             raise errors.WarpTypeError(
                 f"expects a '{wanted}' component for '{shown_name(type(self))}', but got '{given}'",
@@ -163,7 +217,7 @@ class Composite:
             try:
                 _raw_set(self, _ALL, numbers)
                 return
-            except TypeError:
+            except (TypeError, OverflowError):
                 pass
         for index, number in enumerate(numbers):
             self._set(index, number)
@@ -229,36 +283,50 @@ def flatten_numbers(value, depth=0):
         return scalars_of(value)
     if isinstance(value, scalar_base):
         return [value.value]
-    if hasattr(value, "tolist"):
+    if hasattr(type(value), "tolist"):
         value = value.tolist()
     if isinstance(value, (int, float)):
         return [value]
-    if isinstance(value, str) or not (hasattr(value, "__iter__") or _is_sequence(value)):
-        raise TypeError(f"expects numbers, but got '{shown_name(type(value))}'")
+    if isinstance(value, str):
+        raise _no_numbers(value)
+    try:
+        # Also through what has elements by their numbers alone, as vectors of USD.
+        items = iter(value)
+    except TypeError as error:
+        if error.__traceback__.tb_next is not None:
+            # From the value's own `__iter__`, which says why.
+            raise
+        raise _no_numbers(value) from None
     numbers = []
-    for item in value:
-        if isinstance(item, (int, float)):
-            numbers.append(item)
-        else:
-            numbers += flatten_numbers(item, depth + 1)
+    try:
+        for item in items:
+            if isinstance(item, (int, float)):
+                numbers.append(item)
+            else:
+                numbers += flatten_numbers(item, depth + 1)
+    except KeyError:
+        raise _no_numbers(value) from None
     return numbers
 
 
-def _is_sequence(value):
-    """Whether Python can go through elements by their numbers, as through vectors of USD."""
-    kind = type(value)
-    return hasattr(kind, "__len__") and hasattr(kind, "__getitem__")
+def _no_numbers(value):
+    return errors.WarpTypeError(f"expects numbers, but got '{shown_name(type(value))}'")
 
 
 def is_number(value):
     """Whether `value` is one number: Python's, a Warp scalar or a NumPy scalar."""
     return isinstance(value, (int, float, scalar_base)) or (
-        hasattr(value, "dtype") and getattr(value, "shape", None) == ()
+        hasattr(value, "dtype")
+        and getattr(value, "shape", None) == ()
+        and hasattr(value, "item")
+        and not isinstance(value, type)
     )
 
 
 def construct_components(self, args):
     """Initialises a composite from nothing, one number for all, or its components."""
+    if self._wp_scalar_type_ is None:
+        raise family_error(type(self))
     length = self._length_
     if len(args) == 1 and not is_number(args[0]):
         numbers = flatten_numbers(args[0])
@@ -313,14 +381,17 @@ def _scale(name, a, factor, operation):
         factor = factor.value
     elif hasattr(factor, "dtype") and getattr(factor, "shape", None) == ():
         factor = factor.item()
-    elif not isinstance(factor, (int, float)):
+    if not isinstance(factor, (int, float)):
         if isinstance(factor, Composite):
             raise operand_error(name, a, factor)
         return NotImplemented
     if issubclass(scalar, scalars.int_base) and isinstance(factor, float):
         raise operand_error(name, a, factor)
     if issubclass(scalar, scalars.float_base):
-        factor = scalar.round(float(factor))
+        try:
+            factor = scalar.round(float(factor))
+        except OverflowError:
+            raise _too_large(a, factor) from None
     integers = _integer_rounding(a)
     return a._from_numbers([integers(operation(x, factor)) for x in scalars_of(a)])
 
@@ -329,6 +400,20 @@ def _integer_rounding(a):
     if issubclass(a._wp_scalar_type_, scalars.int_base):
         return a._wp_scalar_type_.round
     return lambda number: number
+
+
+def _too_large(value, number):
+    return errors.WarpOverflowError(
+        f"{shown(number)} is too large for the components of '{type(value).__name__}'"
+    )
+
+
+def family_error(cls):
+    """The exception for values of a class that is a family of types."""
+    return errors.WarpTypeError(
+        f"'{cls.__name__}' is a family of types, make a value of one of them, such as "
+        "`wp.vec3(...)`, or a type by `wp.types`"
+    )
 
 
 def operand_error(name, a, b):

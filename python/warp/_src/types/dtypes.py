@@ -189,7 +189,7 @@ def type_is_float(t) -> builtins.bool:
 
 def type_is_scalar(t) -> builtins.bool:
     """Whether `t` is a type of numbers or of truth values."""
-    return type_is_int(t) or type_is_float(t) or t in (scalars.bool, builtins.bool)
+    return type_is_int(t) or type_is_float(t) or t is scalars.bool or t is builtins.bool
 
 
 def _is_family(t, family) -> builtins.bool:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from warp._src import errors
+import operator
+
+from warp._src import arguments, errors
 from warp._src.types.composites import (
     Composite,
     Products,
     canonical_class,
     construct_components,
+    family_error,
     flatten_numbers,
     is_number,
     operand_error,
@@ -16,6 +19,7 @@ from warp._src.types.composites import (
 )
 from warp._src.types.scalars import canonical_scalar, float_base
 from warp._src.types.vectors import (
+    MOST_COMPONENTS,
     SUFFIX,
     GenericAnnotation,
     Quaternion,
@@ -41,6 +45,8 @@ class Matrix(Composite):
     def __init__(self, *args):
         if not args:
             return
+        if not self._shape_:
+            raise family_error(type(self))
         rows = self._shape_[0]
         if len(args) == rows and not any(map(is_number, args)):
             columns = self._shape_[1]
@@ -191,19 +197,31 @@ class Matrix(Composite):
 
 def _resolve(key, extent, what):
     if isinstance(key, slice):
-        return range(extent)[key]
-    if not hasattr(key, "__index__"):
+        try:
+            return range(extent)[key]
+        except (TypeError, ValueError) as problem:
+            raise errors.WarpArgumentError(f"{what} index: {problem}") from None
+    try:
+        index = operator.index(key)
+    except TypeError:
+        spelled = (
+            repr(key) if isinstance(key, (str, float)) or key is None else arguments.shown(key)
+        )
         raise errors.WarpKeyError(
             f"expects an int or a slice as {what} index, but got '{type(key).__name__}'",
-            also=f"Invalid key {key!r}, expected int or pair of ints",
-        )
-    index = key.__index__()
+            also=f"Invalid key {spelled}, expected int or pair of ints",
+        ) from None
     if not -extent <= index < extent:
         raise errors.WarpIndexError(
             f"{what} index {index} is out of range for extent {extent}",
             also=f"Invalid {what} index",
         )
     return index % extent
+
+
+def _text(shape) -> str:
+    numbers = isinstance(shape, (tuple, list)) and all(type(n) is int for n in shape)
+    return repr(shape) if numbers or shape is None else arguments.shown(shape)
 
 
 def _rows(m):
@@ -234,14 +252,27 @@ def matrix(shape=None, dtype=None, *, name=None):
         rank = len(shape) if isinstance(shape, (tuple, list)) else 0
         extents = f"{rank} dimension{'' if rank == 1 else 's'}"
         raise errors.WarpShapeError(
-            f"expects a matrix shape of two extents, but got {shape!r}",
-            also=f"Matrix shape must have exactly two dimensions, got {extents} in shape {shape!r}",
+            f"expects a matrix shape of two extents, but got {_text(shape)}",
+            also=f"Matrix shape must have exactly two dimensions, got {extents} in shape "
+            f"{_text(shape)}",
         )
     rows, columns = shape
     if is_open(rows) or is_open(columns) or is_open(dtype):
         return GenericAnnotation(Matrix, (rows, columns, dtype))
+    try:
+        rows, columns = operator.index(rows), operator.index(columns)
+    except TypeError:
+        got = " and ".join(map(arguments.shown, shape))
+        raise errors.WarpArgumentError(
+            f"expects integers as extents of a matrix, but got {got}"
+        ) from None
     if min(rows, columns) < 0:
         raise ValueError(f"expects matrix extents of at least 0, but got {tuple(shape)}")
+    if rows * columns > MOST_COMPONENTS:
+        raise ValueError(
+            f"expects at most {MOST_COMPONENTS} components of a matrix, but got "
+            f"{arguments.shown(rows)} by {arguments.shown(columns)}"
+        )
     dtype = canonical_scalar(dtype)
     key = (Matrix, rows, columns, dtype)
     if key not in _cache:

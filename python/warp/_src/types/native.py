@@ -11,6 +11,8 @@ import weakref
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import TYPE
+from warp._src.arguments import checked, shown, spelled
 from warp._src.types import scalars
 from warp._src.types.composites import Composite, canonical_class, shown_name
 from warp._src.types.matrices import matrix
@@ -30,8 +32,8 @@ def canonical(dtype):
             return found
         if issubclass(found, (Composite, scalar_base)) and hasattr(found, "_native_"):
             return canonical_class(found)
-    shown = shown_name(dtype) if isinstance(dtype, type) else repr(dtype)
-    raise TypeError(f"expects a scalar, vector, matrix or struct type, but got '{shown}'")
+    got = f"'{shown_name(dtype)}'" if isinstance(dtype, type) else spelled(dtype)
+    raise TypeError(f"expects a scalar, vector, matrix or struct type, but got {got}")
 
 
 _native_types: dict = {}
@@ -42,9 +44,10 @@ _dtypes: dict = {}
 _structs: dict = {}
 
 
+@checked(dtype=TYPE)
 def register(dtype) -> None:
     """Makes `dtype_of` find `dtype` by the text of its native type."""
-    _dtypes[dtype._native_] = dtype
+    _dtypes[native_text(dtype)] = dtype
     if is_struct(dtype):
         _structs.setdefault(dtype._native_, weakref.WeakSet()).add(dtype)
 
@@ -73,8 +76,17 @@ def native_text(dtype) -> str:
 
 
 def native_type(dtype):
-    """The compiler's type for a scalar, composite, struct or array type."""
-    found = _native_types.get(dtype)
+    """The compiler's type for a scalar, composite, struct or array type.
+
+    Raises:
+        TypeError: it is none.
+    """
+    try:
+        found = _native_types.get(dtype)
+    except TypeError:
+        # What has no hash is no type: this says so.
+        canonical(dtype)
+        raise
     if found is None:
         found = _native_types[dtype] = _native.Type.parse(native_text(dtype))
     return found
@@ -82,7 +94,10 @@ def native_type(dtype):
 
 def dtype_of(native):
     """The Python type for a type of the compiler (or its text)."""
-    text = str(native)
+    try:
+        text = str(native)
+    except RecursionError:
+        raise TypeError(f"expects a type of the compiler, but got {shown(native)}") from None
     found = _dtypes.get(text)
     if found is None:
         found = _dtypes[text] = _parse(text)
@@ -132,7 +147,8 @@ def types_equal(a, b) -> bool:
     try:
         return native_text(a) == native_text(b)
     except TypeError:
-        return a is b or a == b
+        # Arrays of NumPy have no single answer.
+        return a is b or (a == b) is True
 
 
 def _element_type(dtype):
@@ -143,6 +159,14 @@ def _element_type(dtype):
         return canonical(dtype)
     except TypeError as error:
         raise TypeError(f"cannot make an array of this element type: {error}") from None
+
+
+def _union(one, other):
+    try:
+        return typing.Union[one, other]  # noqa: UP007
+    except Exception:
+        # Not a type: Python says that there is no `|` of the two.
+        return NotImplemented
 
 
 class ArrayType:
@@ -174,10 +198,11 @@ class ArrayType:
         raise AttributeError(f"an annotation of an array has no attribute '{name}'")
 
     def __init__(self, dtype, ndim=1):
-        if ndim is not typing.Any and ndim not in (1, 2, 3, 4):
+        if ndim is not typing.Any and not (isinstance(ndim, int) and 1 <= ndim <= 4):
+            spelled = repr(ndim) if isinstance(ndim, (int, str)) else shown(ndim)
             raise errors.WarpShapeError(
-                f"expects an array of 1 to 4 dimensions, but got {ndim!r}",
-                also=f"ndim must be between 1 and 4, got {ndim!r}",
+                f"expects an array of 1 to 4 dimensions, but got {spelled}",
+                also=f"ndim must be between 1 and 4, got {spelled}",
             )
         if dtype is None:
             dtype = typing.Any
@@ -209,10 +234,10 @@ class ArrayType:
         return f"array{suffix}(dtype={type_repr(self.dtype)})"
 
     def __or__(self, other):
-        return typing.Union[self, other]  # noqa: UP007
+        return _union(self, other)
 
     def __ror__(self, other):
-        return typing.Union[other, self]  # noqa: UP007
+        return _union(other, self)
 
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 
+from warp._src import errors
+from warp._src.arguments import shown
 from warp._src.types import dtypes, scalars
 
 
@@ -39,7 +41,12 @@ def dtype_from_numpy(numpy_dtype):
     """
     import numpy
 
-    name = numpy.dtype(numpy_dtype).name
+    try:
+        name = numpy.dtype(numpy_dtype).name
+    except Exception:
+        raise errors.WarpArgumentError(
+            f"dtype_from_numpy() expects a NumPy dtype, but got {shown(numpy_dtype)}"
+        ) from None
     found = _BY_NAME.get(name)
     if found is None:
         raise TypeError(f"no scalar type for the NumPy dtype '{name}'")

@@ -10,7 +10,10 @@ from __future__ import annotations
 
 import builtins
 import ctypes
+import operator
 
+from warp._src import errors
+from warp._src.arguments import shown
 from warp._src.types.arithmetic import (
     bfloat16_from_bits,
     bfloat16_to_bits,
@@ -18,6 +21,7 @@ from warp._src.types.arithmetic import (
     floor_divide,
     half_from_bits,
     half_to_bits,
+    power,
     remainder,
 )
 
@@ -87,22 +91,22 @@ class scalar_base(metaclass=ScalarType):
         return (type(self), (self.value,))
 
     def __eq__(self, other):
-        return self.value == _plain(other)
+        return _compared(operator.eq, self, other)
 
     def __ne__(self, other):
-        return self.value != _plain(other)
+        return _compared(operator.ne, self, other)
 
     def __lt__(self, other):
-        return self.value < _plain(other)
+        return _compared(operator.lt, self, other)
 
     def __le__(self, other):
-        return self.value <= _plain(other)
+        return _compared(operator.le, self, other)
 
     def __gt__(self, other):
-        return self.value > _plain(other)
+        return _compared(operator.gt, self, other)
 
     def __ge__(self, other):
-        return self.value >= _plain(other)
+        return _compared(operator.ge, self, other)
 
     def __add__(self, other):
         return _arithmetic("add", self, other, False, lambda a, b: a + b)
@@ -145,12 +149,12 @@ class scalar_base(metaclass=ScalarType):
     def __pow__(self, other):
         if isinstance(self, int_base):
             return NotImplemented
-        return _arithmetic("pow", self, other, False, lambda a, b: a**b)
+        return _arithmetic("pow", self, other, False, power)
 
     def __rpow__(self, other):
         if isinstance(self, int_base):
             return NotImplemented
-        return _arithmetic("pow", self, other, True, lambda a, b: a**b)
+        return _arithmetic("pow", self, other, True, power)
 
     def __neg__(self):
         return self.round(-self.value)
@@ -170,12 +174,22 @@ class int_base(scalar_base):
     def __init__(self, value=0):
         if isinstance(value, scalar_base):
             value = value.value
-        self.value = self._type_(value).value
+        try:
+            self.value = self._type_(value).value
+        except (TypeError, AttributeError):
+            raise _no_number(type(self), value, "an integer") from None
 
     @classmethod
     def round(cls, value):
-        """The value as the type keeps it: digits above its width are lost."""
-        return cls._type_(value).value
+        """The value as the type keeps it: digits above its width are lost.
+
+        Raises:
+            WarpTypeError: it is no integer.
+        """
+        try:
+            return cls._type_(value).value
+        except (TypeError, AttributeError):
+            raise _no_number(cls, value, "an integer") from None
 
     def __int__(self):
         return self.value
@@ -223,13 +237,20 @@ class float_base(scalar_base):
         if isinstance(value, scalar_base):
             value = value.value
         if not isinstance(value, (float, int)):
-            value = float(value)
+            value = as_float(type(self), value)
         self.value = value
 
     @classmethod
     def round(cls, value):
-        """The nearest number of the type, as a Python float."""
-        return cls._type_(value).value
+        """The nearest number of the type, as a Python float.
+
+        Raises:
+            WarpTypeError: it is no number.
+        """
+        try:
+            return cls._type_(value).value
+        except (TypeError, AttributeError, OverflowError):
+            raise _no_number(cls, value, "a number") from None
 
     def __int__(self):
         return int(self.value)
@@ -245,11 +266,44 @@ class bool(int_base):
     _bits_ = 8
 
     def __init__(self, value=False):
-        self.value = builtins.bool(value)
+        try:
+            self.value = builtins.bool(value)
+        except (TypeError, ValueError):
+            raise _no_number(type(self), value, "one truth value") from None
 
 
-def _plain(value):
-    return value.value if isinstance(value, scalar_base) else value
+def _compared(operation, number, other):
+    try:
+        return operation(number.value, other.value if isinstance(other, scalar_base) else other)
+    except TypeError:
+        # Python asks the other operand, and says then that there is no order.
+        return NotImplemented
+
+
+def as_float(cls, value) -> float:
+    """The number that a value stands for, to be one of a type.
+
+    Raises:
+        WarpTypeError: it stands for none.
+    """
+    # Python would read the bytes of a vector as text.
+    kind = type(value)
+    if not (isinstance(value, str) or hasattr(kind, "__float__") or hasattr(kind, "__index__")):
+        raise _no_number(cls, value, "a number")
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise _no_number(cls, value, "a number") from None
+
+
+def _no_number(cls, value, wanted):
+    if "_native_" not in cls.__dict__ and not hasattr(cls, "_native_"):
+        return errors.WarpTypeError(
+            f"'{cls.__name__}' is a family of types, make a number of one of them"
+        )
+    return errors.WarpArgumentError(
+        f"expects {wanted} for '{cls.__name__}', but got {shown(value)}"
+    )
 
 
 def _arithmetic(name, self, other, swapped, operation):
@@ -273,7 +327,8 @@ def _arithmetic(name, self, other, swapped, operation):
         return NotImplemented
     a, b = (other, self.value) if swapped else (self.value, other)
     if issubclass(cls, float_base):
-        a, b = float(a), float(b)
+        a = a if type(a) is float else as_float(cls, a)
+        b = b if type(b) is float else as_float(cls, b)
     return self.round(operation(a, b))
 
 
@@ -324,7 +379,7 @@ class float16(float_base):
     @classmethod
     def round(cls, value):
         """The nearest number of 16 bits, ties to even, as a Python float."""
-        return half_from_bits(half_to_bits(value))
+        return half_from_bits(half_to_bits(as_float(cls, value)))
 
 
 class bfloat16(float_base):
@@ -339,7 +394,7 @@ class bfloat16(float_base):
     @classmethod
     def round(cls, value):
         """The nearest bfloat16, ties to even, as a Python float."""
-        return bfloat16_from_bits(bfloat16_to_bits(value))
+        return bfloat16_from_bits(bfloat16_to_bits(as_float(cls, value)))
 
 
 class float32(float_base):
@@ -376,8 +431,13 @@ PYTHON_TYPES = {int: int32, float: float32, builtins.bool: bool}
 
 
 def canonical_scalar(dtype):
-    """The scalar type that `dtype` (a scalar type or Python's int, float, bool) stands for."""
-    scalar = PYTHON_TYPES.get(dtype, dtype)
+    """The scalar type that `dtype` (a scalar type or Python's int, float, bool) stands for.
+
+    Raises:
+        TypeError: it stands for none.
+    """
+    scalar = PYTHON_TYPES.get(dtype, dtype) if isinstance(dtype, type) else dtype
     if isinstance(scalar, ScalarType) and "_native_" in scalar.__dict__:
         return scalar
-    raise TypeError(f"expects a scalar type, but got '{getattr(dtype, '__name__', dtype)}'")
+    got = f"'{dtype.__name__}'" if isinstance(dtype, type) else shown(dtype)
+    raise TypeError(f"expects a scalar type, but got {got}")

@@ -14,6 +14,8 @@ import typing
 import warnings
 
 from warp._src import errors
+from warp._src.argument_kinds import Kind
+from warp._src.arguments import checked, misfit
 from warp._src.devices.devices import get_device
 from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
@@ -76,6 +78,8 @@ class StructType(type(ctypes.Structure)):
 class StructInstance(ctypes.Structure):
     """Base of struct classes. `Name(field=value, ...)`; fields not given are zero."""
 
+    # The base has none.
+    _wp_fields_: typing.ClassVar[dict] = {}
     # Instances are keys of `Tape.gradients`, each for itself.
     __hash__ = object.__hash__
 
@@ -108,6 +112,7 @@ class StructInstance(ctypes.Structure):
             )
         super().__setattr__(name, value)
 
+    @checked()
     def assign(self, value):
         """Copies all fields from another instance of the same struct, and returns self.
 
@@ -136,7 +141,13 @@ class StructInstance(ctypes.Structure):
         return type(self).__dict__[name].inner(self)
 
     def refresh(self) -> None:
-        """Looks again at the arrays in fields, whose gradients are going to be used."""
+        """Looks again at the arrays in fields, whose gradients are going to be used.
+
+        Raises:
+            TypeError: it is called with what is no struct.
+        """
+        if not isinstance(self, StructInstance):
+            raise misfit("refresh", "self", _STRUCT, self)
         for name, dtype in self._wp_fields_.items():
             if dtypes.is_struct(dtype):
                 self._inner(name).refresh()
@@ -147,8 +158,13 @@ class StructInstance(ctypes.Structure):
                 if descriptor.grad != address:
                     descriptor.grad = address
 
+    @checked()
     def to(self, device):
-        """Copy of the struct whose arrays live on `device`."""
+        """Copy of the struct whose arrays live on `device`.
+
+        Raises:
+            ValueError: there is no such device.
+        """
         copy = type(self)()
         for name, dtype in self._wp_fields_.items():
             value = getattr(self, name)
@@ -172,6 +188,7 @@ class StructInstance(ctypes.Structure):
             "itemsize": ctypes.sizeof(cls),
         }
 
+    @checked()
     def numpy_value(self):
         """The fields as a NumPy record."""
         import numpy
@@ -226,6 +243,9 @@ class StructInstance(ctypes.Structure):
         return f"{type(self).__name__}(\n{lines})"
 
 
+_STRUCT = Kind("a struct (`@wp.struct`)", lambda value: isinstance(value, StructInstance))
+
+
 def struct(c=None, *, module=None):
     """Makes a struct type from a class with annotated fields.
 
@@ -255,8 +275,6 @@ def struct(c=None, *, module=None):
 def _make_struct(cls, namespaces):
     import inspect
 
-    if not isinstance(cls, type):
-        raise TypeError(f"expects a class to decorate, but got '{type(cls).__name__}'")
     name = cls.__name__
     if cls.__bases__ != (object,):
         bases = ", ".join(base.__name__ for base in cls.__bases__)

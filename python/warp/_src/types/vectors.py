@@ -7,7 +7,7 @@ import itertools
 import types
 import typing
 
-from warp._src import errors
+from warp._src import arguments
 from warp._src.types import arithmetic, scalars
 from warp._src.types.composites import (
     ArrayMeta,
@@ -40,32 +40,35 @@ class Vector(Composite):
 
     def __getitem__(self, key):
         if isinstance(key, slice):
-            numbers = scalars_of(self)[key]
+            try:
+                numbers = scalars_of(self)[key]
+            except (TypeError, ValueError) as problem:
+                raise self._bad_slice(problem) from None
             return vector(len(numbers), self._wp_scalar_type_)._from_numbers(numbers)
         if not hasattr(key, "__index__"):
-            raise errors.WarpKeyError(
-                f"expects an int or slice as index of '{shown_name(type(self))}'",
-                also=f"Invalid key {key}, expected int or slice",
-            )
+            raise self._no_index(key)
         return self._get(key)
 
     def __setitem__(self, key, value):
         if not isinstance(key, slice):
             self._set(key, value)
             return
-        indices = range(self._length_)[key]
+        indices = self._indices(key)
         numbers = self._numbers_of(value, len(indices))
         for index, number in zip(indices, numbers, strict=True):
             self._set(index, number)
+
+    def __iter__(self):
+        return map(self._get, range(self._length_))
 
     def __mod__(self, other):
         return _componentwise("mod", self, other, arithmetic.remainder)
 
     def __matmul__(self, other):
-        return self * other
+        return self.__mul__(other)
 
     def __mul__(self, other):
-        if hasattr(other, "_left_multiply"):
+        if hasattr(type(other), "_left_multiply"):
             return other._left_multiply(self)
         return Composite.__mul__(self, other)
 
@@ -168,6 +171,8 @@ def unwrapped(params) -> tuple:
 def generic_annotation(family, params):
     """`Vector[3, float]` and `Vector[float, 3]` give the type when both are concrete."""
     params = unwrapped(params)
+    if not params:
+        raise TypeError(f"{family.__name__}[...] expects parameters of a type, but got none")
     if all(isinstance(one, typing.TypeVar) for one in params) and params[-1].__bound__ is int:
         # Of a generic class, for type checkers.
         return types.GenericAlias(family, params)
@@ -223,6 +228,8 @@ for _count in (2, 3, 4):
 _NO_COMPONENTS = {name: _no_component(name) for name in "xyzw"}
 _COMPONENTS = [_component(index) for index in range(4)]
 _cache: dict = {}
+# What sizes in bytes of 32 bits leave room for.
+MOST_COMPONENTS = 2**28
 
 
 def make_composite(name, shown, mixin, length, dtype, attributes):
@@ -258,7 +265,10 @@ def vector(length=None, dtype=None, *, name=None):
     if is_open(length) or is_open(dtype):
         return GenericAnnotation(Vector, (length, dtype))
     if not isinstance(length, int) or length < 0:
-        raise ValueError(f"expects a vector length of at least 0, but got {length!r}")
+        got = arguments.shown(length)
+        raise ValueError(f"expects a vector length of at least 0, but got {got}")
+    if length > MOST_COMPONENTS:
+        raise ValueError(f"expects a vector length of at most {MOST_COMPONENTS}, but got {length}")
     dtype = canonical_scalar(dtype)
     key = (Vector, length, dtype)
     if key not in _cache:
