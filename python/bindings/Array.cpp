@@ -304,8 +304,13 @@ static PyObject *getDtype(PyObject *self, void *) {
 }
 
 static int setDtype(PyObject *self, PyObject *value, void *) {
-  Py_XSETREF(asArray(self)->dtype, Py_NewRef(value ? value : Py_None));
-  return 0;
+  if (value == asArray(self)->dtype)
+    return 0;
+  // The size of an element and the number of its type would stay.
+  PyErr_SetString(PyExc_AttributeError,
+                  "the element type of an array cannot be set, use "
+                  "`a.view(dtype)`");
+  return -1;
 }
 
 static PyGetSetDef attributes[] = {

@@ -74,6 +74,9 @@ void python::bindErrors(py::module_ &) {
       std::rethrow_exception(pointer);
     } catch (const Error &error) {
       setPythonError(error);
+    } catch (const py::cast_error &error) {
+      // A value inside of a function that is no such number or object.
+      setPythonError(Error(Error::Kind::LaunchType, error.what()));
     }
   });
 }
