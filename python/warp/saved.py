@@ -15,19 +15,25 @@ import re
 import sys
 from pathlib import Path
 
+from warp._src.argument_kinds import BYTES as _BYTES
+from warp._src.arguments import checked as _checked
+
 # Number of NVIDIA's GPUs in the header of an ELF file.
 _GPU_MACHINE = 190
 # Characters of a kernel's name that are in that of a file.
 _LONGEST = 200
 
 
+@_checked(code=_BYTES)
 def kind_of(code: bytes) -> str:
     """`o` for an object, `cubin`, or `ptx`."""
+    code = bytes(memoryview(code))
     if not code.startswith(b"\x7fELF"):
         return "ptx"
     return "cubin" if int.from_bytes(code[18:20], "little") == _GPU_MACHINE else "o"
 
 
+@_checked()
 def read(path) -> list[dict]:
     """The variants in a file.
 
@@ -86,6 +92,7 @@ def _name(number, one) -> str:
     return f"{_component(one['kernel'])}.{number}.{one['kind']}"
 
 
+@_checked()
 def extract(path, folder) -> list[Path]:
     """Writes each variant in a file to a file of its own, in a folder that has the file's name.
 

@@ -7,6 +7,8 @@ import typing
 import warnings
 
 from warp import _native, config
+from warp._src.argument_kinds import INTEGER, TEXT, Kind
+from warp._src.arguments import explained
 from warp._src.config import LOG_WARNING
 
 
@@ -31,17 +33,29 @@ class LoggerBasic:
     """Writes to standard output, errors to standard error, and issues Python warnings."""
 
     def debug(self, message: str) -> None:
-        sys.stdout.write(message + "\n")
+        sys.stdout.write(f"{message}\n")
 
     info = debug
 
     def warning(self, message: str, category=None, stacklevel: int = 1) -> None:
-        warnings.warn(message, category, stacklevel=stacklevel + 1)
+        try:
+            warnings.warn(message, category, stacklevel=stacklevel + 1)
+        except TypeError as error:
+            kinds = {
+                "message": (TEXT, message),
+                "category": (_CATEGORY, category),
+                "stacklevel": (INTEGER, stacklevel),
+            }
+            raise explained(error, "wp.get_logger().warning", **kinds) from None
 
     def error(self, message: str) -> None:
         sys.stderr.write(f"Warp Error: {message}\n")
 
 
+_CATEGORY = Kind(
+    "a class of warnings or None",
+    lambda value: value is None or (isinstance(value, type) and issubclass(value, Warning)),
+)
 _state = {"logger": LoggerBasic()}
 
 

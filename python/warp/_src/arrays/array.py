@@ -13,6 +13,8 @@ import typing
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import DATA
+from warp._src.arguments import checked, forwarded
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate
 from warp._src.arrays.copies import assign, clone
@@ -235,12 +237,14 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         """What kind of memory backs the array."""
         return memory.memory_kind(self)
 
+    @checked()
     def to(self, device, requires_grad=None):
         """The array itself if it is on `device`, else a copy there."""
         if devices.resolve_index(device) == self.device_index:
             return self
         return clone(self, device=device, requires_grad=requires_grad)
 
+    @checked(src=DATA)
     def assign(self, src) -> None:
         """Copies from an array, an indexed one, a NumPy array or lists of the same shape.
 
@@ -345,7 +349,7 @@ class RankedArray:
         # Data has the dimensions that it has, as in NVIDIA Warp.
         if not args and kwargs.get("data") is None:
             kwargs.setdefault("ndim", self.ndim)
-        return array(*args, **kwargs)
+        return forwarded(array, *args, **kwargs)
 
     def __getitem__(self, params):
         return annotations.from_subscript(params, self.ndim)

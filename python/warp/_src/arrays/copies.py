@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT
+from warp._src.arguments import checked
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import element_type
@@ -15,6 +17,7 @@ from warp._src.devices import devices
 from warp._src.types import dtypes
 
 
+@checked(src=ARRAY)
 def empty_like(src, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None):
     """An array with shape and element type of `src` and undefined contents.
 
@@ -47,6 +50,7 @@ def _plain(source):
     return source if isinstance(source, _native.Array) else source.data
 
 
+@checked(src=ARRAY)
 def clone(src, device=None, requires_grad=None, pinned=None, retain_grad=False):
     """A contiguous copy, on the device of `src` unless another one is named."""
     result = empty_like(src, device, requires_grad, pinned, retain_grad)
@@ -75,6 +79,7 @@ def _both_packed(*arrays) -> bool:
     return all(isinstance(one, _native.Array) and one.is_contiguous for one in arrays)
 
 
+@checked(dest=ARRAY, src=ARRAY, dest_offset=COUNT, src_offset=COUNT)
 def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
     """Copies elements between arrays on any devices.
 

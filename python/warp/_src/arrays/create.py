@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warnings
 
+from warp._src.argument_kinds import ARRAY
+from warp._src.arguments import checked
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import empty_like
@@ -15,6 +17,7 @@ from warp._src.types import dtypes
 from warp._src.types.numpy_types import dtype_from_numpy
 
 
+@checked()
 def empty(
     shape=None,
     dtype=float,
@@ -66,6 +69,7 @@ def empty(
     return result
 
 
+@checked()
 def zeros(
     shape=None,
     dtype=float,
@@ -86,6 +90,7 @@ def zeros(
     return result
 
 
+@checked()
 def ones(
     shape=None,
     dtype=float,
@@ -104,6 +109,7 @@ def ones(
     )
 
 
+@checked()
 def full(
     shape=None,
     value=0,
@@ -145,6 +151,7 @@ def _type_of_value(value):
     return type(value)
 
 
+@checked(src=ARRAY)
 def zeros_like(src, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None):
     """An array of zeros with shape and element type of `src`; arguments as for `empty_like`."""
     result = empty_like(src, device, requires_grad, pinned, retain_grad, dtype)
@@ -152,11 +159,13 @@ def zeros_like(src, device=None, requires_grad=None, pinned=None, retain_grad=Fa
     return result
 
 
+@checked(src=ARRAY)
 def ones_like(src, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None):
     """An array of ones with shape and element type of `src`; arguments as for `empty_like`."""
     return full_like(src, 1, device, requires_grad, pinned, retain_grad, dtype)
 
 
+@checked(src=ARRAY)
 def full_like(
     src, value, device=None, requires_grad=None, pinned=None, retain_grad=False, dtype=None
 ):
@@ -166,6 +175,7 @@ def full_like(
     return result
 
 
+@checked()
 def from_numpy(arr, dtype=None, shape=None, device=None, requires_grad=False, retain_grad=False):
     """A copy of a NumPy array; without `dtype`, short inner dimensions become vec or mat elements.
 

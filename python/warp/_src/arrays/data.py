@@ -11,7 +11,7 @@ import ctypes
 import math
 
 from warp import _native
-from warp._src import errors
+from warp._src import arguments, errors
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.layout import bytes_of, check_shape, check_strides, type_id
@@ -19,7 +19,7 @@ from warp._src.arrays.nested import contents, from_sequence
 from warp._src.devices import devices
 from warp._src.interop import exchange
 from warp._src.types import dtypes, scalars
-from warp._src.types.composites import Composite
+from warp._src.types.composites import Composite, is_number
 from warp._src.types.numpy_types import bfloat16_bits, dtype_from_numpy, element_layout
 from warp._src.types.scalars import scalar_base
 
@@ -300,14 +300,16 @@ def element_bytes(dtype, value) -> bytes:
     Raises:
         TypeError, ValueError: `value` cannot be converted.
     """
-    shown = dtypes.type_repr(dtype)
+    wanted = dtypes.type_repr(dtype)
     if dtypes.is_struct(dtype):
-        if value == 0 and not isinstance(value, ctypes.Structure):
+        if is_number(value) and value == 0:
             return bytes(dtypes.type_size_in_bytes(dtype))
         if type(value) is not dtype:
-            raise TypeError(f"expects a '{shown}' value, but got '{dtypes.type_repr(type(value))}'")
+            raise TypeError(
+                f"expects a '{wanted}' value, but got '{dtypes.type_repr(type(value))}'"
+            )
         return contents(value)
-    if hasattr(value, "tolist") and not isinstance(value, Composite):
+    if hasattr(type(value), "tolist") and not isinstance(value, Composite):
         value = value.tolist()
     try:
         if issubclass(dtype, Composite):
@@ -316,6 +318,9 @@ def element_bytes(dtype, value) -> bytes:
         bits = scalars.BITS.get(dtype)
         return bytes(dtype._type_(bits[0](number) if bits else number))
     except TypeError:
-        raise TypeError(f"expects a '{shown}' value, but got {value!r}") from None
-    except ValueError as error:
-        raise ValueError(f"cannot make a '{shown}' of {value!r}: {error}") from None
+        got = arguments.spelled(value)
+        raise TypeError(f"expects a '{wanted}' value, but got {got}") from None
+    except (ValueError, OverflowError) as error:
+        raise ValueError(
+            f"cannot make a '{wanted}' of {arguments.spelled(value)}: {error}"
+        ) from None

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import typing
 
+from warp._src.arguments import forwarded
 from warp._src.arrays.array import array
 from warp._src.arrays.fabric_interface import Described
 from warp._src.arrays.fabric_rows import record_of, rows_record
@@ -211,7 +212,7 @@ class _Arrays:
         self.annotation = made.annotation
 
     def __call__(self, *args, **kwargs):
-        return self.made(*args, **{"ndim": 2, **kwargs})
+        return forwarded(self.made, *args, **{"ndim": 2, **kwargs})
 
     def __getitem__(self, params):
         return annotations.from_subscript(params, 2, self.annotation)

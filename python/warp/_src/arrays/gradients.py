@@ -16,6 +16,8 @@ import functools
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import FLAG
+from warp._src.arguments import checked
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import new_array
 from warp._src.arrays.layout import element_type, type_id
@@ -54,6 +56,7 @@ class ArrayGradients:
         return self._requires_grad
 
     @requires_grad.setter
+    @checked(value=FLAG)
     def requires_grad(self, value):
         if value:
             self._requires_grad = True
@@ -70,6 +73,7 @@ class ArrayGradients:
         return self._retain_grad
 
     @retain_grad.setter
+    @checked(value=FLAG)
     def retain_grad(self, value):
         if value and not self._requires_grad:
             raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")

@@ -14,6 +14,8 @@ import typing
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT, DATA, INTEGER, VALUE
+from warp._src.arguments import checked, forwarded
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
@@ -217,6 +219,7 @@ class indexedarray(ArrayArithmetic):
         """The same elements of the gradient of `data`, or None."""
         return None if not self._data.requires_grad else self.over(self._data.grad)
 
+    @checked(data=ARRAY)
     def over(self, data):
         """The same elements of another array."""
         return indexedarray(data, self._indices[: data.ndim])
@@ -255,6 +258,7 @@ class indexedarray(ArrayArithmetic):
     def _check_writable(self, what=None) -> None:
         self._data._check_writable(what)
 
+    @checked(offset=INTEGER, count=COUNT)
     def part(self, offset, count, name):
         """Elements offset .. offset+count of one dimension; `name` is for messages.
 
@@ -287,12 +291,14 @@ class indexedarray(ArrayArithmetic):
         with Observing(tape=None):
             return clone(self, requires_grad=False)
 
+    @checked()
     def to(self, device, requires_grad=None):
         """The indexed array itself if it is on `device`, else an array of its elements there."""
         if devices.resolve_index(device) == self.device_index:
             return self
         return clone(self, device=device, requires_grad=requires_grad)
 
+    @checked(src=DATA)
     def assign(self, src) -> None:
         """Copies from an array, an indexed array, a NumPy array or lists of the same shape."""
         assign(self, src)
@@ -301,6 +307,7 @@ class indexedarray(ArrayArithmetic):
         """Sets all bytes of the elements to zero."""
         self._fill(bytes(self.item_size))
 
+    @checked(value=VALUE)
     def fill_(self, value) -> None:
         """Sets every element to `value`: a number, or what the element type can be made from.
 
@@ -405,7 +412,7 @@ class RankedIndexedArray:
 
     def __call__(self, *args, **kwargs):
         kwargs.setdefault("ndim", self.ndim)
-        return indexedarray(*args, **kwargs)
+        return forwarded(indexedarray, *args, **kwargs)
 
     def __getitem__(self, params):
         return annotations.from_subscript(params, self.ndim, IndexedArrayType)

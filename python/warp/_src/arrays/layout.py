@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import operator
 
 from warp import _native
 from warp._src import errors
+from warp._src.arguments import shown, spelled
 from warp._src.types import dtypes
 
 MAX_EXTENT = 2**31 - 1
+MAX_RANK = 4
 
 
 def bytes_spanned(array) -> int:
@@ -43,13 +46,18 @@ def check_shape(shape) -> tuple:
     try:
         extents = (operator.index(shape),)
     except TypeError:
-        extents = tuple(shape)
-    if not 1 <= len(extents) <= 4:
-        raise ValueError(f"expects 1 to 4 dimensions, but got {len(extents)}")
+        try:
+            # One more than an array may have, of what may have no end.
+            extents = tuple(itertools.islice(shape, MAX_RANK + 1))
+        except TypeError:
+            raise TypeError(f"expects integers as extents, but got {shown(shape)}") from None
+    if not 1 <= len(extents) <= MAX_RANK:
+        got = len(shape) if hasattr(shape, "__len__") else "more"
+        raise ValueError(f"expects 1 to 4 dimensions, but got {got}")
     try:
-        extents = tuple(extent.__index__() for extent in extents)
-    except AttributeError:
-        raise TypeError(f"expects integers as extents, but got {shape!r}") from None
+        extents = tuple(map(operator.index, extents))
+    except TypeError:
+        raise TypeError(f"expects integers as extents, but got {spelled(shape)}") from None
     for axis, extent in enumerate(extents):
         if extent < 0:
             raise errors.WarpShapeError(

@@ -7,15 +7,39 @@ because an index out of bounds is a mistake more often than a wish.
 
 from __future__ import annotations
 
+import itertools
 import math
+import operator
 
 from warp._src import errors
+from warp._src.argument_kinds import AXES
+from warp._src.arguments import checked, shown
 from warp._src.arrays import hooks
 from warp._src.arrays.allocation import new_array
 from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.layout import check_shape, element_type, type_id
 from warp._src.types import dtypes
+
+
+def _extents(shape) -> list:
+    """A shape that `reshape` is given as a list of integers.
+
+    Raises:
+        TypeError: it is none.
+    """
+    try:
+        if not isinstance(shape, (tuple, list)):
+            return [operator.index(shape)]
+    except TypeError:
+        pass
+    try:
+        # One more than an array may have, of what may have no end.
+        return [operator.index(extent) for extent in itertools.islice(shape, 5)]
+    except TypeError:
+        raise TypeError(
+            f"reshape() expects an integer or a list of integers as `shape`, but got {shown(shape)}"
+        ) from None
 
 
 class ArrayViews:
@@ -106,12 +130,14 @@ class ArrayViews:
                 offset += start * stride
                 shape.append(count)
                 strides.append(stride * step)
-            elif hasattr(index, "__index__"):
-                offset += _resolve_index(index.__index__(), extent, axis) * stride
             else:
-                raise TypeError(
-                    f"expects integers and slices as indices, but got '{type(index).__name__}'"
-                )
+                try:
+                    index = operator.index(index)
+                except TypeError:
+                    raise TypeError(
+                        f"expects integers and slices as indices, but got '{type(index).__name__}'"
+                    ) from None
+                offset += _resolve_index(index, extent, axis) * stride
         return offset, shape, strides
 
     def flatten(self):
@@ -124,7 +150,7 @@ class ArrayViews:
         Raises:
             ValueError: the number of elements differs, or the array is not contiguous.
         """
-        extents = [shape] if hasattr(shape, "__index__") else list(shape)
+        extents = _extents(shape)
         if extents.count(-1) == 1:
             rest = math.prod(extent for extent in extents if extent != -1)
             if rest and self.size % rest == 0:
@@ -146,9 +172,12 @@ class ArrayViews:
         view = self._view(0, extents, strides)
         return self._with_grad(view, lambda grad: grad.reshape(tuple(extents)))
 
+    @checked(axes=AXES)
     def transpose(self, axes=None):
         """A view with dimensions in another order, by default reversed."""
-        order = tuple(reversed(range(self.ndim))) if axes is None else tuple(axes)
+        order = (
+            tuple(reversed(range(self.ndim))) if axes is None else tuple(itertools.islice(axes, 5))
+        )
         if sorted(order) != list(range(self.ndim)):
             raise errors.WarpShapeError(
                 f"expects a permutation of {tuple(range(self.ndim))} as axes, but got {order}"

@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 
 from warp._native import Region
 from warp._src import errors
+from warp._src.argument_kinds import ARRAYS, CALLABLE, COUNT
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.arrays.versions import Event, Memory, event
@@ -15,6 +17,7 @@ from warp._src.derivatives.tape import Tape
 from warp._src.kernels.call import Call
 
 
+@checked(step=CALLABLE, steps=COUNT, state=ARRAYS, snapshots=COUNT)
 def checkpoint(
     step: Callable[[int], None], steps: int, state: Sequence[array], snapshots: int
 ) -> None:

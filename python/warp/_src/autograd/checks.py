@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy
 
 from warp._src import errors
+from warp._src.argument_kinds import CALLABLE, DICT, INTEGER, LIST, NAMES, NUMBER, TAPE
+from warp._src.arguments import checked
 from warp._src.autograd.evaluation import Evaluation
 from warp._src.autograd.jacobians import difference_columns, reverse_rows
 from warp._src.derivatives.tape_records import LaunchRecord
@@ -14,6 +16,15 @@ from warp._src.devices.devices import by_index
 from warp._src.kernels.kernel import Kernel
 
 
+@checked(
+    function=CALLABLE,
+    inputs=LIST,
+    outputs=LIST,
+    rtol=NUMBER,
+    max_blocks=INTEGER,
+    max_inputs_per_var=INTEGER,
+    max_outputs_per_var=INTEGER,
+)
 def gradcheck(
     function: Kernel | Callable,
     dim=None,
@@ -128,6 +139,16 @@ def _plot(problem, computed, central, absolute, relative) -> None:
         show_matrices(differences, names, f"{title} absolute error")
 
 
+@checked(
+    tape=TAPE,
+    rtol=NUMBER,
+    input_output_masks=DICT,
+    blacklist_kernels=NAMES,
+    whitelist_kernels=NAMES,
+    max_inputs_per_var=INTEGER,
+    max_outputs_per_var=INTEGER,
+    skip_to_launch_index=INTEGER,
+)
 def gradcheck_tape(
     tape,
     *,

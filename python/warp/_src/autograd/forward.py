@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
+from warp._src.argument_kinds import CALLABLE, LIST
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.casts import casted
 from warp._src.arrays.copies import clone, copy
@@ -16,6 +18,7 @@ from warp._src.autograd.tangents import Tangents, chunks
 from warp._src.derivatives.tape import Tape
 
 
+@checked(function=CALLABLE, inputs=LIST, tangents=LIST)
 def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | list[array]:
     """The derivative of a function along a direction, or along several, by forward mode.
 
@@ -76,6 +79,7 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
     return made if isinstance(result, (list, tuple)) else made[0]
 
 
+@checked(function=CALLABLE, inputs=LIST, vectors=LIST)
 def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list[array]:
     """The Hessian of a function times a vector, or several, by forward mode over reverse mode.
 
@@ -128,6 +132,7 @@ def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list
     return made[0] if len(made) == 1 else made
 
 
+@checked(function=CALLABLE, inputs=LIST)
 def hessian(function: Callable, inputs: Sequence) -> dict[tuple[int, int], array]:
     """All second derivatives of a function, by forward mode over reverse mode.
 

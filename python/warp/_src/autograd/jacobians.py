@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy
 
+from warp._src.argument_kinds import CALLABLE, INTEGER, LIST, TEXT
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.create import zeros_like
 from warp._src.arrays.gradients import gradient_type
@@ -24,6 +26,14 @@ from warp._src.kernels.kernel import Kernel
 from warp._src.types.numpy_types import element_layout
 
 
+@checked(
+    function=CALLABLE,
+    inputs=LIST,
+    outputs=LIST,
+    max_blocks=INTEGER,
+    max_outputs_per_var=INTEGER,
+    mode=TEXT,
+)
 def jacobian(
     function: Kernel | Callable,
     dim=None,
@@ -76,6 +86,9 @@ def jacobian(
     return result
 
 
+@checked(
+    function=CALLABLE, inputs=LIST, outputs=LIST, max_blocks=INTEGER, max_inputs_per_var=INTEGER
+)
 def jacobian_fd(
     function: Kernel | Callable,
     dim=None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from warp._src.argument_kinds import LIST
+from warp._src.arguments import checked
 from warp._src.kernels.kernel import Kernel
 
 NAMES = (
@@ -14,6 +16,7 @@ NAMES = (
 )
 
 
+@checked(inputs=LIST)
 def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
     """What the adjoint of a kernel costs.
 

@@ -6,11 +6,16 @@ import inspect
 
 import numpy
 
+from warp._src.argument_kinds import CALLABLE, DICT, LIST, TEXT, instance
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.autograd.evaluation import FunctionMetadata
 from warp._src.kernels.kernel import Kernel
 
+_METADATA = instance(FunctionMetadata, "FunctionMetadata")
 
+
+@checked(jacobians=DICT, kernel=CALLABLE | _METADATA, inputs=LIST, colormap=TEXT)
 def jacobian_plot(
     jacobians: dict[tuple[int, int], array],
     kernel,

@@ -6,6 +6,21 @@ import weakref
 
 from warp import _native, config
 from warp._src import errors
+from warp._src.argument_kinds import (
+    ARRAY,
+    ARRAYS,
+    CALLABLE,
+    COUNT,
+    DICT,
+    DIM,
+    FLAG,
+    INTEGER,
+    LIST,
+    NAMES,
+    TEXT,
+    named,
+)
+from warp._src.arguments import checked, explained
 from warp._src.arrays import lending
 from warp._src.arrays.array import array
 from warp._src.arrays.kept import Budget
@@ -16,6 +31,9 @@ from warp._src.derivatives.tape_records import CopyRecord, FillRecord, FunctionR
 from warp._src.devices.devices import resolve_index
 from warp._src.kernels.call import Call
 from warp._src.types.structs import StructInstance
+
+_CALL = named("a launch that is to be recorded", "Call")
+_RECORD = named("what `begin_launch` gave", "LaunchRecord")
 
 
 class Tape(_native.Scope):
@@ -49,6 +67,7 @@ class Tape(_native.Scope):
         scopes: (number of records before, name or None at the end, metadata) of each scope's ends.
     """
 
+    @checked(preserve=TEXT, max_bytes=COUNT)
     def __init__(self, preserve: str = "auto", max_bytes: int | None = None):
         if preserve not in ("auto", "never"):
             raise ValueError(f"preserve expects 'auto' or 'never', but got {preserve!r}")
@@ -100,25 +119,55 @@ class Tape(_native.Scope):
         return self._records, self._budget
 
     def begin_launch(self, call: Call) -> LaunchRecord:
-        """Called before a launch that is to be recorded."""
-        return LaunchRecord(call.settled(), self._budget)
+        """Called before a launch that is to be recorded.
+
+        Raises:
+            TypeError: `call` is none.
+        """
+        try:
+            return LaunchRecord(call.settled(), self._budget)
+        except AttributeError as error:
+            raise explained(error, "wp.Tape.begin_launch", call=(_CALL, call)) from None
 
     def end_launch(self, record: LaunchRecord) -> None:
-        """Called after it."""
+        """Called after it.
+
+        Raises:
+            TypeError: `record` is not what `begin_launch` gave.
+        """
         Observers.retain(self)
-        record.observe()
+        try:
+            record.observe()
+        except AttributeError as error:
+            raise explained(error, "wp.Tape.end_launch", record=(_RECORD, record)) from None
         self._add(record)
 
     def add_copy(self, dest, src, place) -> None:
-        """Called after a copy."""
-        if dest.requires_grad:
-            self._add(CopyRecord(dest, src, place))
+        """Called after a copy.
+
+        Raises:
+            TypeError: `dest` or `src` is no array.
+        """
+        try:
+            if dest.requires_grad:
+                self._add(CopyRecord(dest, src, place))
+        except AttributeError as error:
+            given = {"dest": (ARRAY, dest), "src": (ARRAY, src)}
+            raise explained(error, "wp.Tape.add_copy", **given) from None
 
     def add_fill(self, target, place) -> None:
-        """Called after `fill_` and `zero_`."""
-        if target.requires_grad:
-            self._add(FillRecord(target, place))
+        """Called after `fill_` and `zero_`.
 
+        Raises:
+            TypeError: `target` is no array.
+        """
+        try:
+            if target.requires_grad:
+                self._add(FillRecord(target, place))
+        except AttributeError as error:
+            raise explained(error, "wp.Tape.add_fill", target=(ARRAY, target)) from None
+
+    @checked(dim=DIM, inputs=LIST, outputs=LIST, max_blocks=INTEGER, metadata=DICT)
     def record_launch(
         self,
         kernel,
@@ -130,12 +179,22 @@ class Tape(_native.Scope):
         block_dim=0,
         metadata=None,
     ) -> None:
-        """Records a launch without running it."""
+        """Records a launch without running it.
+
+        Raises:
+            WarpLaunchTypeError: there are more or fewer arguments than parameters.
+        """
         values = (*inputs, *outputs)
+        if len(values) != kernel.func.__code__.co_argcount:
+            raise errors.WarpLaunchTypeError(
+                f"record_launch('{kernel.key}'): expects {kernel.func.__code__.co_argcount} "
+                f"arguments, but got {len(values)}"
+            )
         native = kernel.specialize(values) if kernel.is_generic else kernel.prepare()
         call = Call(kernel, native, dim, values, resolve_index(device), None, block_dim)
         self.end_launch(self.begin_launch(call))
 
+    @checked(backward=CALLABLE, arrays=ARRAYS)
     def record_func(self, backward, arrays) -> None:
         """Records a function that is called in the backward pass.
 
@@ -146,6 +205,7 @@ class Tape(_native.Scope):
         """
         self._add(FunctionRecord(backward, arrays, event("function")))
 
+    @checked(scope_name=TEXT, metadata=DICT)
     def record_scope_begin(self, scope_name, metadata=None) -> None:
         """Begins a named group of records, shown by `visualize`. Groups nest."""
         self.scopes.append((len(self._records), scope_name, metadata or {}))
@@ -180,6 +240,7 @@ class Tape(_native.Scope):
 
     # Gradients.
 
+    @checked(loss=ARRAY, grads=DICT)
     def backward(self, loss=None, grads=None, check_finite: bool = False) -> None:
         """Runs the records in reverse; gradients are added to those that are there.
 
@@ -281,12 +342,14 @@ class Tape(_native.Scope):
         return found
 
     @gradients.setter
+    @checked(value=DICT)
     def gradients(self, value) -> None:
         # Programs forget what a tape knew that they have reset.
         if value:
             raise AttributeError("gradients of a tape are those of its arrays: set `array.grad`")
         self._former = []
 
+    @checked()
     def get_adjoint(self, a):
         """The gradient of an array or, with its arrays replaced by theirs, of a struct.
 
@@ -298,6 +361,18 @@ class Tape(_native.Scope):
             return cotangents.gradient_struct(a)
         return a
 
+    @checked(
+        array_labels=DICT,
+        track_inputs=ARRAYS,
+        track_outputs=ARRAYS,
+        track_input_names=NAMES,
+        track_output_names=NAMES,
+        graph_direction=TEXT,
+        simplify_graph=FLAG,
+        hide_readonly_arrays=FLAG,
+        choose_longest_node_name=FLAG,
+        ignore_graph_scopes=FLAG,
+    )
     def visualize(
         self,
         filename: str | None = None,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import typing
 
 from warp import _native
+from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.devices.builtin_allocators import custom_allocators
 from warp._src.devices.call_sites import call_site
@@ -117,6 +118,7 @@ def _check(allocator) -> None:
             )
 
 
+@checked()
 def set_device_allocator(device, allocator: Allocator | None) -> None:
     """Lets an allocator serve the arrays of a CUDA device; None goes back to the built-in one.
 
@@ -156,6 +158,7 @@ def set_cuda_allocator(allocator: Allocator | None) -> None:
 class ScopedAllocator(_native.Scope):
     """Lets an allocator serve the arrays of a device for a block."""
 
+    @checked()
     def __init__(self, device, allocator: Allocator | None):
         self.device = devices.get_device(device)
         if not self.device.is_cuda:

@@ -12,6 +12,8 @@ import threading
 import typing
 
 from warp import _native, config
+from warp._src.argument_kinds import DEVICE, EVENT, INTEGER, STREAM
+from warp._src.arguments import checked
 from warp._src.devices.builtin_allocators import custom_allocators, get_builtin_allocator
 from warp._src.forks import shared_lock
 from warp._src.version import VERSION
@@ -22,6 +24,7 @@ CPU = -1
 class Device:
     """A place where kernels run and arrays live. Made by `get_device`, compared by identity."""
 
+    @checked(index=INTEGER)
     def __init__(self, index: int, alias: str | None = None):
         self.index = index
         self.alias = alias or ("cpu" if index == CPU else f"cuda:{index}")
@@ -82,6 +85,7 @@ class Device:
         """The allocator of pinned arrays of the CPU; that of the device itself on a GPU."""
         return get_builtin_allocator(self.index, self.is_cpu)
 
+    @checked()
     def get_allocator(self, pinned: bool = False):
         """What gives new arrays memory; `pinned` asks for that of pinned ones of the CPU."""
         builtin = get_builtin_allocator(self.index, pinned and self.is_cpu)
@@ -162,6 +166,7 @@ class Device:
         return _native.current_stream(self.index)
 
     @stream.setter
+    @checked(stream=STREAM)
     def stream(self, stream):
         set_stream(stream, self)
 
@@ -180,6 +185,7 @@ class Device:
         """The current stream; None for the CPU."""
         return self.stream
 
+    @checked()
     def set_stream(self, stream, sync=True):
         """Makes `stream` the current one."""
         set_stream(stream, self, sync)
@@ -357,6 +363,7 @@ def map_cuda_device(alias: str, context: int | None = None) -> Device:
     return device
 
 
+@checked()
 def unmap_cuda_device(alias: str) -> None:
     """Takes a name that `map_cuda_device` gave back.
 
@@ -384,16 +391,24 @@ def get_device(ident: DeviceLike = None) -> Device:
     """
     if isinstance(ident, Device):
         return ident
-    if ident == "cpu":
+    if isinstance(ident, str) and ident == "cpu":
+        return _cpu
+    if ident is None:
+        initialize()
+        return _own.device or _state["default"]
+    try:
+        # Other libraries have devices of their own.
+        name = ident if isinstance(ident, str) else str(ident)
+    except Exception:
+        name = type(ident).__name__
+    if name == "cpu":
         return _cpu
     initialize()
-    if ident is None:
-        return _own.device or _state["default"]
-    if ident == "cuda" and _cuda:
+    if name == "cuda" and _cuda:
         return _first_cuda()
-    index = index_of.get(ident if isinstance(ident, str) else str(ident))
+    index = index_of.get(name)
     if index is None:
-        raise ValueError(_unknown_device(ident))
+        raise ValueError(_unknown_device(name if len(name) < 100 else type(ident).__name__))
     return by_index(index)
 
 
@@ -451,6 +466,7 @@ def get_cuda_device_count() -> int:
     return len(_cuda)
 
 
+@checked(ordinal=INTEGER)
 def get_cuda_device(ordinal: int | None = None) -> Device:
     """The CUDA device of a number, or the current one.
 
@@ -476,6 +492,7 @@ def get_stream(device: DeviceLike = None):
     return _cuda_device(device).stream
 
 
+@checked()
 def set_stream(stream, device: DeviceLike = None, sync: bool = False) -> None:
     """Makes a stream the current one of its device; `sync` lets it wait for the former one."""
     if device is None:
@@ -503,6 +520,7 @@ def synchronize_device(device: DeviceLike = None) -> None:
     _native.synchronize_device(resolve_index(device))
 
 
+@checked(stream_or_device=STREAM | DEVICE)
 def synchronize_stream(stream_or_device=None) -> None:
     """Waits for one stream, or for the current stream of a device."""
     if isinstance(stream_or_device, _native.Stream):
@@ -513,6 +531,7 @@ def synchronize_stream(stream_or_device=None) -> None:
         stream.synchronize()
 
 
+@checked(event=EVENT)
 def synchronize_event(event) -> None:
     """Waits until the work before an event has been done."""
     event.synchronize()

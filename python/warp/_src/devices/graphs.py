@@ -13,6 +13,8 @@ import threading
 
 from warp import _native, config
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, GRAPH, NATIVE_GRAPH, NONE, STREAM
+from warp._src.arguments import checked, explained
 from warp._src.arrays import hooks
 from warp._src.arrays.array import array
 from warp._src.arrays.hooks import captures as _captures
@@ -49,6 +51,7 @@ class Graph:
         params: for each named array of a loaded graph `{"size": bytes}`.
     """
 
+    @checked(native=NATIVE_GRAPH)
     def __init__(self, native):
         self.native = native
         self.device = devices.by_index(native.device_index)
@@ -75,6 +78,7 @@ class Graph:
             return {}
         return {name: {"size": size} for name, size in self.native.sizes.items()}
 
+    @checked(arr=ARRAY)
     def set_param(self, name: str, arr) -> None:
         """Copies a contiguous array into the graph's array of a name.
 
@@ -88,10 +92,12 @@ class Graph:
         """
         self._transfer("set", name, arr)
 
+    @checked(arr=ARRAY)
     def get_param(self, name: str, arr) -> None:
         """Copies the graph's array of a name into a contiguous array; errors as `set_param`."""
         self._transfer("get", name, arr)
 
+    @checked()
     def get_param_ptr(self, name: str) -> int | None:
         """Address of the graph's array of a name, None if it has none.
 
@@ -156,6 +162,7 @@ def _place(device, stream):
     return device, stream, _key(device, stream)
 
 
+@checked()
 def capture_begin(
     device=None,
     stream=None,
@@ -195,6 +202,7 @@ def _check_free(device, key) -> None:
         raise errors.WarpError(f"a graph is being captured on '{device}' already")
 
 
+@checked()
 def capture_end(device=None, stream=None) -> Graph:
     """Ends the recording and returns the graph.
 
@@ -245,9 +253,13 @@ def capture_launch(graph, stream=None) -> None:
             "a graph cannot be recorded on a tape: capture the backward pass with the rest, or "
             "launch the graph outside of the tape's block"
         )
-    graph.native.launch(stream)
+    try:
+        graph.native.launch(stream)
+    except TypeError as error:
+        raise explained(error, "wp.capture_launch", stream=(STREAM | NONE, stream)) from None
 
 
+@checked(graph=GRAPH)
 def capture_debug_dot_print(graph, path, verbose=True) -> None:
     """Writes a graph as a Graphviz file."""
     graph.native.write_dot(str(path), verbose)
@@ -272,6 +284,7 @@ class ScopedCapture(_native.Scope):
         >>> wp.capture_launch(capture.graph)
     """
 
+    @checked()
     def __init__(
         self,
         device=None,
@@ -360,6 +373,7 @@ class _Body(_native.Scope):
         self.depth = None
 
 
+@checked(condition=ARRAY)
 def capture_if(condition, on_true=None, on_false=None, stream=None, **kwargs) -> None:
     """Runs one of two functions or graphs, by the value of an array of one int32.
 
@@ -387,6 +401,7 @@ def capture_if(condition, on_true=None, on_false=None, stream=None, **kwargs) ->
             _run(body, stream, kwargs)
 
 
+@checked(condition=ARRAY)
 def capture_while(condition, while_body, stream=None, **kwargs) -> None:
     """Runs a function or graph as long as an array of one int32 is not zero.
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import enum
 
 from warp import _native
+from warp._src.argument_kinds import ARRAY, DEVICE, NUMBER
+from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.devices.devices import get_device, resolve_index
 
@@ -42,6 +44,7 @@ def is_mempool_enabled(device) -> bool:
     return get_device(device).is_mempool_enabled
 
 
+@checked()
 def set_mempool_enabled(device, enable: bool) -> None:
     """Lets new arrays of a device come from its pool, or not.
 
@@ -56,6 +59,7 @@ def set_mempool_enabled(device, enable: bool) -> None:
     _native.set_pool_enabled(device.index, bool(enable))
 
 
+@checked(threshold=NUMBER)
 def set_mempool_release_threshold(device, threshold: int | float) -> None:
     """Sets how much freed memory the pool keeps.
 
@@ -103,6 +107,7 @@ def is_peer_access_enabled(target_device, peer_device) -> bool:
     return _native.is_peer_access_enabled(target.index, peer.index)
 
 
+@checked()
 def set_peer_access_enabled(target_device, peer_device, enable: bool) -> None:
     """Lets `peer_device` reach memory of `target_device` that comes from no pool, or not.
 
@@ -132,6 +137,7 @@ def is_mempool_access_enabled(target_device, peer_device) -> bool:
     return _native.is_pool_access_enabled(target.index, peer.index)
 
 
+@checked()
 def set_mempool_access_enabled(target_device, peer_device, enable: bool) -> None:
     """Lets `peer_device` reach the memory pool of `target_device`, or not.
 
@@ -147,6 +153,7 @@ def set_mempool_access_enabled(target_device, peer_device, enable: bool) -> None
     _native.set_pool_access_enabled(target.index, peer.index, bool(enable))
 
 
+@checked(resource=ARRAY | DEVICE)
 def can_access(device, resource) -> bool:
     """Whether kernels on a device can use an array.
 
@@ -178,6 +185,7 @@ def memory_kind(array) -> MemoryKind:
 class ScopedMempool(_native.Scope):
     """Lets new arrays of a device come from its pool, or not, for a block."""
 
+    @checked()
     def __init__(self, device, enable: bool):
         self.device, self.enable = get_device(device), enable
 
@@ -196,6 +204,7 @@ class ScopedMempool(_native.Scope):
 class ScopedMempoolAccess(_native.Scope):
     """Gives a device access to the memory pool of another one for a block, or takes it."""
 
+    @checked()
     def __init__(self, target_device, peer_device, enable: bool):
         self.devices, self.enable = (target_device, peer_device), enable
 
@@ -214,6 +223,7 @@ class ScopedMempoolAccess(_native.Scope):
 class ScopedPeerAccess(_native.Scope):
     """Gives a device access to the plain memory of another one for a block, or takes it."""
 
+    @checked()
     def __init__(self, target_device, peer_device, enable: bool):
         self.devices, self.enable = (target_device, peer_device), enable
 

@@ -10,6 +10,8 @@ import sys
 
 from warp import _native
 from warp._src import config as settings
+from warp._src.argument_kinds import TEXT
+from warp._src.arguments import checked
 from warp._src.devices import allocators
 from warp._src.devices.call_sites import scopes
 
@@ -43,6 +45,7 @@ class ScopedMemoryTracker(_native.Scope):
         report_func: called with the text instead of printing it.
     """
 
+    @checked()
     def __init__(self, name="root", active=True, print=True, report_func=None):
         self.name = name
         self.active = active
@@ -73,6 +76,7 @@ class ScopedMemoryTracker(_native.Scope):
             _update()
         self._outer = None
 
+    @checked(sort=TEXT)
     def report(self, file=None, sort="size", max_items=10):
         """Prints what is allocated now; `sort` is "size" or "chronological"."""
         text = report_text(sort, max_items)
@@ -86,6 +90,7 @@ class ScopedMemoryTracker(_native.Scope):
         _native.tracker_clear()
 
 
+@checked(sort=TEXT)
 def print_memory_report(file=None, sort="size", max_items=10) -> None:
     """Prints what is allocated now.
 

@@ -12,6 +12,8 @@ from collections.abc import Mapping
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import BYTES, DICT, GRAPH
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices.devices import get_device
 from warp._src.devices.graphs import Graph
@@ -47,6 +49,7 @@ def _named(graph, inputs, outputs) -> dict:
     return named
 
 
+@checked(graph=GRAPH, inputs=DICT, outputs=DICT)
 def capture_save(graph, path, inputs=None, outputs=None, source_fallback=False) -> None:
     """Saves a graph to a file, with the code of its kernels in a folder beside it.
 
@@ -93,6 +96,7 @@ def capture_save(graph, path, inputs=None, outputs=None, source_fallback=False) 
     _native.save_graph(graph.native, path, named)
 
 
+@checked()
 def capture_load(path, device=None, memory_limit=None) -> Graph:
     """Loads a graph that `capture_save` wrote.
 
@@ -130,6 +134,7 @@ def _checked_limit(limit) -> int:
     return int(limit)
 
 
+@checked(data=BYTES, modules=DICT)
 def capture_load_from_bytes(data, modules=None, device=None, memory_limit=None) -> Graph:
     """Loads a graph from the contents of the files that `capture_save` wrote.
 

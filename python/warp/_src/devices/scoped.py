@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 
 from warp import _native
+from warp._src.argument_kinds import DICT
+from warp._src.arguments import checked
 from warp._src.arrays.observers import Observers
 from warp._src.devices import devices
 
@@ -41,6 +43,7 @@ class ScopedTimer(_native.Scope):
     _indent = _profile = _range = None
     _replaced: tuple = ()
 
+    @checked(dict=DICT)
     def __init__(
         self,
         name,
@@ -185,6 +188,7 @@ class ScopedDevice(_native.Scope):
 class ScopedStream(_native.Scope):
     """Makes a stream the current one of its device for a block; None changes nothing."""
 
+    @checked()
     def __init__(self, stream, sync_enter=True, sync_exit=False):
         self.stream = stream
         self.sync_enter = sync_enter

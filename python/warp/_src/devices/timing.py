@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 
 from warp import _native
+from warp._src.argument_kinds import INTEGER, TEXT, TIMINGS
+from warp._src.arguments import checked
 from warp._src.arrays.observers import Observers
 from warp._src.devices import devices
 from warp._src.devices.streams import Event, get_event_elapsed_time
@@ -51,6 +53,7 @@ class _Timer:
         return None
 
 
+@checked(cuda_filter=INTEGER)
 def timing_begin(cuda_filter: int = TIMING_ALL, synchronize: bool = True) -> None:
     """Begins to time launches, copies and fills on CUDA devices; backward passes are not seen.
 
@@ -69,6 +72,7 @@ def timing_begin(cuda_filter: int = TIMING_ALL, synchronize: bool = True) -> Non
         raise
 
 
+@checked()
 def timing_end(synchronize: bool = True) -> list[TimingResult]:
     """Ends it, and returns what was found in its order; nothing if nothing was begun.
 
@@ -85,6 +89,7 @@ def timing_end(synchronize: bool = True) -> list[TimingResult]:
     ]
 
 
+@checked(results=TIMINGS, indent=TEXT)
 def timing_print(results: list[TimingResult], indent: str = "") -> None:
     """Prints activities, and their sums by name and by device."""
     if not results:

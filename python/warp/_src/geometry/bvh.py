@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, INTEGER, TEXT
+from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
@@ -139,6 +141,7 @@ class Bvh(Hierarchical):
         0
     """
 
+    @checked(lowers=ARRAY, uppers=ARRAY, constructor=TEXT, groups=ARRAY, leaf_size=INTEGER)
     def __init__(self, lowers, uppers, constructor=None, groups=None, leaf_size=1):
         check_array(lowers, "lower corners", dtypes.vec3f)
         check_array(uppers, "upper corners", dtypes.vec3f, lowers.device)
@@ -212,6 +215,7 @@ class Bvh(Hierarchical):
             )
         (self._built or self._kernels or self._native).refit(self.lowers, self.uppers)
 
+    @checked(constructor=TEXT)
     def rebuild(self, constructor=None):
         """Builds the hierarchy again, for boxes that moved far.
 

@@ -6,6 +6,8 @@ import operator
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT, INTEGER, POSITIVE
+from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.geometry.bvh import check_groups
 from warp._src.types import dtypes
@@ -37,6 +39,7 @@ class HashGrid:
         >>> grid.build(wp.zeros(100, dtype=wp.vec3, device="cpu"), radius=0.1)
     """
 
+    @checked(dim_x=INTEGER, dim_y=INTEGER, dim_z=INTEGER)
     def __init__(self, dim_x, dim_y, dim_z, device=None, dtype=None):
         dtype = float32 if dtype is None else dtypes.canonical(dtype)
         if dtype not in _POINTS:
@@ -75,6 +78,7 @@ class HashGrid:
         """Points of the last build that are NaN, and in no cell."""
         return self._native.skipped
 
+    @checked(points=ARRAY, radius=POSITIVE, groups=ARRAY)
     def build(self, points, radius, groups=None):
         """Sorts points into cells, in place of those of the last build.
 
@@ -117,6 +121,7 @@ class HashGrid:
         self._groups = groups
         self.reserved = True
 
+    @checked(num_points=COUNT)
     def reserve(self, num_points, with_groups=False):
         """Makes room for a number of points before they are built.
 

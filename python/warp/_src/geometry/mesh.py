@@ -6,6 +6,8 @@ import numbers
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, TEXT
+from warp._src.arguments import checked
 from warp._src.derivatives.handles import Behind
 from warp._src.devices import devices
 from warp._src.forks import shared_lock
@@ -78,6 +80,15 @@ class Mesh(Hierarchical, Behind):
         1
     """
 
+    @checked(
+        points=ARRAY,
+        indices=ARRAY,
+        velocities=ARRAY,
+        support_winding_number=FLAG,
+        bvh_constructor=TEXT,
+        bvh_leaf_size=INTEGER,
+        groups=ARRAY,
+    )
     def __init__(
         self,
         points,
@@ -149,6 +160,7 @@ class Mesh(Hierarchical, Behind):
         return self._points
 
     @points.setter
+    @checked(points=ARRAY)
     def points(self, points):
         check_array(points, "points", dtypes.vec3f, self.device)
         if points.size != self._points.size:
@@ -164,6 +176,7 @@ class Mesh(Hierarchical, Behind):
         return self._velocities
 
     @velocities.setter
+    @checked(velocities=ARRAY)
     def velocities(self, velocities):
         self._check_velocities(velocities, self._points)
         self._velocities = velocities
@@ -255,6 +268,7 @@ class Mesh(Hierarchical, Behind):
         arrays = (self._points, self._velocities, self.indices)
         return [getattr(array, "ptr", None) for array in arrays]
 
+    @checked(bvh_constructor=TEXT)
     def rebuild(self, bvh_constructor=None):
         """Builds the hierarchy again, for positions that changed a lot.
 

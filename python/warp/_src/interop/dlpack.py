@@ -6,12 +6,15 @@ import ctypes
 import sys
 
 from warp import _native
+from warp._src.argument_kinds import DLPACK, TYPE
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices import devices
 from warp._src.interop import exchange, torch_functions
 from warp._src.interop.dlpack_export import CODES, CPU, CUDA, CUDA_HOST, CUDA_MANAGED, READ_ONLY
 
 
+@checked(wp_array=DLPACK)
 def to_dlpack(wp_array):
     """A DLPack capsule over an array's memory, for consumers that want no object.
 
@@ -24,6 +27,7 @@ def to_dlpack(wp_array):
     return wp_array.__dlpack__()
 
 
+@checked(source=DLPACK, dtype=TYPE)
 def from_dlpack(source, dtype=None, hint=None):
     """An array over the memory of another library's array or tensor; nothing is copied.
 

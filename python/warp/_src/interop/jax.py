@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 
+from warp._src.argument_kinds import ARRAY, DLPACK
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import clone
 from warp._src.devices import devices
@@ -90,6 +92,7 @@ def device_from_jax(jax_device):
     return devices.get_device(f"cuda:{jax_device.local_hardware_id}")
 
 
+@checked(warp_array=ARRAY)
 def to_jax(warp_array):
     """A JAX array over the memory of an array.
 
@@ -123,6 +126,7 @@ def _is_compact(a) -> bool:
     return True
 
 
+@checked(jax_array=DLPACK)
 def from_jax(jax_array, dtype=None):
     """An array over the memory of a JAX array; nothing is copied.
 

@@ -6,6 +6,17 @@ import collections
 import enum
 import types
 
+from warp._src.argument_kinds import (
+    CALLABLE,
+    COUNT,
+    DICT,
+    DIM,
+    GRAPH_MODE,
+    JAX_CALLABLE,
+    NAMES,
+    TEXT,
+)
+from warp._src.arguments import checked
 from warp._src.arrays.copies import copy
 from warp._src.arrays.create import empty
 from warp._src.devices import devices
@@ -45,6 +56,16 @@ class JaxModulePreloadMode(enum.IntEnum):
     """On all devices."""
 
 
+@checked(
+    func=CALLABLE,
+    num_outputs=COUNT,
+    graph_mode=GRAPH_MODE,
+    vmap_method=TEXT,
+    in_out_argnames=NAMES,
+    stage_in_argnames=NAMES,
+    stage_out_argnames=NAMES,
+    output_dims=DIM | DICT,
+)
 def jax_callable(
     func,
     num_outputs: int = 1,
@@ -113,6 +134,7 @@ def preload(module) -> None:
         load_module(module, device)
 
 
+@checked(callable=JAX_CALLABLE)
 def clear_jax_callable_graph_cache(callable=None) -> None:
     """Forgets the graphs of one function that `jax_callable` made, or of all of them."""
     for one in _all if callable is None else [callable]:

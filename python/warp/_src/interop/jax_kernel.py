@@ -13,6 +13,8 @@ import operator
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import COUNT, DICT, DIM, NAMES, TEXT
+from warp._src.arguments import checked
 from warp._src.interop import jax_arrays
 from warp._src.interop.jax_callable import JaxModulePreloadMode, preload
 from warp._src.interop.jax_calls import Arguments, Parameter, Plan, extents_of
@@ -34,6 +36,13 @@ def _register() -> None:
     jax.ffi.register_ffi_target(TARGET, on_cuda, platform="CUDA")
 
 
+@checked(
+    num_outputs=COUNT,
+    vmap_method=TEXT,
+    launch_dims=DIM,
+    in_out_argnames=NAMES,
+    output_dims=DIM | DICT,
+)
 def jax_kernel(
     kernel,
     num_outputs=1,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import functools
 
 from warp import _native
+from warp._src.argument_kinds import ARRAY
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices import devices
 from warp._src.interop import exchange, paddle_layers
@@ -144,6 +146,7 @@ def _gradient(t):
     return t.grad
 
 
+@checked(a=ARRAY)
 def to_paddle(a, requires_grad=None):
     """A tensor over the memory of an array; nothing is copied, and writes are seen on both sides.
 

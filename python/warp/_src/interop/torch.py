@@ -6,6 +6,8 @@ import functools
 import warnings
 
 from warp import _native
+from warp._src.argument_kinds import ARRAY
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices import devices
 from warp._src.interop import exchange, torch_functions
@@ -138,6 +140,7 @@ def _gradient(t):
     return made
 
 
+@checked(a=ARRAY)
 def to_torch(a, requires_grad=None):
     """A tensor over the memory of an array; nothing is copied, and writes are seen on both sides.
 

@@ -13,6 +13,8 @@ import typing
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import GRADIENTS, MODULE
+from warp._src.arguments import checked
 from warp._src.devices.devices import get_cuda_devices, get_device
 from warp._src.kernels.modules import Module, imported_module
 
@@ -22,6 +24,7 @@ if typing.TYPE_CHECKING:
 _SUFFIX = ".warp"
 
 
+@checked(module=MODULE, gradients=GRADIENTS)
 def compile_aot_module(
     module,
     device=None,
@@ -88,6 +91,7 @@ def compile_aot_module(
     return paths
 
 
+@checked(module=MODULE)
 def load_aot_module(
     module, device=None, arch=None, module_dir=None, use_ptx=None, strip_hash=None
 ) -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 
+from warp._src.argument_kinds import NAMES, TEXT
+from warp._src.arguments import checked
+
 
 class ModuleBuildOptions:
     """Folders, texts and files that native functions need, as a module option.
@@ -27,6 +30,13 @@ class ModuleBuildOptions:
         >>> wp.set_module_options({"extra_build_options": options})
     """
 
+    @checked(
+        extra_cuda_include_dirs=NAMES,
+        extra_cpu_include_dirs=NAMES,
+        extra_cuda_preamble=TEXT,
+        extra_cpu_preamble=TEXT,
+        extra_build_dependencies=NAMES,
+    )
     def __init__(
         self,
         *,

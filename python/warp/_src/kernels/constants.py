@@ -13,7 +13,10 @@ from __future__ import annotations
 import dataclasses
 import re
 
+from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import instance
+from warp._src.arguments import explained, misfit
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel, argument_type, once
 from warp._src.types import dtypes
@@ -68,6 +71,9 @@ class ConstantSets(tuple):
         return "\n".join([*lines, f"{self.hit_rate:.0%} of the launches had code of their own"])
 
 
+_NATIVE = instance(_native.Kernel, "a native kernel")
+
+
 class ConstantKernel(Kernel):
     """What a kernel with launch constants is."""
 
@@ -82,7 +88,7 @@ class ConstantKernel(Kernel):
         code = self.func.__code__
         parameters = code.co_varnames[: code.co_argcount]
         self._paths = []
-        for path in self.options["launch_constants"]:
+        for path in self.options.get("launch_constants") or ():
             name, _, field = path.partition(".")
             if name not in parameters or path in [known for known, *_ in self._paths]:
                 problem = "is listed twice" if name in parameters else "is no parameter"
@@ -115,8 +121,13 @@ class ConstantKernel(Kernel):
         """
         if recorded:
             return native, block_dim
-        types = self._types.get(native)
+        try:
+            types = self._types.get(native)
+        except TypeError as error:
+            raise explained(error, "wp.Kernel.place", native=(_NATIVE, native)) from None
         if types is None:
+            if not _NATIVE.fits(native):
+                raise misfit("wp.Kernel.place", "native", _NATIVE, native)
             types = self._types[native] = self._types_of(native)
         try:
             constants = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import types as python_types
 
+from warp._src.arguments import shown
 from warp._src.kernels import unique
 from warp._src.kernels.kernel import Kernel
 from warp._src.kernels.kernel_options import (
@@ -13,7 +14,7 @@ from warp._src.kernels.kernel_options import (
     check_registers,
     inert_options,
 )
-from warp._src.kernels.modules import check_options
+from warp._src.kernels.modules import Module, check_options
 
 
 def kernel(
@@ -55,6 +56,8 @@ def kernel(
         TypeError: what is decorated is no function, or an option has the wrong type.
         ValueError: an option has no such value, or two exclude each other.
     """
+    if not (module is None or isinstance(module, (str, Module, python_types.ModuleType))):
+        raise TypeError(f"kernel module must be a module or its name, but got {shown(module)}")
     own = {} if module_options is None else module_options
     check_options(own)
     own, own_module = ({}, own) if module == "unique" else (dict(own), None)
@@ -69,6 +72,8 @@ def kernel(
     if launch_constants is not None:
         own["launch_constants"] = check_constants(launch_constants)
     own |= inert_options(options, enable_backward)
+    if name is not None and not isinstance(name, str):
+        raise TypeError(f"kernel name must be a string, but got {shown(name)}")
     if name is not None and not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
         raise ValueError(f"kernel name must be a valid C++ identifier, but got {name!r}")
 

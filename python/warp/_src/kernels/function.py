@@ -8,13 +8,16 @@ import typing
 from collections.abc import Callable
 
 from warp._src import errors
+from warp._src.argument_kinds import FUNCTION
+from warp._src.arguments import checked, shown
 from warp._src.kernels import declared
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
-from warp._src.types.annotations import Reference, check_annotations, is_generic
-from warp._src.types.composites import Composite
+from warp._src.types.annotations import Reference, annotations_of, check_annotations, is_generic
+from warp._src.types.composites import Composite, is_number
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import PYTHON_TYPES, scalar_base
+from warp._src.types.vectors import GenericAnnotation
 
 _Parameters = typing.ParamSpec("_Parameters")
 _Result = typing.TypeVar("_Result")
@@ -37,6 +40,7 @@ class Function:
     # What `_particular` says of its function, once it has been called from Python.
     particular = None
 
+    @checked(func=FUNCTION)
     def __init__(self, func, key=None):
         check_annotations(func.__name__, func.__annotations__)
         self.func = func
@@ -56,6 +60,7 @@ class Function:
         """Whether a derivative of its own belongs to the function."""
         return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
 
+    @checked(func=FUNCTION)
     def add_overload(self, func) -> None:
         """Adds a function whose annotations no other one has.
 
@@ -70,6 +75,7 @@ class Function:
         self.overloads.append(func)
         declared.keep(func)
 
+    @checked(func=FUNCTION)
     def redefined(self, func):
         """The functions of this name with one in place of that with the same annotations.
 
@@ -93,8 +99,8 @@ class Function:
                 raise self._refusal(args)
             try:
                 return self.func(*args, **kwargs)
-            except TypeError as problem:
-                if _accepts(self.func, args, kwargs):
+            except (TypeError, AttributeError, IndexError, KeyError, ValueError) as problem:
+                if _accepts(self.func, args, kwargs, generic=False):
                     raise
                 raise self._refusal(args) from problem
         for func in self.overloads:
@@ -104,9 +110,13 @@ class Function:
         raise errors.WarpTypeError(f"no overload of '{self.key}' takes ({shown})")
 
     def _refusal(self, args):
+        try:
+            given = str(args)
+        except Exception:
+            given = f"({', '.join(map(shown, args))})"
         # Programs know this error by its words.
         return errors.WarpTypeError(
-            f"Error calling function '{self.key}', no overload found for arguments {args}"
+            f"Error calling function '{self.key}', no overload found for arguments {given}"
         )
 
     def __repr__(self):
@@ -149,16 +159,32 @@ def _refuses(particular, args) -> bool:
     return False
 
 
-def _accepts(func, args, kwargs) -> bool:
+def _is_of(expected, value) -> bool:
+    """Whether a value is of a family of types, such as vectors."""
+    if isinstance(expected, GenericAnnotation):
+        return isinstance(value, expected.family)
+    return not isinstance(expected, typing.TypeVar) or is_number(value)
+
+
+def _accepts(func, args, kwargs, generic=True) -> bool:
+    """Whether a function's annotations fit arguments.
+
+    generic: whatever is given fits an annotation that leaves the type open.
+    """
     import inspect
 
     try:
         bound = inspect.signature(func).bind(*args, **kwargs)
     except TypeError:
         return False
+    declared = annotations_of(func)
     for name, value in bound.arguments.items():
-        expected = func.__annotations__.get(name)
+        expected = declared.get(name)
+        if isinstance(expected, Reference):
+            expected = expected.dtype
         if expected is None or is_generic(expected):
+            if not generic and not _is_of(expected, value):
+                return False
             continue
         if isinstance(expected, ArrayType):
             fits = dtypes.is_array(value) and value.ndim == expected.ndim

@@ -15,6 +15,8 @@ import types as python_types
 from warp import _native
 from warp._src import config as settings
 from warp._src import errors
+from warp._src.argument_kinds import DICT, DIM, FUNCTION, INTEGER, LIST, TEXT, TRANSLATION
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives
@@ -44,6 +46,7 @@ class Kernel:
     # What a kernel with a module of its own is known by, to be given again (kernels.unique).
     unique_key = None
 
+    @checked(func=FUNCTION)
     def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
@@ -103,6 +106,7 @@ class Kernel:
         launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
         return {**launched, **self.declared_overloads}
 
+    @checked(arg_types=LIST | DICT)
     def add_overload(self, arg_types):
         """A kernel for given types of arguments, as `wp.overload(kernel, arg_types)` makes it."""
         return importlib.import_module("warp._src.kernels.overloads").overload(self, arg_types)
@@ -119,6 +123,7 @@ class Kernel:
         """Parameters as packages read them that know the peer's generator of code."""
         return importlib.import_module("warp._src.compat.codegen").adjoint_of(self)
 
+    @checked(name=TEXT)
     def option(self, name):
         """The value of an option: the kernel's own, its module's, or that of `wp.config`."""
         return self.module.option(name, self.options)
@@ -167,13 +172,15 @@ class Kernel:
         self.native, self._specialized = self._elsewhere.pop(epoch, (None, {}))
         self.epoch, self._made_in = None, epoch
 
+    @checked(kinds=DICT)
     def check_handles(self, kinds, sums_winding) -> None:
         """Makes every launch check that these arguments, by name, are handles of these kinds.
 
         sums_winding: the kernel asks for winding numbers; a launch prepares meshes for that.
         """
+        kinds = dict(kinds)
         self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
-        self.handles, self.sums_winding = dict(kinds), sums_winding
+        self.handles, self.sums_winding = kinds, sums_winding
 
     def fix_constants(self) -> None:
         """Makes every launch choose the code for its launch constants."""
@@ -199,6 +206,7 @@ class Kernel:
         """
         return native, block_dim
 
+    @checked(arguments=LIST)
     def specialize(self, arguments, threads=None):
         """The native kernel of a generic kernel for the types of these arguments.
 
@@ -234,6 +242,7 @@ class Kernel:
         self.use_saved(native, name)
         return native
 
+    @checked()
     def use_saved(self, native, name) -> None:
         """Lets a native kernel launch what a module in a file has for it."""
         for saved in self.module.saved:
@@ -247,6 +256,7 @@ class Kernel:
         """Whether sums have to have the same bits in every run."""
         return self.option("deterministic") not in (False, None, "", "not_guaranteed")
 
+    @checked(module=TRANSLATION)
     def compile_module(self, module, checked=False):
         """A native kernel from a module: this kernel or what is made of it, with its options.
 
@@ -285,6 +295,7 @@ class Kernel:
             return []
         return [(type_tag(types), native) for types, native in self._specialized.items()]
 
+    @checked(stage=TEXT, rank=INTEGER, arch=INTEGER, derivative=TEXT, inputs=LIST)
     def ir(
         self,
         stage: str = "warp",
@@ -322,6 +333,7 @@ class Kernel:
         """The native kernels that launches on an architecture have used."""
         return [native]
 
+    @checked(dim=DIM, arch=INTEGER)
     def schedule(self, device=None, dim=None, arch=None):
         """How launches of the kernel are made, and why; `print` shows it as a table.
 

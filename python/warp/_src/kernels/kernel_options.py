@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import warnings
 
+from warp._src.argument_kinds import NAMES
+from warp._src.arguments import shown
+
 _INERT = {"enable_cuda_smem_spilling", "cluster_dim", "entry_point_abi", "grid_stride"}
 
 
@@ -43,8 +46,8 @@ def check_constants(names) -> tuple[str, ...]:
     Raises:
         TypeError: they are no names.
     """
-    if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"launch_constants expects names of parameters, but got {names!r}")
+    if not NAMES.fits(names):
+        raise TypeError(f"launch_constants expects names of parameters, but got {shown(names)}")
     return tuple(names)
 
 

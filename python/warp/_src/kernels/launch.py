@@ -14,6 +14,8 @@ import typing
 from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
+from warp._src.argument_kinds import DIM, FLAG, INTEGER, KERNEL, LIST, NONE, STREAM
+from warp._src.arguments import explained, misfit
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, launch_ordinary, observed_launch
 from warp._src.derivatives.adjoint_launch import AdjointLaunch
@@ -117,6 +119,13 @@ def launch(
         # Says where in the kernel. Who keeps it is not to keep the kernel, too.
         del kernel
         raise problem.with_traceback(None) from problem.__cause__
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        given = {
+            "dim": (DIM, dim),
+            "block_dim": (INTEGER | NONE, block_dim),
+            "stream": (STREAM | NONE, stream),
+        }
+        raise explained(error, "wp.launch", **given) from error.__cause__
 
 
 def _launch_checked(
@@ -280,6 +289,10 @@ class Launch(LaunchParameters, _native.PackedLaunch):
     """
 
     def __new__(cls, kernel, device=None, block_dim=0, adjoint=False):
+        if not isinstance(kernel, Kernel):
+            raise misfit("wp.Launch", "kernel", KERNEL, kernel)
+        if not FLAG.fits(adjoint):
+            raise misfit("wp.Launch", "adjoint", FLAG, adjoint)
         if kernel.is_generic:
             raise errors.WarpLaunchTypeError(
                 f"Launch('{kernel.key}'): the kernel has generic parameters, record it with "
@@ -330,21 +343,49 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         self._dim = dim
 
     def set_param(self, index, value) -> None:
-        """Changes the value of a parameter by position."""
-        super().set_param(index, value)
+        """Changes the value of a parameter by position.
+
+        Raises:
+            IndexError, TypeError: there is none at `index`.
+        """
+        try:
+            super().set_param(index, value)
+        except (IndexError, TypeError, OverflowError) as error:
+            raise self._bad_index(error, "set_param", index) from None
         self._values[index] = value
 
     def set_param_bytes(self, index, value) -> None:
-        """The same from a ctypes object with the bytes of the argument, or from a number."""
-        super().set_param_bytes(index, value)
+        """The same from a ctypes object with the bytes of the argument, or from a number.
+
+        Raises:
+            IndexError, TypeError: there is none at `index`.
+        """
+        try:
+            super().set_param_bytes(index, value)
+        except (IndexError, TypeError, OverflowError) as error:
+            raise self._bad_index(error, "set_param_bytes", index) from None
         self._values[index] = getattr(value, "value", value)
 
+    def _bad_index(self, error, method, index):
+        if isinstance(error, IndexError):
+            return errors.WarpIndexError(str(error))
+        return explained(error, f"wp.Launch.{method}", index=(INTEGER, index))
+
     def set_params(self, values) -> None:
-        """Changes the values of the first parameters."""
-        super().set_params(values)
-        self._values[: len(values)] = values
+        """Changes the values of the first parameters.
+
+        Raises:
+            IndexError, TypeError: there are fewer, or `values` is no list.
+        """
+        try:
+            super().set_params(values)
+            self._values[: len(values)] = values
+        except (IndexError, TypeError) as error:
+            raise explained(error, "wp.Launch.set_params", values=(LIST, values)) from None
 
     def _flags(self, adjoint):
+        if not FLAG.fits(adjoint):
+            raise misfit("wp.Launch.set_param", "adjoint", FLAG, adjoint)
         if adjoint:
             raise errors.WarpLaunchError(
                 f"launch('{self.kernel.key}'): the launch has no gradients, "

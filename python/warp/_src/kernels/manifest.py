@@ -7,6 +7,8 @@ import dataclasses
 import re
 import types
 
+from warp._src.argument_kinds import FLAG, INTEGER, MODULE
+from warp._src.arguments import checked
 from warp._src.kernels import modules
 
 _OPERATION = re.compile(r'(?:= |^ +)"?((?:warp|scf|arith|math)\.\w+)"?(?: "(\w+)")?', re.MULTILINE)
@@ -76,6 +78,7 @@ class Manifest(tuple):
         return "\n".join([*lines, *(f"unused: {line}" for line in self.unused)])
 
 
+@checked(code=FLAG, arch=INTEGER, module=MODULE)
 def manifest(
     code: bool = False, arch: int | None = None, module: str | types.ModuleType | None = None
 ) -> Manifest:

@@ -7,6 +7,8 @@ import types as python_types
 import typing
 
 from warp._src import errors
+from warp._src.argument_kinds import CALLABLE
+from warp._src.arguments import checked, shown
 from warp._src.kernels.function import Function
 from warp._src.kernels.modules import get_module
 from warp._src.language.builtins import Builtin
@@ -44,6 +46,7 @@ def function_of(func):
     return known, identity
 
 
+@checked(func=CALLABLE)
 def create_warp_function(func):
     """Makes a function that kernels can call from a Python function or a lambda.
 
@@ -69,6 +72,11 @@ def create_warp_function(func):
 
     if isinstance(func, Function):
         return func, get_module(func.__module__)
+    if not isinstance(func, python_types.FunctionType):
+        raise errors.WarpArgumentError(
+            f"wp.utils.create_warp_function(): argument 'func' expects a function of Python, but "
+            f"got {shown(func)}"
+        )
     made, _ = function_of(func)
     text = textwrap.dedent(inspect.getsource(func))
     name = "func_" + hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -9,8 +9,10 @@ import warnings
 import weakref
 
 from warp import _native, config
+from warp._src import arguments, errors
 from warp._src import config as settings
-from warp._src import errors
+from warp._src.argument_kinds import DICT, MODULE, MODULES, TEXT
+from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.kernels.build_options import Build, ModuleBuildOptions
 from warp._src.weak import WeakObjects
@@ -67,6 +69,7 @@ class Options(dict):
 class Module:
     """What one Python module has declared."""
 
+    @checked()
     def __init__(self, name: str):
         self.name = name
         self.kernels = weakref.WeakValueDictionary()
@@ -78,12 +81,19 @@ class Module:
         # Changes with each call that makes compiled kernels stale.
         self.version = 0
 
+    @checked(name=TEXT, own=DICT)
     def option(self, name, own=None):
-        """Value of an option: the kernel's own, the module's, the setting's."""
+        """Value of an option: the kernel's own, the module's, the setting's.
+
+        Raises:
+            KeyError: there is no such option.
+        """
         if own is not None and name in own:
             return own[name]
         if name in self.options:
             return self.options[name]
+        if name not in OPTIONS:
+            raise errors.WarpKeyError(f"no module option '{name}', there are: {', '.join(OPTIONS)}")
         setting = OPTIONS[name]
         return getattr(config, setting) if setting else None
 
@@ -93,6 +103,7 @@ class Module:
         self.options.update(options)
         self.mark_modified()
 
+    @checked()
     def load(self, device=None, block_dim=None, max_workers=None) -> bool:
         """Compiles all kernels for a device, or for all, so that errors show now."""
         load_kernels(self.natives(), device, block_dim, max_workers)
@@ -152,6 +163,7 @@ modules_by_name: dict[str, Module] = {}
 _unique = WeakObjects()
 
 
+@checked()
 def get_module(name: str) -> Module:
     """The module of a name; made if there is none."""
     found = modules_by_name.get(name)
@@ -172,7 +184,10 @@ def all_modules() -> list[Module]:
 
 
 def caller_module(depth: int = 2) -> Module:
-    return get_module(sys._getframe(depth).f_globals.get("__name__", "__main__"))
+    frame = sys._getframe(depth)
+    while frame.f_globals.get("__name__") == arguments.__name__:
+        frame = frame.f_back
+    return get_module(frame.f_globals.get("__name__", "__main__"))
 
 
 def _named(module) -> Module:
@@ -244,6 +259,7 @@ def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
             _native.load_kernel(*job)
 
 
+@checked(options=DICT, module=MODULE)
 def set_module_options(options: dict, module=None) -> None:
     """Sets options for the kernels of the calling module (or of `module`).
 
@@ -262,12 +278,13 @@ def set_module_options(options: dict, module=None) -> None:
     for name in unknown:
         warnings.warn(
             f"no module option '{name}', it changes nothing. Valid options: {', '.join(OPTIONS)}",
-            stacklevel=2,
+            stacklevel=3,
         )
     module.options.update(unknown)
     module.set_options(options)
 
 
+@checked(module=MODULE)
 def get_module_options(module=None) -> dict:
     """The options in effect for the kernels of the calling module (or of `module`)."""
     module = _named(module)
@@ -275,6 +292,7 @@ def get_module_options(module=None) -> dict:
     return {name: module.options[name] for name in (*known, *(module.options.keys() - {*known}))}
 
 
+@checked(module=MODULE)
 def load_module(module=None, device=None, recursive=False, block_dim=None, max_workers=None):
     """Compiles the kernels of the calling module (or of `module`) before their first launch.
 
@@ -303,6 +321,7 @@ def load_module(module=None, device=None, recursive=False, block_dim=None, max_w
     load_kernels(natives, device, block_dim, max_workers)
 
 
+@checked(modules=MODULES)
 def force_load(device=None, modules=None, block_dim=None, max_workers=None) -> None:
     """Compiles the kernels of all modules (or of `modules`) before their first launch."""
     natives = []

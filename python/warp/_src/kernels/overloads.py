@@ -5,6 +5,8 @@ from __future__ import annotations
 import types as python_types
 
 from warp._src import errors
+from warp._src.argument_kinds import DICT, LIST
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.kernels.kernel import Kernel, kernel_name
@@ -14,6 +16,7 @@ from warp._src.types.annotations import is_generic
 from warp._src.types.native import ArrayType
 
 
+@checked(arg_types=LIST | DICT)
 def overload(kernel, arg_types=None):
     """A generic kernel for given argument types.
 

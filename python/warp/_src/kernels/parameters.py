@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from warp._src import errors
+from warp._src.argument_kinds import LIST, TEXT
+from warp._src.arguments import checked, misfit
 from warp._src.types import annotations, dtypes
 
 
@@ -27,6 +29,8 @@ class LaunchParameters:
     """Names of the parameters of a launch to be run later."""
 
     def _position(self, name) -> int:
+        if not isinstance(name, str):
+            raise misfit("wp.Launch.set_param_by_name", "name", TEXT, name)
         if name not in self._index:
             raise errors.WarpLaunchValueError(
                 f"kernel '{self.kernel.key}' has no parameter '{name}', it has: "
@@ -50,6 +54,7 @@ class LaunchParameters:
         """The same from a ctypes object with the bytes of the argument, or from a number."""
         self.set_param_bytes(self._position(name), value, *self._flags(adjoint))
 
+    @checked(values=LIST)
     def set_params_from_ctypes(self, values) -> None:
         """Changes the values of the first parameters from ctypes objects and numbers."""
         for index, value in enumerate(values):

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from warp import config
 from warp._src import errors
+from warp._src.argument_kinds import INTEGER, KERNEL, NONE, STREAM
+from warp._src.arguments import explained
 from warp._src.devices.devices import index_of, resolve_index
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel, argument_type, once
@@ -201,6 +203,18 @@ def launch_tiled(
         # Says where in the kernel. Who keeps it is not to keep the kernel, too.
         del kernel
         raise problem.with_traceback(None) from problem.__cause__
+    except (AttributeError, TypeError, ValueError) as error:
+        unknown = options.keys() - {*launch.__code__.co_varnames[: launch.__code__.co_argcount]}
+        if unknown:
+            raise errors.WarpArgumentError(
+                f"wp.launch_tiled(): got an unexpected argument '{min(unknown)}'"
+            ) from None
+        given = {
+            "kernel": (KERNEL, kernel),
+            "block_dim": (INTEGER | NONE, block_dim),
+            "stream": (STREAM | NONE, stream),
+        }
+        raise explained(error, "wp.launch_tiled", **given) from None
 
 
 def _launch_tiled(kernel, dim, args, block_dim, device, stream, options):

@@ -6,11 +6,14 @@ import os
 
 from warp import _native, config
 from warp._src import errors
+from warp._src.argument_kinds import TEXT
+from warp._src.arguments import checked
 from warp._src.devices.devices import get_device
 from warp._src.kernels.kernel import Kernel
 from warp._src.version import PACKAGE, VERSION
 
 
+@checked()
 def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
     """Threads per block that fill a multiprocessor best, and how many such blocks fill the device.
 
@@ -28,6 +31,7 @@ def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
     return _native.suggested_block(native, device.index)
 
 
+@checked()
 def get_cuda_kernel_properties(kernel, device=None, block_dim=None) -> dict:
     """What a kernel's machine code uses on a CUDA device.
 
@@ -54,6 +58,7 @@ def get_cuda_kernel_properties(kernel, device=None, block_dim=None) -> dict:
     return _native.cuda_kernel_properties(native, device.index, block_dim or 0)
 
 
+@checked()
 def get_cuda_max_cluster_dim(
     kernel, device=None, *, block_dim: int | None = None, dynamic_smem_bytes: int = 0
 ) -> int:
@@ -73,6 +78,7 @@ def get_cuda_supported_archs() -> list[int]:
     return _native.gpu_architectures()
 
 
+@checked(cpu_compiler_flags=TEXT)
 def get_cpu_kernel_cache_key(*, cpu_compiler_flags=None) -> str:
     """A name for caches of CPU kernels: it differs where compiled code may.
 

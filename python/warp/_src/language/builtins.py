@@ -46,7 +46,11 @@ class Builtin:
         if self.key == "tile_stack":
             from warp._src.types.tiles import TileStackType
 
-            return TileStackType(*args, **named)
+            try:
+                return TileStackType(*args, **named)
+            except TypeError as error:
+                problem = str(error).replace("TileStackType.__init__", "tile_stack")
+                raise errors.WarpTypeError(problem) from None
         if self.key == "tile" and not args and set(named) == {"dtype", "shape"}:
             return self[(named["dtype"], *named["shape"])]
         if self.key in _KERNEL_ONLY or self.group == "Atomics":

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 
+from warp._src.arguments import shown
 from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, flatten_numbers
 from warp._src.types.matrices import matrix_from_cols, matrix_from_rows
@@ -38,6 +39,8 @@ def vector(*components, length=None, dtype=None):
         return dtypes.vector(*components)
     if not components and length is not None and dtype is None:
         raise TypeError("expects `dtype` for a vector without components")
+    if not (length is None or isinstance(length, int)):
+        raise TypeError(f"expects an integer as `length` of a vector, but got {shown(length)}")
     count = length or sum(map(len, map(flatten_numbers, components)))
     return dtypes.vector(count, _scalar(components, dtype))(*components)
 
@@ -54,7 +57,13 @@ def matrix(*components, shape=None, dtype=None):
         return dtypes.matrix(*components)
     if shape is None:
         raise TypeError("expects `shape` for a matrix")
-    return dtypes.matrix(tuple(shape), _scalar(components, dtype))(*components)
+    try:
+        shape = tuple(shape)
+    except TypeError:
+        raise TypeError(
+            f"expects two extents as `shape` of a matrix, but got {shown(shape)}"
+        ) from None
+    return dtypes.matrix(shape, _scalar(components, dtype))(*components)
 
 
 def quaternion(*components, dtype=None):

@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, ARRAYS, BETAS, COUNT, NUMBER
+from warp._src.arguments import checked
 from warp._src.optim import parameters
 
 
@@ -59,6 +61,7 @@ class Adam:
         True
     """
 
+    @checked(params=ARRAYS, betas=BETAS)
     def __init__(self, params=None, lr=0.001, betas=(0.9, 0.999), eps=1e-08):
         self.m = []
         self.v = []
@@ -68,6 +71,7 @@ class Adam:
         self.eps = eps
         self.t = 0
 
+    @checked(params=ARRAYS)
     def set_params(self, params) -> None:
         """Sets the arrays to optimise; averages that fit them are kept.
 
@@ -85,6 +89,7 @@ class Adam:
             state.zero_()
         self.t = 0
 
+    @checked(grad=ARRAYS)
     def step(self, grad) -> None:
         """Changes the parameters by one step.
 
@@ -102,6 +107,7 @@ class Adam:
         self.t += 1
 
     @staticmethod
+    @checked(g=ARRAY, m=ARRAY, v=ARRAY, beta1=NUMBER, beta2=NUMBER, t=COUNT, params=ARRAY)
     def step_detail(g, m, v, lr, beta1, beta2, t, eps, params) -> None:
         """The step of one array; `t` counts the steps before it."""
         parameters.check_gradient(g, params, "Adam")

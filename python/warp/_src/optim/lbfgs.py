@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 
 from warp._src import errors
+from warp._src.argument_kinds import ARRAYS, CALLABLE, INTEGER, NUMBER, TEXT
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.optim import parameters
 from warp._src.optim.lbfgs_vectors import Vectors
@@ -47,6 +49,14 @@ class LBFGS:
         True
     """
 
+    @checked(
+        params=ARRAYS,
+        max_iter=INTEGER,
+        history_size=INTEGER,
+        tolerance_grad=NUMBER,
+        tolerance_change=NUMBER,
+        line_search=TEXT,
+    )
     def __init__(
         self,
         params=None,
@@ -74,6 +84,7 @@ class LBFGS:
         self.line_search = line_search
         self.set_params(params)
 
+    @checked(params=ARRAYS)
     def set_params(self, params) -> None:
         """Sets the arrays to optimise and forgets what was learned.
 
@@ -106,6 +117,7 @@ class LBFGS:
             self.vectors.forget()
         self.iterations = self.evaluations = 0
 
+    @checked(closure=CALLABLE)
     def step(self, closure) -> float:
         """Takes up to `max_iter` steps; leaves the parameters and their gradients at the best one.
 

@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, ARRAYS, COUNT, FLAG, NUMBER
+from warp._src.arguments import checked
 from warp._src.optim import parameters
 
 
@@ -65,6 +67,7 @@ class SGD:
         [0.5, 1.5]
     """
 
+    @checked(params=ARRAYS, momentum=NUMBER, dampening=NUMBER, weight_decay=NUMBER, nesterov=FLAG)
     def __init__(
         self,
         params=None,
@@ -83,6 +86,7 @@ class SGD:
         self.nesterov = nesterov
         self.t = 0
 
+    @checked(params=ARRAYS)
     def set_params(self, params) -> None:
         """Sets the arrays to optimise; momentum that fits them is kept.
 
@@ -99,6 +103,7 @@ class SGD:
             state.zero_()
         self.t = 0
 
+    @checked(grad=ARRAYS)
     def step(self, grad) -> None:
         """Changes the parameters by one step.
 
@@ -116,6 +121,16 @@ class SGD:
         self.t += 1
 
     @staticmethod
+    @checked(
+        g=ARRAY,
+        b=ARRAY,
+        momentum=NUMBER,
+        dampening=NUMBER,
+        weight_decay=NUMBER,
+        t=COUNT,
+        nesterov=FLAG,
+        params=ARRAY,
+    )
     def step_detail(g, b, lr, momentum, dampening, weight_decay, nesterov, t, params) -> None:
         """The step of one array; `t` counts the steps before it."""
         parameters.check_gradient(g, params, "SGD")

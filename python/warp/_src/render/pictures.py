@@ -8,11 +8,15 @@ from __future__ import annotations
 import struct
 import zlib
 
+from warp._src.argument_kinds import NUMBERS
+from warp._src.arguments import checked
+
 # Colour types by the number of channels.
 _COLOURS = {1: 0, 2: 4, 3: 2, 4: 6}
 _EXTENTS = 1 << 31
 
 
+@checked(pixels=NUMBERS)
 def save_picture(path, pixels) -> None:
     """Writes pixels as a PNG file.
 

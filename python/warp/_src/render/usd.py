@@ -7,6 +7,8 @@ UsdGeom of OpenUSD.
 
 from __future__ import annotations
 
+from warp._src.argument_kinds import NUMBER, TEXT
+from warp._src.arguments import checked
 from warp._src.render.shapes import Shapes
 
 _ROOT = "/root"
@@ -61,6 +63,7 @@ class UsdRenderer(Shapes):
         >>> renderer.save()  # doctest: +SKIP
     """
 
+    @checked(up_axis=TEXT, fps=NUMBER, scaling=NUMBER)
     def __init__(self, stage, up_axis="Y", fps=60, scaling=1.0):
         self.usd = usd = load()
         self.up_axis = str(up_axis).upper()

@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import NUMBER, SPARSE, TEXT
+from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.assignment import bsr_copy
 from warp._src.sparse.checks import check_storage
@@ -26,6 +28,7 @@ def _scale_kernel(scalar):
     return scale
 
 
+@checked(x=SPARSE, alpha=NUMBER)
 def bsr_scale(x, alpha) -> BsrMatrix:
     """Multiplies a matrix by a number, in place, and returns it. Differentiable."""
     matrix, factor = matrix_and_factor(x)
@@ -59,6 +62,7 @@ def check_operands(*matrices) -> None:
             )
 
 
+@checked(x=SPARSE, y=SPARSE, topology=TEXT)
 def bsr_axpy(
     x,
     y: BsrMatrix | None = None,

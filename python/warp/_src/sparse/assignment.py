@@ -1,6 +1,8 @@
 """Copies of matrices, also to other types and shapes of blocks, and compression."""
 
 import warp as wp
+from warp._src.argument_kinds import FLAG, MATRIX, PAIR, SPARSE, TEXT
+from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.entries import (
@@ -53,6 +55,7 @@ def _pieces(source: int, dest: int) -> int:
     return max(1, source // dest)
 
 
+@checked(dest=MATRIX, src=SPARSE, topology=TEXT)
 def bsr_assign(
     dest: BsrMatrix, src, structure_only: bool = False, topology: str | None = None
 ) -> None:
@@ -128,6 +131,7 @@ def _fit_shape(dest, src, topology) -> None:
     dest.nrow, dest.ncol = nrow, ncol
 
 
+@checked(A=SPARSE, block_shape=PAIR, topology=TEXT)
 def bsr_copy(
     A,
     scalar_type=None,
@@ -198,6 +202,7 @@ def _copy_room(result, source) -> None:
     bsr_set_zero(result, topology="padded", row_capacity=room, nnz_capacity=capacity)
 
 
+@checked(src=MATRIX, inplace=FLAG, topology=TEXT)
 def bsr_compress(
     src: BsrMatrix,
     prune_numerical_zeros: bool = True,

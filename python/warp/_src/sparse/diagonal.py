@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, COUNT, MATRIX, SPARSE
+from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_contents
 from warp._src.sparse.entries import make_compact
@@ -40,6 +42,7 @@ def _diagonal_kernel(scalar):
     return read_diagonal
 
 
+@checked(A=SPARSE, out=ARRAY)
 def bsr_get_diag(A, out=None):
     """The blocks of the diagonal, zeros where there is none. Differentiable.
 
@@ -78,6 +81,7 @@ def _place_diagonal(count: int, offsets: wp.array(dtype=int), columns: wp.array(
         columns[row] = row
 
 
+@checked(A=MATRIX, rows_of_blocks=COUNT, cols_of_blocks=COUNT)
 def bsr_set_diag(
     A: BsrMatrix, diag, rows_of_blocks: int | None = None, cols_of_blocks: int | None = None
 ) -> None:
@@ -125,6 +129,7 @@ def bsr_set_diag(
         A.values.fill_(diag)
 
 
+@checked(rows_of_blocks=COUNT, cols_of_blocks=COUNT)
 def bsr_diag(
     diag=None,
     rows_of_blocks: int | None = None,
@@ -163,6 +168,7 @@ def bsr_diag(
     return result
 
 
+@checked(A=MATRIX, rows_of_blocks=COUNT)
 def bsr_set_identity(A: BsrMatrix, rows_of_blocks: int | None = None) -> None:
     """Makes a matrix the identity.
 
@@ -179,6 +185,7 @@ def bsr_set_identity(A: BsrMatrix, rows_of_blocks: int | None = None) -> None:
     bsr_set_diag(A, A.scalar_type(1), rows_of_blocks, rows_of_blocks)
 
 
+@checked(rows_of_blocks=COUNT)
 def bsr_identity(rows_of_blocks: int, block_type, device=None) -> BsrMatrix:
     """The identity of `rows_of_blocks` square blocks."""
     result = new_matrix(rows_of_blocks, rows_of_blocks, block_type, device)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numbers
 
+from warp._src import errors
+from warp._src.arguments import shown
 from warp._src.sparse.checks import check_storage
 from warp._src.types.dtypes import is_array
 from warp._src.types.scalars import scalar_base
@@ -58,14 +60,28 @@ class Operators:
         if y is None:
             return NotImplemented
         matrix, factor = self.scaled
-        return Scaled(matrix, factor * y)
+        try:
+            return Scaled(matrix, factor * y)
+        except (OverflowError, TypeError):
+            raise errors.WarpOverflowError(
+                f"cannot multiply a sparse matrix by {shown(y)}, expects a finite number"
+            ) from None
 
     def __rmul__(self, x):
         return self.__mul__(x)
 
     def __truediv__(self, y):
         y = _factor(y)
-        return NotImplemented if y is None else self.__mul__(1.0 / y)
+        if y is None:
+            return NotImplemented
+        if y == 0:
+            raise ZeroDivisionError("cannot divide a sparse matrix by zero")
+        try:
+            return self.__mul__(1.0 / y)
+        except (OverflowError, TypeError):
+            raise errors.WarpOverflowError(
+                f"cannot divide a sparse matrix by {shown(y)}, expects a finite number"
+            ) from None
 
     def __neg__(self):
         return self.__mul__(-1.0)

@@ -6,6 +6,8 @@ import functools
 
 import warp as wp
 from warp import _native
+from warp._src.argument_kinds import ARRAY, COUNT
+from warp._src.arguments import checked
 from warp._src.devices.devices import get_device
 from warp._src.sparse.checks import ATTRIBUTES, check_storage
 from warp._src.sparse.expressions import InPlaceOperators, Operators
@@ -53,6 +55,7 @@ class BsrMatrix(InPlaceOperators, Operators):
     on another device, and on the CPU contents that lead out of them, are where the matrix is used.
     """
 
+    @checked(nrow=COUNT, ncol=COUNT)
     def __init__(self, dtype, nrow, ncol, device):
         if nrow < 0 or ncol < 0:
             raise ValueError(f"expects numbers of rows and columns >= 0, got {nrow} and {ncol}")
@@ -134,6 +137,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         )
         return ends
 
+    @checked(out=ARRAY)
     def uncompress_rows(self, out=None):
         """The row of each block, -1 for those that are not in use.
 
@@ -171,6 +175,7 @@ class BsrMatrix(InPlaceOperators, Operators):
     def copy_nnz_async(self) -> None:
         """Does nothing; `nnz_sync` gets the number."""
 
+    @checked(nnz=COUNT, nnz_capacity=COUNT)
     def notify_nnz_changed(self, nnz: int | None = None, nnz_capacity: int | None = None) -> None:
         """Says that `offsets` has been changed from outside.
 
@@ -232,6 +237,7 @@ def _class_for(dtype):
     return type(f"BsrMatrix_{name}", (BsrMatrix,), {"_block_type": dtype})
 
 
+@checked()
 def bsr_matrix_t(dtype):
     """The class of matrices with blocks of a type, scalar or matrix.
 

@@ -8,6 +8,8 @@ import functools
 
 import warp as wp
 from warp import _native
+from warp._src.argument_kinds import COUNT, INTEGER, MATRIX, SPARSE, TEXT
+from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.addition import _places, check_operands, joined
 from warp._src.sparse.checks import check_contents, check_storage
@@ -127,6 +129,7 @@ def _masked_kernel(scalar, depth):
     return multiply
 
 
+@checked(x=SPARSE, y=SPARSE, z=MATRIX, topology=TEXT, tile_size=INTEGER, max_new_nnz=COUNT)
 def bsr_mm(
     x,
     y,

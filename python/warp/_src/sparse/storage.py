@@ -2,6 +2,8 @@
 
 import warp as wp
 from warp import _native
+from warp._src.argument_kinds import ARRAY, COUNT, MATRIX, TEXT
+from warp._src.arguments import checked
 from warp._src.sparse.entries import check_topology, make_compact
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
 from warp._src.types.dtypes import is_array
@@ -64,6 +66,14 @@ def _make_padded(bsr, row_capacity, nnz_capacity, kept_rows) -> None:
     bsr._fit(max(bsr.nnz, nnz_capacity or 0))
 
 
+@checked(
+    bsr=MATRIX,
+    rows_of_blocks=COUNT,
+    cols_of_blocks=COUNT,
+    topology=TEXT,
+    row_capacity=COUNT | ARRAY,
+    nnz_capacity=COUNT,
+)
 def bsr_set_zero(
     bsr: BsrMatrix,
     rows_of_blocks: int | None = None,
@@ -108,6 +118,13 @@ def bsr_set_zero(
     bsr._fit(nnz_capacity or 0)
 
 
+@checked(
+    rows_of_blocks=COUNT,
+    cols_of_blocks=COUNT,
+    topology=TEXT,
+    row_capacity=COUNT | ARRAY,
+    nnz_capacity=COUNT,
+)
 def bsr_zeros(
     rows_of_blocks: int,
     cols_of_blocks: int,

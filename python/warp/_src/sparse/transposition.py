@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warp as wp
+from warp._src.argument_kinds import MATRIX, SPARSE, TEXT
+from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
@@ -10,6 +12,7 @@ from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
 
 
+@checked(dest=MATRIX, src=SPARSE, topology=TEXT)
 def bsr_set_transpose(dest: BsrMatrix, src, topology: str | None = None) -> None:
     """Makes a matrix the transposed of another one. Differentiable.
 
@@ -55,6 +58,7 @@ def bsr_set_transpose(dest: BsrMatrix, src, topology: str | None = None) -> None
     sums.launch(kernel, dest, blocks, factor, entries.order, entries.begins, entries.ends)
 
 
+@checked(A=SPARSE)
 def bsr_transposed(A) -> BsrMatrix:
     """The transposed of a matrix, a copy."""
     source, _ = matrix_and_factor(A)

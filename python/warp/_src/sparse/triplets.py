@@ -4,6 +4,8 @@ import functools
 
 import warp as wp
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT, MATRIX, TEXT
+from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
@@ -22,6 +24,7 @@ class BsrTripletMap:
         device: where it is to be.
     """
 
+    @checked(capacity=COUNT)
     def __init__(self, capacity: int = 0, device=None):
         self._capacity = int(capacity)
         self._device = wp.get_device(device)
@@ -44,6 +47,7 @@ class BsrTripletMap:
         self._dest = (dest.nrow, dest.ncol, dest.offsets.ptr, dest.columns.ptr)
         self._kept = (dest.offsets, dest.columns)
 
+    @checked(dest=MATRIX)
     def validate(self, dest: BsrMatrix) -> None:
         """Checks that a matrix is the one that the map was built for.
 
@@ -191,6 +195,7 @@ def _map_for(build_mapping, topology, prune, device):
     return build_mapping
 
 
+@checked(dest=MATRIX, rows=ARRAY, columns=ARRAY, values=ARRAY, count=ARRAY, topology=TEXT)
 def bsr_set_from_triplets(
     dest: BsrMatrix,
     rows,
@@ -273,6 +278,7 @@ def _write_slots(
         slots[order[entry]] = slot
 
 
+@checked(dest=MATRIX, values=ARRAY, reduction=TEXT)
 def bsr_set_from_mapped_values(
     dest: BsrMatrix, mapping: BsrTripletMap, values, reduction: str = "gather"
 ) -> None:
@@ -319,6 +325,7 @@ def bsr_set_from_mapped_values(
         )
 
 
+@checked(rows_of_blocks=COUNT, cols_of_blocks=COUNT, rows=ARRAY, columns=ARRAY, values=ARRAY)
 def bsr_from_triplets(
     rows_of_blocks: int,
     cols_of_blocks: int,

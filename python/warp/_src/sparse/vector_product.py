@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, SPARSE
+from warp._src.arguments import checked
 from warp._src.arrays.observers import Observers
 from warp._src.sparse import checked_products, number_product, sums
 from warp._src.sparse.checks import check_contents, check_storage
@@ -228,6 +230,7 @@ def _vector(array, name, scalar, count, width):
     return array.reshape((count, width))
 
 
+@checked(A=SPARSE, x=ARRAY, y=ARRAY, transpose=FLAG, work_buffer=ARRAY, tile_size=INTEGER)
 def bsr_mv(
     A,
     x,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, DATA
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.casts import components_of
 from warp._src.textures import texels
@@ -13,6 +15,7 @@ class TextureCopies:
 
     __slots__ = ()
 
+    @checked(src=DATA)
     def copy_from(self, src) -> None:
         """Sets all texels from a texture, an array or a NumPy array of the same shape and type.
 
@@ -43,6 +46,7 @@ class TextureCopies:
         if self._is_whole():
             self._whole.assign(values.reshape(-1))
 
+    @checked(dst=ARRAY)
     def copy_to(self, dst) -> None:
         """Writes all texels into a texture, an array or a NumPy array of the same shape.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from warp._src import errors
 from warp._src.arrays import hooks
 from warp._src.arrays.array import array
 from warp._src.arrays.casts import cast
@@ -45,7 +46,10 @@ def checked_shape(extents, channels):
 
 def numbers_of(data):
     """A NumPy array of the data, and the kind of its type."""
-    values = data.numpy() if isinstance(data, array) else numpy().asarray(data)
+    try:
+        values = data.numpy() if isinstance(data, array) else numpy().asarray(data)
+    except (TypeError, ValueError) as error:
+        raise errors.WarpArgumentError(f"expects an array of numbers, but {error}") from None
     try:
         return values, kind_of(dtype_from_numpy(values.dtype))
     except KeyError:

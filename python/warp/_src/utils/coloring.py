@@ -10,6 +10,8 @@ import enum
 import operator
 
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT, FLAG, NUMBER
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
@@ -26,6 +28,7 @@ class GraphColoringAlgorithm(enum.IntEnum):
     GREEDY = 1
 
 
+@checked(edges=ARRAY, node_colors=ARRAY)
 def graph_coloring_assign(edges, node_colors, algorithm=GraphColoringAlgorithm.MCS) -> int:
     """Colours the nodes of a graph.
 
@@ -62,6 +65,13 @@ def graph_coloring_assign(edges, node_colors, algorithm=GraphColoringAlgorithm.M
     return used
 
 
+@checked(
+    edges=ARRAY,
+    node_colors=ARRAY,
+    color_count=COUNT,
+    target_max_min_ratio=NUMBER,
+    max_iterations=COUNT,
+)
 def graph_coloring_balance(
     edges, node_colors, color_count, target_max_min_ratio, *, max_iterations=None
 ) -> float:
@@ -107,6 +117,7 @@ def graph_coloring_balance(
     return ratio
 
 
+@checked(node_colors=ARRAY, color_count=COUNT, return_wp_array=FLAG)
 def graph_coloring_get_groups(node_colors, color_count, return_wp_array=True, device="cpu"):
     """The nodes of each colour, in ascending order.
 

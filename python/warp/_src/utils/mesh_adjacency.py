@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from warp._src.argument_kinds import COUNT, TRIPLES
+from warp._src.arguments import checked
+
 
 class MeshEdge:
     """An edge from v0 to v1, as the first of its triangles goes around.
@@ -30,6 +33,7 @@ class MeshAdjacency:
             triangles the first two count, and a line is printed.
     """
 
+    @checked(indices=TRIPLES, num_tris=COUNT)
     def __init__(self, indices, num_tris):
         self.edges = {}
         self.indices = indices
@@ -37,6 +41,7 @@ class MeshAdjacency:
             for start, end, opposite in ((a, b, c), (b, c, a), (c, a, b)):
                 self.add_edge(start, end, opposite, face)
 
+    @checked(i0=COUNT, i1=COUNT, o=COUNT, f=COUNT)
     def add_edge(self, i0, i1, o, f) -> None:
         """Adds the edge from `i0` to `i1` of triangle `f`, whose third vertex is `o`."""
         key = (min(i0, i1), max(i0, i1))

@@ -8,6 +8,8 @@ import numpy as np
 import warp as wp
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY
+from warp._src.arguments import checked
 from warp._src.types.dtypes import (
     canonical,
     float32,
@@ -168,6 +170,7 @@ class _Reduction:
         return wp.empty(1, dtype=wide, device=self.out.device, requires_grad=recorded)
 
 
+@checked(values=ARRAY, out=ARRAY)
 def array_sum(values, out=None, value_count: int | None = None, axis: int | None = None):
     """The sum of all elements, or along one axis, made in double precision.
 
@@ -190,6 +193,7 @@ def array_sum(values, out=None, value_count: int | None = None, axis: int | None
     return task.run(_sum_kernel, lambda dtype: _axis_kernels(dtype)[0], values)
 
 
+@checked(a=ARRAY, b=ARRAY, out=ARRAY)
 def array_inner(a, b, out=None, count: int | None = None, axis: int | None = None):
     """The inner product of two arrays, of all elements or along one axis.
 
@@ -265,6 +269,7 @@ def _cast_kernel(source, target, rank):
     return cast
 
 
+@checked(in_array=ARRAY, out_array=ARRAY)
 def array_cast(in_array, out_array, count: int | None = None) -> None:
     """Converts elements to the type of another array.
 

@@ -10,6 +10,8 @@ import operator
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT
+from warp._src.arguments import checked
 from warp._src.arrays.create import empty
 from warp._src.types.dtypes import (
     float32,
@@ -40,6 +42,7 @@ def _kind(dtype) -> str:
     return type_scalar_type(dtype).__name__
 
 
+@checked(in_array=ARRAY, out_array=ARRAY)
 def array_scan(in_array, out_array, inclusive: bool = True) -> None:
     """Writes the sums of all elements up to each one.
 
@@ -92,6 +95,7 @@ def _check_pairs(what, keys, values, count) -> None:
         raise errors.WarpError(f"{what} must be large enough to contain 2*count elements")
 
 
+@checked(keys=ARRAY, values=ARRAY, begin_bit=COUNT, end_bit=COUNT)
 def radix_sort_pairs(
     keys, values, count: int, begin_bit: int = 0, end_bit: int | None = None
 ) -> None:
@@ -165,6 +169,7 @@ def _check_bounds(name, array) -> None:
         raise errors.WarpError(f"segmented_sort_pairs() requires a contiguous {name} array")
 
 
+@checked(keys=ARRAY, values=ARRAY, segment_start_indices=ARRAY, segment_end_indices=ARRAY)
 def segmented_sort_pairs(
     keys, values, count: int, segment_start_indices, segment_end_indices=None
 ) -> None:
@@ -228,6 +233,7 @@ def segmented_sort_pairs(
         _native.sort_segments(keys, values, kind, count, segment_start_indices, ends, segments)
 
 
+@checked(values=ARRAY, run_values=ARRAY, run_lengths=ARRAY, run_count=ARRAY)
 def runlength_encode(values, run_values, run_lengths, run_count=None, value_count=None):
     """Finds runs of equal neighbours.
 

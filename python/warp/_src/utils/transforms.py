@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from warp._src.argument_kinds import LIST
+from warp._src.arguments import checked
 from warp._src.types.dtypes import transformf
 
 
+@checked(t=LIST)
 def transform_expand(t):
     """The transform of seven numbers: a position, then a quaternion with its real part last.
 

@@ -7,6 +7,8 @@ of an edge together.
 from __future__ import annotations
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, COUNT
+from warp._src.arguments import checked
 from warp._src.kernels.function import func
 from warp._src.types import dtypes
 
@@ -52,6 +54,7 @@ def check_triangles(indices) -> None:
         raise TypeError(f"expects 'indices' of int32, but got {dtypes.type_repr(indices.dtype)}")
 
 
+@checked(indices=ARRAY, vertex_count=COUNT)
 def tri_tri_adjacency(indices, vertex_count=None, return_neighbor_edge_indices=True):
     """The triangle at the other side of each edge of each triangle.
 

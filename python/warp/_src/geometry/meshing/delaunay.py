@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, COUNT, NUMBER
+from warp._src.arguments import checked
 from warp._src.geometry.meshing.adjacency import (
     check_triangles,
     find_triangle_neighbor_edge_index,
@@ -191,6 +193,14 @@ def _check_least(name, value) -> None:
         raise ValueError(f"expects {name} >= 0 and finite, but got {value}")
 
 
+@checked(
+    positions=ARRAY,
+    indices=ARRAY,
+    ref_positions=ARRAY,
+    max_passes=COUNT,
+    area_epsilon=NUMBER,
+    ref_area_epsilon=NUMBER,
+)
 def delaunay_edge_flip(
     positions,
     indices,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, INTEGER, NUMBER, POINT
+from warp._src.arguments import checked
 from warp._src.geometry.surfaces.nodes import NumberedCells
 from warp._src.geometry.surfaces.octree import (
     cells_within,
@@ -58,6 +60,7 @@ def _as_values(values, count, device):
     return values.flatten() if values.ndim > 1 else values
 
 
+@checked(cells=ARRAY, corner_values=ARRAY, origin=POINT, cell_width=NUMBER)
 def sparse_marching_cubes_from_cells(
     cells, corner_values, origin=(0.0, 0.0, 0.0), cell_width=1.0, threshold=0.0, device=None
 ):
@@ -102,6 +105,7 @@ def sparse_marching_cubes_from_cells(
     return numbered.surface(values, float(threshold), lower, wp.vec3(width, width, width))
 
 
+@checked(nx=INTEGER, ny=INTEGER, nz=INTEGER, lower=POINT, upper=POINT, lipschitz_bound=NUMBER)
 def sparse_marching_cubes(
     field,
     nx,

@@ -7,6 +7,8 @@ import abc
 import numpy as np
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, INTEGER, POINT
+from warp._src.arguments import checked
 from warp._src.types import dtypes
 
 
@@ -153,6 +155,7 @@ class IsoSurfaceBase(abc.ABC):
             counter-clockwise.
     """
 
+    @checked(nx=INTEGER, ny=INTEGER, nz=INTEGER, lower=POINT, upper=POINT)
     def __init__(self, nx, ny, nz, *, lower=None, upper=None):
         self.nx, self.ny, self.nz = nx, ny, nz
         self.lower, self.upper = lower, upper
@@ -163,6 +166,7 @@ class IsoSurfaceBase(abc.ABC):
     def extract(cls, field, threshold=0.0, *, lower=None, upper=None):
         """Vertices and indices of the surface where a field crosses a value."""
 
+    @checked(nx=INTEGER, ny=INTEGER, nz=INTEGER)
     def resize(self, nx, ny, nz) -> None:
         """Takes fields of another shape from now on."""
         self.nx, self.ny, self.nz = nx, ny, nz
@@ -171,6 +175,7 @@ class IsoSurfaceBase(abc.ABC):
         """Options of `extract` beside the bounds."""
         return {}
 
+    @checked(field=ARRAY)
     def surface(self, field, threshold) -> None:
         """Finds the surface of a field, as `verts` and `indices`.
 

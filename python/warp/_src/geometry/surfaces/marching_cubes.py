@@ -10,6 +10,8 @@ from __future__ import annotations
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, INTEGER, POINT
+from warp._src.arguments import checked
 from warp._src.geometry.surfaces import cases
 from warp._src.geometry.surfaces.fields import (
     IsoSurfaceBase,
@@ -139,6 +141,15 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
     CASE_TO_TRI_RANGE = _Table(0)
     TRI_LOCAL_INDICES = _Table(1)
 
+    @checked(
+        nx=INTEGER,
+        ny=INTEGER,
+        nz=INTEGER,
+        lower=POINT,
+        upper=POINT,
+        domain_bounds_lower_corner=POINT,
+        domain_bounds_upper_corner=POINT,
+    )
     def __init__(
         self,
         nx,
@@ -160,6 +171,7 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
         super().__init__(nx, ny, nz, **given)
 
     @classmethod
+    @checked(field=ARRAY, lower=POINT, upper=POINT)
     def extract(cls, field, threshold=0.0, *, lower=None, upper=None):
         """Vertices and indices of the surface where a field crosses a value.
 
@@ -195,6 +207,7 @@ class IsoSurfaceMarchingCubes(IsoSurfaceBase):
         return indices
 
     @staticmethod
+    @checked(field=ARRAY, domain_bounds_lower_corner=POINT, domain_bounds_upper_corner=POINT)
     def extract_surface_marching_cubes(
         field, threshold=0.0, domain_bounds_lower_corner=None, domain_bounds_upper_corner=None
     ):

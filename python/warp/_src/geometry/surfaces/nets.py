@@ -12,6 +12,8 @@ from __future__ import annotations
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, INTEGER, POINT, TEXT
+from warp._src.arguments import checked
 from warp._src.geometry.surfaces import cases
 from warp._src.geometry.surfaces.fields import (
     IsoSurfaceBase,
@@ -178,6 +180,7 @@ class IsoSurfaceNets(IsoSurfaceBase):
         True
     """
 
+    @checked(nx=INTEGER, ny=INTEGER, nz=INTEGER, lower=POINT, upper=POINT, topology=TEXT)
     def __init__(self, nx, ny, nz, *, lower=None, upper=None, topology="triangle"):
         super().__init__(nx, ny, nz, lower=lower, upper=upper)
         _check_topology(topology)
@@ -187,6 +190,7 @@ class IsoSurfaceNets(IsoSurfaceBase):
         return {"topology": self.topology}
 
     @classmethod
+    @checked(field=ARRAY, lower=POINT, upper=POINT, topology=TEXT)
     def extract(cls, field, threshold=0.0, *, lower=None, upper=None, topology="triangle"):
         """Vertices and indices of the surface where a field crosses a value.
 

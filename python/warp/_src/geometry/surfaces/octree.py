@@ -12,6 +12,8 @@ import math
 import numpy as np
 
 import warp as wp
+from warp._src.argument_kinds import COUNT, NUMBER, POINT, POSITIVE
+from warp._src.arguments import checked
 from warp._src.geometry.surfaces.fields import plain, scan
 from warp._src.kernels.function import Function
 from warp._src.types import dtypes
@@ -150,6 +152,7 @@ def near_cells(evaluate, lower, width, depth, threshold, bound, device):
     return cells
 
 
+@checked(origin=POINT, root_width=POSITIVE, max_depth=COUNT, lipschitz_bound=NUMBER)
 def lipschitz_octree(
     field, origin, root_width, max_depth, threshold=0.0, lipschitz_bound=1.0, device=None
 ):

@@ -12,6 +12,8 @@ import itertools
 import numpy as np
 
 import warp as wp
+from warp._src.argument_kinds import VOLUME
+from warp._src.arguments import checked
 from warp._src.geometry.surfaces.fields import scan
 from warp._src.geometry.surfaces.marching_cubes import tables
 
@@ -142,6 +144,7 @@ def _write_triangles(
             indices[3 * (first + n) + corner] = places[start, place[3]] - 1
 
 
+@checked(volume=VOLUME)
 def volume_marching_cubes(volume, threshold=0.0):
     """Vertices and triangles of the surface where a volume has one value, in the world.
 

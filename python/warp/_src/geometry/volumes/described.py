@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY, COUNT
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.geometry.volumes import contents, points
 from warp._src.types import dtypes
@@ -53,6 +55,7 @@ class GridContents:
         leaves, lowers, uppers, voxels = self._info.counts
         return self.ActiveStats(voxels, leaves, lowers, uppers)
 
+    @checked(out=ARRAY)
     def get_tiles(self, out=None):
         """Coordinates of the lowest voxel of each tile, an int32 array of shape (n, 3).
 
@@ -64,6 +67,7 @@ class GridContents:
         """
         return self._give(self._native.tiles_into, 0, self.get_tile_count(), out)
 
+    @checked(out=ARRAY)
     def get_voxels(self, out=None):
         """Coordinates of the voxels in the order of their numbers, an int32 array (n, 3).
 
@@ -116,6 +120,7 @@ class GridContents:
         """Number of arrays that are stored beside the grid."""
         return self._info.features
 
+    @checked(feature_index=COUNT)
     def get_feature_array_info(self, feature_index) -> FeatureArrayInfo:
         """About an array beside the grid.
 
@@ -126,6 +131,7 @@ class GridContents:
         address = self._data.ptr + found.at
         return self.FeatureArrayInfo(found.name, address, found.value_size, found.count, found.type)
 
+    @checked(feature_index=COUNT)
     def feature_array(self, feature_index, dtype=None):
         """An array beside the grid, without a copy; bytes if its type is not known.
 

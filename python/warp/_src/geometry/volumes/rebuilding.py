@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from warp._src import errors
+from warp._src.argument_kinds import ARRAY
+from warp._src.arguments import checked
 from warp._src.geometry.volumes import allocation
 from warp._src.geometry.volumes.points import arrays_on, given
 
@@ -42,6 +44,7 @@ class Rebuildable:
         leaves, lowers, uppers, voxels = self._recipe.capacities
         return self.RebuildInfo(self._recipe.kind, voxels, leaves, lowers, uppers)
 
+    @checked(points=ARRAY, status=ARRAY, point_mask=ARRAY)
     def rebuild(self, points, status=None, point_mask=None):
         """Makes the grid again of other points; `id`, type, background and transform stay.
 

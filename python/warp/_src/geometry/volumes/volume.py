@@ -6,6 +6,19 @@ import os
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import (
+    ARRAY,
+    BYTES,
+    COUNT,
+    NUMBER,
+    NUMBERS,
+    PATH,
+    POINT,
+    TEXT,
+    VALUE,
+    VOXEL,
+)
+from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices import devices
 from warp._src.geometry.volumes import allocation, points
@@ -39,6 +52,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
     CLOSEST = 0
     LINEAR = 1
 
+    @checked(data=ARRAY)
     def __init__(self, data, copy=True):
         if not dtypes.is_array(data) or dtypes.type_size_in_bytes(data.dtype) != 1:
             raise errors.WarpError("a Volume is made of an array of bytes")
@@ -92,6 +106,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
     # Files and other memory.
 
     @classmethod
+    @checked(file_or_buffer=PATH | BYTES)
     def load_from_nvdb(cls, file_or_buffer, device=None) -> Volume:
         """The first grid of a `.nvdb` file, given as an open file, bytes or a path.
 
@@ -106,6 +121,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
                 data = file.read()
         return cls._of_grids(_native.read_grids(data), devices.get_device(device))
 
+    @checked(codec=TEXT)
     def save_to_nvdb(self, path, codec="none"):
         """Writes the grids of this volume's memory to a file; gives the path.
 
@@ -120,6 +136,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
         return path
 
     @classmethod
+    @checked(grid_ptr=COUNT, buffer_size=COUNT)
     def load_from_address(cls, grid_ptr, buffer_size=0, device=None) -> Volume:
         """A volume of a grid in memory, which stays the caller's; no size: that of one grid.
 
@@ -149,6 +166,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
     # Made of points.
 
     @classmethod
+    @checked(ndarray=NUMBERS, min_world=POINT, voxel_size=NUMBER, bg_value=VALUE)
     def load_from_numpy(
         cls, ndarray, min_world=(0.0, 0.0, 0.0), voxel_size=1.0, bg_value=0.0, device=None
     ) -> Volume:
@@ -167,6 +185,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
         return allocation.dense(cls, ndarray, min_world, voxel_size, bg_value, device)
 
     @classmethod
+    @checked(min=POINT, max=POINT, voxel_size=VOXEL, bg_value=VALUE, translation=POINT)
     def allocate(
         cls,
         min,
@@ -187,6 +206,17 @@ class Volume(GridContents, Rebuildable, LeafValues):
         return cls.allocate_by_tiles(given, size, bg_value, translation, device)
 
     @classmethod
+    @checked(
+        tile_points=ARRAY,
+        voxel_size=VOXEL,
+        translation=POINT,
+        status=ARRAY,
+        point_mask=ARRAY,
+        max_tiles=COUNT,
+        max_lower_nodes=COUNT,
+        max_upper_nodes=COUNT,
+        bg_value=VALUE,
+    )
     def allocate_by_tiles(
         cls,
         tile_points,
@@ -232,6 +262,17 @@ class Volume(GridContents, Rebuildable, LeafValues):
         )
 
     @classmethod
+    @checked(
+        voxel_points=ARRAY,
+        voxel_size=VOXEL,
+        translation=POINT,
+        status=ARRAY,
+        point_mask=ARRAY,
+        max_active_voxels=COUNT,
+        max_leaf_nodes=COUNT,
+        max_lower_nodes=COUNT,
+        max_upper_nodes=COUNT,
+    )
     def allocate_by_voxels(
         cls,
         voxel_points,

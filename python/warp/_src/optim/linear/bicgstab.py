@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, OPERATOR
+from warp._src.arguments import checked
 from warp._src.optim.linear.conjugate import quotient, step_length, vector_kernels, watch
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
@@ -95,6 +97,15 @@ class BiCGSTAB(LinearSolverState):
 
     name = "bicgstab"
 
+    @checked(
+        A=OPERATOR,
+        b=ARRAY,
+        x=ARRAY,
+        maxiter=INTEGER,
+        M=OPERATOR,
+        check_every=INTEGER,
+        is_left_preconditioner=FLAG,
+    )
     def __init__(
         self,
         A,

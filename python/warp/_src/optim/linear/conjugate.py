@@ -8,7 +8,9 @@ import functools
 import operator
 
 import warp as wp
-from warp._src.optim.linear.operators import numbers
+from warp._src.argument_kinds import ARRAY, INTEGER, OPERATOR
+from warp._src.arguments import checked
+from warp._src.optim.linear.operators import numbers, numbers_like
 from warp._src.optim.linear.state import LinearSolverState
 
 
@@ -178,6 +180,15 @@ class _Restartable(LinearSolverState):
 
     symmetric = True
 
+    @checked(
+        A=OPERATOR,
+        b=ARRAY,
+        x=ARRAY,
+        maxiter=INTEGER,
+        M=OPERATOR,
+        check_every=INTEGER,
+        restart=INTEGER,
+    )
     def __init__(
         self,
         A,
@@ -227,25 +238,30 @@ class _Restartable(LinearSolverState):
         """One iteration."""
         raise NotImplementedError
 
+    @checked()
     def set_step(self, above, below, definite):
         kernel, _ = _factor_kernels()
         state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.shortest)
         self.launch(kernel, self.batches, above, below, definite, *state, self.signs, self.alpha)
 
+    @checked()
     def set_turn(self, squares, product):
         _, kernel = _factor_kernels()
         arrays = (squares, product, self.before, self.alpha, self.r_norm_sq)
         state = (self.progress, self.broken, self.least, self.beta)
         self.launch(kernel, self.batches, *arrays, *state)
 
+    @checked(p=ARRAY, q=ARRAY, x=ARRAY, r=ARRAY)
     def move(self, p, q, x, r):
         kernel, _ = vector_kernels(self.scalar)
-        vectors = (numbers(v) for v in (p, q, x, r))
+        vectors = numbers_like(self.count, p=p, q=q, x=x, r=r)
         self.launch(kernel, self.count, self.alpha, self.batch_of, *vectors)
 
+    @checked(z=ARRAY, p=ARRAY)
     def turn(self, z, p):
         _, kernel = vector_kernels(self.scalar)
-        self.launch(kernel, self.count, self.beta, self.batch_of, numbers(z), numbers(p))
+        vectors = numbers_like(self.count, z=z, p=p)
+        self.launch(kernel, self.count, self.beta, self.batch_of, *vectors)
 
 
 class CG(_Restartable):

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import warp as wp
 from warp import _native
+from warp._src.argument_kinds import INTEGER, NUMBER, OPERATOR
+from warp._src.arguments import checked
 from warp._src.arrays.observers import Observing
 from warp._src.optim.linear import fsai_pattern
 from warp._src.optim.linear.fsai_plan import Plan
@@ -86,6 +88,7 @@ class FSAI(LinearOperator):
             not finite, or a number does not fit `factor_dtype`.
     """
 
+    @checked(A=OPERATOR, max_row_size=INTEGER, kap_tolerance=NUMBER, pivot_floor=NUMBER)
     def __init__(
         self,
         A,
@@ -166,6 +169,7 @@ class FSAI(LinearOperator):
                 f"are not; of a negative definite matrix A pass -A"
             )
 
+    @checked(A=OPERATOR)
     def update(self, A=None) -> FSAI:
         """Computes the factor of another matrix on the supports of the first one.
 

@@ -7,6 +7,8 @@ The least-squares problem of a cycle is solved on the device by rotations, a thr
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, OPERATOR
+from warp._src.arguments import checked
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
@@ -152,6 +154,16 @@ class GMRES(LinearSolverState):
 
     name = "gmres"
 
+    @checked(
+        A=OPERATOR,
+        b=ARRAY,
+        x=ARRAY,
+        maxiter=INTEGER,
+        M=OPERATOR,
+        check_every=INTEGER,
+        restart=INTEGER,
+        is_left_preconditioner=FLAG,
+    )
     def __init__(
         self,
         A,
@@ -195,6 +207,7 @@ class GMRES(LinearSolverState):
         self.residual(self.r)
         wp.copy(self.before, self.r_norm_sq)
 
+    @checked(source=ARRAY, target=ARRAY)
     def apply(self, source, target) -> None:
         """The operator of the Krylov space: A M, or M A."""
         if self.M is None:

@@ -4,6 +4,8 @@ import copy
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, CALLABLE, COUNT, PAIR
+from warp._src.arguments import checked, shown
 from warp._src.sparse.expressions import Scaled
 from warp._src.sparse.matrix import BsrMatrix
 from warp._src.sparse.vector_product import multiply
@@ -27,6 +29,7 @@ class LinearOperator:
         ValueError: `max_batch_length` is negative or comes without `batch_offsets`.
     """
 
+    @checked(shape=PAIR, matvec=CALLABLE, batch_offsets=ARRAY, max_batch_length=COUNT)
     def __init__(self, shape, dtype, device, matvec, batch_offsets=None, max_batch_length=None):
         if max_batch_length is not None:
             if batch_offsets is None:
@@ -91,6 +94,19 @@ def numbers(array):
     array = array.flatten()
     scalar = type_scalar_type(array.dtype)
     return array if array.dtype is scalar else array.view(scalar).flatten()
+
+
+def numbers_like(count, **vectors):
+    """The numbers of packed vectors, each of which has `count` of them.
+
+    Raises:
+        ValueError: one has more or fewer, or is not packed.
+    """
+    found = [numbers(vector) for vector in vectors.values()]
+    for name, one in zip(vectors, found, strict=True):
+        if one.size != count:
+            raise ValueError(f"expects {count} numbers in '{name}', but got {one.size}")
+    return found
 
 
 @functools.cache
@@ -194,6 +210,7 @@ def evaluated(A):
     return A.eval() if isinstance(A, Scaled) else A
 
 
+@checked(batch_offsets=ARRAY, max_batch_length=COUNT)
 def aslinearoperator(A, batch_offsets=None, max_batch_length=None) -> LinearOperator:
     """A matrix as an operator.
 
@@ -215,7 +232,7 @@ def aslinearoperator(A, batch_offsets=None, max_batch_length=None) -> LinearOper
     elif is_array(A) and A.ndim == 1:
         shape, matvec = (A.size * type_size(A.dtype),) * 2, diagonal_matvec(A)
     else:
-        raise ValueError(f"Unable to create LinearOperator from {A}")
+        raise ValueError(f"Unable to create LinearOperator from {shown(A)}")
     operator = LinearOperator(shape, A.dtype, A.device, matvec, batch_offsets, max_batch_length)
     operator.matrix = A
     return operator

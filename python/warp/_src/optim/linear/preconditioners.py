@@ -3,6 +3,8 @@
 import functools
 
 import warp as wp
+from warp._src.argument_kinds import OPERATOR, TEXT
+from warp._src.arguments import checked
 from warp._src.arrays.observers import Observing
 from warp._src.optim.linear.fsai import FSAI
 from warp._src.optim.linear.operators import (
@@ -220,6 +222,7 @@ def _block_jacobi(A, kind) -> LinearOperator:
     return LinearOperator(A.shape, scalar, device, matvec)
 
 
+@checked(A=OPERATOR, ptype=TEXT)
 def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
     """An approximation of the inverse of a matrix.
 

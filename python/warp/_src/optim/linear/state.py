@@ -10,11 +10,13 @@ import functools
 import math
 
 import warp as wp
+from warp._src.argument_kinds import ARRAY, DIM, INTEGER, OPERATOR
+from warp._src.arguments import checked
 from warp._src.arrays.observers import Observers, Observing
 from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.loops import Loops
-from warp._src.optim.linear.operators import aslinearoperator, numbers, trusted
+from warp._src.optim.linear.operators import aslinearoperator, numbers, numbers_like, trusted
 from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.matrix import BsrMatrix
 from warp._src.types.dtypes import type_repr, type_scalar_type, types_equal
@@ -121,6 +123,7 @@ class LinearSolverState(Loops):
     symmetric = False
     cycle_size = 1
 
+    @checked(A=OPERATOR, b=ARRAY, x=ARRAY, maxiter=INTEGER, M=OPERATOR, check_every=INTEGER)
     def __init__(
         self,
         A,
@@ -207,12 +210,15 @@ class LinearSolverState(Loops):
         """A vector like the right-hand side."""
         return wp.zeros_like(self.b, requires_grad=False)
 
+    @checked(dim=DIM)
     def launch(self, kernel, dim, *inputs) -> None:
         """Launches a kernel on the solver's device."""
         wp.launch(kernel, dim, list(inputs), device=self.device)
 
+    @checked(target=ARRAY)
     def residual(self, target, norm=True) -> None:
         """`target = b - A x`, and the squares of its norms, NaN where `x` is not finite."""
+        numbers_like(self.count, target=target)
         self.A.matvec(self.x, self.b, target, -1.0, 1.0)
         if norm:
             self.dots.compute(numbers(target), numbers(target))
@@ -225,6 +231,7 @@ class LinearSolverState(Loops):
         kernel = _finite_kernel(self.scalar)
         self.launch(kernel, self.count, numbers(self.x), self.batch_of, *state)
 
+    @checked(source=ARRAY, target=ARRAY)
     def precondition(self, source, target):
         """The vector that `M` makes of `source`: `target`, or `source` itself without `M`."""
         if self.M is None:
@@ -251,6 +258,7 @@ class LinearSolverState(Loops):
         """
         raise NotImplementedError
 
+    @checked(A=OPERATOR, b=ARRAY, x=ARRAY, M=OPERATOR)
     def __call__(self, A=None, b=None, x=None, M=None):
         """Solves the system, or one of the same sizes and types.
 
