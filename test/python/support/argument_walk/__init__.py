@@ -1,0 +1,1 @@
+"""Calls of the public interface with wrong arguments: who is called, with what, and the verdict."""
