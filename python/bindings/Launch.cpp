@@ -150,7 +150,6 @@ PyObject *python::evaluate(PyObject *self, PyObject *const *args,
     if (!plan.variant) {
       Hold hold(inputs, outputs);
       warp::python::Unlocked unlocked;
-      warp::python::Compiling compiling;
       plan = kernel.prepare(cpuDevice, one, block.data());
     }
     kernel.runAtOnce(plan, block.data());
