@@ -126,6 +126,20 @@ TypeShape python::shapeOfType(const std::string &text) {
   return shape;
 }
 
+/// A name without the escapes by which types write bytes that are not ASCII.
+static std::string unescaped(const std::string &name) {
+  std::string text;
+  for (size_t i = 0; i < name.size(); ++i) {
+    if (name[i] == '\\' && i + 2 < name.size()) {
+      text += static_cast<char>(std::stoi(name.substr(i + 1, 2), nullptr, 16));
+      i += 2;
+    } else {
+      text += name[i];
+    }
+  }
+  return text;
+}
+
 std::string python::pythonTypeName(const std::string &text) {
   if (const ScalarName *scalar = findScalar(text))
     return scalar->python;
@@ -138,7 +152,7 @@ std::string python::pythonTypeName(const std::string &text) {
            ", dtype=" + pythonTypeName(parts->rest) + ")";
   if (parts->name == "struct") {
     size_t quote = parts->rest.find('"', 1);
-    return parts->rest.substr(1, quote - 1);
+    return unescaped(parts->rest.substr(1, quote - 1));
   }
   const ScalarName *scalar = findScalar(parts->rest);
   std::string name = parts->name;

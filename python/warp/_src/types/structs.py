@@ -13,6 +13,7 @@ import types as python_types
 import typing
 import warnings
 
+from warp import _native
 from warp._src import errors
 from warp._src.argument_kinds import Kind
 from warp._src.arguments import checked, misfit
@@ -324,12 +325,11 @@ def _is_zero(value) -> bool:
 
 def make_struct(name, fields, base, attributes):
     """A struct class of this name, with types by field."""
-    spelled = ", ".join(f"{field}: {dtypes.native_text(dtype)}" for field, dtype in fields.items())
     namespace = {
         **attributes,
         "_fields_": [(field, _ctype(dtype)) for field, dtype in fields.items()],
         "_wp_struct_": True,
-        "_native_": f'!warp.struct<"{name}", {{{spelled}}}>',
+        "_native_": _spelled(name, fields),
     }
     made = StructType(name, (base,), namespace)
     for field, dtype in fields.items():
@@ -337,6 +337,17 @@ def make_struct(name, fields, base, attributes):
     made._wp_fields_ = fields
     dtypes.register(made)
     return made
+
+
+def _spelled(name, fields) -> str:
+    """A struct's type as the compiler writes it."""
+    types = [dtypes.native_text(dtype) for dtype in fields.values()]
+    is_plain = "".join((name, *fields)).isascii()
+    names = fields if is_plain else [f'"{field}"' for field in fields]
+    parts = ", ".join(f"{field}: {dtype}" for field, dtype in zip(names, types, strict=True))
+    text = f'!warp.struct<"{name}", {{{parts}}}>'
+    # Names that are not ASCII are written in bytes.
+    return text if is_plain else str(_native.Type.parse(text))
 
 
 def _field_type(struct_name, field, annotation, namespaces):
