@@ -154,7 +154,7 @@ class Kernel:
             with translating:
                 self._enter(epoch)
                 if self.native is None:
-                    self.native = self._translate(None, wished=threads)
+                    self.native = self._translate(None, 1, None, threads)
                 # Launches look at this first: from now on `native` is what they need.
                 self.epoch = epoch
         return self.native
@@ -222,7 +222,7 @@ class Kernel:
             )
         types = tuple(map(argument_type, arguments))
         self._enter(Epoch.current)
-        return once(self._specialized, types, lambda: self._translate(types, wished=threads))
+        return once(self._specialized, types, lambda: self._translate(types, 1, None, threads))
 
     def _translate(self, arguments, threads=1, constants=None, wished=None):
         if self.unique_key is not None:
