@@ -15,6 +15,7 @@ from warp._src.frontend.translator import Translator
 from warp._src.frontend.updates import updated_arguments
 from warp._src.kernels.build_options import Build
 from warp._src.types import dtypes
+from warp._src.types.annotations import is_generic
 
 
 def build_kernel(kernel):
@@ -145,6 +146,8 @@ def _parameter_types(overload, name, arguments) -> list:
         native = parameter.native or argument
         if native is None:
             message = f"{what} is generic, its type is known at launch only"
+            if not is_generic(parameter.annotation):
+                message = f"{what} is a '{parameter.type_name}', which functions alone take"
             raise errors.WarpCodegenTypeError(message, **place)
         if parameter.native is None and not fits_native(parameter.annotation, native):
             raise errors.WarpCodegenTypeError(

@@ -137,7 +137,26 @@ class Expressions(Part):
             return left + right
         left = self.context.materialize(left, node)
         right = self.context.materialize(right, node)
-        return self.operator(node, _BINARY[kind], left, right)
+        try:
+            return self.operator(node, _BINARY[kind], left, right)
+        except errors.WarpCodegenTypeError as problem:
+            if kind in (ast.Mult, ast.MatMult):
+                self.explain_product(problem, kind, (left.type, right.type))
+            raise
+
+    @staticmethod
+    def explain_product(problem, kind, types):
+        """Names the operator that was written, and what there is for two vectors or matrices."""
+        if kind is ast.MatMult:
+            problem.message = problem.message.replace("overload of '*'", "overload of '@'", 1)
+        kinds = [native.kind for native in types]
+        if kinds == ["vec", "vec"]:
+            ways = "`wp.dot(a, b)`, `wp.cross(a, b)`, `wp.outer(a, b)` or `wp.cw_mul(a, b)`"
+            problem.hint = problem.hint or f"use {ways}"
+        elif kinds == ["quat", "vec"]:
+            problem.hint = problem.hint or "use `wp.quat_rotate(q, v)`"
+        elif kinds == ["transform", "vec"]:
+            problem.hint = problem.hint or "use `wp.transform_point(t, v)`"
 
     def operator(self, node, name, *operands):
         """Applies an operator; functions of that name go before it, and extend it to structs."""

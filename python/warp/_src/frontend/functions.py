@@ -7,6 +7,7 @@ as their parts. Functions, types and strings as arguments are part of the combin
 
 from __future__ import annotations
 
+import collections.abc
 import inspect
 import typing
 
@@ -22,6 +23,8 @@ from warp._src.types.native import ArrayType, IndexedArrayType
 
 # What annotates a parameter that takes a function.
 _CALLABLES = (typing.Callable, Function)
+# `tuple[int, float]`, `type[wp.vec3]`, `Callable[[float], float]`.
+_GENERICS = (tuple, type, collections.abc.Callable)
 _KINDS = {"Int": ("int",), "Float": ("float",), "Scalar": ("int", "float")}
 
 
@@ -60,11 +63,22 @@ class Parameter:
     def type_name(self) -> str:
         if self.native is not None:
             return self.native.python_name
-        shown = getattr(self.annotation, "__name__", None) or str(self.annotation)
-        return shown.removeprefix("~")
+        shown = None
+        if typing.get_origin(self.annotation) is None:
+            shown = getattr(self.annotation, "__name__", None)
+        return (shown or str(self.annotation)).removeprefix("~").removeprefix("typing.")
 
     def __str__(self):
         return f"{self.name}: {self.type_name}"
+
+
+def array_hint(annotation) -> str | None:
+    """What to write for a parameter that several values are meant for."""
+    kind = typing.get_origin(annotation) or annotation
+    name = getattr(kind, "__name__", "")
+    if name not in ("list", "List", "Sequence", "Iterable", "ndarray", "Tensor"):
+        return None
+    return "annotate it with `wp.array(dtype=...)`, and pass an array"
 
 
 def is_generic(annotation) -> bool:
@@ -75,7 +89,7 @@ def is_generic(annotation) -> bool:
         annotation = annotation.dtype
     if annotation is typing.Any or isinstance(annotation, typing.TypeVar):
         return True
-    if typing.get_origin(annotation) is not None or annotation in _CALLABLES:
+    if typing.get_origin(annotation) in _GENERICS or annotation in _CALLABLES:
         return True
     if getattr(annotation, "is_open", False):
         return True
@@ -208,7 +222,9 @@ class Overload:
                 parameters.append(Parameter(argument.arg, declared[argument.arg], default))
             except TypeError as problem:
                 raise errors.WarpCodegenTypeError(
-                    f"parameter '{argument.arg}': {problem}", **self.source.place(argument)
+                    f"parameter '{argument.arg}' of '{self.function.__name__}': {problem}",
+                    hint=array_hint(declared[argument.arg]),
+                    **self.source.place(argument),
                 ) from None
         return parameters
 
@@ -224,12 +240,15 @@ class Overload:
     def read_result(self):
         """Native types of the declared results; None where left open."""
         declared = self.read_annotations().get("return", typing.Any)
-        if declared in NOTHING_DECLARED or is_generic(declared):
-            if typing.get_origin(declared) is tuple:
-                return [
-                    None if is_generic(part) else dtypes.native_type(annotations.resolve(part))
-                    for part in typing.get_args(declared)
-                ]
+        origin = typing.get_origin(declared)
+        if origin is tuple:
+            return [
+                None
+                if is_generic(part) or typing.get_origin(part)
+                else dtypes.native_type(annotations.resolve(part))
+                for part in typing.get_args(declared)
+            ]
+        if declared in NOTHING_DECLARED or origin is not None or is_generic(declared):
             return None
         if isinstance(declared, FixedArrayType):
             return [LocalArray(declared.shape, dtypes.native_type(declared.dtype))]

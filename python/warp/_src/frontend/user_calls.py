@@ -49,7 +49,9 @@ class UserCalls(Part):
                     raise self.no_references(overload, node)
                 return overload, bound
             reasons.append(f"{overload}: {bound}")
-        shown = ", ".join(f"'{self.context.type_name(argument)}'" for argument in arguments)
+        shown = [f"'{self.context.type_name(argument)}'" for argument in arguments]
+        shown += [f"{name}='{self.context.type_name(one)}'" for name, one in keywords.items()]
+        shown = ", ".join(shown)
         if len(reasons) == 1:
             message = f"cannot call '{function.key}' with ({shown}): {bound}"
             notes = (f"declared as {overloads[0]}",)

@@ -102,21 +102,23 @@ class Function:
             except (TypeError, AttributeError, IndexError, KeyError, ValueError) as problem:
                 if _accepts(self.func, args, kwargs, generic=False):
                     raise
-                raise self._refusal(args) from problem
+                raise self._refusal(args, kwargs) from problem
         for func in self.overloads:
             if _accepts(func, args, kwargs):
                 return func(*args, **kwargs)
-        shown = ", ".join(type(value).__name__ for value in args)
-        raise errors.WarpTypeError(f"no overload of '{self.key}' takes ({shown})")
+        given = [f"'{dtypes.type_repr(type(value))}'" for value in args]
+        given += [f"{name}='{dtypes.type_repr(type(value))}'" for name, value in kwargs.items()]
+        raise errors.WarpTypeError(f"no overload of '{self.key}' takes ({', '.join(given)})")
 
-    def _refusal(self, args):
+    def _refusal(self, args, kwargs=None):
         try:
             given = str(args)
         except Exception:
             given = f"({', '.join(map(shown, args))})"
         # Programs know this error by its words.
+        named = f" and {kwargs}" if kwargs else ""
         return errors.WarpTypeError(
-            f"Error calling function '{self.key}', no overload found for arguments {given}"
+            f"Error calling function '{self.key}', no overload found for arguments {given}{named}"
         )
 
     def __repr__(self):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from warp._src.types.composites import Composite, scalars_of, shown_name
-from warp._src.types.scalars import scalar_base
+from warp._src.types.composites import Composite, scalars_of
+from warp._src.types.scalars import scalar_base, shown_name
 from warp._src.types.vectors import Quaternion, Transformation
 
 

@@ -14,7 +14,7 @@ from warp import config
 from warp._src import errors
 from warp._src.arguments import shown
 from warp._src.types import arithmetic, scalars
-from warp._src.types.scalars import scalar_base
+from warp._src.types.scalars import scalar_base, shown_name
 
 ArrayMeta = type(ctypes.Array)
 _raw_get = ctypes.Array.__getitem__
@@ -23,11 +23,6 @@ _ALL = slice(None)
 # Sequences deeper than that contain themselves.
 _DEEPEST = 32
 _PYTHON_OWN = frozenset(scalars.PYTHON_TYPES.values())
-
-
-def shown_name(kind) -> str:
-    """Name of a class in messages: `vec5f`, where `__name__` is that of all vectors, `vec_t`."""
-    return vars(kind).get("_wp_name_") or kind.__name__
 
 
 class Products:

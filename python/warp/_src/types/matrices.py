@@ -15,9 +15,8 @@ from warp._src.types.composites import (
     is_number,
     operand_error,
     scalars_of,
-    shown_name,
 )
-from warp._src.types.scalars import canonical_scalar, float_base
+from warp._src.types.scalars import canonical_scalar, float_base, shown_name
 from warp._src.types.vectors import (
     MOST_COMPONENTS,
     SUFFIX,

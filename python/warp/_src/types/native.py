@@ -12,11 +12,11 @@ import weakref
 from warp import _native
 from warp._src import errors
 from warp._src.argument_kinds import TYPE
-from warp._src.arguments import checked, shown, spelled
+from warp._src.arguments import checked, shown
 from warp._src.types import scalars
-from warp._src.types.composites import Composite, canonical_class, shown_name
+from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.matrices import matrix
-from warp._src.types.scalars import PYTHON_TYPES, SCALAR_TYPES, scalar_base
+from warp._src.types.scalars import PYTHON_TYPES, SCALAR_TYPES, scalar_base, shown_name
 from warp._src.types.vectors import GenericAnnotation, quaternion, transformation, vector
 
 
@@ -32,8 +32,9 @@ def canonical(dtype):
             return found
         if issubclass(found, (Composite, scalar_base)) and hasattr(found, "_native_"):
             return canonical_class(found)
-    got = f"'{shown_name(dtype)}'" if isinstance(dtype, type) else spelled(dtype)
-    raise TypeError(f"expects a scalar, vector, matrix or struct type, but got {got}")
+    raise TypeError(
+        f"expects a scalar, vector, matrix or struct type, but got {scalars.described(dtype)}"
+    )
 
 
 _native_types: dict = {}

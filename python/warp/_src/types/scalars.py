@@ -11,9 +11,10 @@ from __future__ import annotations
 import builtins
 import ctypes
 import operator
+import typing
 
 from warp._src import errors
-from warp._src.arguments import shown
+from warp._src.arguments import shown, spelled
 from warp._src.types.arithmetic import (
     bfloat16_from_bits,
     bfloat16_to_bits,
@@ -439,5 +440,24 @@ def canonical_scalar(dtype):
     scalar = PYTHON_TYPES.get(dtype, dtype) if isinstance(dtype, type) else dtype
     if isinstance(scalar, ScalarType) and "_native_" in scalar.__dict__:
         return scalar
-    got = f"'{dtype.__name__}'" if isinstance(dtype, type) else shown(dtype)
-    raise TypeError(f"expects a scalar type, but got {got}")
+    raise TypeError(f"expects a scalar type, but got {described(dtype)}")
+
+
+def shown_name(kind) -> str:
+    """Name of a class in messages: `vec5f`, where `__name__` is that of all vectors, `vec_t`."""
+    return vars(kind).get("_wp_name_") or kind.__name__
+
+
+def described(dtype) -> str:
+    """How messages call what is given for a type, with the type that is perhaps meant."""
+    if isinstance(dtype, str):
+        text, name = f"the string '{dtype}'", dtype
+    elif isinstance(dtype, type) and typing.get_origin(dtype) is None:
+        name = shown_name(dtype)
+        home = dtype.__module__
+        text = f"'{home}.{name}'" if home == "numpy" else f"'{name}'"
+    else:
+        text = name = spelled(dtype)
+        text = text if "'" in text else f"'{text}'"
+    known = {one.__name__ for one in SCALAR_TYPES}
+    return f"{text}, use `wp.{name}`" if name in known else text

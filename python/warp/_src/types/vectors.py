@@ -19,9 +19,8 @@ from warp._src.types.composites import (
     flatten_numbers,
     operand_error,
     scalars_of,
-    shown_name,
 )
-from warp._src.types.scalars import canonical_scalar
+from warp._src.types.scalars import canonical_scalar, shown_name
 
 
 class Vector(Composite):
