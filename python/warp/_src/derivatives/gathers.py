@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 
-from warp import _native
+from warp import _native, config
 
 
 class Gathered:
@@ -43,7 +43,8 @@ class Gathered:
         extents = _extents(call.dim)
         larger = tuple(extent + more for extent, more in zip(extents, self._halo, strict=True))
         place = (call.device, call.stream, call.block_dim or 0)
-        if self._is_new and call.device < 0:
+        # Code for blocks of threads is for the dimensions of a launch.
+        if self._is_new and call.device < 0 and not config.enable_cpu_blocks:
             self._compile_both(call)
         self.sums.launch(larger, values, [*hidden, *extents], *place)
         if self.rest is not None:
