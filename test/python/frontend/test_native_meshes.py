@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from warp._src.kernels import native_code
 
 
 @wp.struct
@@ -136,3 +137,12 @@ def test_rays_and_triangles(native_device):
     expected = [[1.5, 0.5, 0.25], [-1, 0, 0], [1.5, 0.5, 0.5], [1.5, 1, 0], [-1, 0, 0]]
     expected.append([1.5, 0.0, 0.5])
     np.testing.assert_allclose(out.numpy()[:, :3], expected, atol=1e-6)
+
+
+def test_code_for_gpus_has_the_library():
+    if not native_code.compiler(gpu=True):
+        pytest.skip("no NVRTC")
+    for kernel in (find_all, run_describe):
+        ptx = kernel.ir("ptx", arch=90)
+        assert ".extern .func warp_" not in ptx
+        assert ("warp_mesh_ray(" in ptx) == (kernel is run_describe)
