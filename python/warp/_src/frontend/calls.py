@@ -163,6 +163,8 @@ class Calls(Part):
             places += [written[parameter] for parameter in order]
         if name in ("min", "max") and len(arguments) > 2:
             return self.fold_call(name, arguments, node)
+        if name == "stop_gradient" and [*map(_kind, arguments)] == ["tile"]:
+            return self.context.tiles.elements.constant(arguments[0], node)
         if name == "where" and arguments:
             arguments[0] = self.context.expressions.truth(arguments[0], places[0])
         return self.apply_builtin(name, arguments, node, places)
@@ -400,3 +402,8 @@ class Calls(Part):
     def builtin_atomic_cas(self, node):
         array, *indices, expected, value = self.element_arguments(node, "atomic_cas", 2)
         return self.builder.atomic_cas(array, indices, expected, value)
+
+
+def _kind(binding) -> str:
+    """The kind of a value's type; empty for what is no value."""
+    return getattr(getattr(binding, "type", None), "kind", "")

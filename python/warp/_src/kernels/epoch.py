@@ -14,6 +14,7 @@ _NAMES = (
     "dump",
     "deterministic",
     "ordered_slots",
+    "peer_tile_gradients",
 )
 
 

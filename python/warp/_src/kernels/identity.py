@@ -180,7 +180,8 @@ def name_of(kernel, arguments=None, threads=1, constants=None):
     types_of_arguments = None if arguments is None else tuple(map(str, arguments))
     given = (kernel.key, kernel.option("max_unroll"), types_of_arguments, threads)
     found._parts.append(_installation())
-    found._parts.append(repr((given, config.legacy_scalar_return_types)))
+    settings = config.legacy_scalar_return_types, config.peer_tile_gradients
+    found._parts.append(repr((given, settings)))
     for path, constant in (constants or {}).items():
         found._parts.append(f"{path}: {found.token(constant)}")
     found.function(kernel.func)

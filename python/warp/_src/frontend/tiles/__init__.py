@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 
+from warp import config
 from warp._src import errors
 from warp._src.frontend import struct_classes
 from warp._src.frontend.tiles.algebra import TileAlgebra
@@ -51,6 +52,14 @@ _HANDLERS = {
     for method in vars(kind)
     if method.startswith("builtin_")
 }
+# Functions whose result has no gradient with NVIDIA Warp, by the name of their method.
+_WITHOUT_GRADIENT = frozenset(
+    f"builtin_tile_{name}"
+    for name in (
+        *("diag_add", "min", "max", "reduce", "scan_inclusive", "scan_exclusive"),
+        *("scan_max_inclusive", "scan_min_inclusive", "arange"),
+    )
+)
 
 
 class Tiles:
@@ -71,7 +80,12 @@ class Tiles:
     def handler(self, name):
         """The method of that name, of the topic that has it; None if none has."""
         topic = _HANDLERS.get(name)
-        return None if topic is None else getattr(getattr(self, topic), name)
+        if topic is None:
+            return None
+        method = getattr(getattr(self, topic), name)
+        if config.peer_tile_gradients and name in _WITHOUT_GRADIENT:
+            return lambda node: self.elements.constant(method(node), node)
+        return method
 
     def attribute(self, native, name, node):
         """`shape`, `dtype`, `ndim`, `size` of a tile's type."""

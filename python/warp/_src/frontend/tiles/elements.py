@@ -87,6 +87,10 @@ class TileElements(TileTopic):
             f"'{self.context.type_name(binding)}'",
         )
 
+    def constant(self, tile, node):
+        """`stop_gradient` of all elements."""
+        return self.mapped([tile], self.function(BuiltinRef("stop_gradient"), node, ""), node)
+
     def builtin_tile_map(self, node):
         arguments, keywords = self.context.constructors.arguments(node)
         operation, *operands = (*arguments, *keywords.values())
