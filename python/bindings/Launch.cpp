@@ -76,9 +76,10 @@ LaunchDim python::readDim(const Kernel &kernel, PyObject *value) {
   return dim;
 }
 
-void python::packArguments(Packer &packer, const Items &inputs,
-                           const Items &outputs, int device, char *block,
-                           std::vector<py::object> &keep) {
+/// Becomes part of each caller: launches have no time for a call.
+[[gnu::always_inline]] static inline void
+packAll(Packer &packer, const Items &inputs, const Items &outputs, int device,
+        char *block, std::vector<py::object> &keep) {
   size_t count = inputs.size();
   if (count + outputs.size() != packer.size())
     packer.raiseCount(count + outputs.size());
@@ -86,6 +87,12 @@ void python::packArguments(Packer &packer, const Items &inputs,
     packer.pack(i, inputs[i], device, block, keep);
   for (size_t i = count; i < packer.size(); ++i)
     packer.pack(i, outputs[i - count], device, block, keep);
+}
+
+void python::packArguments(Packer &packer, const Items &inputs,
+                           const Items &outputs, int device, char *block,
+                           std::vector<py::object> &keep) {
+  packAll(packer, inputs, outputs, device, block, keep);
 }
 
 /// The current stream waits for the writers of foreign arrays; a stream named
@@ -172,7 +179,7 @@ PyObject *python::launch(PyObject *self, PyObject *const *args,
     int blockDim = count > 5 ? intArgument(args[5]) : 0;
     Block block(kernel.parameterSize());
     std::vector<py::object> keep;
-    packArguments(packer, inputs, outputs, device, block.data(), keep);
+    packAll(packer, inputs, outputs, device, block.data(), keep);
     if (stream && !keep.empty() && !capturesInProgress)
       followCurrent(device, *stream);
     if (capturesInProgress)

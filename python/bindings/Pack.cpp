@@ -141,10 +141,12 @@ void Packer::raiseCount(size_t got) const {
 // Arrays
 //===----------------------------------------------------------------------===//
 
-/// Refuses memory that must not be written where the kernel may write it.
+/// Refuses memory that must not be written where the kernel may write it. A
+/// kernel that uses gradients is an adjoint, which writes those alone.
 void Packer::checkUse(const PackParam &param, int64_t offset) const {
   for (const Access &access : owner.arrayAccesses()) {
-    if (access.offset != offset || !(access.stored || access.combined))
+    bool writes = access.stored || access.combined;
+    if (access.offset != offset || !writes || access.gradientSize != 0)
       continue;
     bool isWhole = param.kind == Param::Kind::Array;
     throw Error(

@@ -77,7 +77,8 @@ def _kinds(data) -> set:
 def _mixed(kinds) -> errors.WarpTypeError:
     names = " and ".join(sorted(f"'{dtypes.type_repr(kind)}'" for kind in kinds))
     return errors.WarpTypeError(
-        f"expects elements of one type, or sequences of as many numbers, but got {names}"
+        f"cannot make an array of the data: expects elements of one type, or sequences of as many "
+        f"numbers, but got {names}"
     )
 
 
