@@ -266,10 +266,15 @@ class _Call:
                 self._run(place, addresses, mode)
 
     def _arrays(self, addresses, device) -> dict:
-        return {
+        """The arrays of a call; JAX takes those that are no outputs for immutable."""
+        found = {
             i: one.array(address, device)
             for (i, one), address in zip(self.layout.items(), addresses, strict=True)
         }
+        for i, one in found.items():
+            if not self.entries[i][0]:
+                one._protect()
+        return found
 
     def _run(self, place, addresses, mode) -> None:
         arrays = self._arrays(addresses, place.device)

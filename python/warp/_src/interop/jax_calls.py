@@ -125,6 +125,27 @@ class Arguments:
                     self.message(f"structs with arrays cannot be passed, as '{parameter.name}'")
                 )
 
+    def check_writes(self, parameters, accesses) -> None:
+        """Checks that a kernel leaves its inputs alone, which JAX takes for immutable.
+
+        Args:
+            accesses: (loaded, stored, combined, fetched, line) of each array.
+
+        Raises:
+            ValueError: it may write one.
+        """
+        arrays = [found for found in enumerate(parameters) if found[1].is_array]
+        for (position, parameter), access in zip(arrays, accesses, strict=True):
+            written = position >= self.num_inputs or parameter.name in self.in_outs
+            if not written and (access[1] or access[2]):
+                where = f" in line {access[4]}" if access[4] else ""
+                raise errors.WarpLaunchValueError(
+                    self.message(
+                        f"argument '{parameter.name}' is an input, which JAX takes for immutable, "
+                        f"but the kernel may write it{where}; name it in `in_out_argnames`"
+                    )
+                )
+
     def check_values(self, jax, parameters, args):
         """The inputs, arrays among them checked, and the shapes of these by name."""
         inputs = parameters[: self.num_inputs]

@@ -160,6 +160,7 @@ class JaxKernel:
         native, arguments = self.kernel.prepare(), self.arguments
         parameters = [_parameter(*found) for found in native.parameters]
         arguments.check_kinds(parameters)
+        arguments.check_writes(parameters, native.accesses)
         values, shapes = arguments.check_values(jax, parameters, args)
         dims = launch_dims if launch_dims is not None else self.launch_dims
         dims = arguments.launch_dims(dims, shapes)
