@@ -13,10 +13,12 @@
 
 #include "LibmNames.h"
 #include "warp/Compile.h"
+#include "warp/Forks.h"
 
 #include "LibraryObject.h"
 
 #include "llvm/ADT/APFloat.h"
+#include "llvm/ExecutionEngine/JITLink/x86_64.h"
 #include "llvm/ExecutionEngine/Orc/AbsoluteSymbols.h"
 #include "llvm/ExecutionEngine/Orc/Core.h"
 #include "llvm/ExecutionEngine/Orc/ObjectFileInterface.h"
@@ -28,7 +30,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <map>
-#include <mutex>
 
 using namespace llvm;
 
@@ -105,8 +106,10 @@ static std::vector<Symbol> knownSymbols() {
   add(#name "f", static_cast<Float2>(::name##f));                              \
   add(#name, static_cast<Double2>(::name));
   UNARY(sqrt)
-  UNARY(floor) UNARY(ceil) UNARY(trunc) UNARY(round) UNARY(rint)
-      UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax) BINARY(copysign)
+  UNARY(floor)
+  UNARY(ceil)
+  UNARY(trunc) UNARY(round) UNARY(rint) UNARY(nearbyint) BINARY(fmod)
+      BINARY(fmin) BINARY(fmax) BINARY(copysign)
 #undef UNARY
 #undef BINARY
 #define UNARY(name)                                                            \
@@ -149,11 +152,65 @@ static warp::Error toError(llvm::Error error) {
                          llvm::toString(std::move(error)));
 }
 
+namespace {
+/// Refuses relocations beyond what they are in: JITLink takes them as they
+/// come, and an object may be from a file.
+class FixupCheck : public orc::LinkGraphLinkingLayer::Plugin {
+public:
+  void modifyPassConfig(orc::MaterializationResponsibility &,
+                        jitlink::LinkGraph &graph,
+                        jitlink::PassConfiguration &config) override {
+    if (graph.getTargetTriple().isX86())
+      config.PreFixupPasses.push_back(check);
+  }
+  llvm::Error notifyFailed(orc::MaterializationResponsibility &) override {
+    return llvm::Error::success();
+  }
+  llvm::Error notifyRemovingResources(orc::JITDylib &,
+                                      orc::ResourceKey) override {
+    return llvm::Error::success();
+  }
+  void notifyTransferringResources(orc::JITDylib &, orc::ResourceKey,
+                                   orc::ResourceKey) override {}
+
+private:
+  /// Bytes that a relocation writes.
+  static size_t sizeOf(jitlink::Edge::Kind kind) {
+    switch (kind) {
+    case jitlink::x86_64::Pointer64:
+    case jitlink::x86_64::Delta64:
+    case jitlink::x86_64::NegDelta64:
+    case jitlink::x86_64::Delta64FromGOT:
+      return 8;
+    case jitlink::x86_64::Pointer16:
+      return 2;
+    case jitlink::x86_64::Pointer8:
+    case jitlink::x86_64::Delta8:
+      return 1;
+    default:
+      return 4;
+    }
+  }
+
+  static llvm::Error check(jitlink::LinkGraph &graph) {
+    for (jitlink::Block *block : graph.blocks())
+      for (const jitlink::Edge &edge : block->edges())
+        if (edge.isRelocation() &&
+            (block->isZeroFill() ||
+             uint64_t(edge.getOffset()) + sizeOf(edge.getKind()) >
+                 block->getSize()))
+          return createStringError("a relocation lies outside of its section");
+    return llvm::Error::success();
+  }
+};
+} // namespace
+
 struct warp::Jit::Impl {
   Impl()
       : session(cantFail(orc::SelfExecutorProcessControl::Create())),
         layer(session), runtime(session.createBareJITDylib("runtime")),
         device(session.createBareJITDylib("device library")) {
+    layer.addPlugin(std::make_shared<FixupCheck>());
     session.setErrorReporter([this](llvm::Error error) {
       reported += llvm::toString(std::move(error));
     });
@@ -187,7 +244,7 @@ struct warp::Jit::Impl {
     cantFail(device.define(orc::reexports(own, std::move(names))));
   }
 
-  std::mutex mutex;
+  warp::ForkMutex mutex;
   orc::ExecutionSession session;
   orc::ObjectLinkingLayer layer;
   orc::JITDylib &runtime, &device;
@@ -199,13 +256,15 @@ struct warp::Jit::Impl {
 warp::Jit::Jit() : impl(new Impl) {}
 
 warp::Jit &warp::Jit::get() {
+  // It takes milliseconds to make.
+  ForkSection section;
   // Never destroyed: kernels may run while the process exits.
   static auto *jit = new Jit;
   return *jit;
 }
 
 void *warp::Jit::load(const Code &code) {
-  std::lock_guard<std::mutex> guard(impl->mutex);
+  std::lock_guard guard(impl->mutex);
   impl->reported.clear();
   std::string name = code.entry + "." + std::to_string(impl->count++);
   orc::JITDylib &library = impl->session.createBareJITDylib(name);
@@ -233,7 +292,7 @@ void *warp::Jit::load(const Code &code) {
 }
 
 void warp::Jit::unload(void *entry) {
-  std::lock_guard<std::mutex> guard(impl->mutex);
+  std::lock_guard guard(impl->mutex);
   auto found = impl->loaded.find(entry);
   if (found == impl->loaded.end())
     return;

@@ -92,8 +92,8 @@ TEST_F(SavedModuleTest, KeepsWhatIsKnownOfAccesses) {
   for (bool Access::*fact : facts) {
     SavedModule module = saved();
     Access &given = module.kernels[0].accesses[0];
-    given = {};
-    given.*fact = true;
+    for (bool Access::*other : facts)
+      given.*other = other == fact;
     given.line = 7;
     given.gradientSize = 8;
     Access kept =
@@ -113,9 +113,8 @@ TEST_F(SavedModuleTest, ChecksArguments) {
   auto ok = view(x.data(), {10});
   EXPECT_EQ(errorOf([&] { launch(*kernel, cpuDevice, {10}, ok, ok, 0); }),
             "launch('add'): expects 4 arguments, but got 3");
-  EXPECT_EQ(
-      errorOf([&] { launch(*kernel, cpuDevice, {10}, ok, ok, 0, 1.0); }),
-      "launch('add'): argument 's' expects f32, but got f64");
+  EXPECT_EQ(errorOf([&] { launch(*kernel, cpuDevice, {10}, ok, ok, 0, 1.0); }),
+            "launch('add'): argument 's' expects f32, but got f64");
   EXPECT_EQ(errorOf([&] {
               launch(*kernel, cpuDevice, {10}, view(d.data(), {10}), ok, 0,
                      1.0f);

@@ -62,7 +62,8 @@ static FileHeader fileHeaderOf(Source &source, size_t bytes) {
                     std::to_string(majorVersion) + " is supported");
   if (header.codec > uint16_t(GridCodec::Blosc))
     throw Error(Error::Kind::Runtime,
-                "Unsupported codec code: " + std::to_string(header.codec));
+                "Unsupported codec code: " + std::to_string(header.codec) +
+                    " in the .nvdb file");
   return header;
 }
 
@@ -120,7 +121,11 @@ GridBytes warp::readGridsOf(const std::string &path) {
   if (!file.read(reinterpret_cast<char *>(bytes.data()),
                  std::streamsize(bytes.size())))
     throw systemError(path);
-  return readGrids(bytes.data(), bytes.size());
+  try {
+    return readGrids(bytes.data(), bytes.size());
+  } catch (const Error &error) {
+    throw Error(error.kind, "'" + path + "': " + error.message);
+  }
 }
 
 GridBytes warp::copyGrids(const void *grids, size_t bytes) {

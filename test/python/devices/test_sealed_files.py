@@ -85,6 +85,38 @@ def test_places_of_arguments(graph, offset):
         load(resealed(changed.replace(old, new)), name, moved)
 
 
+def relocations(code):
+    """Places of the offsets of relocations in the objects of a saved module."""
+    at = code.find(b"\x7fELF")
+    while at >= 0:
+        (sections,) = struct.unpack_from("<Q", code, at + 40)
+        size, count = struct.unpack_from("<HH", code, at + 58)
+        for i in range(count):
+            header = at + sections + i * size
+            kind, start, length = struct.unpack_from("<4xI16xQQ", code, header)
+            if kind == 4:
+                yield from range(at + start, at + start + length, 24)
+        at = code.find(b"\x7fELF", at + 1)
+
+
+def test_relocations_stay_in_their_sections(graph):
+    changed, name, code = graph
+    found = 0
+    for at in relocations(code):
+        (info,) = struct.unpack_from("<Q", code, at + 8)
+        if info & 0xFFFFFFFF not in (1, 2, 4):
+            continue
+        moved = resealed(code[:at] + struct.pack("<Q", 1 << 30) + code[at + 8 :])
+        old, new = (struct.pack("<Q", hash_bytes(one)) for one in (code, moved))
+        # What nothing leads to is not linked.
+        try:
+            load(resealed(changed.replace(old, new)), name, moved)
+        except wp.WarpError as error:
+            assert "is damaged, " in str(error)
+            found += "cannot load compiled code" in str(error)
+    assert found
+
+
 def test_memory_has_a_limit(graph):
     assert wp.capture_load_from_bytes(graph[0], {graph[1]: graph[2]}, "cpu", 1 << 20)
     with pytest.raises(wp.WarpError, match="is to have at most 1000 bytes"):
