@@ -4,8 +4,9 @@
 //
 // A graph is a list of calls. Streams that are captured into it append to it;
 // a stream joins by waiting for an event that was recorded on one of them. A
-// capture ends in an error if a stream that joined is not waited for, or if
-// something was done that the driver forbids meanwhile.
+// capture ends in an error if the stream that it began on does not come behind
+// all nodes, on whatever way, or if something was done that the driver forbids
+// meanwhile.
 //
 //===----------------------------------------------------------------------===//
 
@@ -71,15 +72,22 @@ struct Capture {
   void *origin;
   Graph *graph;
   bool invalid = false;
-  /// Streams with work that the origin has not waited for.
-  std::set<void *> unjoined;
+  /// Nodes that each stream comes behind, and those that none comes behind.
+  std::map<void *, std::set<Node *>> reached;
+  std::set<Node *> last;
+
+  void follow(void *stream, Node *node) {
+    for (Node *before : std::exchange(reached[stream], {node}))
+      last.erase(before);
+    last.insert(node);
+  }
 };
 
 std::recursive_mutex mutex;
 std::map<void *, std::shared_ptr<Capture>> captures;
 struct Recorded {
   std::shared_ptr<Capture> capture;
-  void *stream;
+  std::set<Node *> reached;
 };
 std::map<void *, Recorded> events;
 std::vector<int> conditions;
@@ -98,9 +106,7 @@ bool fakeRecord(void *stream, std::function<int()> call) {
   std::shared_ptr<Capture> capture = captureOf(stream);
   if (!capture)
     return false;
-  capture->graph->add(std::move(call));
-  if (stream != capture->origin)
-    capture->unjoined.insert(stream);
+  capture->follow(stream, capture->graph->add(std::move(call)));
   return true;
 }
 
@@ -109,7 +115,7 @@ bool fakeRecordCondition(void *stream, uint64_t handle, const int *value,
   Lock lock(mutex);
   std::shared_ptr<Capture> capture = captureOf(stream);
   if (capture)
-    capture->graph->addSetting(handle, value, negated);
+    capture->follow(stream, capture->graph->addSetting(handle, value, negated));
   return capture != nullptr;
 }
 
@@ -126,7 +132,10 @@ void fakeInvalidateCaptures() {
 
 void fakeRecordEvent(void *event, void *stream) {
   Lock lock(mutex);
-  events[event] = {captureOf(stream), stream};
+  std::shared_ptr<Capture> capture = captureOf(stream);
+  events[event] = {capture, {}};
+  if (capture)
+    events[event].reached = capture->reached[stream];
 }
 
 void fakeWaitEvent(void *stream, void *event) {
@@ -134,10 +143,9 @@ void fakeWaitEvent(void *stream, void *event) {
   Recorded recorded = events[event];
   if (!recorded.capture)
     return;
-  if (stream == recorded.capture->origin)
-    recorded.capture->unjoined.erase(recorded.stream);
-  else
-    captures[stream] = recorded.capture;
+  captures[stream] = recorded.capture;
+  recorded.capture->reached[stream].insert(recorded.reached.begin(),
+                                           recorded.reached.end());
 }
 
 void *fakeSetter = nullptr;
@@ -187,7 +195,9 @@ EXPORT int cuStreamEndCapture(void *stream, Graph **graph) {
                 [&](const auto &entry) { return entry.second == capture; });
   if (capture->invalid)
     return captureInvalidated;
-  if (!capture->unjoined.empty())
+  const std::set<Node *> &joined = capture->reached[stream];
+  if (!std::includes(joined.begin(), joined.end(), capture->last.begin(),
+                     capture->last.end()))
     return captureUnjoined;
   *graph = capture->graph;
   return success;
@@ -203,8 +213,12 @@ EXPORT int cuStreamGetCaptureInfo_v2(void *stream, int *status, uint64_t *,
   *count = 0;
   return success;
 }
-EXPORT int cuStreamUpdateCaptureDependencies(void *, void **, size_t,
-                                             unsigned) {
+/// New nodes come behind those before them.
+EXPORT int cuStreamUpdateCaptureDependencies(void *stream, Node **nodes,
+                                             size_t count, unsigned) {
+  Lock lock(mutex);
+  if (std::shared_ptr<Capture> capture = captureOf(stream))
+    capture->reached[stream].insert(nodes, nodes + count);
   return success;
 }
 EXPORT int cuGraphAddChildGraphNode(void **node, Graph *graph, void *const *,
