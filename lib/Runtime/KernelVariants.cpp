@@ -52,7 +52,7 @@ static void checkExtents(const std::string &kernel, const LaunchDim &dim) {
   for (int i = 0; i < dim.rank; ++i) {
     if (dim.extent[i] < 0)
       throw launchError(Error::Kind::LaunchValue, kernel,
-                        "expects extents of 0 or more, but got '" +
+                        "expects non-negative extents, but got '" +
                             std::to_string(dim.extent[i]) + "' for dimension " +
                             std::to_string(i));
     if (dim.extent[i] > INT32_MAX)

@@ -39,8 +39,8 @@ private:
 static Error dimError(const Kernel &kernel, Error::Kind kind,
                       const std::string &got) {
   return Error(kind, "launch('" + kernel.name() +
-                         "'): expects 'dim' to be an int or 1 to 4 ints "
-                         "below 2^31, but got " +
+                         "'): expects 'dim' to be an int, or at most 4 "
+                         "dimensions of ints below 2^31, but got " +
                          got);
 }
 
@@ -57,6 +57,12 @@ static int64_t readExtent(const Kernel &kernel, PyObject *value) {
   int64_t extent = PyLong_AsLongLongAndOverflow(value, &overflow);
   if (overflow)
     throw dimError(kernel, Error::Kind::LaunchValue, describeValue(value));
+  // What is recorded is told at once.
+  if (extent < 0)
+    throw Error(Error::Kind::LaunchValue,
+                "launch('" + kernel.name() +
+                    "'): expects non-negative extents, but got '" +
+                    std::to_string(extent) + "'");
   return extent;
 }
 

@@ -136,7 +136,7 @@ TEST_F(KernelTest, ChecksExtents) {
     return std::string();
   };
   EXPECT_EQ(message(dimOf({3, -1})),
-            "launch('add'): expects extents of 0 or more, but got '-1' for "
+            "launch('add'): expects non-negative extents, but got '-1' for "
             "dimension 1");
   EXPECT_EQ(message(dimOf({int64_t(1) << 31})),
             "launch('add'): expects extents below 2^31, but got '2147483648' "
