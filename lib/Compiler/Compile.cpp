@@ -209,7 +209,8 @@ void Compilation::runPhase(Phase phase, bool isLast) {
   Error error = diagnostics.toError(Error::Kind::Compile,
                                     "a pass of the compiler failed");
   std::string pass = recorder.failed;
-  if (pass.empty())
+  // What has a hint is about the program, not about the compiler.
+  if (pass.empty() || error.message.find("\nhint: ") != std::string::npos)
     throw error;
   std::string path = saveText(textBefore(phase, pass));
   error.message += "\n  note: in pass '" + pass + "'";

@@ -4,7 +4,7 @@
 //
 // Which passes run, in which order and why there: for launches, in named phases
 // that end with the pass that verifies them, and for derivatives, in stages.
-// Only warp-inline-pullbacks runs passes of its own: it inlines.
+// Only warp-bound-calls and warp-inline-pullbacks run passes of their own.
 //
 //===----------------------------------------------------------------------===//
 
@@ -97,8 +97,7 @@ static std::unique_ptr<Pass> createWarpCanonicalizer() {
       {"(anonymous namespace)::ConvertTrivialIfToSelect"});
 }
 
-/// What rewrites leave behind: constants to fold, code said twice.
-static void addSimplification(OpPassManager &pm) {
+void warp::addSimplification(OpPassManager &pm) {
   pm.addPass(createWarpCanonicalizer());
   pm.addPass(createCSEPass());
 }
@@ -108,6 +107,7 @@ static void addSimplification(OpPassManager &pm) {
 //===----------------------------------------------------------------------===//
 
 void warp::addInlining(OpPassManager &pm) {
+  pm.addPass(createBoundCalls());
   pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
   // Only what could not be inlined, or has a derivative of its own, is left.
   pm.addPass(createSymbolDCEPass());

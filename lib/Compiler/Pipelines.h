@@ -13,12 +13,14 @@
 #include "llvm/ADT/StringRef.h"
 #include "llvm/ADT/Twine.h"
 
+#include <memory>
 #include <optional>
 
 namespace mlir {
 class DialectRegistry;
 class ModuleOp;
 class OpPassManager;
+class Pass;
 } // namespace mlir
 
 namespace warp {
@@ -40,6 +42,12 @@ mlir::LogicalResult
 addPipeline(mlir::OpPassManager &pm, Phase last, llvm::StringRef variant,
             llvm::function_ref<mlir::LogicalResult(const llvm::Twine &)>
                 errorHandler);
+
+/// Removes what rewrites leave behind: constants to fold, code said twice.
+void addSimplification(mlir::OpPassManager &pm);
+
+/// BoundCalls.cpp: bounds what copies of called functions make of a kernel.
+std::unique_ptr<mlir::Pass> createBoundCalls();
 
 // Stages of a derivative, which `derive` runs in this order.
 

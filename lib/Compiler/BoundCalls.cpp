@@ -1,0 +1,165 @@
+//===- BoundCalls.cpp - Copies of functions that call functions -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Every call becomes a copy of the function, so in a tree of functions that
+// call the one before twice, code doubles at each level. Where copies make most
+// of a kernel, functions are simplified from the innermost outward before they
+// are copied: what copies compute alike is there once. Code that is too long
+// even so is an error before it is made.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Pipelines.h"
+
+#include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Pass/PassManager.h"
+#include "mlir/Transforms/Inliner.h"
+#include "mlir/Transforms/InliningUtils.h"
+
+#include "llvm/ADT/MapVector.h"
+#include "llvm/Support/FormatVariadic.h"
+
+using namespace mlir;
+
+/// Operations that are inlined as they come.
+static constexpr double fewOperations = 50'000;
+/// More take minutes and gigabytes to compile.
+static constexpr double mostOperations = 150'000;
+/// Copies make most of the code if it grows by this factor.
+static constexpr double mostlyCopies = 4;
+
+namespace {
+
+struct Function {
+  /// Operations of its own, and with copies of all that it calls.
+  double own = 0, whole = 0;
+  /// Calls, which are gone once they are inlined, with what they call.
+  SmallVector<std::pair<func::CallOp, func::FuncOp>> calls;
+};
+
+class BoundCalls
+    : public PassWrapper<BoundCalls, OperationPass<ModuleOp>> {
+public:
+  MLIR_DEFINE_EXPLICIT_INTERNAL_INLINE_TYPE_ID(BoundCalls)
+
+  StringRef getArgument() const override { return "warp-bound-calls"; }
+
+  void runOnOperation() override;
+
+private:
+  using Functions = llvm::MapVector<Operation *, Function>;
+
+  void count(func::FuncOp function, Functions &functions,
+             const SymbolTable &symbols);
+  LogicalResult inlineInto(func::FuncOp caller, Functions &functions,
+                           OpPassManager &pm);
+  LogicalResult tooLong(func::CallOp call, double operations,
+                        Functions &functions);
+};
+
+} // namespace
+
+static func::FuncOp calleeOf(func::CallOp call, const SymbolTable &symbols) {
+  auto callee = symbols.lookup<func::FuncOp>(call.getCallee());
+  return callee && !callee.isExternal() && !callee.getNoInline() &&
+                 !call.getNoInline()
+             ? callee
+             : func::FuncOp();
+}
+
+/// Counts a function and those it calls, which come before it in the list.
+void BoundCalls::count(func::FuncOp function, Functions &functions,
+                       const SymbolTable &symbols) {
+  if (functions.contains(function))
+    return;
+  Function found;
+  function.walk([&](Operation *op) {
+    ++found.own;
+    if (auto call = dyn_cast<func::CallOp>(op))
+      if (func::FuncOp callee = calleeOf(call, symbols))
+        found.calls.push_back({call, callee});
+  });
+  found.whole = found.own;
+  for (auto [call, callee] : found.calls) {
+    count(callee, functions, symbols);
+    found.whole += functions[callee].whole;
+  }
+  functions.insert({function, std::move(found)});
+}
+
+void BoundCalls::runOnOperation() {
+  ModuleOp module = getOperation();
+  if (llvm::hasSingleElement(module.getOps<func::FuncOp>()))
+    return;
+  SymbolTable symbols(module);
+  Functions functions;
+  double own = 0, whole = 0;
+  for (auto function : module.getOps<func::FuncOp>()) {
+    count(function, functions, symbols);
+    own += functions[function].own;
+    whole = std::max(whole, functions[function].whole);
+  }
+  if (whole <= fewOperations || whole <= mostlyCopies * own)
+    return;
+  OpPassManager pm(func::FuncOp::getOperationName());
+  warp::addSimplification(pm);
+  for (auto &[op, function] : functions)
+    if (failed(inlineInto(cast<func::FuncOp>(op), functions, pm)))
+      return signalPassFailure();
+}
+
+/// Replaces the calls of a function whose callees have no calls any more.
+LogicalResult BoundCalls::inlineInto(func::FuncOp caller, Functions &functions,
+                                     OpPassManager &pm) {
+  Function &function = functions[caller];
+  InlinerInterface inliner(&getContext());
+  InlinerConfig config;
+  double length = function.own;
+  for (auto [call, callee] : function.calls) {
+    length += functions[callee].own;
+    if (length > mostOperations)
+      return tooLong(call, length, functions);
+    if (succeeded(inlineCall(inliner, config.getCloneCallback(), call, callee,
+                             &callee.getBody())))
+      call.erase();
+  }
+  if (failed(runPipeline(pm, caller)))
+    return failure();
+  function.own = 0;
+  caller.walk([&](Operation *) { ++function.own; });
+  return success();
+}
+
+/// The error at the call that is one too many; it names the function of which
+/// there are the most copies in the kernel.
+LogicalResult BoundCalls::tooLong(func::CallOp call, double operations,
+                                  Functions &functions) {
+  llvm::DenseMap<Operation *, double> copies;
+  Operation *most = functions.front().first;
+  for (auto &[op, function] : llvm::reverse(functions)) {
+    double made = copies.try_emplace(op, 1).first->second;
+    for (auto [_, callee] : function.calls)
+      copies.try_emplace(callee, 0).first->second += made;
+  }
+  for (auto &[op, _] : functions)
+    if (copies[op] > copies[most])
+      most = op;
+  auto number = [](double value) {
+    return value < 1e15 ? std::to_string(static_cast<int64_t>(value))
+                        : llvm::formatv("{0:e2}", value).str();
+  };
+  auto caller = call->getParentOfType<func::FuncOp>();
+  return call.emitError("'")
+         << caller.getName() << "' has " << number(operations)
+         << " operations or more once calls are written out, the most is "
+         << number(mostOperations) << "; there would be "
+         << number(copies[most]) << " copies of '"
+         << cast<func::FuncOp>(most).getName()
+         << "'\nhint: loop over such calls, or keep results that are needed "
+            "again in variables";
+}
+
+std::unique_ptr<Pass> warp::createBoundCalls() {
+  return std::make_unique<BoundCalls>();
+}
