@@ -148,6 +148,61 @@ def test_matrices_and_structs(device):
     assert out.numpy().tolist() == [10, 30, 5, 40, 60, 8, 11, 9, -6, 14.5, 13, 12.5]
 
 
+@wp.kernel
+def branches(n: int, out: wp.array(dtype=float)):
+    a = VECTOR
+    if n > 1:
+        out[0] = 1.0
+    else:
+        a = HELD.vector
+    b = VECTOR
+    if n > 1:
+        b = HELD.vector
+    if n > 2:
+        c = VECTOR
+    else:
+        c = HELD.vector
+    s = WHOLE
+    if n == 2:
+        s = Outer()
+    t = (VECTOR, 1.0)
+    if n == 2:
+        t = (HELD.vector, 2.0)
+    else:
+        t = (VECTOR + HELD.vector, 3.0)
+    u = SEED
+    if n == 2:
+        u = wp.static(wp.uint32(9))
+    d = VECTOR
+    for i in range(n):
+        if i == 1:
+            d = HELD.vector
+            continue
+        d = VECTOR
+    out[1] = a[0]
+    out[2] = b[0]
+    out[3] = c[0]
+    out[4] = s.x + s.v[0]
+    out[5] = t[0][0] + t[1]
+    out[6] = float(u)
+    out[7] = d[0]
+
+
+@pytest.mark.parametrize(
+    "n, expected",
+    [
+        (0, [0, 4, 1, 4, 2.5, 8, 7, 1]),
+        (2, [1, 1, 4, 4, 0, 6, 9, 4]),
+        (3, [1, 1, 4, 1, 2.5, 8, 7, 1]),
+    ],
+)
+def test_branches_choose_constants(n, expected):
+    """Constants that one side or both assign, whole."""
+    out = wp.zeros(8, dtype=float, device="cpu")
+    wp.launch(branches, 1, [n, out], device="cpu")
+    assert out.numpy().tolist() == expected
+
+
 def test_states_of_random_numbers_advance():
     @wp.kernel
     def kernel(n: int, out: wp.array(dtype=float)):

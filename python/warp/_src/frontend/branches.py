@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from warp._src import errors
 from warp._src.frontend.bindings import LocalArray, TileStack, TileView, Value
-from warp._src.frontend.context import Part
+from warp._src.frontend.context import Part, is_constant
 from warp._src.frontend.control import RESULT, RETURNED, Flag, If, Loop, Return, Simple
 
 _MISSING = object()
@@ -56,6 +56,8 @@ class Branches(Part):
         lines = self.context.lines
         self.context.env, self.context.lines = dict(before), dict(lines)
         self.block(node.then)
+        for name in sorted(node.defs & node.live & self.context.env.keys()):
+            self.context.env[name] = self.settled(self.context.env[name], node.syntax)
         then, then_lines = self.context.env, self.context.lines
         self.builder.begin_else()
         self.context.env, self.context.lines = dict(before), dict(lines)
@@ -74,6 +76,12 @@ class Branches(Part):
         for name in node.live:
             if name not in changed and name in then:
                 before[name] = then[name]
+
+    def settled(self, binding, syntax):
+        """A binding whose constants are values that are made here, not where branches meet."""
+        if type(binding) is tuple:
+            return tuple([self.settled(part, syntax) for part in binding])
+        return self.context.materialize(binding, syntax) if is_constant(binding) else binding
 
     def mark_returns(self, node):
         """Notes for kernels with tiles what threads do that have not returned."""

@@ -18,6 +18,14 @@ from warp._src.types import dtypes
 _MISSING = object()
 
 
+def is_constant(binding) -> bool:
+    """Whether it is a Python object that stands for a value of kernels with a type of its own: a
+    number of a Warp type, a composite or a struct."""
+    if isinstance(binding, dtypes.Composite):
+        return bool(binding._length_)
+    return isinstance(binding, dtypes.scalar_base) or dtypes.is_struct(type(binding))
+
+
 class Context(Values):
     """What the parts of a translator share: the state of translating one function.
 
@@ -94,7 +102,7 @@ class Context(Values):
         if type(binding) is TileView and binding.slot.name == name:
             # The variable is no longer that of the whole tile.
             binding = self.materialize(binding, node)
-        if name in self.source.plan.changed_names and self.is_constant(binding):
+        if name in self.source.plan.changed_names and is_constant(binding):
             # Writes go to a value of the variable's own, which loops and branches carry.
             binding = self.materialize(binding, node)
         old = self.env.get(name)
@@ -119,14 +127,6 @@ class Context(Values):
             *(LocalArray, TileView, TileStack),
         )
         return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
-
-    @staticmethod
-    def is_constant(binding):
-        """Whether it is a Python object that stands for a value of kernels with a type of its own:
-        a number of a Warp type, a composite or a struct."""
-        if isinstance(binding, dtypes.Composite):
-            return bool(binding._length_)
-        return isinstance(binding, dtypes.scalar_base) or dtypes.is_struct(type(binding))
 
     def check_same_type(self, name, old, binding, node):
         """A variable keeps its type."""
