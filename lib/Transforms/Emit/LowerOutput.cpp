@@ -159,13 +159,27 @@ void ArrayLowering::lowerAssert(AssertOp op) {
   report(op.getLoc(), CheckKind::Assertion, op.getMessage(), {}, {});
 }
 
+/// The innermost place that is not in functions of the package itself, if there
+/// is one: who called them can mend it.
+static FileLineColLoc findPlace(Location at) {
+  FileLineColLoc innermost, found;
+  at->walk([&](Location part) {
+    auto place = dyn_cast<FileLineColLoc>(part);
+    if (!place)
+      return WalkResult::advance();
+    if (!innermost)
+      innermost = place;
+    if (place.getFilename().getValue().contains("/warp/_src/"))
+      return WalkResult::advance();
+    found = place;
+    return WalkResult::interrupt();
+  });
+  return found ? found : innermost;
+}
+
 /// Number of a place in the table that goes with the code.
 int64_t ArrayLowering::siteNumber(Location at, StringRef what) {
-  FileLineColLoc place;
-  at->walk([&](Location part) {
-    place = dyn_cast<FileLineColLoc>(part);
-    return place ? WalkResult::interrupt() : WalkResult::advance();
-  });
+  FileLineColLoc place = findPlace(at);
   Attribute site = b.getArrayAttr(
       {b.getStringAttr(place ? place.getFilename().getValue() : ""),
        b.getI64IntegerAttr(place ? place.getLine() : 0),

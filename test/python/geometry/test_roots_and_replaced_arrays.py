@@ -83,8 +83,10 @@ def test_debug_mode_reports_it(device):
     for kernel, of in zip(DEBUG, (hierarchy(device=device), mesh(device=device)), strict=True):
         assert (counts(kernel, of, -1) == counts(kernel, of, 0)).all()
         for root in BAD_ROOTS:
-            with pytest.raises(RuntimeError, match="`root` is no node of the hierarchy"):
+            with pytest.raises(RuntimeError, match="`root` is no node of the hierarchy") as error:
                 counts(kernel, of, root)
+            # It names the line of the kernel, not that of the library.
+            assert "test_roots_and_replaced_arrays.py:" in str(error.value)
 
 
 def other(n, dtype=wp.vec3, device="cpu", shape=None):
