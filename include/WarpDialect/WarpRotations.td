@@ -2,8 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Quaternions are stored x, y, z, w and multiply by Hamilton's rule. Functions
-// that rotate assume a unit quaternion.
+// Quaternions are stored x, y, z, w and multiply by Hamilton's rule. A vector
+// is rotated by q v q*, which scales it by the square of the length of q. So do
+// transforms, and matrices are those of that.
 //
 //===----------------------------------------------------------------------===//
 
@@ -33,7 +34,8 @@ def Warp_QuatFromMatrixOp : Warp_Quaternion<"quat_from_matrix",
     ["(mat: mat<3,3,F>) -> quat<F>", "(mat: mat<4,4,F>) -> quat<F>"],
     "rotation of an orthonormal matrix; of a 4x4 matrix, its upper left block">;
 def Warp_QuatToMatrixOp : Warp_Quaternion<"quat_to_matrix",
-    ["(quat: quat<F>) -> mat<3,3,F>"], "matrix of a rotation">;
+    ["(quat: quat<F>) -> mat<3,3,F>"],
+    "matrix of a rotation, that of quat_rotate for any quaternion">;
 def Warp_QuatRpyOp : Warp_Quaternion<"quat_rpy",
     ["(roll: F, pitch: F, yaw: F) -> quat<F>"],
     "rotation about x by roll, then y by pitch, then z by yaw, in radians">;
@@ -43,10 +45,10 @@ def Warp_QuatInverseOp : Warp_Quaternion<"quat_inverse",
 }
 def Warp_QuatRotateOp : Warp_Quaternion<"quat_rotate",
     ["(quat: quat<F>, vec: vec<3,F>) -> vec<3,F>"],
-    "a vector, rotated">;
+    "a vector, rotated: q v q*, so times the square of the length of q">;
 def Warp_QuatRotateInvOp : Warp_Quaternion<"quat_rotate_inv",
     ["(quat: quat<F>, vec: vec<3,F>) -> vec<3,F>"],
-    "a vector, rotated by the inverse">;
+    "a vector, rotated by the conjugate: q* v q">;
 def Warp_QuatSlerpOp : Warp_Quaternion<"quat_slerp",
     ["(a: quat<F>, b: quat<F>, t: F) -> quat<F>"],
     "rotation at t on the shortest arc from a to b, at constant rate">;
