@@ -1,12 +1,20 @@
 """An interrupt at any step of the package's Python code leaves nothing behind: no tape records, no
 capture is open, devices, loggers and timers are those of before."""
 
+import _thread
+import ctypes
+import functools
 import gc
+import random
+import signal
+import threading
+import time
 import weakref
 
 import numpy as np
 import pytest
 from support.interrupted import InterruptError, interrupted_everywhere
+from support.random_runs import seeds
 
 import warp as wp
 from warp import _native
@@ -113,6 +121,66 @@ def test_state_is_that_of_before(work):
         assert state() == before, f"step {step}"
 
     assert interrupted_everywhere(work, check) > 10
+
+
+def again(work, begin):
+    """After `begin()`, until something interrupts it."""
+    try:
+        begin()
+        while True:
+            work()
+    except InterruptError:
+        # One in a finalizer may come on top.
+        gc.collect(0)
+
+
+@pytest.mark.parametrize("seed", seeds(1))
+@pytest.mark.parametrize("work", [tape, capture, loop, pair])
+def test_signals_at_random_moments(work, seed):
+    """Handlers that raise, as that of Ctrl-C does, after random times."""
+
+    def interrupt(number, frame):
+        raise InterruptError
+
+    work()
+    gc.collect()
+    before, choose = state(), random.Random(seed)
+    handler = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        for count in range(40):
+            after = (signal.ITIMER_REAL, 1e-4 + choose.random() * 4e-3)
+            again(work, functools.partial(signal.setitimer, *after))
+            if work is pair and graphs._captures:
+                wp.capture_end(device=CPU)
+            gc.collect(0)
+            assert state() == before, f"signal {count}"
+    finally:
+        signal.signal(signal.SIGALRM, handler)
+
+
+@pytest.mark.parametrize("seed", seeds(1))
+@pytest.mark.parametrize("work", [tape, capture, loop])
+def test_exceptions_from_another_thread(work, seed):
+    """What `PyThreadState_SetAsyncExc` raises, at random moments."""
+    work()
+    gc.collect()
+    before, choose = state(), random.Random(seed)
+    raised = ctypes.py_object(InterruptError)
+    thread = ctypes.c_ulong(threading.get_ident())
+
+    def interrupt(delay, done):
+        time.sleep(delay)
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(thread, raised)
+        done.release()
+
+    for count in range(40):
+        done = threading.Lock()
+        done.acquire()
+        arguments = (interrupt, (1e-4 + choose.random() * 4e-3, done))
+        again(work, functools.partial(_thread.start_new_thread, *arguments))
+        done.acquire()
+        gc.collect(0)
+        assert state() == before, f"exception {count}"
 
 
 @pytest.mark.parametrize("work", [tape, capture, loop])
