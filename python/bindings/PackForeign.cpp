@@ -17,6 +17,7 @@
 
 #include <climits>
 #include <cstring>
+#include <pybind11/numpy.h>
 
 using namespace warp;
 using namespace warp::python;
@@ -27,6 +28,32 @@ static py::object attribute(PyObject *value, const char *name) {
   PyObject *found = PyObject_GetAttrString(value, name);
   PyErr_Clear();
   return py::reinterpret_steal<py::object>(found);
+}
+
+/// Whether what an object converted to has memory of its own.
+static bool isCopy(PyObject *value, const py::object &converted) {
+  if (py::object address = attribute(value, "data_ptr"))
+    return py::isinstance<py::array>(converted) &&
+           address().cast<uint64_t>() !=
+               reinterpret_cast<uint64_t>(py::array(converted).data());
+  return converted.attr("base").is_none();
+}
+
+/// The memory of a host array of a library without array interface, as NumPy
+/// sees it. PyTorch's convert without a copy; of Paddle's only DLPack gives the
+/// memory itself, in a copy what a kernel writes would be lost.
+static py::object convertToNumpy(PyObject *value) {
+  py::object convert = attribute(value, "__array__");
+  if (!convert)
+    return {};
+  py::object converted = convert();
+  if (!isCopy(value, converted) || !attribute(value, "__dlpack__"))
+    return converted;
+  try {
+    return py::module_::import("numpy").attr("from_dlpack")(py::handle(value));
+  } catch (const py::error_already_set &) {
+    return converted;
+  }
 }
 
 /// "<f4" for float32.
@@ -138,9 +165,8 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
                                               : "__cuda_array_interface__");
   if (!fields && onHost && !PyType_Check(value) &&
       !attribute(value, "__cuda_array_interface__")) {
-    // PyTorch's host tensors convert without a copy.
-    if (py::object convert = attribute(value, "__array__")) {
-      keep.push_back(convert());
+    if (py::object converted = convertToNumpy(value)) {
+      keep.push_back(std::move(converted));
       fields = attribute(keep.back().ptr(), "__array_interface__");
     }
   }

@@ -211,6 +211,36 @@ def test_to_other_device():
         a.__dlpack__(dl_device=(CPU, 0), copy=False)
 
 
+class Copying:
+    """What converts to NumPy by a copy, as Paddle's tensors do, and has DLPack."""
+
+    def __init__(self, data):
+        self.data = data
+
+    def __array__(self, dtype=None, copy=None):
+        return self.data.copy()
+
+    def __dlpack__(self, **options):
+        return self.data.__dlpack__(**options)
+
+    def __dlpack_device__(self):
+        return (1, 0)
+
+
+@wp.kernel
+def increase(x: wp.array(dtype=wp.vec2)):
+    i = wp.tid()
+    x[i] = x[i] + wp.vec2(1.0, 2.0)
+
+
+def test_launches_write_to_the_memory_itself():
+    """A kernel writes to what an argument lends by DLPack, not to what it converts to."""
+    data = np.zeros((3, 2), np.float32)
+    wp.launch(increase, 3, [Copying(data)], device="cpu")
+    wp.launch(increase, 2, [Copying(data[1:])], device="cpu")
+    assert data.tolist() == [[1.0, 2.0], [2.0, 4.0], [2.0, 4.0]]
+
+
 def test_memory_of_other_devices_is_not_asked_for():
     """A producer on a device that cannot be used makes no capsule in vain."""
 

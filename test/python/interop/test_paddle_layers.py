@@ -119,3 +119,11 @@ def test_outside_of_layers_the_gradient_is_the_tensors():
             wp.launch(square, 2, [a, y], device="cpu")
         tape.backward(grads={y: wp.ones(2, dtype=float, device="cpu")})
     assert x.grad.tolist() == [2.0, 4.0]
+
+
+def test_tensors_as_arguments():
+    """A kernel writes to a tensor that it gets, whole or in part."""
+    x = paddle.arange(6, dtype="float32")
+    y = paddle.zeros([6], dtype="float32")
+    wp.launch(square, 6, [x, y], device="cpu")
+    assert y.tolist() == [0.0, 1.0, 4.0, 9.0, 16.0, 25.0]
