@@ -244,6 +244,11 @@ def test_inner_results_have_a_gradient_of_their_own(device):
     assert wp.from_torch(t).grad.list() == [0.0] * 3
 
 
+def traced(t):
+    """A tensor without memory, as PyTorch has them while it traces a program."""
+    return pytest.importorskip("torch._subclasses").FakeTensorMode().from_tensor(t)
+
+
 @pytest.mark.parametrize(
     "make, options, message",
     [
@@ -255,6 +260,8 @@ def test_inner_results_have_a_gradient_of_their_own(device):
         (lambda: torch.zeros(3, 2).T, {"dtype": wp.vec3}, "packed inner"),
         (lambda: torch.zeros(3, device="meta"), {}, "no device 'meta'"),
         (lambda: [1.0], {}, "expects a tensor"),
+        (lambda: torch.zeros(3), {"grad": [1.0]}, "expects a tensor, but got 'list'"),
+        (lambda: traced(torch.zeros(3)), {}, "expects a tensor in memory"),
     ],
 )
 def test_refusals(make, options, message):

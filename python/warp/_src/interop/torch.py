@@ -95,9 +95,7 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
     """
     import torch
 
-    if not isinstance(t, torch.Tensor):
-        raise TypeError(f"expects a tensor, but got '{type(t).__name__}'")
-    if t.layout is not torch.strided or t.is_neg():
+    if isinstance(t, torch.Tensor) and (t.layout is not torch.strided or t.is_neg()):
         raise TypeError(
             "expects a strided tensor in memory, use `to_dense` or `resolve_neg` before"
         )
@@ -117,6 +115,10 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
 
 
 def _alias(t, dtype, bare=False):
+    import torch
+
+    if not isinstance(t, torch.Tensor):
+        raise TypeError(f"expects a tensor, but got '{type(t).__name__}'")
     scalar = dtype_from_torch(t.dtype)
     size = t.element_size()
     layout = exchange.fold(
@@ -124,7 +126,13 @@ def _alias(t, dtype, bare=False):
     )
     index = device_from_torch(t.device).index
     pinned = index == devices.CPU and t.is_pinned()
-    return exchange.alias(array, t.data_ptr(), layout, index, t, pinned)
+    address = t.data_ptr()
+    if not address and t.numel():
+        raise TypeError(
+            f"expects a tensor in memory, but got '{type(t).__name__}' without, as PyTorch has "
+            "them while it traces"
+        )
+    return exchange.alias(array, address, layout, index, t, pinned)
 
 
 def _gradient(t):
