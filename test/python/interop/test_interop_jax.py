@@ -113,6 +113,30 @@ def test_parts_with_gaps_are_copied(device, place):
     assert np.array_equal(wp.to_jax(mats[::2]), x.reshape(6, 2, 2)[::2])
 
 
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (
+            lambda: jax.jit(lambda x: wp.from_jax(x).ptr)(jnp.ones(3)),
+            "while JAX traces.*jax_kernel",
+        ),
+        (lambda: wp.from_jax([1.0]), "expects a JAX array.*'list'"),
+        (lambda: wp.from_jax(jax.random.key(0)), "expects a JAX array"),
+        (lambda: deleted(jnp.ones(3) + 1.0), "deleted or donated"),
+        (lambda: wp.from_jax(jnp.zeros(3, jnp.complex64)), "no scalar type"),
+        (lambda: wp.to_jax(None), "expects an array"),
+    ],
+)
+def test_refusals_of_exchanges(make, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
+
+
+def deleted(x):
+    x.delete()
+    return wp.from_jax(x)
+
+
 def test_only_jax_gets_read_only_memory_without_being_told(device, place):
     """Consumers of before DLPack 1.0 would write to what they cannot know to be read-only."""
     a = wp.from_jax(jnp.ones(4, jnp.float32))

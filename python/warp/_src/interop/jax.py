@@ -136,7 +136,25 @@ def from_jax(jax_array, dtype=None):
         jax_array: a JAX array that lives on one device.
         dtype: element type; with a vector or matrix type the trailing dimensions become part of
             the elements. By default the scalar type of the data.
+
+    Raises:
+        TypeError: `jax_array` is none, has no memory because JAX traces, or holds other scalars.
+        ValueError: it was deleted or donated, or its shape does not fit.
+        BufferError: it is spread over several devices.
     """
+    import jax
+
+    if isinstance(jax_array, jax.core.Tracer):
+        raise TypeError(
+            "from_jax: the array has no memory while JAX traces, use `wp.jax_kernel` or "
+            "`wp.jax_callable` there"
+        )
+    if not hasattr(jax_array, "__dlpack__"):
+        raise TypeError(
+            f"from_jax: expects a JAX array of numbers, but got '{type(jax_array).__name__}'"
+        )
+    if isinstance(jax_array, jax.Array) and jax_array.is_deleted():
+        raise ValueError("from_jax: the array has been deleted or donated")
     result = from_dlpack(jax_array, dtype)
     result._protect()
     return result
