@@ -96,7 +96,6 @@ def test_round_trip_of_parts(device, place, export, dtype):
         for part, expected in (
             (array[1:3], x[1:3]),
             (array[2], x[2]),
-            (array.transpose(), x.T),
             (array.reshape((2, 12)), x.reshape(2, 12)),
             (array[2:2], x[2:2]),
         ):
@@ -104,10 +103,11 @@ def test_round_trip_of_parts(device, place, export, dtype):
             assert back.dtype == x.dtype and np.array_equal(back, expected)
 
 
-def test_parts_with_gaps_are_copied(device, place):
+def test_other_strides_are_copied(device, place):
     x = jnp.arange(24.0, dtype=jnp.float32).reshape(4, 6)
     for array in (wp.from_jax(x), wp.clone(wp.from_jax(x))):
         assert np.array_equal(wp.to_jax(array[:, 2]), x[:, 2])
+        assert np.array_equal(wp.to_jax(array.transpose()), x.T)
         assert np.array_equal(wp.to_jax(array[::2, 1::3]), x[::2, 1::3])
     mats = wp.from_jax(x.reshape(6, 2, 2), dtype=wp.mat22)
     assert np.array_equal(wp.to_jax(mats[::2]), x.reshape(6, 2, 2)[::2])
@@ -267,7 +267,8 @@ def test_precision_must_be_enabled(place):
         y[i] = x[i] * wp.float64(0.5)
 
     assert wp.jax_kernel(halve)(jnp.ones(2))[0].dtype == jnp.float64
-    with jax.enable_x64(False), pytest.raises(TypeError, match="float64"):
+    narrow = jax.enable_x64 if hasattr(jax, "enable_x64") else jax.experimental.enable_x64
+    with narrow(False), pytest.raises(TypeError, match="float64"):
         wp.jax_kernel(halve)(jnp.ones(2))
 
 

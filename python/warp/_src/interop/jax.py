@@ -96,8 +96,7 @@ def device_from_jax(jax_device):
 def to_jax(warp_array):
     """A JAX array over the memory of an array.
 
-    Nothing is copied unless JAX cannot use the memory, because there are gaps between elements as
-    in `a[:, 0]`, or the address is aligned to less than JAX wants.
+    Nothing is copied if the array is contiguous and aligned as JAX wants it.
 
     JAX takes its arrays for immutable: do not write to `warp_array` while the JAX array is in use.
 
@@ -109,21 +108,10 @@ def to_jax(warp_array):
 
     if not isinstance(warp_array, array):
         raise TypeError(f"expects an array, but got '{type(warp_array).__name__}'")
-    if not _is_compact(warp_array):
+    if not warp_array.is_contiguous:
+        # Which strides JAX can use depends on its version; before 0.7 it read them wrongly.
         warp_array = clone(warp_array, requires_grad=False)
     return jax.dlpack.from_dlpack(warp_array)
-
-
-def _is_compact(a) -> bool:
-    """Whether elements lie side by side, the dimensions in any order."""
-    if a.is_contiguous or not a.size:
-        return True
-    step = a.item_size
-    for stride, extent in sorted(zip(a.strides, a.shape, strict=True)):
-        if extent > 1 and stride != step:
-            return False
-        step *= extent
-    return True
 
 
 @checked(jax_array=DLPACK)
