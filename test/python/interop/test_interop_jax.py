@@ -120,11 +120,11 @@ def test_other_strides_are_copied(device, place):
             lambda: jax.jit(lambda x: wp.from_jax(x).ptr)(jnp.ones(3)),
             "while JAX traces.*jax_kernel",
         ),
-        (lambda: wp.from_jax([1.0]), "expects a JAX array.*'list'"),
-        (lambda: wp.from_jax(jax.random.key(0)), "expects a JAX array"),
+        (lambda: wp.from_jax([1.0]), "expects .*'list'"),
+        (lambda: wp.from_jax(jax.random.key(0)), "expects .*Array"),
         (lambda: deleted(jnp.ones(3) + 1.0), "deleted or donated"),
         (lambda: wp.from_jax(jnp.zeros(3, jnp.complex64)), "no scalar type"),
-        (lambda: wp.to_jax(None), "expects an array"),
+        (lambda: wp.to_jax(None), "expects .*None"),
     ],
 )
 def test_refusals_of_exchanges(make, message):
