@@ -39,7 +39,7 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_launches(form):
-    x, y = jnp.arange(4.0), wp.zeros(4, dtype=float, device="cpu")
+    x, y = jnp.arange(4.0, dtype=jnp.float32), wp.zeros(4, dtype=float, device="cpu")
     wp.launch(double, 4, [FORMS[form](x), y], device="cpu")
     np.testing.assert_array_equal(y.numpy(), [0, 2, 4, 6])
     for kernel in WRITERS:
@@ -51,7 +51,7 @@ def test_launches(form):
 @pytest.mark.parametrize("kernel", WRITERS)
 def test_kernels_of_jax(kernel):
     """A kernel that may write an input says so when it is traced, and how to declare it."""
-    x = jnp.arange(4.0)
+    x = jnp.arange(4.0, dtype=jnp.float32)
     for call in (wp.jax_kernel(kernel), jax.jit(wp.jax_kernel(kernel))):
         with pytest.raises(ValueError, match="'x' is an input.*line.*in_out_argnames"):
             call(x)
@@ -72,7 +72,7 @@ def test_functions_of_jax():
     def fill(x: wp.array(dtype=float), y: wp.array(dtype=float)):
         x.zero_()
 
-    x = jnp.arange(4.0)
+    x = jnp.arange(4.0, dtype=jnp.float32)
     for function in (advance, fill):
         with pytest.raises(Exception, match="read-only"):
             jax.block_until_ready(wp.jax_callable(function)(x))
