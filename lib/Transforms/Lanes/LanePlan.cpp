@@ -80,8 +80,8 @@ static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {
 /// Whether threads come to an update once, and nothing else to its array: lanes
 /// that make it one after another are as good as threads that do.
 static bool isOnlyTurn(Operation *update, FunctionOpInterface kernel) {
-  auto access = cast<warp::AccessOp>(update);
-  return warp::getVariant(kernel).getDisjoint() &&
+  auto access = dyn_cast<warp::AccessOp>(update);
+  return access && warp::getVariant(kernel).getDisjoint() &&
          isa<BlockArgument>(access.getArray()) &&
          !update->getParentOfType<LoopLikeOpInterface>() &&
          llvm::all_of(access.getArray().getUsers(), [&](Operation *user) {
@@ -107,8 +107,8 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance,
     return "a loop may wait for another thread";
   bool isDeterministic = warp::getVariant(kernel).isDeterministic();
   bool isInTurn = kernel->hasAttr(warp::attr::inTurn);
-  if ((isDeterministic || isInTurn) && warp::tellsTurn(op) &&
-      (isDeterministic || !isOnlyTurn(op, kernel)))
+  if ((isDeterministic && warp::tellsTurn(op)) ||
+      (isInTurn && warp::mayTellTurn(op) && !isOnlyTurn(op, kernel)))
     return "updates that tell who came first are made in the order of threads";
   return "";
 }

@@ -7,7 +7,9 @@
 #include "Atomics.h"
 
 #include "Launch/GpuBlock.h"
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
+#include "warp/NativeCode.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/TypeUtilities.h"
@@ -89,12 +91,17 @@ bool warp::tellsTurn(Operation *update) {
          (!atomic->use_empty() || atomic.getKind() == AtomicKind::exch);
 }
 
+bool warp::mayTellTurn(Operation *op) {
+  auto call = dyn_cast<LibraryCallOp>(op);
+  return call ? call.getCallee().starts_with(nativeTurnPrefix) : tellsTurn(op);
+}
+
 bool warp::keepsTurns(Operation *entry) {
   return entry->hasAttr(attr::inTurn) &&
          entry
              ->walk([](Operation *op) {
-               return tellsTurn(op) ? WalkResult::interrupt()
-                                    : WalkResult::advance();
+               return mayTellTurn(op) ? WalkResult::interrupt()
+                                      : WalkResult::advance();
              })
              .wasInterrupted();
 }

@@ -65,8 +65,11 @@ mlir::Value cloneInvariant(mlir::OpBuilder &b, mlir::Value value,
 /// exchanges. Never of exact sums.
 bool tellsTurn(mlir::Operation *update);
 
-/// Whether a kernel's threads have to come to such updates in turn. Set for a
-/// launch on a CPU unless the caller wants any order.
+/// The same of native code with atomics.
+bool mayTellTurn(mlir::Operation *op);
+
+/// Whether a kernel's threads have to come to such operations in turn. Set for
+/// a launch on a CPU unless the caller wants any order.
 bool keepsTurns(mlir::Operation *entry);
 
 /// Whether the order of atomic updates in an entry may show: sums of floats

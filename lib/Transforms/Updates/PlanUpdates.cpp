@@ -252,7 +252,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     auto kernel = threads->getParentOfType<FunctionOpInterface>();
     bool any = kernel
                    ->walk([](Operation *op) {
-                     return isa<AtomicComponentsOp, warp::AtomicCasOp>(op)
+                     return isa<AtomicComponentsOp>(op) || warp::mayTellTurn(op)
                                 ? WalkResult::interrupt()
                                 : WalkResult::advance();
                    })

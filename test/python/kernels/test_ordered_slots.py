@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from warp._src.kernels import native_code
 
 CPU = "cpu"
 
@@ -64,6 +65,21 @@ def lock(word: wp.array[int], order: wp.array[int], used: wp.array[int]):
     order[used[0]] = i
     used[0] = used[0] + 1
     wp.atomic_exch(word, 0, 0)
+
+
+@wp.func_native("return atomicAdd(&used.data[0], 1);")
+def next_slot(used: wp.array(dtype=int)) -> int: ...
+
+
+@wp.func_native("for (int k = 0; k < 2; ++k) holder.data[wp::atomic_add(used, 0, 1)] = 10 * i + k;")
+def two_slots(used: wp.array(dtype=int), holder: wp.array(dtype=int), i: int): ...
+
+
+@wp.kernel(enable_backward=False)
+def take_natively(used: wp.array[int], holder: wp.array[int], pairs: wp.array[int]):
+    i = wp.tid()
+    holder[next_slot(used)] = i
+    two_slots(pairs, pairs, i)
 
 
 @wp.kernel
@@ -130,6 +146,17 @@ def test_a_lock():
     order = zeros(20_000)
     wp.launch(lock, 20_000, [zeros(1), order, zeros(1)], device=CPU)
     assert np.array_equal(order.numpy(), np.arange(20_000))
+
+
+def test_native_code():
+    if not native_code.compiler():
+        pytest.skip("no Clang")
+    n = 20_000
+    holder, pairs = zeros(n), zeros(2 * n + 1)
+    pairs.fill_(1)
+    wp.launch(take_natively, n, [zeros(1), holder, pairs], device=CPU)
+    assert np.array_equal(holder.numpy(), np.arange(n))
+    assert np.array_equal(pairs.numpy()[1:], 10 * np.repeat(np.arange(n), 2) + np.tile([0, 1], n))
 
 
 def test_a_graph_keeps_the_order():

@@ -25,6 +25,16 @@ _known: dict = {}
 _TOGETHER = re.compile(r"sync|atomic|__shfl|__ballot|__any|__all|threadIdx|blockIdx|clock|asm")
 
 
+_ATOMIC = re.compile(r"atomic|__sync_|__atomic_")
+
+
+def _prefix(snippet, memory: bool) -> str:
+    """What the names of pieces of code begin with, as include/warp/NativeCode.h has it."""
+    if not memory:
+        return "warp_native_"
+    return f"warp_native_memory_{'turn_' if _ATOMIC.search(snippet) else ''}"
+
+
 def is_together(snippet) -> bool:
     """Whether the text may be one that the threads of a block do together."""
     return _TOGETHER.search(snippet) is not None
@@ -74,10 +84,10 @@ def add(name, body, parameters, result, place, build) -> str:
         f'{{\n#line 1 "{name}"\n{body}\n}}\n'
     )
     separator = ", " if parameters else ""
-    together = "memory_" if is_together(body) or not result else ""
+    prefix = _prefix(body, is_together(body) or not result)
     kept = f"*warp_out = {'' if result else '0; '}warp_function({passed});"
     out = f"{declared}{separator}{returned if result else 'int32_t'} *warp_out"
-    return _add(f"warp_native_{together}", name, text, out, kept, place, build)
+    return _add(prefix, name, text, out, kept, place, build)
 
 
 def _add(prefix, name, text, parameters, body, place, build) -> str:
@@ -145,4 +155,4 @@ def add_memory(code, parameters, place, build) -> str:
     )
     out = ", ".join([*outer, "Results *warp_out"])
     body = f"*warp_out = Results({kept});"
-    return _add("warp_native_memory_", code.key, text, out, body, place, build)
+    return _add(_prefix(code.native_snippet, True), code.key, text, out, body, place, build)
