@@ -152,11 +152,14 @@ def test_two_dimensions_of_vectors(device):
 
 def test_what_another_thread_writes_is_refused(device):
     x = real(X, device)
-    with pytest.raises(errors.WarpError, match=r"'x' is read here, and other threads .* may write"):
+    with pytest.raises(
+        errors.WarpError, match=r"'x' is read here, and other threads .* may write"
+    ) as found:
         backward(
             lambda: wp.launch(next_one, N - 1, [x, x], device=device),
             {x: real(np.ones(N), device)},
         )
+    assert "arguments 'x', 'y' are one array" in str(found.value)
 
 
 def test_views_that_overlap_are_refused(device):

@@ -24,7 +24,7 @@ from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
 from warp._src.derivatives import handles
 from warp._src.derivatives.kernel_derivatives import gradients_of, thread_count
-from warp._src.derivatives.same_arrays import check_overlap, same_arrays
+from warp._src.derivatives.same_arrays import check_overlap, meetings, same_arrays
 from warp._src.derivatives.singular import REPEATED, count_singular
 from warp._src.kernels.call import Call
 from warp._src.types import dtypes, scalars
@@ -160,7 +160,7 @@ class Tangents:
 
     def _launch(self, call, active) -> None:
         derivatives = call.kernel.derivatives
-        same = _same(call)
+        same = same_arrays(call, meetings(call))
         if same:
             written = {one for one, on in zip(same, active, strict=True) if on}
             active = tuple([one in written for one in same])
@@ -309,14 +309,6 @@ def _zeros(size, device) -> array:
     made = empty(max(size, 1), scalars.uint8, device)
     _native.fill_array(made, bytes(1))
     return made
-
-
-def _same(call) -> tuple[int, ...]:
-    """Which arguments of a launch are one array, as `same_arrays` says."""
-    arrays = [one for _, one in call.leaves if one is not None]
-    if not _native.shares_elements(arrays) or call.regions is None:
-        return ()
-    return same_arrays(call, call.regions.meetings())
 
 
 def _base(one: array) -> array:

@@ -12,6 +12,27 @@ from warp._src import errors
 from warp._src.kernels.call import Call
 
 
+def meetings(call: Call) -> list[tuple[int, int]]:
+    """Pairs (written, other) of arrays of a launch of which elements meet, by number.
+
+    Which elements a kernel with tiles touches is not known, so all of its arrays count.
+    """
+    leaves = [leaf for _, leaf in call.leaves]
+    if not _native.shares_elements([leaf for leaf in leaves if leaf is not None]):
+        return []
+    if call.regions is not None:
+        return call.regions.meetings()
+    if not call.signature.has_source:
+        return []
+    regions = [leaf if leaf is None else _native.Region(leaf) for leaf in leaves]
+    return [
+        (i, j)
+        for i in call.signature.written
+        for j, other in enumerate(regions)
+        if i != j and regions[i] is not None and other is not None and regions[i].overlaps(other)
+    ]
+
+
 def check_overlap(call: Call, active, what: str) -> tuple[int, ...]:
     """Rejects a launch that writes elements of one array by another one, if one is active.
 
@@ -21,9 +42,7 @@ def check_overlap(call: Call, active, what: str) -> tuple[int, ...]:
     Raises:
         WarpGradientError: there are such arrays.
     """
-    if not _native.shares_elements([leaf for _, leaf in call.leaves if leaf is not None]):
-        return ()
-    pairs = [(i, j) for i, j in call.regions.meetings() if active[i] or active[j]]
+    pairs = [(i, j) for i, j in meetings(call) if active[i] or active[j]]
     same = same_arrays(call, pairs)
     for i, j in pairs:
         if not same or same[i] != same[j]:
@@ -53,6 +72,17 @@ def same_arrays(call: Call, pairs) -> tuple[int, ...]:
         earlier = (j for j in same if _is_same(leaves[j], leaf))
         same.append(next(earlier, i))
     return tuple(same)
+
+
+def notes_of(call: Call, same) -> tuple[str, ...]:
+    """What an error about a derivative says of arguments that are one array."""
+    names = [name for name, _ in call.leaves]
+    groups: dict = {}
+    for i, first in enumerate(same):
+        groups.setdefault(first, []).append(f"'{names[i]}'")
+    return tuple(
+        f"arguments {', '.join(group)} are one array" for group in groups.values() if len(group) > 1
+    )
 
 
 def _is_same(one, other) -> bool:

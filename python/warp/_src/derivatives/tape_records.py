@@ -22,7 +22,7 @@ from warp._src.arrays.versions import Event, event_of
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import arrays_of
 from warp._src.derivatives.kernel_derivatives import gradients_of
-from warp._src.derivatives.same_arrays import same_arrays
+from warp._src.derivatives.same_arrays import meetings, notes_of, same_arrays
 from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices import devices
 from warp._src.kernels.call import Call
@@ -50,7 +50,7 @@ class LaunchRecord(_native.Record):
         self._before, self._saved = {}, []
         self._behind = [one for one in arrays_of(call) if one.requires_grad]
         self._has_gradients = any(call.active)
-        if self._has_gradients and call.regions is not None:
+        if self._has_gradients:
             self._look_back()
 
     @property
@@ -107,8 +107,8 @@ class LaunchRecord(_native.Record):
         call = self.call
         looks_back = call.signature.looks_back
         if call.signature.written and len(call.leaves) > 1:
-            self._aliases = call.regions.meetings()
-        if looks_back and not self.same:
+            self._aliases = meetings(call)
+        if looks_back and not self.same and call.regions is not None:
             flags = tuple(call.regions.apart())
             self._apart = flags if any(flags) else ()
         if self.aliases or looks_back:
@@ -144,9 +144,14 @@ class LaunchRecord(_native.Record):
             WarpCodegenError: the kernel cannot be differentiated.
         """
         call = self.call
-        return call.kernel.derivatives.adjoint(
-            call.native, call.active, True, tape, self.apart, self.same
-        )
+        same = self.same
+        try:
+            return call.kernel.derivatives.adjoint(
+                call.native, call.active, True, tape, self.apart, same
+            )
+        except errors.WarpError as problem:
+            problem.notes += notes_of(call, same)
+            raise
 
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""

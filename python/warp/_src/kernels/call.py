@@ -26,6 +26,7 @@ class Signature:
         written: numbers of the arrays that a launch may change.
         mutable: positions of structs and composites.
         looks_back: whether an array is loaded and changed, or results of atomics matter.
+        has_source: whether it is known what the kernel does; if not, all counts as written.
     """
 
     def __init__(self, native, values, has_regions=True):
@@ -41,10 +42,10 @@ class Signature:
         ]
         try:
             self.accesses = native.accesses
-            self._has_source = True
+            self.has_source = True
         except RuntimeError:
             # Saved code without source.
-            self._has_source = False
+            self.has_source = False
             count = len(leaves_of(self.parameters, values))
             self.accesses = [(True, True, True, False, 0)] * count
         self.written = [i for i, access in enumerate(self.accesses) if access[1] or access[2]]
@@ -54,13 +55,13 @@ class Signature:
     @functools.cached_property
     def region_finder(self):
         """Finds which elements of arrays a launch touches; made when that is first asked."""
-        known = self._has_source and self._has_regions
+        known = self.has_source and self._has_regions
         return _native.RegionFinder(self._native) if known else None
 
     @functools.cached_property
     def recorder(self):
         """Launches the kernel while somebody observes; None if Python has to do that."""
-        if not (self._has_source and self._has_regions):
+        if not (self.has_source and self._has_regions):
             return None
         fields = None if self.flat else array_fields(self.parameters)
         if fields is None and not self.flat:
