@@ -225,10 +225,9 @@ static AutodiffOptions complete(const warp::Module &module,
                     "but got " +
                     std::to_string(options.apart.size()));
   if (!options.same.empty() && options.same.size() != count)
-    throw Error(Error::Kind::Value,
-                "expects " + std::to_string(count) +
-                    " numbers of arrays to use, but got " +
-                    std::to_string(options.same.size()));
+    throw Error(Error::Kind::Value, "expects " + std::to_string(count) +
+                                        " numbers of arrays to use, but got " +
+                                        std::to_string(options.same.size()));
   for (int one : options.same)
     if (one < 0 || size_t(one) >= count || options.same[size_t(one)] != one)
       throw Error(Error::Kind::Value,

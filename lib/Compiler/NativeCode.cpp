@@ -136,8 +136,7 @@ static StringRef externalName(StringRef line) {
 
 /// Whether the device library has it.
 static bool isOfLibrary(StringRef name) {
-  return name.starts_with("warp_") &&
-         !name.starts_with(warp::nativeCodePrefix);
+  return name.starts_with("warp_") && !name.starts_with(warp::nativeCodePrefix);
 }
 
 void warp::declareForNativeCode(llvm::Module &module,
@@ -149,8 +148,8 @@ void warp::declareForNativeCode(llvm::Module &module,
       if (StringRef wanted = externalName(line); isOfLibrary(wanted))
         used.push_back(llvm::cast<llvm::GlobalValue>(
             module
-                .getOrInsertFunction(
-                    wanted, llvm::Type::getVoidTy(module.getContext()))
+                .getOrInsertFunction(wanted,
+                                     llvm::Type::getVoidTy(module.getContext()))
                 .getCallee()));
   // What no kernel calls keeps its parameters for those who do.
   if (!used.empty())

@@ -114,8 +114,7 @@ LogicalResult Joining::run() {
   for (auto [argument, made] : replaced)
     argument.replaceUsesWithIf(made, [&](OpOperand &use) {
       Operation *user = use.getOwner();
-      return user->getBlock() != end->getBlock() ||
-             !user->isBeforeInBlock(end);
+      return user->getBlock() != end->getBlock() || !user->isBeforeInBlock(end);
     });
   return success();
 }
