@@ -119,13 +119,19 @@ class LaunchRecord(_native.Record):
                 return
             self._prepare(self._made)
 
+    @property
+    def _regions(self):
+        """What the launch touches of each array; all of them if some are one array, of which each
+        name tells a part."""
+        return None if self.same else self.call.regions
+
     def _prepare(self, derivative) -> None:
         """Sees to it that what the launch itself is going to overwrite is kept."""
         wanted = derivative.preserved
         for leaf in wanted:
             found = self.call.leaves[leaf][1]
             if found is not None and found.size:
-                version = Observers.memory.observe(found, self.call.regions, leaf, reads=True)
+                version = Observers.memory.observe(found, self._regions, leaf, reads=True)
                 version.keep_for(self, self.budget)
                 self._before[leaf] = version
 
@@ -167,7 +173,7 @@ class LaunchRecord(_native.Record):
         """Notes the versions of all arrays."""
         call, versions = self.call, []
         if self._has_gradients:
-            regions, observe = call.regions, Observers.memory.observe
+            regions, observe = self._regions, Observers.memory.observe
             for i, (_, leaf) in enumerate(call.leaves):
                 version = None
                 if leaf is not None and leaf.size:
