@@ -139,20 +139,20 @@ def test_without_an_adjoint_there_is_no_gradient():
 
 
 def test_other_types_and_words_of_clang():
-    @wp.func_native("x[0] = 1.0f;")
-    def store(x: wp.ref[wp.vec3]): ...
+    @wp.func_native("x = 1.0f;")
+    def store(x: wp.ref[wp.float16]): ...
 
     @wp.func_native("x = not_there;")
     def broken(x: wp.ref[float]): ...
 
     @wp.kernel
-    def stores(y: wp.array[wp.vec3]):
+    def stores(y: wp.array[wp.float16]):
         store(y[0])
 
     @wp.kernel
     def breaks(y: wp.array[float]):
         broken(y[0])
 
-    assert "'x' is no number" in refused(stores, wp.zeros(1, dtype=wp.vec3))
+    assert "'x' is no number" in refused(stores, wp.zeros(1, dtype=wp.float16))
     message = refused(breaks, wp.zeros(1, dtype=float))
     assert "not_there" in message and "test_native_references.py" in message

@@ -11,12 +11,13 @@ number by number.
 from __future__ import annotations
 
 from warp._src.derivatives.functions import adjoint
+from warp._src.frontend import updates
 from warp._src.kernels import native_code
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.kernels.map_functions import define
 from warp._src.kernels.native_structs import definitions, fields_of, is_struct, type_name
 from warp._src.types import dtypes
-from warp._src.types.annotations import annotations_of
+from warp._src.types.annotations import Reference, annotations_of
 from warp._src.types.native import ArrayType, native_text
 
 _MADE = "_warp_array_function"
@@ -45,8 +46,13 @@ def in_memory(function) -> bool:
     returned = declared.get("return")
     return any(
         isinstance(one, ArrayType) or _is_composite(one) or is_struct(one)
-        for one in declared.values()
+        for one in map(_value_type, declared.values())
     ) or (returned is not None and not _can_return(returned))
+
+
+def _value_type(annotation):
+    """The type of what a parameter is or refers to."""
+    return annotation.dtype if isinstance(annotation, Reference) else annotation
 
 
 def _is_composite(annotation) -> bool:
@@ -64,13 +70,26 @@ def call(context, function, node):
         if name == "return" and annotation is not None and not _can_return(annotation):
             problem = f"the native code of '{function.key}', which returns {_shown(annotation)},"
             raise context.unsupported(node, problem, _FIX, also="unsupported return type")
-        if name != "return" and type_name(annotation) is None:
+        if name != "return" and type_name(_value_type(annotation)) is None:
             problem = f"the native code of '{function.key}', whose '{name}' C++ has no type for,"
+            raise context.unsupported(node, problem, _FIX)
+        is_reference = isinstance(annotation, Reference)
+        if is_reference and (
+            function.adj_native_snippet is not None or isinstance(annotation.dtype, ArrayType)
+        ):
+            what = (
+                "array" if isinstance(annotation.dtype, ArrayType) else "argument with an adjoint"
+            )
+            problem = f"the native code of '{function.key}', which changes the {what} '{name}',"
             raise context.unsupported(node, problem, _FIX)
     if _MADE not in function.__dict__:
         function.__dict__[_MADE] = _Maker(function).made()
+    made = function.__dict__[_MADE]
+    references = updates.references_of(made)
+    if references:
+        return context.references.call_by_reference(made, references, node)
     arguments, keywords = context.constructors.arguments(node)
-    return context.user_calls.call_function(function.__dict__[_MADE], arguments, keywords, node)
+    return context.user_calls.call_function(made, arguments, keywords, node)
 
 
 def emit(context, code, node):
@@ -109,13 +128,23 @@ def emit(context, code, node):
 class _Maker:
     """What the functions for one native function are made from.
 
-    Structs are passed field by field and made whole in C++.
+    Structs are passed field by field and made whole in C++. What parameters by reference end with
+    are results, too; the array fields of a struct stay as they are.
     """
 
     def __init__(self, function):
         self.function = function
         self.types = dict(annotations_of(function.func))
         self.result = self.types.pop("return", None)
+        references = [name for name, one in self.types.items() if isinstance(one, Reference)]
+        self.types = {name: _value_type(one) for name, one in self.types.items()}
+        self.changed = [
+            one
+            for name in references
+            for one in fields_of(name, self.types[name])
+            if not isinstance(one.annotation, ArrayType)
+        ]
+        self.references = set(references)
         self.structs = definitions(self.types.values())
         self.parts = [one for name, kind in self.types.items() for one in fields_of(name, kind)]
         arrays = [one for one in self.parts if isinstance(one.annotation, ArrayType)]
@@ -134,7 +163,7 @@ class _Maker:
             replayed = self.forward(f"{function.key}_replay", function.replay_snippet)
             made.replays.append(replayed.func)
         smooth = self.floats or self.gradients or _numbers(self.result or int)[0] in _FLOATS
-        if function.adj_native_snippet is not None or not smooth:
+        if not self.references and (function.adj_native_snippet is not None or not smooth):
             made.pullbacks.append(self.pullback(function.adj_native_snippet or ""))
         return made
 
@@ -154,21 +183,33 @@ class _Maker:
 
     def forward(self, key, snippet) -> Function:
         body = f'\n#line 1 "{self.function.key}"\n{snippet}\n'
-        results = () if self.result is None else _numbers(self.result)
-        if _is_composite(self.result):
-            kind = type_name(self.result)
-            given = ", ".join(_parts("warp_ret", self.result))
-            body = f"{kind} warp_ret = [&]() -> {kind} {{{body}}}();\nreturn {{{given}}};"
+        # C++ that gives a result, its native types and what the kernel language makes of it.
+        results = () if self.result is None else tuple(_numbers(self.result))
+        if _is_composite(self.result) or self.references:
+            kind = "void" if self.result is None else type_name(self.result)
+            given = [] if self.result is None else _parts("warp_ret", self.result)
+            for one in self.changed:
+                given += _parts(one.path, one.annotation)
+                results += tuple(_numbers(one.annotation))
+            kept = "" if self.result is None else f"{kind} warp_ret = "
+            body = f"{kept}[&]() -> {kind} {{{body}}}();\nreturn {{{', '.join(given)}}};"
         code = self.code(key, self._passed(), f"{{ {self.whole()}{body}}}")
-        code.results = tuple(results)
+        code.results = results
+        left = [f"r{i}" for i in range(len(results))]
+        targets = "".join(f"{one}, " for one in left)
         text = f"code({', '.join(one.path for one in self.parts)})"
-        parts = [f"r{i}" for i in range(len(results))]
-        lines = (
-            [f"    {''.join(f'{one}, ' for one in parts)}= {text}"] if parts else [f"    {text}"]
-        )
-        if parts:
-            lines.append(f"    return {_made_of('made', self.result, parts)}")
-        names = {"types": self.types, "code": code, "made": self.result}
+        lines = [f"    {targets}= {text}" if targets else f"    {text}"]
+        names = {"types": self.types, "code": code, "made": self.result, "Reference": Reference}
+        if self.result is not None:
+            count = len(_numbers(self.result))
+            returned, left = _made_of("made", self.result, left[:count]), left[count:]
+        for i, one in enumerate(self.changed):
+            count = len(_numbers(one.annotation))
+            names[f"made_{i}"] = one.annotation
+            lines.append(f"    {one.path} = {_made_of(f'made_{i}', one.annotation, left[:count])}")
+            left = left[count:]
+        if self.result is not None:
+            lines.append(f"    return {returned}")
         return Function(self.define(key, self.types, lines, names))
 
     def _passed(self) -> dict:
@@ -214,14 +255,18 @@ class _Maker:
         return self.define(key, types, lines, names)
 
     def code(self, key, types, body) -> MemoryCode:
-        declared = self.define(f"{key}_code", types, ["    pass"], {"types": types})
+        declared = self.define(f"{key}_code", types, ["    pass"], {"types": types}, ())
         code = MemoryCode(declared, body, None, None)
         code.key = self.function.key
         code.structs = self.structs
         return code
 
-    def define(self, key, types, lines, names):
-        parameters = ", ".join(f"{name}: types['{name}']" for name in types)
+    def define(self, key, types, lines, names, references=None):
+        references = self.references if references is None else references
+        parameters = ", ".join(
+            f"{name}: {'Reference' if name in references else ''}(types['{name}'])"
+            for name in types
+        )
         return define(key, "\n".join([f"def {key}({parameters}):", *lines, ""]), names)
 
 
