@@ -169,3 +169,21 @@ def test_views_that_overlap_are_refused(device):
             lambda: wp.launch(powers, N - 1, [x[1:], x[:-1], z], device=device),
             {z: real(np.ones(N), device)},
         )
+
+
+@wp.kernel
+def counted(
+    ids: wp.array(dtype=int), left: wp.array(dtype=int), x: wp.array(dtype=R), y: wp.array(dtype=R)
+):
+    i = wp.tid()
+    if ids[i] > 3:
+        left[i] = i
+    y[i] = x[i] * x[i]
+
+
+def test_what_no_gradient_depends_on_may_overlap(device):
+    x, y = real(X, device), real(np.zeros(N), device)
+    ids = wp.array([1, 2, 3, 4, 5, 6], dtype=int, device=device)
+    run = lambda: wp.launch(counted, N, [ids[1:], ids[:-1], x, y], device=device)  # noqa: E731
+    backward(run, {y: real(np.ones(N), device)})
+    check(x, 2.0 * X)

@@ -244,7 +244,7 @@ class LaunchRecord(_native.Record):
         if not self.call.kernel.option("enable_backward"):
             raise self._error("the kernel has `enable_backward=False`", "remove that option")
         derivative = self.derivative()
-        self._check_aliases()
+        self._check_aliases(derivative)
         wide = self._with_wide_gradients(derivative, state.images)
         initial = self._initial(state.images)
         runner = Observers.executor or self.call.kernel.derivatives
@@ -263,16 +263,21 @@ class LaunchRecord(_native.Record):
         """
         if not any(self.call.active):
             return None
-        self._check_aliases()
         derivative = self.derivative(tape="checkpoints")
+        self._check_aliases(derivative)
         hidden = derivative.hidden_values(self.call, self._initial(state.images), self.saved)
         wide = self._with_wide_gradients(derivative, state.images)
         return (*wide.values, *hidden), wide
 
-    def _check_aliases(self) -> None:
+    def _check_aliases(self, derivative) -> None:
+        """Rejects arrays that meet in part, if gradients or what is read of them matter."""
+        if not self.aliases:
+            return
         same = self.same
+        active = {i for i, on in enumerate(self.call.active) if on}
+        matters = active | set(derivative.needed) | derivative.preserved
         for written, other in self.aliases:
-            if same and same[written] == same[other]:
+            if (same and same[written] == same[other]) or not matters & {written, other}:
                 continue
             name, name_of_other = self.call.leaves[written][0], self.call.leaves[other][0]
             raise self._error(
