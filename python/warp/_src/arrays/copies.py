@@ -152,7 +152,8 @@ def _range(source, offset, count, name, shapes=""):
     if offset < 0 or count < 0 or offset + count > source.size:
         raise errors.WarpShapeError(
             f"elements {offset} to {offset + count} are out of range for '{name}' with "
-            f"{source.size} elements"
+            f"{source.size} elements",
+            also=f"the range exceeds the {'source' if name == 'src' else 'destination'} size",
         )
     if not isinstance(source, _native.Array):
         return source.part(offset, count, name)
