@@ -21,14 +21,13 @@ from warp._src.arrays.allocation import allocate, new_array
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import assign, clone, copy
 from warp._src.arrays.data import element_bytes
+from warp._src.arrays.index_checks import check_indices_lie_in, checked_indices
 from warp._src.arrays.observers import Observing
 from warp._src.arrays.operators import ArrayArithmetic
 from warp._src.devices import devices
 from warp._src.types import annotations, dtypes, scalars
 from warp._src.types.native import ArrayType, IndexedArrayType
 from warp._src.types.structs import StructInstance, make_struct
-
-MAX_DIMENSIONS = 4
 
 
 class IndexedRecord(StructInstance):
@@ -129,7 +128,7 @@ class indexedarray(ArrayArithmetic):
         self._choose(data, indices)
 
     def _choose(self, data, indices) -> None:
-        self._indices = tuple(_checked(indices, data))
+        self._indices = tuple(checked_indices(indices, data))
         self._data, self._record = data, None
         # Memory of an index at least, for the dimensions without.
         filled = [given for given in self._indices if given is not None and given.size]
@@ -158,7 +157,7 @@ class indexedarray(ArrayArithmetic):
 
     @indices.setter
     def indices(self, indices):
-        check_indices_lie_in(self._data, _checked(indices, self._data))
+        check_indices_lie_in(self._data, checked_indices(indices, self._data))
         self._choose(self._data, indices)
 
     @property
@@ -333,62 +332,6 @@ def _one_element(dtype, neighbour, pattern) -> array:
     allocate(element, (1,), dtype, neighbour.device_index)
     _native.fill_array(element, pattern)
     return element
-
-
-def check_indices_lie_in(data, indices) -> None:
-    """Looks for indices that lead out of an array; on the CPU, and not while a graph is captured.
-
-    Raises:
-        IndexError: names the first one.
-    """
-    if data.device_index != devices.CPU or _native.is_capturing(devices.CPU):
-        return
-    for axis, given in enumerate(indices[: data.ndim]):
-        if given is None or not given.size:
-            continue
-        found, extent = given._host_view(), data.shape[axis]
-        if found.max() >= extent or found.min() < -extent:
-            place = int(((found >= extent) | (found < -extent)).argmax())
-            raise errors.WarpIndexError(
-                f"index {found[place]} (number {place}) of dimension {axis} is out of bounds for "
-                f"an array of shape {data.shape}"
-            )
-
-
-def _checked(indices, data) -> list:
-    """An array of indices or None for each of the four dimensions that there can be."""
-    given = [indices] if indices is None or isinstance(indices, array) else indices
-    if not isinstance(given, (list, tuple)):
-        raise ValueError(
-            f"expects an array of indices or a list of them, but got '{type(indices).__name__}'"
-        )
-    if len(given) > data.ndim:
-        raise ValueError(
-            f"expects at most {data.ndim} arrays of indices for shape {data.shape}, "
-            f"but got {len(given)}"
-        )
-    for axis, one in enumerate(given):
-        if one is not None:
-            _check_indices(one, axis, data)
-    return [*given, *[None] * (MAX_DIMENSIONS - len(given))]
-
-
-def _check_indices(given, axis, data) -> None:
-    if not isinstance(given, array):
-        raise ValueError(
-            f"expects an array as indices of dimension {axis}, but got '{type(given).__name__}', "
-            "use `wp.array(..., dtype=int)`"
-        )
-    if given.ndim != 1 or given.dtype is not scalars.int32:
-        raise ValueError(
-            f"expects a one-dimensional array of 'int32' as indices of dimension {axis}, but got "
-            f"one of shape {given.shape} and '{dtypes.type_repr(given.dtype)}'"
-        )
-    if given.device_index != data.device_index:
-        raise ValueError(
-            f"expects indices of dimension {axis} on '{data.device}' like the data, but they are "
-            f"on '{given.device}'"
-        )
 
 
 def select(source, key) -> indexedarray:

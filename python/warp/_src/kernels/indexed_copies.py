@@ -6,7 +6,8 @@ import typing
 
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import copy
-from warp._src.arrays.indexed import check_indices_lie_in, indexedarray
+from warp._src.arrays.index_checks import check_indices_lie_in
+from warp._src.arrays.indexed import indexedarray
 from warp._src.kernels.decorator import kernel
 from warp._src.kernels.launch import launch
 from warp._src.language import namespace as wp
