@@ -191,7 +191,10 @@ SPARSE = named("a BsrMatrix or an expression of one", "BsrMatrix", "Operators")
 OPERATOR = Kind("a BsrMatrix, an array or a LinearOperator", _is_operator)
 TIMINGS = Kind(
     "a list of wp.TimingResult",
-    lambda value: all(type(one).__name__ == "TimingResult" for one in value),
+    lambda value: (
+        isinstance(value, (list, tuple))
+        and all(type(one).__name__ == "TimingResult" for one in value)
+    ),
 )
 GRAPH_MODE = named("a JaxCallableGraphMode", "JaxCallableGraphMode")
 JAX_CALLABLE = named("what `jax_callable` gives", "JaxCallable")

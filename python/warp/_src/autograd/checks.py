@@ -20,6 +20,7 @@ from warp._src.kernels.kernel import Kernel
     function=CALLABLE,
     inputs=LIST,
     outputs=LIST,
+    input_output_mask=LIST,
     rtol=NUMBER,
     max_blocks=INTEGER,
     max_inputs_per_var=INTEGER,

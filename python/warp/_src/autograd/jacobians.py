@@ -30,6 +30,7 @@ from warp._src.types.numpy_types import element_layout
     function=CALLABLE,
     inputs=LIST,
     outputs=LIST,
+    input_output_mask=LIST,
     max_blocks=INTEGER,
     max_outputs_per_var=INTEGER,
     mode=TEXT,
@@ -87,7 +88,12 @@ def jacobian(
 
 
 @checked(
-    function=CALLABLE, inputs=LIST, outputs=LIST, max_blocks=INTEGER, max_inputs_per_var=INTEGER
+    function=CALLABLE,
+    inputs=LIST,
+    outputs=LIST,
+    input_output_mask=LIST,
+    max_blocks=INTEGER,
+    max_inputs_per_var=INTEGER,
 )
 def jacobian_fd(
     function: Kernel | Callable,

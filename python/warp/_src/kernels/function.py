@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from warp._src import errors
 from warp._src.argument_kinds import FUNCTION
-from warp._src.arguments import checked, shown
+from warp._src.arguments import checked, spelled
 from warp._src.kernels import declared
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
@@ -111,14 +111,11 @@ class Function:
         raise errors.WarpTypeError(f"no overload of '{self.key}' takes ({', '.join(given)})")
 
     def _refusal(self, args, kwargs=None):
-        try:
-            given = str(args)
-        except Exception:
-            given = f"({', '.join(map(shown, args))})"
         # Programs know this error by its words.
-        named = f" and {kwargs}" if kwargs else ""
+        named = f" and {spelled(kwargs)}" if kwargs else ""
         return errors.WarpTypeError(
-            f"Error calling function '{self.key}', no overload found for arguments {given}{named}"
+            f"Error calling function '{self.key}', no overload found for arguments "
+            f"{spelled(args)}{named}"
         )
 
     def __repr__(self):

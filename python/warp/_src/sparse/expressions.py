@@ -11,6 +11,23 @@ from warp._src.types.dtypes import is_array
 from warp._src.types.scalars import scalar_base
 
 
+def _reciprocal(y):
+    """What a matrix divided by a number is multiplied by.
+
+    Raises:
+        ZeroDivisionError: the number is zero.
+        OverflowError: no float holds it.
+    """
+    if y == 0:
+        raise ZeroDivisionError("cannot divide a sparse matrix by zero")
+    try:
+        return 1.0 / y
+    except OverflowError:
+        raise errors.WarpOverflowError(
+            f"cannot divide a sparse matrix by {shown(y)}, expects a finite number"
+        ) from None
+
+
 class Operations:
     """What operators do, which is made of matrices: put here by `sparse.operations`."""
 
@@ -72,16 +89,7 @@ class Operators:
 
     def __truediv__(self, y):
         y = _factor(y)
-        if y is None:
-            return NotImplemented
-        if y == 0:
-            raise ZeroDivisionError("cannot divide a sparse matrix by zero")
-        try:
-            return self.__mul__(1.0 / y)
-        except (OverflowError, TypeError):
-            raise errors.WarpOverflowError(
-                f"cannot divide a sparse matrix by {shown(y)}, expects a finite number"
-            ) from None
+        return NotImplemented if y is None else self.__mul__(_reciprocal(y))
 
     def __neg__(self):
         return self.__mul__(-1.0)
@@ -125,7 +133,7 @@ class InPlaceOperators:
 
     def __itruediv__(self, y):
         y = _factor(y)
-        return NotImplemented if y is None else Operations.scale(self, 1.0 / y)
+        return NotImplemented if y is None else Operations.scale(self, _reciprocal(y))
 
     def __imatmul__(self, y):
         return Operations.product(self, y, self)

@@ -9,6 +9,7 @@ the scalar type. `float16` and `bfloat16` components are stored as bits and conv
 from __future__ import annotations
 
 import ctypes
+import itertools
 
 from warp import config
 from warp._src import errors
@@ -22,6 +23,8 @@ _raw_set = ctypes.Array.__setitem__
 _ALL = slice(None)
 # Sequences deeper than that contain themselves.
 _DEEPEST = 32
+# More than composites have: what has no end is none.
+_MOST_NUMBERS = 1 << 20
 _PYTHON_OWN = frozenset(scalars.PYTHON_TYPES.values())
 
 
@@ -294,13 +297,15 @@ def flatten_numbers(value, depth=0):
         raise _no_numbers(value) from None
     numbers = []
     try:
-        for item in items:
+        for item in itertools.islice(items, _MOST_NUMBERS):
             if isinstance(item, (int, float)):
                 numbers.append(item)
             else:
                 numbers += flatten_numbers(item, depth + 1)
     except KeyError:
         raise _no_numbers(value) from None
+    if len(numbers) >= _MOST_NUMBERS:
+        raise errors.WarpShapeError(f"expects less than {_MOST_NUMBERS} numbers")
     return numbers
 
 

@@ -277,5 +277,7 @@ for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):
 __all__ = sorted(
     name
     for name in globals()
-    if name[0] != "_" and name not in ("annotations", "builtins", "ctypes", "scalars", "typing")
+    if name[0] != "_"
+    and name not in ("annotations", "builtins", "ctypes", "scalars", "typing")
+    and name not in ("classes_of", "members_of")
 )

@@ -94,7 +94,11 @@ def native_type(dtype):
 
 
 def dtype_of(native):
-    """The Python type for a type of the compiler (or its text)."""
+    """The Python type for a type of the compiler (or its text).
+
+    Raises:
+        TypeError: there is none.
+    """
     try:
         text = str(native)
     except RecursionError:
