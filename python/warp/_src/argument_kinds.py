@@ -179,7 +179,7 @@ VOXEL = Kind("a positive number or three", lambda value: POSITIVE.fits(value) or
 TRANSFORMS = Kind("an array of transforms of two dimensions", lambda value: value.ndim == 2)
 FUNCTION = Kind("a Python function", lambda value: hasattr(value, "__code__"))
 DLPACK = Kind(
-    "an array with `__dlpack__`, or a DLPack capsule",
+    "a DLPack capsule or an array with `__dlpack__`",
     lambda value: hasattr(type(value), "__dlpack__") or type(value).__name__ == "PyCapsule",
 )
 GRAPH = named("a wp.Graph", "Graph")

@@ -60,6 +60,9 @@ def timing_begin(cuda_filter: int = TIMING_ALL, synchronize: bool = True) -> Non
     Args:
         cuda_filter: which kinds, a sum of `wp.TIMING_*`.
         synchronize: wait for all devices before.
+
+    Raises:
+        KeyboardInterrupt: it was interrupted, then nothing is timed.
     """
     if synchronize:
         devices.synchronize()

@@ -19,7 +19,7 @@ def _reciprocal(y):
         OverflowError: no float holds it.
     """
     if y == 0:
-        raise ZeroDivisionError("cannot divide a sparse matrix by zero")
+        raise ZeroDivisionError("division by zero of a sparse matrix")
     try:
         return 1.0 / y
     except OverflowError:
