@@ -26,7 +26,7 @@ using namespace warp;
 
 /// The version goes up when the file, the parameter block or what code calls
 /// changes.
-static constexpr FileFormat format{"WARPSAVE", 12, "saved module",
+static constexpr FileFormat format{"WARPSAVE", 13, "saved module",
                                    "compile it again"};
 
 //===----------------------------------------------------------------------===//
