@@ -53,7 +53,8 @@ LogicalResult warp::TileFoldOp::verify() {
   mlir::Type element = typeOf(getTile()).getElementType();
   Block &body = getBody().front();
   SmallVector<mlir::Type> two(2, element);
-  if (failed(require(*this,
+  if (failed(verifyElementFunction(*this)) ||
+      failed(require(*this,
                      llvm::equal(body.getArgumentTypes(), two) &&
                          llvm::equal(body.getTerminator()->getOperandTypes(),
                                      ArrayRef(element)),

@@ -22,6 +22,18 @@ inline mlir::LogicalResult require(mlir::Operation *op, bool holds,
   return op->emitOpError() << message;
 }
 
+/// What a function of elements does is no operation on tiles: it is computed
+/// wherever the elements are.
+inline mlir::LogicalResult verifyElementFunction(mlir::Operation *op) {
+  auto result = op->getRegion(0).walk([](mlir::Operation *inner) {
+    if (!isTileOp(inner) && !mlir::isa<BarrierOp>(inner))
+      return mlir::WalkResult::advance();
+    inner->emitOpError() << "cannot stand in a function of elements";
+    return mlir::WalkResult::interrupt();
+  });
+  return mlir::failure(result.wasInterrupted());
+}
+
 inline bool isNumber(mlir::Type type) {
   return isScalar(type) && !isBool(type);
 }

@@ -90,27 +90,3 @@ func.func @gpu(%x: f32, %y: !warp.array<1 x f32>)
   warp.tile_store %t, %y[%i] : !warp.tile<1 x f32>, !warp.array<1 x f32>, (si32)
   return
 }
-
-// -----
-
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
-
-// A function of elements that reads another tile keeps it.
-// CHECK-LABEL: func.func @read_within
-// CHECK-SAME: warp.block_threads = 1
-// CHECK: warp.tile_get
-func.func @read_within(%x: f32, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.block_threads = 1 : i64,
-                warp.variant = #cpu} {
-  %i = warp.tid : si32
-  %zero = warp.constant 0 : si32
-  %t = warp.tile_from_threads %x : f32 -> !warp.tile<1 x f32>
-  %u = warp.tile_map(%t) {
-  ^bb0(%a: f32):
-    %b = warp.tile_get %t[%zero] : !warp.tile<1 x f32>, (si32) -> f32
-    %c = warp.mul(%a, %b) : (f32, f32) -> f32
-    warp.tile_yield %c : f32
-  } : (!warp.tile<1 x f32>) -> !warp.tile<1 x f32>
-  warp.tile_store %u, %y[%i] : !warp.tile<1 x f32>, !warp.array<1 x f32>, (si32)
-  return
-}

@@ -19,6 +19,7 @@
 #include "Autodiff/SaveForAdjoint.h"
 #include "Autodiff/SpectralProducts.h"
 #include "KernelFunction.h"
+#include "LoweredOps.h"
 
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/WarpOps.h"
@@ -176,7 +177,8 @@ struct DifferentiateKernel
       return kernel.emitError("expects the tape 'checkpoints' or 'global', but "
                               "got '")
              << tape << "'";
-    if (failed(refuseNativeCode(kernel)))
+    if (failed(warp::refuseLowered(kernel, "differentiate")) ||
+        failed(refuseNativeCode(kernel)))
       return failure();
     auto policy = parseSingular(kernel, singular);
     FailureOr<SmallVector<bool>> flags = readFlags(kernel);

@@ -52,8 +52,7 @@ static bool isSupported(Operation *op) {
   if (!hasTiles(op))
     return true;
   if (!llvm::all_of(op->getOperands(), hasOneElement) ||
-      !llvm::all_of(op->getResults(), hasOneElement) ||
-      op->getParentOfType<TileMapOp>())
+      !llvm::all_of(op->getResults(), hasOneElement))
     return false;
   return llvm::TypeSwitch<Operation *, bool>(op)
       .Case([](TileFromThreadsOp op) {
