@@ -22,6 +22,10 @@ bool isTileOp(mlir::Operation *op);
 TileType getReducedType(TileType tile, std::optional<int64_t> axis,
                         mlir::Type element);
 
+/// Type of the part of an element that a path of `warp.tile_set` leads to; null
+/// if it leads nowhere.
+mlir::Type getPartType(mlir::Type element, mlir::ArrayAttr path);
+
 } // namespace warp
 
 #endif // WARPDIALECT_TILEOPS_H

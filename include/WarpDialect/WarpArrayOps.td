@@ -275,7 +275,7 @@ def Warp_SliceOp
     Elements `start`, `start + step`, ... before `stop` of dimension `dim`, as
     Python slices do: negative bounds count from the end, both bounds are
     clamped to the extent, and a negative step goes backwards. A step of 0
-    selects nothing.
+    selects nothing; what the front end makes asserts that there is none.
 
     (C1) `dim` is within the rank.
   }];
@@ -322,9 +322,11 @@ def Warp_ComponentViewOp
     Keeps extents and strides and moves the data pointer, so that a single slot
     of an element can be loaded, stored or updated atomically.
 
-    (C1) `field` is given exactly when elements are structs, and names a field;
-    otherwise indices are as for `extract`. (C2) the result's element type is
-    that of the component, row or field.
+    The fields of a transform are its vector "p" and its quaternion "q".
+
+    (C1) `field` is given when elements are structs, and names a field; otherwise
+    indices are as for `extract`, or `field` is that of a transform. (C2) the
+    result's element type is that of the component, row or field.
   }];
   let arguments = (ins Warp_AnyArray:$array, Variadic<Warp_Integer>:$indices,
                        OptionalAttr<StrAttr>:$field);

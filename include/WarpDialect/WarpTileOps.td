@@ -314,18 +314,34 @@ def Warp_TileSetOp : Warp_TileOp<"tile_set",
   let description = [{
     Each thread for which `where` holds, if there is one, changes one element; if
     several assign the same one, one of them wins. An index outside changes
-    nothing.
+    nothing. With `path` it is a part of the element that changes, and others
+    stay, whoever changes them: fields by name, and how many of the `components`
+    index the next vector, matrix or quaternion.
 
-    (C1) one index per dimension. (C2) the value has the element type.
+    (C1) one index per dimension. (C2) the value has the type of the element, or
+    of the part.
+
+    ```mlir
+    %u = warp.tile_set assign %x, %t[%i] part ["v", 1][%k] : f32,
+           !warp.tile<4 x !warp.struct<"S", {v: !warp.vec<3 x f32>}>>, (si32),
+           (si32)
+    ```
   }];
   let arguments = (ins Warp_TileUpdate:$kind, AnyType:$value,
                        Warp_AnyTile:$tile, Variadic<Warp_Integer>:$indices,
-                       Optional<I1>:$where);
+                       Variadic<Warp_Integer>:$components, Optional<I1>:$where,
+                       OptionalAttr<ArrayAttr>:$path);
   let results = (outs Warp_AnyTile:$result);
   let assemblyFormat = [{
-    $kind $value `,` $tile `[` $indices `]` (`where` $where^)? attr-dict `:`
-    type($value) `,` type($tile) `,` `(` type($indices) `)`
+    $kind $value `,` $tile `[` $indices `]` (`part` $path^ `[` $components `]`)?
+    (`where` $where^)? attr-dict `:` type($value) `,` type($tile) `,` `(`
+    type($indices) `)` (`,` `(` type($components)^ `)`)?
   }];
+  let builders = [OpBuilder<(ins "::mlir::Type":$result,
+                                 "::warp::TileUpdate":$kind,
+                                 "::mlir::Value":$value, "::mlir::Value":$tile,
+                                 "::mlir::ValueRange":$indices,
+                                 "::mlir::Value":$where)>];
 }
 
 //===----------------------------------------------------------------------===//

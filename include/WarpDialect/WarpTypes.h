@@ -57,6 +57,11 @@ void flatten(mlir::Type type, llvm::SmallVectorImpl<mlir::Type> &components);
 /// Type of component `i`, or of a matrix row if `indices` is 1 for a matrix;
 /// null if a composite has no such part.
 mlir::Type getIndexedType(mlir::Type composite, size_t indices);
+/// Type of a field of a struct, or of the vector "p" or quaternion "q" of a
+/// transform; null if there is no such field.
+mlir::Type getFieldType(mlir::Type type, llvm::StringRef field);
+/// Extents that indices of a composite are within.
+llvm::SmallVector<int64_t, 2> getIndexExtents(mlir::Type composite);
 
 /// Layout in memory, that of the C struct. Not for `index`.
 int64_t getByteSize(mlir::Type type);

@@ -31,6 +31,9 @@ struct TileOptions {
   bool flag = false;
   /// Backwards, or with the transpose.
   bool transposed = false;
+  /// The part of an element: names of fields, and "1" or "2" for as many
+  /// indices, which come after those of the element.
+  std::vector<std::string> path;
 };
 
 /// Builds operations on tiles where a `Builder` stands.
@@ -55,8 +58,8 @@ public:
   /// rows of its last dimension.
   void setBlockThreads(int64_t threads, bool ragged = false);
   /// Says of the branch that is open that threads which do not take the first
-  /// side (`isElse`), or the second, return from the kernel: it is what those do
-  /// that stay.
+  /// side (`isElse`), or the second, return from the kernel: it is what those
+  /// do that stay.
   void markStays(bool isElse);
 
 private:

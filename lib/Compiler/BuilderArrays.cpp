@@ -130,14 +130,12 @@ warp::Value warp::Builder::componentView(Value array,
                                          const std::string &field) {
   ContextLock lock;
   ArrayType type = arrayType(*impl, unwrap(array), {}, "component view");
-  auto element = dyn_cast<StructType>(type.getElementType());
-  int64_t position = element ? element.getFieldIndex(field) : -1;
-  if (position < 0)
+  mlir::Type part = getFieldType(type.getElementType(), field);
+  if (!part)
     impl->fail(Error::Kind::Attribute,
                "elements of " + quoted(type) + " have no field '" + field +
                    "'");
-  auto result = ArrayType::get(type.getContext(), type.getRank(),
-                               element.getFieldTypes()[position]);
+  auto result = ArrayType::get(type.getContext(), type.getRank(), part);
   return wrap(ComponentViewOp::create(
                   impl->builder, impl->loc, result, unwrap(array),
                   ValueRange(), impl->builder.getStringAttr(field))

@@ -156,12 +156,24 @@ private:
       // The condition comes last.
       ValueRange indices = operands.drop_front(2);
       Value where = options.flag ? indices.back() : Value();
+      if (options.flag)
+        indices = indices.drop_back();
+      size_t rank = std::min<size_t>(typeOf(1).getRank(), indices.size());
       return warp::TileSetOp::create(
           b, loc, typeOf(1), *warp::symbolizeTileUpdate(options.kind),
-          operands[0], operands[1],
-          options.flag ? indices.drop_back() : indices, where);
+          operands[0], operands[1], indices.take_front(rank),
+          indices.drop_front(rank), where, path());
     }
     return nullptr;
+  }
+
+  ArrayAttr path() {
+    SmallVector<Attribute> steps;
+    for (const std::string &step : options.path)
+      steps.push_back(step == "1" || step == "2"
+                          ? Attribute(b.getI64IntegerAttr(step[0] - '0'))
+                          : Attribute(b.getStringAttr(step)));
+    return steps.empty() ? ArrayAttr() : b.getArrayAttr(steps);
   }
 
   Operation *makeReduction(StringRef name) {

@@ -203,7 +203,13 @@ LogicalResult warp::IndexDimOp::verify() {
 LogicalResult warp::ComponentViewOp::verify() {
   auto array = cast<ArrayType>(getArray().getType());
   mlir::Type element = array.getElementType(), part;
-  if (auto structure = dyn_cast<StructType>(element)) {
+  if (isa<TransformType>(element) && getField()) {
+    part = getFieldType(element, *getField());
+    if (!part || !getIndices().empty())
+      return emitOpError("(C1) a transform has the fields 'p' and 'q' and no "
+                         "indices with them, but got '")
+             << *getField() << "'";
+  } else if (auto structure = dyn_cast<StructType>(element)) {
     if (!getField() || !getIndices().empty())
       return emitOpError("(C1) elements are structs: expects a field and no "
                          "indices");
@@ -244,8 +250,8 @@ LogicalResult warp::ArrayAtOp::verify() {
   auto array = cast<ArrayType>(getResult().getType());
   int64_t rank = array.getRank(), given = getExtents().size();
   if (given != rank)
-    return emitOpError("(C1) expects ") << rank << " extents for " << array
-                                        << ", but got " << given;
+    return emitOpError("(C1) expects ")
+           << rank << " extents for " << array << ", but got " << given;
   mlir::Type scalar = getElementScalar(array.getElementType());
   if (getGrad() && !(scalar && isFloat(scalar)))
     return emitOpError("(C2) elements of ") << array << " have no derivatives";

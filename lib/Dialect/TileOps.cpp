@@ -93,8 +93,7 @@ LogicalResult warp::TileToThreadsOp::verify() {
 // Memory
 //===----------------------------------------------------------------------===//
 
-template <typename Op>
-static LogicalResult verifyMemory(Op op, TileType tile) {
+template <typename Op> static LogicalResult verifyMemory(Op op, TileType tile) {
   auto array = cast<warp::ArrayType>(op.getArray().getType());
   if (failed(require(op,
                      tile.getRank() == array.getRank() &&
@@ -152,7 +151,8 @@ LogicalResult warp::TileMapOp::verify() {
       return failure();
   }
   Block &body = getBody().front();
-  if (failed(require(*this, bool(first), "(C1) expects a tile")) ||
+  if (failed(verifyElementFunction(*this)) ||
+      failed(require(*this, bool(first), "(C1) expects a tile")) ||
       failed(require(
           *this,
           llvm::equal(body.getArgumentTypes(),
@@ -181,10 +181,9 @@ LogicalResult warp::TileTransposeOp::verify() {
   SmallVector<int64_t> shape;
   for (int64_t axis : getAxes())
     shape.push_back(from.getShape()[axis]);
-  return require(*this,
-                 to == TileType::get(getContext(), shape,
-                                     from.getElementType()),
-                 "(C2) expects extents in the order of the dimensions");
+  return require(
+      *this, to == TileType::get(getContext(), shape, from.getElementType()),
+      "(C2) expects extents in the order of the dimensions");
 }
 
 LogicalResult warp::TileReshapeOp::verify() {
@@ -230,8 +229,8 @@ LogicalResult warp::TileInsertOp::verify() {
                     getOffsets().size(), getSteps().size());
 }
 
-static LogicalResult verifyElement(Operation *op, TileType tile,
-                                   size_t indices, mlir::Type element) {
+static LogicalResult verifyElement(Operation *op, TileType tile, size_t indices,
+                                   mlir::Type element) {
   if (failed(require(op, int64_t(indices) == tile.getRank(),
                      "(C1) expects an index per dimension")))
     return failure();
@@ -244,7 +243,45 @@ LogicalResult warp::TileGetOp::verify() {
                        getResult().getType());
 }
 
+mlir::Type warp::getPartType(mlir::Type element, ArrayAttr path) {
+  for (Attribute step : path) {
+    if (auto field = dyn_cast<StringAttr>(step))
+      element = getFieldType(element, field);
+    else if (auto count = dyn_cast<IntegerAttr>(step);
+             count && element && isComposite(element))
+      element = getIndexedType(element, count.getInt());
+    else
+      return {};
+    if (!element)
+      return {};
+  }
+  return element;
+}
+
+void warp::TileSetOp::build(OpBuilder &b, OperationState &state,
+                            mlir::Type result, TileUpdate kind,
+                            mlir::Value value, mlir::Value tile,
+                            ValueRange indices, mlir::Value where) {
+  build(b, state, result, kind, value, tile, indices, ValueRange(), where,
+        ArrayAttr());
+}
+
 LogicalResult warp::TileSetOp::verify() {
-  return verifyElement(*this, typeOf(getTile()), getIndices().size(),
-                       getValue().getType());
+  TileType tile = typeOf(getTile());
+  ArrayAttr path = getPathAttr();
+  if (!path)
+    return verifyElement(*this, tile, getIndices().size(),
+                         getValue().getType());
+  int64_t components = 0;
+  for (Attribute step : path)
+    if (auto count = dyn_cast<IntegerAttr>(step))
+      components += count.getInt();
+  if (failed(require(*this,
+                     components == int64_t(getComponents().size()) &&
+                         getPartType(tile.getElementType(), path) ==
+                             getValue().getType(),
+                     "(C2) expects a value of the type of the part that the "
+                     "path leads to")))
+    return failure();
+  return verifyElement(*this, tile, getIndices().size(), tile.getElementType());
 }

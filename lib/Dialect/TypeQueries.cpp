@@ -139,6 +139,25 @@ mlir::Type warp::getIndexedType(mlir::Type composite, size_t indices) {
                                                 : mlir::Type();
 }
 
+mlir::Type warp::getFieldType(mlir::Type type, StringRef field) {
+  if (auto structure = dyn_cast<StructType>(type)) {
+    int64_t index = structure.getFieldIndex(field);
+    return index < 0 ? mlir::Type() : structure.getFieldTypes()[index];
+  }
+  if (!isa<TransformType>(type))
+    return {};
+  mlir::Type scalar = getElementScalar(type);
+  if (field == "p")
+    return VecType::get(type.getContext(), 3, scalar);
+  return field == "q" ? QuatType::get(type.getContext(), scalar) : mlir::Type();
+}
+
+SmallVector<int64_t, 2> warp::getIndexExtents(mlir::Type composite) {
+  if (auto matrix = dyn_cast<MatType>(composite))
+    return {matrix.getRows(), matrix.getCols()};
+  return {int64_t(getComponentCount(composite))};
+}
+
 //===----------------------------------------------------------------------===//
 // Layout
 //===----------------------------------------------------------------------===//

@@ -35,6 +35,8 @@ static TileOptions toOptions(const py::kwargs &given) {
       options.flag = value.cast<bool>();
     else if (name == "transposed")
       options.transposed = value.cast<bool>();
+    else if (name == "path")
+      options.path = value.cast<std::vector<std::string>>();
     else if (name != "axis")
       throw py::type_error("no option '" + name + "'");
   }

@@ -53,3 +53,31 @@ module {
     return
   }
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+
+// What a function of elements uses from outside and threads have each their own
+// of becomes an operand.
+// CHECK-LABEL: func.func @captured
+// CHECK: %[[OWN:.*]] = scf.for {{.*}} -> (!warp.tile<4 x si32>)
+// CHECK: warp.tile_map(%{{.*}}, %{{.*}}) {
+// CHECK-NEXT: ^bb0(%[[A:.*]]: f32, %[[I:.*]]: si32):
+// CHECK-NEXT: warp.load %{{.*}}[%[[I]]]
+func.func @captured(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 4 : i64, warp.variant = #cpu} {
+  %c0 = warp.constant 0 : si32
+  %c2 = warp.constant 2 : si32
+  %i = warp.tid : si32
+  %first = warp.mul(%i, %c2) : (si32, si32) -> si32
+  %t = warp.tile_load %x[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<4 x f32>
+  %u = warp.tile_map(%t) {
+  ^bb0(%a: f32):
+    %v = warp.load %y[%first] : !warp.array<1 x f32>, si32 -> f32
+    %w = warp.add(%a, %v) : (f32, f32) -> f32
+    warp.tile_yield %w : f32
+  } : (!warp.tile<4 x f32>) -> !warp.tile<4 x f32>
+  warp.tile_store %u, %x[%c0] : !warp.tile<4 x f32>, !warp.array<1 x f32>, (si32)
+  return
+}

@@ -96,3 +96,41 @@ func.func @ragged(%a: !warp.array<2 x f32>, %b: !warp.array<1 x f32>)
   warp.store %y, %b[%i#1] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+
+// Where threads say each for its own elements where these lie, those that are
+// not there say nowhere, and so do indices that they pick; what they give to a
+// function of elements is zero.
+// CHECK-LABEL: func.func @places
+// CHECK: %[[PRESENT:.*]] = warp.eq
+// CHECK: %[[OWN:.*]] = scf.if %[[PRESENT]] -> (si32) {
+// CHECK-NEXT: warp.load
+// CHECK: %[[FACTOR:.*]] = scf.if %[[PRESENT]] -> (f32)
+// CHECK: warp.tile_map(%{{.*}}, %[[FACTOR]])
+// CHECK: %[[PLACE:.*]] = scf.if %[[PRESENT]] -> (si32) {
+// CHECK-NEXT: scf.yield %[[OWN]]
+// CHECK: warp.constant -2147483648 : si32
+// CHECK: warp.tile_store %{{.*}}, %{{.*}}[%[[PLACE]]]
+// CHECK: %[[INDICES:.*]] = warp.tile_map(%{{.*}}, %[[PRESENT]])
+// CHECK: warp.tile_store %{{.*}}, %{{.*}}[%{{.*}}] picked %[[INDICES]]
+func.func @places(%a: !warp.array<1 x si32>, %c: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64, warp.ragged,
+                warp.variant = #gpu} {
+  %c0 = warp.constant 0 : si32
+  %i = warp.tid : si32
+  %p = warp.load %a[%i] : !warp.array<1 x si32>, si32 -> si32
+  %x = warp.cast %i : si32 to f32
+  %t = warp.tile_load %c[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<32 x f32>
+  %u = warp.tile_map(%t, %x) {
+  ^bb0(%y: f32, %f: f32):
+    %z = warp.mul(%y, %f) : (f32, f32) -> f32
+    warp.tile_yield %z : f32
+  } : (!warp.tile<32 x f32>, f32) -> !warp.tile<32 x f32>
+  warp.tile_store %u, %c[%p] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
+  %q = warp.tile_from_threads %i : si32 -> !warp.tile<32 x si32>
+  warp.tile_store %u, %c[%c0] picked %q : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32), !warp.tile<32 x si32>
+  return
+}

@@ -177,6 +177,8 @@ private:
       return flattenControlFlow(op);
     if (isa<TileYieldOp>(op))
       return op->setOperands(lookup(op->getOperands()));
+    if (auto set = dyn_cast<TileSetOp>(op); set && set.getPath())
+      return flattenPart(set);
     if (isTileOp(op) && touchesStructs(op))
       return flattenTile(op);
     if (isa<WhereOp, arith::SelectOp>(op) && isStruct(op->getResult(0)))
@@ -251,6 +253,28 @@ private:
   static bool touchesStructs(Operation *op) {
     return llvm::any_of(op->getOperands(), isStruct) ||
            llvm::any_of(op->getResults(), isStruct);
+  }
+
+  /// A change of a part of elements, in the tiles of the fields that are part
+  /// of it; other fields stay.
+  void flattenPart(TileSetOp set) {
+    SmallVector<Value> tiles = lookup(set.getTile());
+    ArrayRef<Attribute> path = set.getPath()->getValue();
+    Type type = cast<TileType>(set.getTile().getType()).getElementType();
+    size_t first = 0;
+    for (; !path.empty() && isa<StructType>(type); path = path.drop_front()) {
+      auto field = cast<StringAttr>(path.front());
+      first += findField(type, field).first;
+      type = getFieldType(type, field);
+    }
+    ArrayAttr rest = path.empty() ? ArrayAttr() : builder.getArrayAttr(path);
+    for (auto [i, value] : llvm::enumerate(lookup(set.getValue()))) {
+      Value &tile = tiles[first + i];
+      tile = TileSetOp::create(builder, set.getLoc(), tile.getType(),
+                               set.getKind(), value, tile, set.getIndices(),
+                               set.getComponents(), set.getWhere(), rest);
+    }
+    replace(set, tiles);
   }
 
   /// An operation on tiles, for each field by itself.

@@ -47,8 +47,14 @@ static void followViews(Value array, Access &access) {
     access.indices[slice.getDim()] = std::nullopt;
   } else if (auto part = dyn_cast<ComponentViewOp>(op.getOperation())) {
     SmallVector<Attribute, 2> component;
-    if (StringAttr field = part.getFieldAttr())
+    auto parts = cast<ArrayType>(part.getArray().getType());
+    if (isa<TransformType>(parts.getElementType()) && part.getField()) {
+      // Numbers that have indices, too.
+      access.component.clear();
+      access.hasUnknownComponent = true;
+    } else if (StringAttr field = part.getFieldAttr()) {
       component.push_back(field);
+    }
     for (Value index : part.getIndices()) {
       auto constant = getConstantInteger(index);
       if (!constant || *constant < 0) {

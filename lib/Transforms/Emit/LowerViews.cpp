@@ -81,9 +81,13 @@ void ArrayLowering::lowerComponentView(ComponentViewOp op) {
     return;
   }
   int64_t size = getByteSize(getElementScalar(element));
-  SmallVector<int64_t> extents{getComponentCount(element)};
-  if (auto matrix = dyn_cast<MatType>(element))
-    extents = {matrix.getRows(), matrix.getCols()};
+  if (std::optional<StringRef> field = op.getField()) {
+    // Of a transform: the vector comes first.
+    parts.data = advance(parts.data, *field == "p" ? 0 : 3 * size);
+    known[op] = parts;
+    return;
+  }
+  SmallVector<int64_t, 2> extents = getIndexExtents(element);
   int64_t bytes = size * (extents.size() == 2 ? extents[1] : 1);
   for (auto [index, extent] : llvm::zip(op.getIndices(), extents)) {
     APInt number;
@@ -92,6 +96,8 @@ void ArrayLowering::lowerComponentView(ComponentViewOp op) {
       parts.data = advance(parts.data, (i < 0 ? i + extent : i) * bytes);
     } else {
       mlir::Value i = wrapIndex(widen(index, i64), constant(i64, extent));
+      // Nothing is written beyond the element; debug launches have reported it.
+      i = arith::MinUIOp::create(b, loc, i, constant(i64, extent - 1));
       mlir::Value offset =
           arith::MulIOp::create(b, loc, i, constant(i64, bytes));
       parts.data = advance(parts.data, offset);

@@ -39,7 +39,9 @@ bool BlockVariance::anyOf(ValueRange operands) const {
 }
 
 bool BlockVariance::isBlockNumber(Operation *op) const {
-  if (rank != 1 || op->getName().getStringRef() != "warp.floordiv")
+  // Of indices, which are not negative, both divisions are the same.
+  StringRef name = op->getName().getStringRef();
+  if (rank != 1 || (name != "warp.floordiv" && name != "warp.div"))
     return false;
   auto tid = op->getOperand(0).getDefiningOp<TidOp>();
   auto divisor = op->getOperand(1).getDefiningOp<ConstantOp>();

@@ -19,9 +19,10 @@
 
 #include "KernelFunction.h"
 #include "LaneLoops.h"
+#include "LoweredOps.h"
 #include "WarpDialect/Registry.h"
 
-#include "llvm/ADT/TypeSwitch.h"
+#include "llvm/ADT/SetVector.h"
 
 namespace warp {
 #define GEN_PASS_DEF_FORMLANELOOPS
@@ -133,12 +134,17 @@ void BlockLoops::emitTid(TidOp op) {
 void BlockLoops::emitSet(TileSetOp op) {
   Value tile = sharedValue(op.getTile());
   Value made = overLanes(threads, tile, [&](Lane &lane, ValueRange tiles) {
-    Values indices = llvm::map_to_vector(
-        op.getIndices(), [&](Value v) { return laneValue(v, lane); });
+    auto ofLane = [&](ValueRange values) {
+      return llvm::map_to_vector(values,
+                                 [&](Value v) { return laneValue(v, lane); });
+    };
+    Values indices = ofLane(op.getIndices());
+    Values components = ofLane(op.getComponents());
     Value value = laneValue(op.getValue(), lane);
     Value where = op.getWhere() ? laneValue(op.getWhere(), lane) : Value();
     return Values{TileSetOp::create(b, loc, tile.getType(), op.getKind(), value,
-                                    tiles[0], indices, where)};
+                                    tiles[0], indices, components, where,
+                                    op.getPathAttr())};
   })[0];
   shared.map(op.getResult(), made);
 }
@@ -161,6 +167,7 @@ LogicalResult BlockLoops::emitCollective(Operation *op) {
     return success();
   }
   auto differs = [&](Value value) { return isLane(value); };
+  pickThere(op);
   if (auto set = dyn_cast<TileSetOp>(op);
       set && (set.getKind() != TileUpdate::assign ||
               llvm::any_of(set->getOperands(), differs))) {
@@ -190,8 +197,7 @@ LogicalResult BlockLoops::emitCollective(Operation *op) {
     else
       operands.push_back(sharedValue(operand));
   }
-  b.clone(*op, shared)->setOperands(operands);
-  return success();
+  return emitWithCaptures(op, operands, shape);
 }
 
 //===----------------------------------------------------------------------===//
@@ -265,7 +271,8 @@ LogicalResult BlockLoops::emitShared(Operation *op) {
     operands = {sharedValue(branch.getCondition())};
     yields = {branch.getResults(), branch.getResults()};
   } else {
-    return op->emitError("blocks of a CPU have tiles in branches and loops only");
+    return op->emitError(
+        "blocks of a CPU have tiles in branches and loops only");
   }
   for (ValueRange values : yields)
     if (!llvm::all_of(values, isCarried))
@@ -331,12 +338,13 @@ LogicalResult BlockLoops::run() {
     own = firstThread = linearIndex(tid.getResults());
   Value size = constantOf(own.getType(), threads);
   Value place = builtin("mod", {own, size});
-  auto first = scf::IfOp::create(b, loc, builtin("eq", {place, constantOf(own.getType(), 0)}),
-                                 /*withElseRegion=*/false);
+  auto first = scf::IfOp::create(
+      b, loc, builtin("eq", {place, constantOf(own.getType(), 0)}),
+      /*withElseRegion=*/false);
   b.setInsertionPoint(first.thenBlock()->getTerminator());
   if (rank == 1 || isRagged()) {
-    Value total = isRagged() ? countThreads()
-                             : LaunchExtentOp::create(b, loc, index, 0);
+    Value total =
+        isRagged() ? countThreads() : LaunchExtentOp::create(b, loc, index, 0);
     Value left = builtin("min", {builtin("sub", {total, own}), size});
     present = isRagged() ? CastOp::create(b, loc, index, left) : left;
   }
@@ -353,6 +361,8 @@ LogicalResult BlockLoops::run() {
 static LogicalResult formLoops(FunctionOpInterface kernel, int64_t threads) {
   if (threads == 1 || warp::isGpu(kernel))
     return success();
+  if (failed(refuseLowered(kernel, "make loops over the threads of a block")))
+    return failure();
   return BlockLoops(kernel, threads).run();
 }
 

@@ -4,14 +4,17 @@
 //
 // Where an offset, or the array, differs between threads, element e of a tile
 // is loaded from or stored to where thread e mod B says: a loop over elements.
+// If the launch does not have that thread, the element is zero, or dropped.
 //
 //===----------------------------------------------------------------------===//
 
+#include "AbsentThreads.h"
 #include "LaneLoops.h"
-
 #include "LowerTiles.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Transforms/RegionUtils.h"
+#include "llvm/ADT/SetVector.h"
 
 using namespace mlir;
 
@@ -90,16 +93,45 @@ Value LaneLoops::accessElements(
       count, constant(count), tiles,
       [&](Lane &lane, Value number, ValueRange tiles) -> Values {
         Values indices = unravel(number, type.getShape());
-        Value array = laneValue(op.getArray(), lane), inside;
-        Values at = arrayIndices(op, lane, array, indices, inside);
-        Value value = ifInside(inside, element,
-                               [&] { return access(array, at, indices); });
+        // Elements of a thread that is not there are nowhere.
+        Value value = ifInside(isThere(lane), element, [&] {
+          Value array = laneValue(op.getArray(), lane), inside;
+          Values at = arrayIndices(op, lane, array, indices, inside);
+          return ifInside(inside, element,
+                          [&] { return access(array, at, indices); });
+        });
         if (!gives)
           return {};
         return {TileSetOp::create(b, loc, type, TileUpdate::assign, value,
                                   tiles[0], indices, Value())};
       });
   return gives ? made[0] : Value();
+}
+
+template <typename Op> void LaneLoops::pickThere(Op op) {
+  Value picked = op.getPicked();
+  if (!picked || !isOfThreads(picked))
+    return;
+  auto flags = TileType::get(b.getContext(), {threads}, b.getI1Type());
+  Value no = ConstantOp::create(b, loc, b.getBoolAttr(false));
+  Value yes = ConstantOp::create(b, loc, b.getBoolAttr(true));
+  Value none = TileSplatOp::create(b, loc, flags, no);
+  Value there = overLanes(threads, none, [&](Lane &lane, ValueRange tiles) {
+    return Values{write(yes, tiles[0], lane.number)};
+  })[0];
+  shared.map(picked, pickedOrNowhere(b, loc, sharedValue(picked), there));
+  op.setChecked(true);
+}
+
+void LaneLoops::pickThere(Operation *op) {
+  if (!present)
+    return;
+  if (auto load = dyn_cast<TileLoadOp>(op))
+    pickThere(load);
+  else if (auto store = dyn_cast<TileStoreOp>(op))
+    pickThere(store);
+  else if (auto atomic = dyn_cast<TileAtomicOp>(op))
+    pickThere(atomic);
 }
 
 bool LaneLoops::emitAccess(Operation *op) {
@@ -141,6 +173,37 @@ bool LaneLoops::emitAccess(Operation *op) {
   if (gives)
     shared.map(atomic.getOld(), old);
   return true;
+}
+
+LogicalResult LaneLoops::emitWithCaptures(Operation *op, Values operands,
+                                          ArrayRef<int64_t> shape) {
+  llvm::SetVector<Value> captured;
+  getUsedValuesDefinedAbove(op->getRegions(), captured);
+  SmallVector<std::pair<Value, Value>> own;
+  for (Value value : captured) {
+    if (shared.contains(value))
+      continue;
+    if (!isLane(value)) {
+      shared.map(value, sharedValue(value));
+      continue;
+    }
+    if (!isa<TileMapOp>(op) || !isStorable(value))
+      return op->emitError("a function of elements uses what differs between "
+                           "the threads of a block, which blocks of a CPU "
+                           "(enable_cpu_blocks) allow for values of elements");
+    own.emplace_back(value, spread(value, shape));
+  }
+  Operation *made = b.clone(*op, shared);
+  for (auto [value, tile] : own) {
+    operands.push_back(tile);
+    Value argument =
+        made->getRegion(0).front().addArgument(value.getType(), loc);
+    value.replaceUsesWithIf(argument, [&](OpOperand &use) {
+      return made->isProperAncestor(use.getOwner());
+    });
+  }
+  made->setOperands(operands);
+  return success();
 }
 
 } // namespace warp::tiles

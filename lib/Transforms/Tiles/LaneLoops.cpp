@@ -246,27 +246,29 @@ Value LaneLoops::sharedValue(Value value) {
 }
 
 Value LaneLoops::emptyTile(TileType type) {
-  auto record = dyn_cast<StructType>(type.getElementType());
-  if (!present || record)
+  if (!present)
     return TileEmptyOp::create(b, loc, type);
-  Type element = type.getElementType();
-  Value zero = isComposite(element)
-                   ? Value(ConstructOp::create(b, loc, element, ValueRange()))
-                   : Value(ConstantOp::create(
-                         b, loc, cast<TypedAttr>(b.getZeroAttr(element))));
+  Value zero = makeZero(b, loc, type.getElementType());
   return TileSplatOp::create(b, loc, type, zero);
+}
+
+Value LaneLoops::isThere(const Lane &lane) {
+  return present ? builtin("lt", {lane.number, present}) : Value();
 }
 
 Value LaneLoops::fill(TileType type, int64_t count, Value value) {
   Value empty = emptyTile(type);
   return overLanes(count, empty, [&](Lane &lane, ValueRange tiles) -> Values {
-    Value mine = laneValue(value, lane);
     Value place = lane.number;
     if (count > threads)
       place =
           CastOp::create(b, loc, index,
                          cast<scf::ForOp>(b.getInsertionBlock()->getParentOp())
                              .getInductionVar());
+    // As many elements as threads are those of threads that are there.
+    Value there = count == threads ? Value() : isThere(lane);
+    Value mine = ifInside(there, value.getType(),
+                          [&] { return laneValue(value, lane); });
     return {write(mine, tiles[0], place)};
   })[0];
 }

@@ -91,8 +91,17 @@ protected:
   /// A load, store or update of a tile that threads make each elsewhere, as one
   /// element after the other; false for other operations.
   bool emitAccess(mlir::Operation *op);
-  /// What threads that the launch does not have leave: zero, of numbers.
+  /// An operation with what its function of elements uses from outside: what
+  /// differs between threads becomes an operand.
+  mlir::LogicalResult emitWithCaptures(mlir::Operation *op, Values operands,
+                                       llvm::ArrayRef<int64_t> shape);
+  /// What threads that the launch does not have leave: zero.
   Value emptyTile(TileType type);
+  /// Whether the launch has a thread of the block; null if it has all.
+  Value isThere(const Lane &lane);
+  /// What picks indices of an access, nowhere for threads that are not there.
+  template <typename Op> void pickThere(Op op);
+  void pickThere(mlir::Operation *op);
 
   mlir::FunctionOpInterface kernel;
   int64_t threads;

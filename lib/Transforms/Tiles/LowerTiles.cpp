@@ -68,7 +68,6 @@ void TileLowering::lower(Operation *op) {
   loc = op->getLoc();
   if (op->hasAttr(attr::stages))
     return;
-  checkOperands(op);
   llvm::TypeSwitch<Operation *>(op)
       .Case([&](TileMapOp map) {
         if (map->hasAttr(attr::held))

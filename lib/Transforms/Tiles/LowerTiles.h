@@ -47,6 +47,8 @@ private:
   bool isConstant(Value value, int64_t number);
   /// An integer of the dialect as an i32.
   Value toIndex(Value value);
+  /// The same of an index, which counts from the end if it is below zero.
+  Value toPlace(Value index, int64_t extent);
   Value cast(Value value, mlir::Type type);
   /// A builtin of the dialect by its Python name.
   Value builtin(llvm::StringRef name, ValueRange operands);
@@ -127,6 +129,7 @@ private:
   void lowerToThreads(TileToThreadsOp op);
   void lowerGet(TileGetOp op);
   void lowerSet(TileSetOp op);
+  void updatePart(TileSetOp op, ValueRange indices);
   void lowerInsert(TileInsertOp op);
   void lowerGather(TileGatherOp op);
   void lowerScatter(TileScatterOp op);
@@ -157,10 +160,6 @@ private:
   void lowerCholesky(TileCholeskyOp op);
   void lowerCholeskyAdjoint(TileCholeskyAdjointOp op);
   // LowerTilesChecks.cpp, of debug kernels.
-  void checkIndices(Value tile, ValueRange first,
-                    llvm::ArrayRef<int64_t> counts,
-                    llvm::ArrayRef<int64_t> steps, Value where);
-  void checkOperands(mlir::Operation *op);
   void checkFactor(TileCholeskyOp op);
   void lowerSolve(TileSolveOp op);
   void lowerDiagAdd(TileDiagAddOp op);

@@ -151,7 +151,6 @@ Value TileLowering::elementOf(Operation *op, ValueRange indices) {
                                         [&] { return number(0); }));
       })
       .Case([&](TileSliceOp view) {
-        checkOperands(view);
         Values source;
         for (auto [offset, step, index] :
              llvm::zip_equal(view.getOffsets(), view.getSteps(), indices))

@@ -7,6 +7,8 @@
 #include "LowerTiles.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Matchers.h"
 
 using namespace mlir;
 
@@ -71,11 +73,79 @@ void TileLowering::begin(Operation *op, Value tile) {
   barrier();
 }
 
+/// Whether an index is known not to be below zero.
+static bool isFromStart(Value index) {
+  if (index.getType().isUnsignedInteger())
+    return true;
+  APInt number;
+  if (matchPattern(index, m_ConstantInt(&number)))
+    return number.isNonNegative();
+  Operation *def = index.getDefiningOp();
+  if (!def) {
+    auto loop = dyn_cast<scf::ForOp>(index.getParentBlock()->getParentOp());
+    return loop && index == loop.getInductionVar() &&
+           isFromStart(loop.getLowerBound());
+  }
+  if (isa<TidOp, ThreadNumberOp, LaunchExtentOp, DimOp>(def))
+    return true;
+  StringRef name = def->getName().stripDialect();
+  return (isa<CastOp>(def) && isInteger(def->getOperand(0).getType())
+              ? getByteSize(def->getOperand(0).getType()) <=
+                    getByteSize(index.getType())
+              : llvm::is_contained({"add", "mul", "floordiv", "mod", "min"},
+                                   name)) &&
+         llvm::all_of(def->getOperands(), isFromStart);
+}
+
+Value TileLowering::toPlace(Value index, int64_t extent) {
+  Value place = toIndex(index);
+  if (isFromStart(index))
+    return place;
+  Value fromEnd = add(place, number(extent));
+  APInt known;
+  if (matchPattern(index, m_ConstantInt(&known)))
+    return fromEnd;
+  return arith::SelectOp::create(b, loc, less(place, number(0)), fromEnd,
+                                 place);
+}
+
 void TileLowering::lowerGet(TileGetOp op) {
-  Values indices = llvm::map_to_vector(op.getIndices(),
-                                       [&](Value i) { return toIndex(i); });
+  Values indices;
+  for (auto [index, extent] :
+       llvm::zip_equal(op.getIndices(), tileType(op.getTile()).getShape()))
+    indices.push_back(toPlace(index, extent));
   testing = true;
   op.getResult().replaceAllUsesWith(element(op.getTile(), indices));
+}
+
+static constexpr StringLiteral updateNames[] = {
+    "", "add", "sub", "bit_and", "bit_or", "bit_xor", "min", "max"};
+
+/// Changes a part of an element in memory, so that threads may change others.
+void TileLowering::updatePart(TileSetOp op, ValueRange indices) {
+  Value place = placeIn(op.getResult(), indices);
+  Value view = memoryOf(op.getResult());
+  Type type = tileType(op.getTile()).getElementType();
+  ValueRange components = op.getComponents();
+  for (Attribute step : op.getPathAttr()) {
+    auto field = dyn_cast<StringAttr>(step);
+    size_t count = field ? 0 : cast<IntegerAttr>(step).getInt();
+    type = field ? getFieldType(type, field) : getIndexedType(type, count);
+    view =
+        ComponentViewOp::create(b, loc, ArrayType::get(b.getContext(), 1, type),
+                                view, components.take_front(count), field);
+    components = components.drop_front(count);
+  }
+  Value value = op.getValue();
+  if (op.getKind() == TileUpdate::assign) {
+    StoreOp::create(b, loc, value, view, place);
+  } else if (threads > 1 || isa<StructType>(value.getType())) {
+    update(op.getKind(), value, view, place);
+  } else {
+    Value old = LoadOp::create(b, loc, value.getType(), view, place);
+    Value made = builtin(updateNames[unsigned(op.getKind())], {old, value});
+    StoreOp::create(b, loc, made, view, place);
+  }
 }
 
 void TileLowering::lowerSet(TileSetOp op) {
@@ -85,25 +155,25 @@ void TileLowering::lowerSet(TileSetOp op) {
   Values indices;
   for (auto [index, extent] :
        llvm::zip_equal(op.getIndices(), type.getShape())) {
-    indices.push_back(toIndex(index));
-    inside = both(inside, arith::CmpIOp::create(
-                              b, loc, arith::CmpIPredicate::ult,
-                              indices.back(), number(extent)));
+    indices.push_back(toPlace(index, extent));
+    inside =
+        both(inside, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                           indices.back(), number(extent)));
   }
   ifHolds(inside, [&] {
     Value result = op.getResult();
+    if (op.getPath())
+      return updatePart(op, indices);
     if (op.getKind() == TileUpdate::assign)
       return store(result, indices, op.getValue());
     if (threads > 1 || isa<StructType>(type.getElementType())) {
       update(op.getKind(), op.getValue(), memoryOf(result),
-             linear(type.getShape(), indices));
+             placeIn(result, indices));
       return;
     }
-    static constexpr StringLiteral names[] = {
-        "", "add", "sub", "bit_and", "bit_or", "bit_xor", "min", "max"};
     Value old = load(result, indices);
     store(result, indices,
-          builtin(names[unsigned(op.getKind())], {old, op.getValue()}));
+          builtin(updateNames[unsigned(op.getKind())], {old, op.getValue()}));
   });
 }
 
@@ -118,8 +188,8 @@ void TileLowering::lowerInsert(TileInsertOp op) {
       Value offset = op.getOffsets()[d];
       at.push_back(add(toIndex(offset), mul(index, number(step))));
       auto known = offset.getDefiningOp<ConstantOp>();
-      auto start = known ? dyn_cast<IntegerAttr>(known.getValue())
-                         : IntegerAttr();
+      auto start =
+          known ? dyn_cast<IntegerAttr>(known.getValue()) : IntegerAttr();
       int64_t extent = whole.getShape()[d];
       if (start) {
         int64_t first = start.getValue().getSExtValue();
@@ -127,9 +197,9 @@ void TileLowering::lowerInsert(TileInsertOp op) {
         if (first >= 0 && last >= 0 && first < extent && last < extent)
           continue;
       }
-      inside = both(inside,
-                    arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
-                                          at.back(), number(extent)));
+      inside =
+          both(inside, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                             at.back(), number(extent)));
     }
     Value value = element(op.getPart(), indices);
     ifHolds(inside, [&] { store(op.getResult(), at, value); });

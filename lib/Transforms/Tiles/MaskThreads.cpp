@@ -5,7 +5,8 @@
 // The threads of a block do together what they do with tiles, so those that
 // have returned from the kernel, and on a GPU those that the launch does not
 // have, go on for that alone: what a thread does by itself gets a condition,
-// and what it would give to a tile is zero.
+// and what it would give to a tile is zero. Where threads say, each for its own
+// elements, where these are loaded from or stored to, it is nowhere.
 //
 //   if (x[i] > 0) return;         stays = !(x[i] > 0)
 //   t = tile(z[i])                if (any of the block stays) {
@@ -18,8 +19,10 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "AbsentThreads.h"
 #include "BlockVariance.h"
 #include "KernelFunction.h"
+#include "LoweredOps.h"
 #include "WarpDialect/Registry.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -51,7 +54,7 @@ public:
         b(kernel.getContext()), loc(kernel.getLoc()),
         index(b.getIntegerType(32, /*isSigned=*/true)) {}
 
-  void run();
+  LogicalResult run();
 
 private:
   bool differs(Value value) const {
@@ -61,14 +64,18 @@ private:
   Value builtin(StringRef name, ValueRange operands);
   Value isPresent();
   Value anyOf(Value condition);
-  /// What `op` gives where a thread is there, and otherwise zero.
-  Value orZero(Value condition, Value value);
-  void visit(Block::iterator begin, Block::iterator end, Value alive);
-  void visit(Block &block, Value alive);
+  /// A value where a thread is there, and otherwise zero.
+  Value orZero(Value condition, Value value) {
+    return orElse(b, loc, condition, value,
+                  [&] { return makeZero(b, loc, value.getType()); });
+  }
+  LogicalResult visit(Block::iterator begin, Block::iterator end, Value alive);
+  LogicalResult visit(Block &block, Value alive);
   bool needsGuard(Operation *op) const;
   void guard(Operation *op, Value alive);
-  void mask(Operation *op, Value alive);
-  bool leave(scf::IfOp op, Value alive);
+  LogicalResult mask(Operation *op, Value alive);
+  /// Whether a branch is one that threads return by; null if it fails.
+  FailureOr<bool> leave(scf::IfOp op, Value alive);
   void hoistTiles(Block &block);
   SmallVector<Value> leftBehind(scf::IfOp op, Block *block, Value goes);
 
@@ -124,17 +131,6 @@ Value ThreadMask::anyOf(Value condition) {
   return builtin("gt", {found, constant(0)});
 }
 
-Value ThreadMask::orZero(Value condition, Value value) {
-  auto branch = scf::IfOp::create(b, loc, TypeRange(value.getType()), condition,
-                                  /*withElseRegion=*/true);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(branch.thenBlock());
-  scf::YieldOp::create(b, loc, value);
-  b.setInsertionPointToStart(branch.elseBlock());
-  scf::YieldOp::create(b, loc, makeZero(b, loc, value.getType()));
-  return branch.getResult(0);
-}
-
 //===----------------------------------------------------------------------===//
 // What threads do by themselves
 //===----------------------------------------------------------------------===//
@@ -184,9 +180,10 @@ void ThreadMask::guard(Operation *op, Value alive) {
 }
 
 /// What threads give to tiles.
-void ThreadMask::mask(Operation *op, Value alive) {
+LogicalResult ThreadMask::mask(Operation *op, Value alive) {
   b.setInsertionPoint(op);
   loc = op->getLoc();
+  auto isOwn = [&](Value v) { return differs(v); };
   if (auto from = dyn_cast<TileFromThreadsOp>(op)) {
     from.getValueMutable().assign(orZero(alive, from.getValue()));
   } else if (auto set = dyn_cast<TileSetOp>(op)) {
@@ -194,29 +191,48 @@ void ThreadMask::mask(Operation *op, Value alive) {
     if (set.getWhere())
       where = arith::AndIOp::create(b, loc, alive, set.getWhere());
     set.getWhereMutable().assign(where);
+  } else if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(op)) {
+    maskAccess(op, alive, isOwn);
+  } else if (isa<TileMapOp, TileSplatOp>(op)) {
+    for (OpOperand &operand : op->getOpOperands())
+      if (Value value = operand.get();
+          !isTile(value) && isOwn(value) && isArrayElement(value.getType()))
+        operand.set(orZero(alive, value));
+  } else if (isa<TileSliceOp, TileInsertOp>(op) &&
+             llvm::any_of(op->getOperands(), isOwn)) {
+    return op->emitError("the place of a part differs between the threads of a "
+                         "block, of which some are not there; let all of them "
+                         "say the same, or use blocks that the launch fills");
   }
+  return success();
 }
 
-void ThreadMask::visit(Block &block, Value alive) {
-  visit(block.begin(), std::prev(block.end()), alive);
+LogicalResult ThreadMask::visit(Block &block, Value alive) {
+  return visit(block.begin(), std::prev(block.end()), alive);
 }
 
-void ThreadMask::visit(Block::iterator begin, Block::iterator end,
-                       Value alive) {
+LogicalResult ThreadMask::visit(Block::iterator begin, Block::iterator end,
+                                Value alive) {
   while (begin != end) {
     Operation *op = &*begin++;
     auto branch = dyn_cast<scf::IfOp>(op);
-    if (branch && op->hasAttr(warp::attr::stays) && leave(branch, alive))
-      continue;
+    if (branch && op->hasAttr(warp::attr::stays)) {
+      FailureOr<bool> left = leave(branch, alive);
+      if (failed(left))
+        return failure();
+      if (*left)
+        continue;
+    }
     bool isShared = hasCollective(op);
     if (isShared && !isCollective(op)) {
       for (Region &region : op->getRegions())
-        if (!region.empty())
-          visit(region.front(), alive);
+        if (!region.empty() && failed(visit(region.front(), alive)))
+          return failure();
     } else if (!alive) {
       continue;
     } else if (isShared) {
-      mask(op, alive);
+      if (failed(mask(op, alive)))
+        return failure();
     } else if (needsGuard(op)) {
       guard(op, alive);
     } else if (llvm::any_of(op->getOperands(), [&](Value operand) {
@@ -225,6 +241,7 @@ void ThreadMask::visit(Block::iterator begin, Block::iterator end,
       masked.insert(op->result_begin(), op->result_end());
     }
   }
+  return success();
 }
 
 //===----------------------------------------------------------------------===//
@@ -280,7 +297,7 @@ SmallVector<Value> ThreadMask::leftBehind(scf::IfOp op, Block *block,
 }
 
 /// A branch of which one side is what threads do that have not returned.
-bool ThreadMask::leave(scf::IfOp op, Value alive) {
+FailureOr<bool> ThreadMask::leave(scf::IfOp op, Value alive) {
   bool isThen =
       op->getAttrOfType<StringAttr>(warp::attr::stays).getValue() == "then";
   Block *rest = isThen ? op.thenBlock() : op.elseBlock();
@@ -333,7 +350,8 @@ bool ThreadMask::leave(scf::IfOp op, Value alive) {
     result.replaceAllUsesWith(value);
   }
   op.erase();
-  visit(*to, stays);
+  if (failed(visit(*to, stays)))
+    return failure();
   return true;
 }
 
@@ -341,7 +359,7 @@ bool ThreadMask::leave(scf::IfOp op, Value alive) {
 // The pass
 //===----------------------------------------------------------------------===//
 
-void ThreadMask::run() {
+LogicalResult ThreadMask::run() {
   Block &body = kernel.getFunctionBody().front();
   Block::iterator begin = body.begin(), end = std::prev(body.end());
   Value alive;
@@ -350,17 +368,19 @@ void ThreadMask::run() {
     alive = isPresent();
     masked.insert(alive);
   }
-  visit(begin, end, alive);
+  return visit(begin, end, alive);
 }
 
 namespace {
 
 struct MaskThreads : warp::impl::MaskThreadsBase<MaskThreads> {
   void runOnOperation() override {
-    auto work = [](FunctionOpInterface kernel, int64_t threads) {
-      if (threads > 1)
-        ThreadMask(kernel, threads).run();
-      return success();
+    auto work = [](FunctionOpInterface kernel,
+                   int64_t threads) -> LogicalResult {
+      if (threads > 1 && kernel->hasAttr(warp::attr::ragged) &&
+          failed(refuseLowered(kernel, "mask threads of a block")))
+        return failure();
+      return threads > 1 ? ThreadMask(kernel, threads).run() : success();
     };
     if (failed(forTileKernel(getOperation(), work)))
       signalPassFailure();

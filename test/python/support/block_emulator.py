@@ -16,7 +16,8 @@ _COMPARE = {"eq": "==", "ne": "!=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="
 _BINARY = {
     "arith.addi": "+", "arith.subi": "-", "arith.muli": "*", "arith.andi": "&", "arith.ori": "|",
     "arith.xori": "^", "arith.addf": "+", "arith.subf": "-", "arith.mulf": "*", "arith.divf": "/",
-    "arith.shrsi": ">>", "arith.divui": "//", "arith.remui": "%",
+    "arith.shrsi": ">>", "arith.shrui": ">>", "arith.divui": "//",
+    "arith.remui": "%",
 }  # fmt: skip
 
 
@@ -60,10 +61,16 @@ class Memory:
     def view(self, *index):
         return Memory(self.data[index])
 
+    def component(self, place):
+        return Memory(self.data[..., place])
+
     def add(self, values, *index):
         old = self.load(*index)
         self.store([old + values[0]], *index)
         return old
+
+    def sub(self, values, *index):
+        return self.add([-values[0]], *index)
 
 
 def element_type(type):
@@ -97,7 +104,7 @@ def _expression(op, rest):
     if op == "arith.divsi":
         return f"wrap(np.trunc({args[0]} / {args[1]}), '{types}')"
     if op in _BINARY:
-        if op in ("arith.divui", "arith.remui"):
+        if op in ("arith.shrui", "arith.divui", "arith.remui"):
             args = [f"unsigned({one}, '{types}')" for one in args]
         return f"wrap({args[0]} {_BINARY[op]} {args[1]}, '{types}')"
     if op in ("arith.cmpi", "arith.cmpf"):
@@ -116,6 +123,8 @@ def _expression(op, rest):
         return f"wrap(np.f{op[6:9]}({args[0]}, {args[1]}), '{types}')"
     if op in ("math.sin", "math.cos", "math.sqrt"):
         return f"wrap(np.{op[5:]}({args[0]}), '{types}')"
+    if op == "arith.negf":
+        return f"wrap(-{args[0]}, '{types}')"
     source, _, target = types.partition(" to ")
     if op == "arith.bitcast":
         return f"rebits({args[0]}, '{source}', '{target}')"
@@ -163,7 +172,8 @@ def statement(line):
     if op == "warp.launch_extent":
         return f"{name} = dim[{rest.split()[0]}]"
     if op == "warp.atomic_components":
-        return f"{name} = {_access('add', rest.removeprefix('add'))}"
+        kind = rest.partition("(")[0].strip()
+        return f"{name} = {_access(kind, rest.removeprefix(kind).strip())}"
     if op == "warp.block_memory":
         return f"{name} = {rest.split()[0]}"
     if op == "warp.array_at":
@@ -171,6 +181,9 @@ def statement(line):
             r"(%\w+)\[(%\w+)\] : .*!warp\.array<1 x (.*)>$", rest
         ).groups()
         return f"{name} = block({name_of(place)}, {name_of(count)}, {type!r})"
+    if op == "warp.component_view":
+        array, place = re.match(r"(%\w+)\[([^\]]*)\]", rest).groups()
+        return f"{name} = {name_of(array)}.component({name_of(place)})"
     if op == "warp.view":
         array, index = re.match(r"(%\w+)\[([^\]]*)\]", rest).groups()
         at = ", ".join(name_of(one) for one in index.split(","))

@@ -44,8 +44,7 @@ private:
   Value apply(mlir::StringRef name, ValueRange operands) {
     return createBuiltin(b, loc, name, operands)->getResult(0);
   }
-  Value map(ValueRange inputs,
-            llvm::function_ref<Value(ValueRange)> function) {
+  Value map(ValueRange inputs, llvm::function_ref<Value(ValueRange)> function) {
     return mapTiles(b, loc, inputs, function);
   }
 
@@ -99,6 +98,7 @@ private:
   LogicalResult reversePart();
   Value reverseBroadcast(TileBroadcastOp view, Value g);
   void reverseInsert(TileInsertOp insert, Value g);
+  Value partOf(Value element, mlir::ArrayAttr path, ValueRange components);
   LogicalResult reverseSet(TileSetOp set);
   LogicalResult reverseReduce(TileReduceOp reduce);
   LogicalResult reverseScan(TileScanOp scan);

@@ -16,6 +16,25 @@ namespace warp::autodiff {
 // Parts
 //===----------------------------------------------------------------------===//
 
+/// The part of an element that a path leads to, which has no structs left.
+Value TileReverse::partOf(Value element, ArrayAttr path,
+                          ValueRange components) {
+  for (Attribute step : path) {
+    if (auto field = dyn_cast<StringAttr>(step)) {
+      element = apply(field.getValue() == "p" ? "transform_get_translation"
+                                              : "transform_get_rotation",
+                      {element});
+      continue;
+    }
+    size_t count = cast<IntegerAttr>(step).getInt();
+    element =
+        ExtractOp::create(b, loc, getIndexedType(element.getType(), count),
+                          element, components.take_front(count));
+    components = components.drop_front(count);
+  }
+  return element;
+}
+
 LogicalResult TileReverse::reverseSet(TileSetOp set) {
   Value g = take();
   if (!g)
@@ -27,15 +46,20 @@ LogicalResult TileReverse::reverseSet(TileSetOp set) {
   bool subtracts = set.getKind() == TileUpdate::sub;
   if (!assigns && !subtracts && set.getKind() != TileUpdate::add)
     return op->emitError("an update other than a sum has no derivative");
+  SmallVector<Value> components = recover(set.getComponents());
+  ArrayAttr path = set.getPathAttr();
+  Type type = path ? getPartType(element, path) : element;
   if (wants(set.getValue())) {
     Value part = TileGetOp::create(b, loc, element, g, at);
+    if (path)
+      part = partOf(part, path, components);
     if (where)
-      part = apply("where", {where, part, zeroOf(element)});
+      part = apply("where", {where, part, zeroOf(type)});
     give(set.getValue(), subtracts ? apply("neg", part) : part);
   }
   if (assigns)
-    g = TileSetOp::create(b, loc, g.getType(), TileUpdate::assign,
-                          zeroOf(element), g, at, where);
+    g = TileSetOp::create(b, loc, g.getType(), TileUpdate::assign, zeroOf(type),
+                          g, at, components, where, path);
   give(set.getTile(), g);
   return success();
 }

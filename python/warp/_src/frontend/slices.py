@@ -28,17 +28,25 @@ class Slices(Part):
     def assign(self, target, binding, node):
         """`v[0:2] = w` and `m[:, j] = c` of a local or an element; a scalar fills."""
         slot, selections = self.sliced(target)
-        value = self.context.materialize(binding, node)
-        self.write(slot, selections, self.context.slots.read(slot, target), value, target)
+        self.write(slot, selections, self.context.materialize(binding, node), target)
 
-    def write(self, slot, selections, whole, value, target):
+    def write(self, slot, selections, value, target):
         places = places_of(selections)
-        element = getattr(whole.type, "element", None)
-        parts = self.components(value, len(places), target, element)
+        parts = self.components(value, len(places), target, slot.type.element)
+        if slot.is_shared:
+            # Other threads may change the other components.
+            for place, part in zip(places, parts, strict=True):
+                self.context.slots.write(self.component(slot, place), part, target)
+            return
+        whole = self.context.slots.read(slot, target)
         self.context.at(target)
         for place, part in zip(places, parts, strict=True):
             whole = self.builder.insert(whole, place, part)
         self.context.slots.write(slot, whole, target)
+
+    def component(self, slot, place):
+        """The place of a component, or of a row."""
+        return slot.extended(("index", place), self.builder.part_type(slot.type, place))
 
     def update(self, node):
         """`v[0:2] += w`; components of an array's element are updated one by one if atomic."""
@@ -46,20 +54,22 @@ class Slices(Part):
         slot, selections = self.sliced(target)
         right = self.context.materialize(self.context.expressions.expr(node.value), node.value)
         composite = right.type.kind not in ("bool", "int", "float")
-        if composite and slot.is_atomic(op):
+        is_tile = slot.is_shared and slot.array is None
+        if composite and (slot.is_atomic(op) or (is_tile and type(op) in ATOMIC)):
             places = places_of(selections)
             parts = self.components(right, len(places), target)
             self.context.at(node)
-            view = self.context.slots.view(slot)
             for place, part in zip(places, parts, strict=True):
-                element = self.builder.component_view(view, place)
-                self.builder.atomic(ATOMIC[type(op)], element, slot.indices, part)
+                one = self.component(slot, place)
+                if is_tile:
+                    self.context.targets.update_element(one, op, part, node)
+                    continue
+                view = self.context.slots.view(one)
+                self.builder.atomic(ATOMIC[type(op)], view, slot.indices, part)
             return
         whole = self.context.slots.read(slot, target)
         left = self.context.access.selected(whole, selections, target)
-        self.write(
-            slot, selections, whole, self.context.expressions.binary(node, op, left, right), target
-        )
+        self.write(slot, selections, self.context.expressions.binary(node, op, left, right), target)
 
     def check_slice_value(self, native, count, element, node):
         """Checks that a number or the components of a value are of the element's type."""

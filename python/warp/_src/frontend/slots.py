@@ -34,7 +34,8 @@ class Slot:
     """A place that can be read and written.
 
     name: local variable, or None. array, indices: array element, or None.
-    value: the root's value, when it is already known. path: ("field", name) and ("index", values).
+    value: the root's value, when it is already known. path: ("field", name), ("index", values) and
+    ("part", name) of a transform.
     type: native type at the end of the path.
     """
 
@@ -51,11 +52,14 @@ class Slot:
     def extended(self, step, native):
         return Slot(native, self.name, self.value, self.array, self.indices, (*self.path, step))
 
+    @property
+    def is_shared(self) -> bool:
+        """Whether other threads have the element, too: of an array or of a tile."""
+        return self.array is not None or any(step == "tile" for step, _ in self.path)
+
     def is_atomic(self, op) -> bool:
         """Whether an operator updates the place, of an array's element, atomically."""
         if self.array is None or type(op) not in ATOMIC:
-            return False
-        if any(step == "part" for step, _ in self.path):
             return False
         scalar = self.type.element if self.type.element is not None else self.type
         if scalar.kind == "int":
@@ -231,11 +235,6 @@ class Slots(Part):
             if getattr(getattr(root, "type", None), "kind", None) == "tile":
                 self.context.tiles.changed.add(slot.name)
             self.context.lines[slot.name] = self.context.source.line(node)
-        elif any(step == "part" for step, _ in slot.path):
-            old = self.builder.load(slot.array, slot.indices)
-            self.builder.store(
-                slot.array, slot.indices, self.with_part(old, slot.path, value, node)
-            )
         else:
             view = self.view(slot)
             wanted = array_of(view.type)

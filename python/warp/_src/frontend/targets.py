@@ -91,9 +91,13 @@ class Targets(Part):
             return
         if slot.name is None and slot.array is None:
             self.context.slots.write(slot, right, node)
+        self.update_element(slot, op, right, node)
+
+    def update_element(self, slot, op, right, node):
+        """Updates a place: together with other threads that do so, if it is in a tile."""
         if self.update_tile(slot, op, right, node):
             return
-        left = self.context.slots.read(slot, target)
+        left = self.context.slots.read(slot, node)
         self.context.slots.write(slot, self.context.expressions.binary(node, op, left, right), node)
 
     def update_by_own(self, slot, op, right, node) -> bool:
@@ -139,10 +143,10 @@ class Targets(Part):
 
     def update_tile(self, slot, op, right, node):
         """`t[i] += x`, which threads of a block may do to one element; false for other slots."""
-        step, part = slot.path[-1] if slot.path else (None, None)
-        if step != "tile" or getattr(part, "full", part) is not None or slot.name is None:
+        places = [part for step, part in slot.path if step == "tile"]
+        if not places or getattr(places[-1], "full", 0) is not None or slot.name is None:
             return False
-        if any(step != "tile" for step, _ in slot.path):
+        if any(step != "tile" for step, _ in slot.path[: len(places)]):
             return False
         if type(op) not in ATOMIC or right.type != slot.type:
             return False

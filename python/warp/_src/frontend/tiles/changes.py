@@ -60,9 +60,18 @@ class TileChanges(TileTopic):
                 f"tile_extract: incorrect number of indices ({len(indices)}) for tile shape "
                 f"{tuple(tile.type.shape)}",
             )
-        values = [self.context.materialize(index, node) for index in indices]
-        element = self.make("get", [tile, *values[:rank]], node)
-        return self.builder.extract(element, values[rank:]) if values[rank:] else element
+        places = self.places(tile, indices[:rank], node, "tile_extract")
+        element = self.make("get", [tile, *places], node)
+        values = [self.context.materialize(index, node) for index in indices[rank:]]
+        return self.builder.extract(element, values) if values else element
+
+    def places(self, tile, indices, node, name):
+        """Indices of an element, those that are known counted from the beginning."""
+        of = self.context.tiles.places.index
+        return [
+            of(index, extent, axis, node, f"{name}() index")
+            for axis, (index, extent) in enumerate(zip(indices, tile.type.shape, strict=True))
+        ]
 
     def builtin_tile_scatter_add(self, node):
         self.scattered(node, "tile_scatter_add", "add")
@@ -90,7 +99,7 @@ class TileChanges(TileTopic):
                 f"{name}() 'value' type must match tile dtype, got {value.type.python_name} and "
                 f"tile dtype {tile.type.element.python_name}",
             )
-        indices = [self.context.materialize(one, node) for one in arguments[1 : 1 + rank]]
+        indices = self.places(tile, arguments[1 : 1 + rank], node, name)
         where = self.context.expressions.truth(rest.get("has_value", True), node)
         operands = [value, tile, *indices]
         if where is not True:

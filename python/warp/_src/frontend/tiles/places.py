@@ -54,15 +54,14 @@ class TilePlaces(TileTopic):
             return Selection(offsets), native.element
         return self.selection(native, offsets, steps, full, seen)
 
-    def index(self, item, extent, axis, node):
+    def index(self, item, extent, axis, node, what="tile_view() integer offset"):
         binding = self.context.expressions.expr(item) if isinstance(item, ast.AST) else item
         known = self.known(binding)
         if isinstance(known, int) and type(known) is not bool:
             if not -extent <= known < extent:
                 raise self.context.value_error(
                     node,
-                    f"tile_view() integer offset {known} is out of bounds for axis {axis} with "
-                    f"size {extent}",
+                    f"{what} {known} is out of bounds for axis {axis} with size {extent}",
                 )
             return self.builder.constant(INT32, known % extent)
         value = self.context.materialize(binding, node)
@@ -143,6 +142,36 @@ class TilePlaces(TileTopic):
                 )
             value = self.make("reshape", [value], node, shape=part.full)
         return self.make("insert", [value, tile, *part.offsets], node, axes=part.steps)
+
+    def changed(self, tile, element, path, value, node, kind="assign"):
+        """A tile with a part of an element replaced, which leaves other parts to other threads."""
+        wanted = tile.type.element
+        steps, components = [], []
+        for step, key in path:
+            self.context.at(node)
+            if step == "index":
+                wanted = self.builder.part_type(wanted, key)
+                steps.append(str(len(key)))
+                components += key
+            else:
+                wanted = self.field_type(wanted, step, key)
+                steps.append(key)
+        value = self.context.convert_constant(value, wanted, node)
+        if value.type != wanted:
+            raise self.context.type_error(
+                node,
+                f"expects '{wanted.python_name}' for this part of the element, but got "
+                f"'{value.type.python_name}'",
+            )
+        operands = [value, tile, *element.offsets, *components]
+        return self.make("set", operands, node, kind=kind, path=steps)
+
+    def field_type(self, native, step, name):
+        """Type of a field of a struct, or of the vector or the quaternion of a transform."""
+        if step == "field":
+            return dict(native.fields)[name]
+        family = "vec<3 x " if name == "p" else "quat<"
+        return type(native).parse(f"!warp.{family}{native.element}>")
 
     def subscript(self, base, items, node):
         """`t[...]` of a tile: an element, or a view of the variable that holds it."""

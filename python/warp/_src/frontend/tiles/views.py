@@ -65,6 +65,8 @@ class TileViews(TileTopic):
         if rest and getattr(step, "kind", None) == "broadcast":
             (_, inner), *others = rest
             step, rest = self.before_repeats(whole, inner, node), tuple(others)
+        if rest and type(step) is Selection and step.full is None:
+            return self.context.tiles.places.changed(whole, step, rest, value, node, kind)
         if rest:
             part = self.context.tiles.places.read(whole, step, node)
             value = self.context.slots.with_part(part, rest, value, node, kind)
