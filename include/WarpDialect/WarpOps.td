@@ -141,6 +141,23 @@ def Warp_InsertOp
   let hasVerifier = 1;
 }
 
+def Warp_PositionOp : Warp_Op<"position", [Pure]> {
+  let summary = "place of an index that may count from the end";
+  let description = [{
+    The index, or the extent plus an index below zero. Debug launches report an
+    index out of bounds.
+
+    ```mlir
+    %p = warp.position %i of 5 : si32 -> si32
+    ```
+  }];
+  let arguments = (ins Warp_Integer:$index, I64Attr:$extent);
+  let results = (outs Warp_Integer:$result);
+  let assemblyFormat =
+      "$index `of` $extent attr-dict `:` type($index) `->` type($result)";
+  let hasFolder = 1;
+}
+
 def Warp_StructCreateOp : Warp_Op<"struct_create", [Pure]> {
   let summary = "builds a struct from its fields";
   let description = "(C1) operands match the fields in number and type.";
@@ -219,8 +236,34 @@ def Warp_PrintfOp
 def Warp_AssertOp
     : Warp_Op<"assert", [Warp_ThreadPhase, MemoryEffects<[MemWrite]>]> {
   let summary = "reports a failed condition in debug mode";
-  let arguments = (ins I1:$condition, StrAttr:$message);
-  let assemblyFormat = "$condition `,` $message attr-dict";
+  let description = [{
+    `always`: in other modes, too, as a failure of what the message says.
+  }];
+  let arguments = (ins I1:$condition, StrAttr:$message, UnitAttr:$always);
+  let assemblyFormat = "$condition `,` $message (`always` $always^)? attr-dict";
+}
+
+def Warp_CheckIndexOp
+    : Warp_Op<"check_index", [Warp_ThreadPhase, MemoryEffects<[MemWrite]>]> {
+  let summary = "reports indices out of bounds in debug mode";
+  let description = [{
+    An index below zero counts from the end, unless these are `offsets`. The
+    report says of what the indices are: "a vector".
+
+    (C1) one to four indices, and as many extents.
+
+    ```mlir
+    warp.check_index [%i, %j] of [3, 3], "a matrix" : si32, si32
+    ```
+  }];
+  let arguments = (ins Variadic<AnyType>:$indices,
+                       DenseI64ArrayAttr:$extents, StrAttr:$what,
+                       UnitAttr:$offsets);
+  let assemblyFormat = [{
+    `[` $indices `]` `of` $extents `,` $what (`offsets` $offsets^)? attr-dict
+    `:` type($indices)
+  }];
+  let hasVerifier = 1;
 }
 
 include "WarpBuiltins.td"

@@ -197,6 +197,8 @@ public:
   void printf(const std::string &format, const Values &args);
   /// Checked in debug mode only.
   void assertion(Value condition, const std::string &message);
+  /// Checked in any mode: the launch fails with the message.
+  void require(Value condition, const std::string &message);
 
   Value structCreate(Type type, const Values &fields);
   Value structGet(Value value, const std::string &field);
@@ -207,6 +209,9 @@ public:
   Value extract(Value composite, const Values &indices);
   /// Type of what `extract` gives.
   Type partType(Type composite, const Values &indices);
+  /// The place of an index of an array of the thread, from the end if it is
+  /// below zero; debug launches check it.
+  Value position(Value index, int64_t extent);
   Value insert(Value composite, const Values &indices, Value part);
 
   Value load(Value array, const Values &indices);

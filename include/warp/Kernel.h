@@ -144,6 +144,9 @@ public:
 
   /// Whether a launch gives its thread back at once, or nearly so.
   static bool isShort(const Plan &plan);
+  /// Whether a plan's code reports errors, for which it writes into the block
+  /// of parameters.
+  static bool reports(const Plan &plan);
   /// Whether a plan's code prints.
   static bool prints(const Plan &plan);
 

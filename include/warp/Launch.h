@@ -55,8 +55,9 @@ constexpr int64_t packedAlignment(int64_t elementSize) {
 
 struct LaunchHeader {
   int32_t dim[maxRank] = {1, 1, 1, 1};
-  /// Address of the record that checks write to, in code that has them. In other
-  /// code for GPUs that alternates: 1 if blocks are counted from the last on.
+  /// Address of the record that checks write to, in code that has them. In
+  /// other code for GPUs that alternates: 1 if blocks are counted from the last
+  /// on.
   uint64_t errorRecord = 0;
 };
 static_assert(sizeof(LaunchHeader) == 24 && offsetof(LaunchHeader, dim) == 0 &&
@@ -65,8 +66,16 @@ static_assert(sizeof(LaunchHeader) == 24 && offsetof(LaunchHeader, dim) == 0 &&
 /// Where the first argument may lie in the parameter block.
 inline constexpr size_t firstArgument = sizeof(LaunchHeader);
 
-/// What a debug check found.
-enum class CheckKind : uint8_t { OutOfBounds = 0, Assertion = 1 };
+/// What a check found: indices outside of an array, of something else, or of
+/// something else that count from its beginning only; an assertion that failed;
+/// what is an error in release mode, too.
+enum class CheckKind : uint8_t {
+  OutOfBounds = 0,
+  Assertion = 1,
+  Part = 2,
+  Offset = 3,
+  Failure = 4
+};
 
 /// Written once, by the first failed check of a launch.
 struct ErrorRecord {

@@ -191,6 +191,12 @@ void warp::Builder::printf(const std::string &format, const Values &args) {
   }
 }
 
+void warp::Builder::require(Value condition, const std::string &message) {
+  ContextLock lock;
+  AssertOp::create(impl->builder, impl->loc, unwrap(condition), message,
+                   /*always=*/true);
+}
+
 void warp::Builder::assertion(Value condition, const std::string &message) {
   ContextLock lock;
   AssertOp::create(impl->builder, impl->loc, unwrap(condition), message);
@@ -273,9 +279,7 @@ mlir::Type warp::checkedPart(Builder::Impl &impl, mlir::Type composite,
   if (!part)
     impl.failType(quoted(composite) + " cannot be indexed by " +
                   std::to_string(indices.size()) + " indices");
-  SmallVector<int64_t, 2> extents{getComponentCount(composite)};
-  if (auto mat = dyn_cast<MatType>(composite))
-    extents = {mat.getRows(), mat.getCols()};
+  SmallVector<int64_t, 2> extents = getIndexExtents(composite);
   for (auto [index, extent] : llvm::zip(indices, extents)) {
     auto known = wrap(index).constant();
     const int64_t *number = known ? std::get_if<int64_t>(&*known) : nullptr;
@@ -300,6 +304,18 @@ warp::Value warp::Builder::extract(Value composite, const Values &indices) {
 warp::Type warp::Builder::partType(Type composite, const Values &indices) {
   ContextLock lock;
   return wrap(checkedPart(*impl, unwrap(composite), unwrap(indices)));
+}
+
+warp::Value warp::Builder::position(Value index, int64_t extent) {
+  ContextLock lock;
+  mlir::Value given = unwrap(index);
+  if (!isInteger(given.getType()))
+    impl->failType("array index must be an integer, but got " +
+                   quoted(given.getType()) + "\nhint: use `int(...)`");
+  mlir::Type result = impl->builder.getIntegerType(32, /*isSigned=*/true);
+  return wrap(
+      PositionOp::create(impl->builder, impl->loc, result, given, extent)
+          .getResult());
 }
 
 warp::Value warp::Builder::insert(Value composite, const Values &indices,

@@ -17,6 +17,7 @@
 
 #include "Context.h"
 #include "Pipelines.h"
+#include "Transforms/IndexChecks.h"
 #include "Transforms/KernelFunction.h"
 #include "Transforms/Variant.h"
 
@@ -169,6 +170,9 @@ static LogicalResult nameVariant(ModuleOp module,
 LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {
   if (phase == Phase::Thread && failed(nameVariant(module, options)))
     return failure();
+  // Before what nobody uses is removed.
+  if (phase == Phase::Warp && options.debug)
+    insertIndexChecks(module);
   if (failed(Phases::get().managers[size_t(phase)]->run(module)))
     return failure();
   if (phase != Phase::Thread)

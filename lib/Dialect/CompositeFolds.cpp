@@ -16,9 +16,7 @@ using namespace mlir;
 /// order; nothing if an index varies, is out of range or selects a row.
 static std::optional<int64_t> getPosition(mlir::Type composite,
                                           ValueRange indices) {
-  SmallVector<int64_t, 2> extents = {warp::getComponentCount(composite)};
-  if (auto matrix = dyn_cast<warp::MatType>(composite))
-    extents = {matrix.getRows(), matrix.getCols()};
+  SmallVector<int64_t, 2> extents = warp::getIndexExtents(composite);
   if (indices.size() != extents.size())
     return std::nullopt;
   int64_t position = 0;
@@ -78,6 +76,22 @@ OpFoldResult warp::ExtractOp::fold(FoldAdaptor) {
     return {};
   getSourceMutable().assign(source);
   return getResult();
+}
+
+OpFoldResult warp::PositionOp::fold(FoldAdaptor adaptor) {
+  auto index = dyn_cast_or_null<IntegerAttr>(adaptor.getIndex());
+  mlir::Type type = getType();
+  if (!index || isa<IndexType>(type) || isa<IndexType>(index.getType()))
+    return {};
+  APInt number = index.getValue();
+  int64_t place = index.getType().isUnsignedInteger() ? number.getZExtValue()
+                                                      : number.getSExtValue();
+  if (place < 0)
+    place += getExtent();
+  // One out of bounds stays for the report.
+  if (place < 0 || place >= int64_t(getExtent()))
+    return {};
+  return IntegerAttr::get(type, place);
 }
 
 OpFoldResult warp::StructGetOp::fold(FoldAdaptor) {

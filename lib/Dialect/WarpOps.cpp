@@ -174,6 +174,15 @@ LogicalResult warp::StructSetOp::verify() {
 // Threads and output
 //===----------------------------------------------------------------------===//
 
+LogicalResult warp::CheckIndexOp::verify() {
+  size_t count = getIndices().size();
+  if (count >= 1 && count <= 4 && getExtents().size() == count)
+    return success();
+  return emitOpError(
+             "(C1) expects 1 to 4 indices and as many extents, but got ")
+         << count << " and " << getExtents().size();
+}
+
 LogicalResult warp::TidOp::verify() {
   if (getNumResults() >= 1 && getNumResults() <= 4)
     return success();

@@ -1,11 +1,12 @@
-//===- ErrorRecords.cpp - What debug-mode kernels report ------------------===//
+//===- ErrorRecords.cpp - What checks in kernels report -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A failed check leaves one record. On the CPU it lives on the stack of the
-// launch. On CUDA each debug variant has one in pinned memory that the device
-// writes through a mapped address; the host looks at it after every
-// synchronisation, when the kernels that could write it are done.
+// A failed check leaves one record. Code of debug mode has checks, and code of
+// the few operations that no mode goes on with. On the CPU the record lives on
+// the stack of the launch. On CUDA each such variant has one in pinned memory
+// that the device writes through a mapped address; the host looks at it after
+// every synchronisation, when the kernels that could write it are done.
 //
 //===----------------------------------------------------------------------===//
 
@@ -32,13 +33,16 @@ static std::string describeAccess(const ErrorRecord &record, const Site &site) {
   for (int i = 0; i < rank; ++i) {
     // What is still negative was counted from the end; say what was written.
     int64_t written = record.index[i];
-    if (written < 0)
+    if (written < 0 && record.kind != CheckKind::Offset)
       written -= record.shape[i];
     index[i] = std::to_string(written);
     shape[i] = std::to_string(record.shape[i]);
   }
-  return list("index", rank, index) + " is out of bounds for array '" +
-         site.array + "' of " + list("shape", rank, shape);
+  std::string what = record.kind == CheckKind::OutOfBounds
+                         ? "array '" + site.array + "'"
+                         : site.array;
+  return list("index", rank, index) + " is out of bounds for " + what + " of " +
+         list("shape", rank, shape);
 }
 
 void warp::raiseFailedCheck(const ErrorRecord &record,
@@ -49,6 +53,8 @@ void warp::raiseFailedCheck(const ErrorRecord &record,
   std::string message = "kernel '" + site.kernel + "': ";
   if (record.kind == CheckKind::Assertion)
     message += "assertion failed: " + site.array;
+  else if (record.kind == CheckKind::Failure)
+    message += site.array;
   else
     message += describeAccess(record, site);
   throw Error(Error::Kind::Launch, message, site.file, site.line, site.column);

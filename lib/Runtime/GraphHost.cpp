@@ -147,12 +147,13 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
   uint64_t *data = block.get();
   graph->blocks.push_back(std::move(block));
   graph->work += plan.work;
-  if (Kernel::isShort(plan) && !kernel.options().debug &&
-      !variant.code.exclusive && !variant.code.atomics &&
-      variant.code.sums.empty() && !variant.code.usesPrintf)
+  bool reports = Kernel::reports(plan);
+  if (Kernel::isShort(plan) && !reports && !variant.code.exclusive &&
+      !variant.code.atomics && variant.code.sums.empty() &&
+      !variant.code.usesPrintf)
     return add({EntryStep{&variant, data, plan.items}, kernel.name()});
   std::function<void()> run = [&kernel, plan, data] { kernel.run(plan, data); };
-  if (kernel.options().debug) {
+  if (reports) {
     // The address of the error record is written into the block.
     size_t size = kernel.parameterSize();
     run = [&kernel, plan, data, size] {

@@ -177,6 +177,10 @@ bool Kernel::prints(const Plan &plan) {
   return plan.variant && plan.variant->code.usesPrintf;
 }
 
+bool Kernel::reports(const Plan &plan) {
+  return plan.variant && !plan.variant->code.sites.empty();
+}
+
 static void setErrorRecord(void *params, uint64_t address) {
   std::memcpy(static_cast<char *>(params) + offsetof(LaunchHeader, errorRecord),
               &address, sizeof(address));
@@ -217,7 +221,7 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock,
                         plan.bytes);
   }
-  if (!options.debug) {
+  if (variant.code.sites.empty()) {
     launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));
   } else {
     ErrorRecord record;

@@ -161,7 +161,7 @@ void Kernel::Impl::load(Variant &variant) {
     if (variant.isQuick)
       variant.quick->patience = launchesUntilBetter;
     variant.label = permanentName(name);
-    if (options.debug)
+    if (!variant.code.sites.empty())
       variant.record = std::make_unique<DeviceErrorRecord>(variant.key.device,
                                                            variant.code.sites);
   }

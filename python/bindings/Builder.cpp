@@ -202,11 +202,13 @@ static void bindValues(py::class_<Builder> &c) {
       .def("tid", &Builder::tid)
       .def("printf", &Builder::printf)
       .def("assertion", &Builder::assertion)
+      .def("require", &Builder::require)
       .def("struct_create", &Builder::structCreate)
       .def("struct_get", &Builder::structGet)
       .def("struct_set", &Builder::structSet)
       .def("extract", &Builder::extract)
       .def("part_type", &Builder::partType)
+      .def("position", &Builder::position)
       .def("insert", &Builder::insert);
 }
 

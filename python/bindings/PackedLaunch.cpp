@@ -4,8 +4,8 @@
 //
 // What `wp.launch(..., record_cmd=True)` returns is a subclass of this type.
 // The arguments are packed and the variant is chosen when they change; a
-// launch then only runs it. Launches that may take long, and those of debug
-// kernels, which write into the block, work on a copy.
+// launch then only runs it. Launches that may take long, and those with checks,
+// which write into the block, work on a copy.
 //
 //===----------------------------------------------------------------------===//
 
@@ -174,7 +174,7 @@ void PackedLaunch::makePlan() {
     if (before == version)
       plan = native().tryPrepare(device, dim, bytes(), blockDim);
   }
-  copies = native().options().debug || !Kernel::isShort(plan);
+  copies = Kernel::reports(plan) || !Kernel::isShort(plan);
   planned = true;
 }
 

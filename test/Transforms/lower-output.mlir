@@ -89,3 +89,37 @@ llvm.func @unchecked(%block: !llvm.ptr, %i: i32, %ok: i1)
   warp.assert %ok, "is small"
   llvm.return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
+
+// What is an error in any mode has a record there, too.
+// CHECK-LABEL: llvm.func @always
+// CHECK-SAME: warp.sites = {{\[\[}}"k.py", 7, 3, "slice step is zero"]]
+// CHECK: llvm.call @warp_report
+llvm.func @always(%block: !llvm.ptr, %p: i1)
+    attributes {warp.entry, warp.variant = #cpu} {
+  warp.assert %p, "slice step is zero" always loc("k.py":7:3)
+  llvm.return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false,
+      debug = true>
+
+// An index below zero counts from the end, an offset does not.
+// CHECK-LABEL: llvm.func @indices
+// CHECK: %[[FROM_END:.*]] = arith.addi %[[I:.*]], %{{.*}} : i32
+// CHECK: arith.select %{{.*}}, %[[FROM_END]], %[[I]]
+// CHECK: arith.cmpi ult
+// CHECK: llvm.call @warp_report
+// CHECK-NOT: arith.select
+// CHECK: llvm.call @warp_report
+llvm.func @indices(%block: !llvm.ptr, %i: i32)
+    attributes {warp.entry, warp.variant = #cpu} {
+  warp.check_index[%i] of [3], "a vector" : i32
+  warp.check_index[%i] of [3], "a tile" offsets : i32
+  llvm.return
+}

@@ -125,6 +125,9 @@ std::optional<LogicalResult> CompositeLowering::lowerArrayOp(Operation *op) {
       .Case([&](IndexDimOp view) {
         return keep({lookupOne(view.getArray()), getIndex(view.getIndex())});
       })
+      .Case([&](CheckIndexOp check) {
+        return keep(indicesOf(check.getIndices()));
+      })
       .Case([&](SliceOp slice) {
         return keep({lookupOne(slice.getArray()), getIndex(slice.getStart()),
                      getIndex(slice.getStop()), getIndex(slice.getStep())});

@@ -59,9 +59,8 @@ Scalars CompositeLowering::pick(Scalars scalars, int64_t extent, Value index) {
       for (size_t k = 0; k < size; ++k) {
         Scalar even = scalars[2 * i * size + k];
         bool isPair = 2 * i + 1 < extent;
-        left.push_back(isPair ? select(odd, scalars[(2 * i + 1) * size + k],
-                                       even)
-                              : even);
+        left.push_back(
+            isPair ? select(odd, scalars[(2 * i + 1) * size + k], even) : even);
       }
     scalars = std::move(left);
     extent = half;
@@ -129,8 +128,8 @@ Scalars CompositeLowering::reinterpret(Scalars scalars, Type to) {
     Scalar bits = isBool(x.type) ? convert(x, bitsOf(8))
                                  : lowering::reinterpret(x, bitsOf(width));
     for (unsigned at = 0; at < width; at += piece)
-      pieces.push_back(convert(at ? shiftRightLogical(bits, at) : bits,
-                               bitsOf(piece)));
+      pieces.push_back(
+          convert(at ? shiftRightLogical(bits, at) : bits, bitsOf(piece)));
   }
   Scalars result;
   ArrayRef<Scalar> rest = pieces;
@@ -212,6 +211,11 @@ std::optional<LogicalResult> CompositeLowering::lowerValueOp(Operation *op) {
       .Case([&](InsertOp insert) {
         return done(putAt(insert.getType(), getScalars(insert.getTarget()),
                           insert.getIndices(), getScalars(insert.getValue())));
+      })
+      .Case([&](PositionOp position) {
+        Scalar index = getScalar(position.getIndex());
+        index = wrapIndex(index, position.getExtent());
+        return done(ValueRange(convert(index, position.getType()).value));
       })
       .Case([&](StructCreateOp create) {
         return done(ValueRange(lookup(create.getFields())));

@@ -208,6 +208,7 @@ private:
   // LowerOutput.cpp
   void lowerPrintf(PrintfOp op);
   void lowerAssert(AssertOp op);
+  void lowerCheckIndex(CheckIndexOp op);
   void report(mlir::Location at, CheckKind kind, llvm::StringRef what,
               mlir::ValueRange indices, mlir::ValueRange shape);
   mlir::LLVM::LLVMFuncOp getReportFunction();

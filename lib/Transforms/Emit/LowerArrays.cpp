@@ -42,6 +42,15 @@ static bool hasThreadMemory(LLVM::LLVMFuncOp entry) {
       .wasInterrupted();
 }
 
+/// Whether there is something to report outside of debug launches, too.
+static bool hasAssertions(LLVM::LLVMFuncOp entry) {
+  return entry
+      .walk([](AssertOp op) {
+        return op.getAlways() ? WalkResult::interrupt() : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
     : entry(entry), module(entry->getParentOfType<ModuleOp>()),
       b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
@@ -67,7 +76,7 @@ LogicalResult ArrayLowering::run() {
   for (Operation *op : operations)
     if (auto array = dyn_cast<ArrayAtOp>(op); array && isGeometryMemory(array))
       geometry.insert(array);
-  if (debug) {
+  if (debug || hasAssertions(entry)) {
     b.setInsertionPointToStart(&entry.getBody().front());
     mlir::Value block = entry.getArgument(0);
     errorRecord = LLVM::LoadOp::create(
@@ -135,6 +144,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerPrintf(printf);
   else if (auto assertion = dyn_cast<AssertOp>(op))
     lowerAssert(assertion);
+  else if (auto check = dyn_cast<CheckIndexOp>(op))
+    lowerCheckIndex(check);
   else
     replaced = false;
   if (replaced)

@@ -150,13 +150,35 @@ void ArrayLowering::lowerPrintf(PrintfOp op) {
 //===----------------------------------------------------------------------===//
 
 void ArrayLowering::lowerAssert(AssertOp op) {
-  if (!debug)
+  if (!debug && !op.getAlways())
     return;
   mlir::Value failed = arith::XOrIOp::create(
       b, loc, op.getCondition(), constant(b.getI1Type(), 1));
   auto guard = scf::IfOp::create(b, loc, failed, /*withElseRegion=*/false);
   b.setInsertionPointToStart(guard.thenBlock());
-  report(op.getLoc(), CheckKind::Assertion, op.getMessage(), {}, {});
+  report(op.getLoc(),
+         op.getAlways() ? CheckKind::Failure : CheckKind::Assertion,
+         op.getMessage(), {}, {});
+}
+
+void ArrayLowering::lowerCheckIndex(CheckIndexOp op) {
+  mlir::Value inside;
+  SmallVector<mlir::Value, 4> indices, extents;
+  for (auto [index, bound] :
+       llvm::zip_equal(op.getIndices(), op.getExtents())) {
+    mlir::Value extent = constant(i32, bound);
+    mlir::Value i = op.getOffsets() ? index : wrapIndex(index, extent);
+    mlir::Value fits = arith::CmpIOp::create(
+        b, loc, arith::CmpIPredicate::ult, i, widen(extent, i.getType()));
+    inside =
+        inside ? arith::AndIOp::create(b, loc, inside, fits).getResult() : fits;
+    indices.push_back(i);
+    extents.push_back(extent);
+  }
+  auto check = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/true);
+  b.setInsertionPointToStart(check.elseBlock());
+  report(op.getLoc(), op.getOffsets() ? CheckKind::Offset : CheckKind::Part,
+         op.getWhat(), indices, extents);
 }
 
 /// The innermost place that is not in functions of the package itself, if there

@@ -10,6 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ArrayOrigins.h"
+#include "IndexChecks.h"
 #include "KernelFunction.h"
 #include "Variant.h"
 
@@ -50,17 +51,24 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
       return signalPassFailure();
     warp::VariantAttr variant = warp::getVariant(kernel);
     rank = variant.getRank();
+    if (variant.getDebug())
+      warp::insertIndexChecks(getOperation());
     getOperation().walk([&](Operation *op) {
       if (auto tid = dyn_cast<warp::TidOp>(op))
         dropDimensions(tid);
       else if (auto update = dyn_cast<warp::AccumulateOp>(op))
         expand(update);
-      else if (isa<warp::AssertOp>(op) && !variant.getDebug())
-        op->erase();
+      else if (auto assertion = dyn_cast<warp::AssertOp>(op))
+        dropUnlessChecked(assertion, variant);
       else if (isa<warp::QuatRotateOp, warp::QuatRotateInvOp>(op) &&
                variant.getDebug() && !kernel->hasAttr(warp::attr::primal))
         expectUnit(op);
     });
+  }
+
+  static void dropUnlessChecked(warp::AssertOp op, warp::VariantAttr variant) {
+    if (!variant.getDebug() && !op.getAlways())
+      op->erase();
   }
 
   /// A vector that is rotated keeps its length only by a unit quaternion.

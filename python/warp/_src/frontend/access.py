@@ -323,6 +323,11 @@ class Access(Part):
         step = bounds[2].constant()
         if step == 0:
             raise self.zero_step(item)
+        if step is None:
+            zero = self.builder.cast(self.builder.constant(INT32, 0), bounds[2].type)
+            moves = self.context.expressions.operator(node, "ne", bounds[2], zero)
+            self.context.at(node)
+            self.builder.require(moves, "slice step is zero")
         ends = [self.builder.constant(INT32, end) for end in (0, 2**31 - 1, -(2**31))]
         for i in range(2):
             if bounds[i] is not None:

@@ -15,7 +15,7 @@ import math
 
 from warp._src import errors
 from warp._src.frontend import struct_classes, thread_memory
-from warp._src.frontend.bindings import INT32, LocalArray, Value
+from warp._src.frontend.bindings import LocalArray, Value
 from warp._src.frontend.context import Part
 from warp._src.types import dtypes
 
@@ -176,11 +176,7 @@ class LocalArrays(Part):
                 "use `int(...)`",
             )
         self.context.at(node)
-        index = self.builder.cast(index, INT32)
-        zero, count = (self.builder.constant(INT32, number) for number in (0, extent))
-        negative = self.builder.builtin("lt", [index, zero])[0][0]
-        wrapped = self.builder.builtin("add", [index, count])[0][0]
-        return self.builder.builtin("where", [negative, wrapped, index])[0][0]
+        return self.builder.position(index, extent)
 
     def plus(self, a, b, node):
         if isinstance(a, int) and isinstance(b, int):

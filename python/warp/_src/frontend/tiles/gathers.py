@@ -60,7 +60,6 @@ class TileGathers(TileTopic):
         spread[axis] = count
         rows = self.make("reshape", [indices], node, shape=spread)
         strides = [math.prod(extents[d + 1 :]) for d in range(len(extents))]
-        extent = self.builder.constant(INT32, extents[axis])
         stride = self.builder.constant(INT32, strides[axis])
         outside = self.builder.constant(INT32, -1)
         zero = self.builder.constant(INT32, 0)
@@ -68,9 +67,7 @@ class TileGathers(TileTopic):
 
         def place(index):
             """Where a row begins; negative indices count from the end."""
-            index = self.builder.cast(index, INT32)
-            counted = call("where", call("lt", index, zero), call("add", index, extent), index)
-            return call("mul", counted, stride)
+            return call("mul", self.builder.position(index, extents[axis]), stride)
 
         rows = self.make("broadcast", [self.mapped([rows], place, node)], node, shape=shape)
         positions = rows
