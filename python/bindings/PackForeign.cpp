@@ -41,8 +41,10 @@ static bool isCopy(PyObject *value, const py::object &converted) {
 
 /// The memory of a host array of a library without array interface, as NumPy
 /// sees it. PyTorch's convert without a copy; of Paddle's only DLPack gives the
-/// memory itself, in a copy what a kernel writes would be lost.
-static py::object convertToNumpy(PyObject *value) {
+/// memory itself, in a copy what a kernel writes would be lost. NumPy marks
+/// memory of capsules without a version, as Paddle's are, as read-only:
+/// `unmarked` says that this mark means nothing.
+static py::object convertToNumpy(PyObject *value, bool &unmarked) {
   py::object convert = attribute(value, "__array__");
   if (!convert)
     return {};
@@ -50,7 +52,10 @@ static py::object convertToNumpy(PyObject *value) {
   if (!isCopy(value, converted) || !attribute(value, "__dlpack__"))
     return converted;
   try {
-    return py::module_::import("numpy").attr("from_dlpack")(py::handle(value));
+    py::object shared =
+        py::module_::import("numpy").attr("from_dlpack")(py::handle(value));
+    unmarked = true;
+    return shared;
   } catch (const py::error_already_set &) {
     return converted;
   }
@@ -163,9 +168,10 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
   bool onHost = device == cpuDevice;
   py::object fields = attribute(value, onHost ? "__array_interface__"
                                               : "__cuda_array_interface__");
+  bool unmarked = false;
   if (!fields && onHost && !PyType_Check(value) &&
       !attribute(value, "__cuda_array_interface__")) {
-    if (py::object converted = convertToNumpy(value)) {
+    if (py::object converted = convertToNumpy(value, unmarked)) {
       keep.push_back(std::move(converted));
       fields = attribute(keep.back().ptr(), "__array_interface__");
     }
@@ -186,7 +192,7 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
   out = ArrayDescriptor();
   out.data = reinterpret_cast<void *>(found.data);
   out.ndim = rank;
-  out.flags = found.readOnly ? readOnlyFlag : 0;
+  out.flags = found.readOnly && !unmarked ? readOnlyFlag : 0;
   for (int i = 0; i < rank; ++i) {
     if (found.shape[i] > INT32_MAX || found.strides[i] > INT32_MAX ||
         found.strides[i] < INT32_MIN)

@@ -41,7 +41,9 @@ def test_any_attribute_may_be_stored(made, name):
     assert all((one.numpy() == 9).all() for one in others)
 
 
-@pytest.mark.parametrize("name", ["_owner", "read_only", "shape", "strides", "size", "device", "dtype"])
+@pytest.mark.parametrize(
+    "name", ["_owner", "read_only", "shape", "strides", "size", "device", "dtype"]
+)
 def test_what_memory_depends_on_cannot_be_replaced(name):
     a = MADE["allocated"]()
     for change in (lambda: setattr(a, name, None), lambda: delattr(a, name)):
