@@ -49,7 +49,7 @@ def read(path) -> list[dict]:
     """
     from warp import _native
 
-    path = Path(path)
+    path = Path(os.fsdecode(path))
     with path.open("rb") as file:
         magic = file.read(8)
     if magic == b"WARPCODE":
@@ -103,7 +103,8 @@ def extract(path, folder) -> list[Path]:
         FileNotFoundError, ValueError: as `read` does.
         OSError: a file cannot be written, or is a symbolic link.
     """
-    folder = Path(folder) / _component(Path(path).stem)
+    path = Path(os.fsdecode(path))
+    folder = Path(os.fsdecode(folder)) / _component(path.stem)
     variants = read(path)
     folder.mkdir(parents=True, exist_ok=True)
     written = []

@@ -171,6 +171,10 @@ VALUE = Kind("a number, or a vector, matrix or struct", _is_value)
 DATA = Kind("an array, or numbers in lists", _is_data)
 NUMBERS = Kind("numbers in lists or in an array of NumPy", _is_data)
 DIM = Kind("1 to 4 integers of at least 0", _is_dim)
+DIMS = DIM | Kind(
+    "a dict of them",
+    lambda value: isinstance(value, dict) and all(map(_is_dim, value.values())),
+)
 AXES = Kind("a list with the number of each axis", lambda value: all(map(_is_integer, value)))
 PAIR = Kind("two integers", lambda value: len(value) == 2 and all(map(_is_integer, value)))
 BETAS = Kind("two numbers", lambda value: len(value) == 2 and all(map(_is_number, value)))
@@ -183,6 +187,7 @@ DLPACK = Kind(
     lambda value: hasattr(type(value), "__dlpack__") or type(value).__name__ == "PyCapsule",
 )
 GRAPH = named("a wp.Graph", "Graph")
+MESHES = sequence_of(named("a wp.Mesh", "Mesh"), "meshes")
 VOLUME = named("a wp.Volume", "Volume")
 MODULE = Kind("a module, or its name", _is_module)
 MODULES = sequence_of(MODULE, "modules")

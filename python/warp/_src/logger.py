@@ -8,7 +8,7 @@ import warnings
 
 from warp import _native, config
 from warp._src.argument_kinds import INTEGER, TEXT, Kind
-from warp._src.arguments import explained
+from warp._src.arguments import explained, spelled
 from warp._src.config import LOG_WARNING
 
 
@@ -29,11 +29,15 @@ class Logger(typing.Protocol):
         """Tells a message of level error."""
 
 
+def _text(message) -> str:
+    return message if isinstance(message, str) else spelled(message)
+
+
 class LoggerBasic:
     """Writes to standard output, errors to standard error, and issues Python warnings."""
 
     def debug(self, message: str) -> None:
-        sys.stdout.write(f"{message}\n")
+        sys.stdout.write(f"{_text(message)}\n")
 
     info = debug
 
@@ -49,7 +53,7 @@ class LoggerBasic:
             raise explained(error, "wp.get_logger().warning", **kinds) from None
 
     def error(self, message: str) -> None:
-        sys.stderr.write(f"Warp Error: {message}\n")
+        sys.stderr.write(f"Warp Error: {_text(message)}\n")
 
 
 _CATEGORY = Kind(

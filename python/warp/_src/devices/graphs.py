@@ -13,7 +13,7 @@ import threading
 
 from warp import _native, config
 from warp._src import errors
-from warp._src.argument_kinds import ARRAY, GRAPH, NATIVE_GRAPH, NONE, STREAM
+from warp._src.argument_kinds import ARRAY, GRAPH, INTEGER, NATIVE_GRAPH, NONE, STREAM
 from warp._src.arguments import checked, explained
 from warp._src.arrays import hooks
 from warp._src.arrays.array import array
@@ -162,7 +162,7 @@ def _place(device, stream):
     return device, stream, _key(device, stream)
 
 
-@checked()
+@checked(capture_mode=INTEGER)
 def capture_begin(
     device=None,
     stream=None,
@@ -284,7 +284,7 @@ class ScopedCapture(_native.Scope):
         >>> wp.capture_launch(capture.graph)
     """
 
-    @checked()
+    @checked(capture_mode=INTEGER)
     def __init__(
         self,
         device=None,

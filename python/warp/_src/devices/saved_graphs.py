@@ -22,7 +22,7 @@ SUFFIX = ".wrp"
 
 
 def _with_suffix(path) -> str:
-    path = os.fspath(path)
+    path = os.fsdecode(path)
     return path if path.endswith(SUFFIX) else path + SUFFIX
 
 

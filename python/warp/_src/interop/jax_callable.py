@@ -9,8 +9,7 @@ import types
 from warp._src.argument_kinds import (
     CALLABLE,
     COUNT,
-    DICT,
-    DIM,
+    DIMS,
     GRAPH_MODE,
     JAX_CALLABLE,
     NAMES,
@@ -64,7 +63,7 @@ class JaxModulePreloadMode(enum.IntEnum):
     in_out_argnames=NAMES,
     stage_in_argnames=NAMES,
     stage_out_argnames=NAMES,
-    output_dims=DIM | DICT,
+    output_dims=DIMS,
 )
 def jax_callable(
     func,

@@ -13,7 +13,7 @@ import operator
 
 from warp import _native
 from warp._src import errors
-from warp._src.argument_kinds import COUNT, DICT, DIM, NAMES, TEXT
+from warp._src.argument_kinds import COUNT, DIM, DIMS, NAMES, TEXT
 from warp._src.arguments import checked
 from warp._src.interop import jax_arrays
 from warp._src.interop.jax_callable import JaxModulePreloadMode, preload
@@ -41,7 +41,7 @@ def _register() -> None:
     vmap_method=TEXT,
     launch_dims=DIM,
     in_out_argnames=NAMES,
-    output_dims=DIM | DICT,
+    output_dims=DIMS,
 )
 def jax_kernel(
     kernel,

@@ -9,7 +9,7 @@ import ctypes
 
 from warp._src.arguments import shown
 from warp._src.types import dtypes, scalars
-from warp._src.types.composites import Composite, flatten_numbers
+from warp._src.types.composites import Composite, flatten_numbers, is_number
 from warp._src.types.matrices import matrix_from_cols, matrix_from_rows
 from warp._src.types.scalars import scalar_base
 
@@ -103,6 +103,8 @@ def cast(a, dtype):
         TypeError: the types differ in size.
     """
     ctype = dtypes.type_ctype(dtype)
+    if not (isinstance(a, Composite) or is_number(a)):
+        raise TypeError(f"cast() expects a number or a vector as `a`, but got {shown(a)}")
     source = a if isinstance(a, Composite) else dtypes.type_ctype(type(a))(_number(a))
     if ctypes.sizeof(source) != ctypes.sizeof(ctype):
         raise TypeError(

@@ -69,7 +69,12 @@ class TextureCopies:
             else:
                 texels.write(self.texels, texels.KINDS[self.kind][1], values)
         else:
-            dst.assign(self.numpy().reshape(dst._host_view().shape))
+            values, target = self.numpy(), dst._host_view()
+            if values.size != target.size:
+                raise ValueError(
+                    f"expects a destination of {values.size} numbers, but got {target.size}"
+                )
+            dst.assign(values.reshape(target.shape))
 
     def _components(self, one, role):
         """The numbers of a packed array in a row, if they are as many and of the type of texels."""

@@ -199,12 +199,20 @@ class Texture(TextureCopies, TextureModes, StructInstance):
 
     @property
     def cuda_texture(self):
-        """As `cuda_array`; kernels take the texture itself."""
+        """As `cuda_array`; kernels take the texture itself.
+
+        Raises:
+            RuntimeError: always.
+        """
         raise self._no_cuda_object("cuda_texture")
 
     @property
     def cuda_surface(self):
-        """As `cuda_array`; kernels may write to `texels`."""
+        """As `cuda_array`; kernels may write to `texels`.
+
+        Raises:
+            RuntimeError: always.
+        """
         raise self._no_cuda_object("cuda_surface")
 
     def _no_cuda_object(self, name):

@@ -12,7 +12,7 @@ import sys
 import typing
 
 from warp._src import errors
-from warp._src.arguments import shown
+from warp._src.arguments import shown, spelled
 from warp._src.types import native
 from warp._src.types.native import ArrayType, IndexedArrayType
 from warp._src.types.vectors import GenericAnnotation, unwrapped
@@ -55,7 +55,7 @@ class FixedArrayType:
         elif not 1 <= len(self.shape) <= 4 or not all(
             isinstance(extent, int) and extent > 0 for extent in self.shape
         ):
-            raise ValueError(f"expects 1 to 4 positive extents, but got {shape!r}")
+            raise ValueError(f"expects 1 to 4 positive extents, but got {spelled(shape)}")
 
     @property
     def ndim(self):

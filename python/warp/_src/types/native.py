@@ -12,7 +12,7 @@ import weakref
 from warp import _native
 from warp._src import errors
 from warp._src.argument_kinds import TYPE
-from warp._src.arguments import checked, shown
+from warp._src.arguments import checked, shown, spelled
 from warp._src.types import scalars
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.matrices import matrix
@@ -144,7 +144,7 @@ def type_repr(t) -> str:
     """Short name of a type, as in messages."""
     if isinstance(t, type):
         return shown_name(PYTHON_TYPES.get(t, t))
-    return repr(t)
+    return spelled(t)
 
 
 def types_equal(a, b) -> bool:
@@ -152,8 +152,12 @@ def types_equal(a, b) -> bool:
     try:
         return native_text(a) == native_text(b)
     except TypeError:
-        # Arrays of NumPy have no single answer.
+        pass
+    try:
         return a is b or (a == b) is True
+    except Exception:
+        # Arrays of NumPy cannot be compared with all others.
+        return False
 
 
 def _element_type(dtype):

@@ -14,6 +14,9 @@ ADDRESSES = frozenset(
     ("ptr", "address", "handle", "ipc_handle", "cuda_stream", "cuda_event", "context", "ctx")
 )
 
+# Parameters that ask for work: large numbers of it are right, and take their time.
+WORK = frozenset(("steps", "max_iterations", "max_passes", "max_iter", "maxiter"))
+
 RIGHT = {
     "device warp_device target_device peer_device stream_or_device device_alias": lambda: "cpu",
     "dtype grad_dtype warp_dtype block_type value_type scalar_type": lambda: wp.float32,

@@ -25,7 +25,8 @@ class Outer:
 @wp.kernel
 def scale(x: wp.array(dtype=float), s: float):
     i = wp.tid()
-    x[i] = x[i] * s
+    if i < x.shape[0]:
+        x[i] = x[i] * s
 
 
 @wp.func

@@ -43,7 +43,8 @@ def voxels(volume: wp.uint64, out: wp.array(dtype=float)):
 @wp.kernel
 def fields(pair: objects.Pair, out: wp.array(dtype=float)):
     i = wp.tid()
-    out[i] = pair.a + pair.v[0] + pair.b[i]
+    if i < pair.b.shape[0]:
+        out[i] = pair.a + pair.v[0] + pair.b[i]
 
 
 def _launch(kernel, held):

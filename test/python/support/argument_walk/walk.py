@@ -63,6 +63,8 @@ def _call(function, target, plan, values):
         made = arguments.right(name) if value == "right" else values[value]()
         if name in arguments.ADDRESSES and isinstance(made, (int, float)):
             made = str(made)
+        if name in arguments.WORK and type(made) is int:
+            made = min(made, 3)
         if name is None or target.kind != "call":
             positions.append(made)
         else:

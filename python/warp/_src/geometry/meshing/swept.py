@@ -9,7 +9,7 @@ from __future__ import annotations
 import enum
 
 import warp as wp
-from warp._src.argument_kinds import LIST, NUMBER, POINT, POSITIVE, TRANSFORMS
+from warp._src.argument_kinds import MESHES, NUMBER, POINT, POSITIVE, TRANSFORMS
 from warp._src.arguments import checked
 from warp._src.geometry.meshing.sweeps import Sweep, SweepGrid
 from warp._src.geometry.surfaces.marching_cubes import IsoSurfaceMarchingCubes
@@ -88,7 +88,7 @@ def _fill_field(
     field[i, j, k] = swept_volume_sdf(point, mesh_ids, transforms, max_dist, sign_mode)
 
 
-@checked(meshes=LIST, transforms=TRANSFORMS, padding=NUMBER)
+@checked(meshes=MESHES, transforms=TRANSFORMS, padding=NUMBER)
 def swept_volume_bounds(meshes, transforms, padding=0.0, device=None):
     """The least box, along the axes, around the boxes of meshes in all their poses.
 
@@ -127,7 +127,7 @@ def _field(sweep, grid, sign_mode):
     return field
 
 
-@checked(meshes=LIST, transforms=TRANSFORMS, voxel_size=POSITIVE, lower=POINT, upper=POINT)
+@checked(meshes=MESHES, transforms=TRANSFORMS, voxel_size=POSITIVE, lower=POINT, upper=POINT)
 def swept_volume_field(
     meshes,
     transforms,
@@ -163,7 +163,7 @@ def swept_volume_field(
     return field, wp.vec3(*grid.lower), wp.vec3(*grid.upper)
 
 
-@checked(meshes=LIST, transforms=TRANSFORMS, voxel_size=POSITIVE, lower=POINT, upper=POINT)
+@checked(meshes=MESHES, transforms=TRANSFORMS, voxel_size=POSITIVE, lower=POINT, upper=POINT)
 def swept_volume_mesh(
     meshes,
     transforms,

@@ -83,7 +83,11 @@ def background_of(value):
     kind = _NUMPY[dtypes.type_scalar_type(dtype)]
     value = getattr(value, "value", value)
     parts = value if hasattr(value, "__len__") else [value]
-    return NUMBERS[name], np.array([getattr(x, "value", x) for x in parts], dtype=kind).tobytes()
+    try:
+        numbers = np.array([getattr(x, "value", x) for x in parts], dtype=kind)
+    except (TypeError, ValueError, OverflowError):
+        raise _wrong(value) from None
+    return NUMBERS[name], numbers.tobytes()
 
 
 _NUMPY = {

@@ -88,7 +88,13 @@ class FSAI(LinearOperator):
             not finite, or a number does not fit `factor_dtype`.
     """
 
-    @checked(A=OPERATOR, max_row_size=INTEGER, kap_tolerance=NUMBER, pivot_floor=NUMBER)
+    @checked(
+        A=OPERATOR,
+        max_row_size=INTEGER,
+        max_step_size=INTEGER,
+        kap_tolerance=NUMBER,
+        pivot_floor=NUMBER,
+    )
     def __init__(
         self,
         A,
