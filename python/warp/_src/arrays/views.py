@@ -35,7 +35,7 @@ def _extents(shape) -> list:
         pass
     try:
         # One more than an array may have, of what may have no end.
-        return [operator.index(extent) for extent in itertools.islice(shape, 5)]
+        return list(map(operator.index, itertools.islice(shape, 5)))
     except TypeError:
         raise TypeError(
             f"reshape() expects an integer or a list of integers as `shape`, but got {shown(shape)}"

@@ -16,7 +16,7 @@ from warp import _native
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.argument_kinds import DICT, DIM, FUNCTION, INTEGER, LIST, TEXT, TRANSLATION
-from warp._src.arguments import checked
+from warp._src.arguments import checked, spelled
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives
@@ -177,8 +177,16 @@ class Kernel:
         """Makes every launch check that these arguments, by name, are handles of these kinds.
 
         sums_winding: the kernel asks for winding numbers; a launch prepares meshes for that.
+
+        Raises:
+            WarpArgumentError: there is no parameter of such a name.
         """
         kinds = dict(kinds)
+        for name in kinds:
+            if name not in self.func.__code__.co_varnames:
+                raise errors.WarpArgumentError(
+                    f"kernel '{self.key}' has no parameter {spelled(name)}"
+                )
         self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
         self.handles, self.sums_winding = kinds, sums_winding
 
