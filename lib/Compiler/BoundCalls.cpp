@@ -38,10 +38,11 @@ struct Function {
   SmallVector<std::pair<func::CallOp, func::FuncOp>> calls;
 };
 
-class BoundCalls
-    : public PassWrapper<BoundCalls, OperationPass<ModuleOp>> {
+class BoundCalls : public PassWrapper<BoundCalls, OperationPass<ModuleOp>> {
 public:
   MLIR_DEFINE_EXPLICIT_INTERNAL_INLINE_TYPE_ID(BoundCalls)
+
+  explicit BoundCalls(bool all) : all(all) {}
 
   StringRef getArgument() const override { return "warp-bound-calls"; }
 
@@ -50,22 +51,27 @@ public:
 private:
   using Functions = llvm::MapVector<Operation *, Function>;
 
+  func::FuncOp calleeOf(func::CallOp call, const SymbolTable &symbols) const;
   void count(func::FuncOp function, Functions &functions,
              const SymbolTable &symbols);
   LogicalResult inlineInto(func::FuncOp caller, Functions &functions,
                            OpPassManager &pm);
   LogicalResult tooLong(func::CallOp call, double operations,
                         Functions &functions);
+
+  /// Functions that are kept as such so far are about to be inlined, too.
+  bool all;
 };
 
 } // namespace
 
-static func::FuncOp calleeOf(func::CallOp call, const SymbolTable &symbols) {
+/// The function that a call becomes a copy of, if it does.
+func::FuncOp BoundCalls::calleeOf(func::CallOp call,
+                                  const SymbolTable &symbols) const {
   auto callee = symbols.lookup<func::FuncOp>(call.getCallee());
-  return callee && !callee.isExternal() && !callee.getNoInline() &&
-                 !call.getNoInline()
-             ? callee
-             : func::FuncOp();
+  bool isKept = !callee || callee.isExternal() || call.getNoInline() ||
+                (callee.getNoInline() && !all);
+  return isKept ? func::FuncOp() : callee;
 }
 
 /// Counts a function and those it calls, which come before it in the list.
@@ -102,6 +108,9 @@ void BoundCalls::runOnOperation() {
   }
   if (whole <= fewOperations || whole <= mostlyCopies * own)
     return;
+  if (all)
+    for (auto &[op, _] : functions)
+      cast<func::FuncOp>(op).removeNoInlineAttr();
   OpPassManager pm(func::FuncOp::getOperationName());
   warp::addSimplification(pm);
   for (auto &[op, function] : functions)
@@ -160,6 +169,6 @@ LogicalResult BoundCalls::tooLong(func::CallOp call, double operations,
             "again in variables";
 }
 
-std::unique_ptr<Pass> warp::createBoundCalls() {
-  return std::make_unique<BoundCalls>();
+std::unique_ptr<Pass> warp::createBoundCalls(bool all) {
+  return std::make_unique<BoundCalls>(all);
 }

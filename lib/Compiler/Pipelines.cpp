@@ -152,6 +152,7 @@ void warp::addDifferentiation(OpPassManager &pm,
   derivation.tape = options.tape;
   pm.addPass(createDifferentiateKernel(derivation));
   // Calls of functions with a derivative of their own are reversed by now.
+  pm.addPass(createBoundCalls(/*all=*/true));
   pm.addPass(createInlinePullbacks({derivation.active}));
 }
 

@@ -47,7 +47,8 @@ addPipeline(mlir::OpPassManager &pm, Phase last, llvm::StringRef variant,
 void addSimplification(mlir::OpPassManager &pm);
 
 /// BoundCalls.cpp: bounds what copies of called functions make of a kernel.
-std::unique_ptr<mlir::Pass> createBoundCalls();
+/// all: those that are marked to stay, too.
+std::unique_ptr<mlir::Pass> createBoundCalls(bool all = false);
 
 // Stages of a derivative, which `derive` runs in this order.
 

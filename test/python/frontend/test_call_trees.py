@@ -10,13 +10,22 @@ from frontend_programs import define
 from warp._src import errors
 
 
-def tree(body, levels, kind="float"):
-    """A kernel that calls the last of functions of which each is `body` with the one before."""
+def tree(body, levels, kind="float", gradient=None):
+    """A kernel that calls the last of functions of which each is `body` with the one before, and
+    perhaps has a gradient of its own."""
     functions = [f"@wp.func\ndef f0(x: {kind}):\n    return x\n"]
     functions += [
         f"@wp.func\ndef f{level}(x: {kind}):\n    {body.format(f=f'f{level - 1}')}\n"
         for level in range(1, levels + 1)
     ]
+    if gradient:
+        for level in range(1, levels + 1):
+            text = gradient.format(f=f"f{level - 1}")
+            functions[level] += f"""
+@wp.func_grad(f{level})
+def adj_f{level}(x: {kind}, adj: {kind}):
+    {text}
+"""
     kernel = f"""
 @wp.kernel
 def kernel(x: wp.array(dtype={kind}), y: wp.array(dtype={kind})):
@@ -47,6 +56,19 @@ def test_derivatives():
     np.testing.assert_allclose(y.numpy(), [3.0**40, 2 * 3.0**40], rtol=1e-5)
     tape.backward(grads={y: wp.ones(2, dtype=float, device="cpu")})
     np.testing.assert_allclose(x.grad.numpy(), [3.0**40] * 2, rtol=1e-5)
+
+
+def test_gradients_of_their_own():
+    """Of f(x) = 2^n x, the gradient is said to be f(x)."""
+    x = wp.array([1.0, 3.0], dtype=float, device="cpu", requires_grad=True)
+    y = wp.zeros(2, dtype=float, device="cpu", requires_grad=True)
+    twice = "{f}(x) + {f}(x)"
+    kernel = tree(f"return {twice}", 25, gradient=f"wp.adjoint[x] += adj * ({twice})")
+    with wp.Tape() as tape:
+        wp.launch(kernel, 2, [x, y], device="cpu")
+    tape.backward(grads={y: wp.ones(2, dtype=float, device="cpu")})
+    assert y.numpy().tolist() == [2.0**25, 3 * 2.0**25]
+    assert x.grad.numpy().tolist() == [2.0**25, 3 * 2.0**25]
 
 
 def test_small_trees_are_what_they_were():
