@@ -17,6 +17,7 @@
 #include "mlir/Transforms/Inliner.h"
 #include "mlir/Transforms/InliningUtils.h"
 
+#include "llvm/ADT/DenseSet.h"
 #include "llvm/ADT/MapVector.h"
 #include "llvm/Support/FormatVariadic.h"
 
@@ -61,6 +62,9 @@ private:
 
   /// Functions that are kept as such so far are about to be inlined, too.
   bool all;
+  /// Functions that are being counted: one that calls one of them is recursive.
+  llvm::DenseSet<Operation *> open;
+  bool isRecursive = false;
 };
 
 } // namespace
@@ -79,6 +83,10 @@ void BoundCalls::count(func::FuncOp function, Functions &functions,
                        const SymbolTable &symbols) {
   if (functions.contains(function))
     return;
+  if (!open.insert(function).second) {
+    isRecursive = true;
+    return;
+  }
   Function found;
   function.walk([&](Operation *op) {
     ++found.own;
@@ -91,7 +99,8 @@ void BoundCalls::count(func::FuncOp function, Functions &functions,
     count(callee, functions, symbols);
     found.whole += functions[callee].whole;
   }
-  functions.insert({function, std::move(found)});
+  open.erase(function);
+  functions[function] = std::move(found);
 }
 
 void BoundCalls::runOnOperation() {
@@ -101,12 +110,15 @@ void BoundCalls::runOnOperation() {
   SymbolTable symbols(module);
   Functions functions;
   double own = 0, whole = 0;
+  open.clear();
+  isRecursive = false;
   for (auto function : module.getOps<func::FuncOp>()) {
     count(function, functions, symbols);
     own += functions[function].own;
     whole = std::max(whole, functions[function].whole);
   }
-  if (whole <= fewOperations || whole <= mostlyCopies * own)
+  // Recursion is the inliner's error.
+  if (isRecursive || whole <= fewOperations || whole <= mostlyCopies * own)
     return;
   if (all)
     for (auto &[op, _] : functions)
