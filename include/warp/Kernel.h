@@ -39,9 +39,9 @@ struct KernelOptions {
   /// Deterministic: also the same on every device. Sums are exact on the CPU as
   /// they are on a GPU, where else they are made in one order.
   bool sameOnDevices = false;
-  /// CPU: threads make updates that tell who came first in their order, so one
-  /// core runs kernels that use what atomics return.
-  bool orderedSlots = false;
+  /// CPU: most threads of a launch that make updates that tell who came first
+  /// in their order, so one core runs kernels that use what atomics return.
+  int64_t orderedSlots = 0;
   bool lineinfo = false;
   int optLevel = 2;
   /// Launches may begin with code that is compiled quickly, and get what

@@ -48,6 +48,9 @@ struct SavedVariant {
   bool flat = false;
   bool large = false;
   bool disjoint = false;
+  /// CPU: the code keeps the order of threads where updates tell who came
+  /// first. Launches that do not ask for it may run that as well.
+  bool inTurn = false;
   /// GPU: threads per block.
   int blockDim = 0;
   Code code;

@@ -15,7 +15,10 @@ enum SizeFact : int {
   underFact = 2,
   narrowFact = 4,
   rowFact = 8,
-  joinableFact = 16
+  joinableFact = 16,
+  /// `CompileOptions::ordered`, where nothing is deterministic.
+  turnFact = 32,
+  allFacts = 63
 };
 
 } // namespace warp

@@ -20,7 +20,7 @@
 namespace warp::graphs {
 
 /// The version goes up when the file or the arguments of an operation change.
-inline constexpr FileFormat format{"WARPGRPH", 3, "saved graph",
+inline constexpr FileFormat format{"WARPGRPH", 4, "saved graph",
                                    "save it again"};
 
 /// A handle in some bytes.

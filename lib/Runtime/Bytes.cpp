@@ -193,7 +193,7 @@ Code warp::readCode(Reader &in) {
   code.split = in.number<int32_t>(1, 1024, "the threads of an index");
   code.joined = in.number<int32_t>(1, 1024, "the number of joined blocks");
   code.alternates = in.flag();
-  code.sizeFacts = in.number<uint8_t>(0, 31, "the facts of a size");
+  code.sizeFacts = in.number<uint8_t>(0, allFacts, "the facts of a size");
   auto sums = in.number<int32_t>(0, mostItems, "the number of sums");
   for (int32_t i = 0; i < sums && in.ok(); ++i)
     code.sums.push_back(in.number<SummedArray>());

@@ -35,6 +35,9 @@ struct VariantKey {
   int joinable = 1;
   bool disjoint = false;
   bool ordered = false;
+  /// On a CPU: the launch has so few threads that updates that tell who came
+  /// first are in the order of threads.
+  bool inTurn = false;
   /// Arrays lie such that the copy engine cannot take boxes of them.
   bool unmapped = false;
   int blockDim = 0;
@@ -48,8 +51,9 @@ struct VariantKey {
            large == other.large && under == other.under &&
            narrow == other.narrow && joinable == other.joinable &&
            disjoint == other.disjoint && ordered == other.ordered &&
-           unmapped == other.unmapped && blockDim == other.blockDim &&
-           row == other.row && contiguous == other.contiguous;
+           inTurn == other.inTurn && unmapped == other.unmapped &&
+           blockDim == other.blockDim && row == other.row &&
+           contiguous == other.contiguous;
   }
 
   /// The same but for what does not count of the size of the launch, of which
@@ -65,6 +69,8 @@ struct VariantKey {
       other.row = row;
     if (!(facts & joinableFact))
       other.joinable = joinable;
+    if (!(facts & turnFact))
+      other.inTurn = inTurn;
     return *this == other;
   }
 };
@@ -191,6 +197,11 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
   void findAccesses();
+  /// Whether the threads of a CPU launch of so many make updates that tell who
+  /// came first in their order.
+  bool isInTurn(int64_t items) const {
+    return items <= options.orderedSlots && !options.deterministic;
+  }
   /// What counts of the launch's rows on a CPU.
   void setRows(VariantKey &key, const LaunchDim &dim) const;
   bool isDisjoint(const VariantKey &key, const void *params) const;

@@ -148,6 +148,7 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
   variant.flat = key.flat;
   variant.large = key.large;
   variant.disjoint = key.disjoint;
+  variant.inTurn = key.inTurn;
   variant.blockDim = arch == 0 ? 0 : compile.blockDim;
   variant.code = obtain(compile, times);
   if (key.device != cpuDevice)
@@ -163,7 +164,15 @@ SavedKernel Kernel::save(int arch, int device) {
     key.device = device;
     // One for arrays wherever they lie.
     key.unmapped = true;
-    saved.variants.push_back(impl->compileSaved(key, arch));
+    key.inTurn = arch == 0 && impl->isInTurn(1);
+    SavedVariant variant = impl->compileSaved(key, arch);
+    // Launches that do not keep the order have code of their own.
+    if ((variant.code.sizeFacts & turnFact) && key.inTurn &&
+        !impl->isInTurn(INT64_MAX)) {
+      key.inTurn = false;
+      saved.variants.push_back(impl->compileSaved(key, arch));
+    }
+    saved.variants.push_back(std::move(variant));
   }
   return saved;
 }
@@ -212,6 +221,8 @@ static bool fits(const SavedVariant &variant, const VariantKey &key) {
          (variant.contiguous & ~key.contiguous) == 0 &&
          (!variant.index32 || key.index32) && (!variant.large || key.large) &&
          (!variant.disjoint || key.disjoint) &&
+         (variant.inTurn || !key.inTurn ||
+          !(variant.code.sizeFacts & turnFact)) &&
          (!key.ordered || variant.code.sums.empty()) &&
          (key.device == cpuDevice ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));

@@ -69,6 +69,8 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
     served.under &= (variant->code.sizeFacts & underFact) != 0;
     if (!(variant->code.sizeFacts & rowFact))
       served.row = 0;
+    served.large |= (variant->code.sizeFacts & turnFact) != 0 && isInTurn(1) &&
+                    !key.inTurn;
   }
   LaunchSchedule result{describeKind(served, arch), {}};
   if (!hasSource()) {
@@ -110,15 +112,16 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
     key.blockDim = impl->checkedBlockDim(0);
     key.flat = rank > 3;
   }
-  if (dim && arch == 0)
+  int64_t items = 1;
+  for (int i = 0; dim && i < rank; ++i)
+    items *= dim->extent[i];
+  if (dim && arch == 0) {
     impl->setRows(key, *dim);
-  if (dim && arch != 0) {
-    int64_t items = 1;
-    for (int i = 0; i < rank; ++i)
-      items *= dim->extent[i];
+    key.inTurn = impl->isInTurn(items);
+  }
+  if (dim && arch != 0)
     Impl::setSize(key, *dim, items,
                   device == cpuDevice ? usualMultiprocessors
                                       : deviceInfo(device).smCount);
-  }
   return {impl->describe(key, arch, nullptr)};
 }

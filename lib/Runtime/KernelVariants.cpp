@@ -155,6 +155,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
     // Sums keep their order in launches of any size where that is asked for.
     key.under = items < fewLanes && options.lanes == 0 && !options.debug &&
                 !options.deterministic;
+    key.inTurn = isInTurn(items);
     setRows(key, dim);
     return key;
   }
@@ -182,7 +183,7 @@ bool Kernel::Impl::isDisjoint(const VariantKey &key, const void *params) const {
   bool matters = key.device != cpuDevice;
   for (const Access &access : accesses)
     matters |= access.gradientSize != 0 || access.watched ||
-               (access.combined && (!access.fetched || options.orderedSlots));
+               (access.combined && (!access.fetched || isInTurn(1)));
   if (!matters)
     return false;
   return areDisjoint(accesses, params);
@@ -228,7 +229,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.deterministic = options.deterministic;
   result.ordered = options.deterministic
                        ? key.ordered || (arch == 0 && !options.sameOnDevices)
-                       : arch == 0 && options.orderedSlots;
+                       : arch == 0 && key.inTurn;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
@@ -249,5 +250,6 @@ VariantKey Kernel::Impl::usualKey(int rank) const {
     if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
       key.contiguous |= uint64_t(1) << i;
   key.disjoint = true;
+  key.inTurn = isInTurn(1);
   return key;
 }

@@ -19,6 +19,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <set>
 
@@ -26,7 +27,7 @@ using namespace warp;
 
 /// The version goes up when the file, the parameter block or what code calls
 /// changes.
-static constexpr FileFormat format{"WARPSAVE", 13, "saved module",
+static constexpr FileFormat format{"WARPSAVE", 14, "saved module",
                                    "compile it again"};
 
 //===----------------------------------------------------------------------===//
@@ -42,6 +43,7 @@ static void writeOptions(Writer &out, const KernelOptions &options) {
   out.number<int32_t>(options.maxRegisters);
   out.number<int32_t>(options.maxThreads);
   out.number<int32_t>(options.minBlocks);
+  out.number<int64_t>(options.orderedSlots);
 }
 
 static KernelOptions readOptions(Reader &in) {
@@ -54,6 +56,8 @@ static KernelOptions readOptions(Reader &in) {
   options.maxRegisters = in.number<int32_t>(0, 65536, "the most registers");
   options.maxThreads = in.number<int32_t>(0, 65536, "the most threads");
   options.minBlocks = in.number<int32_t>(0, 65536, "the fewest blocks");
+  options.orderedSlots =
+      in.number<int64_t>(0, INT64_MAX, "the threads that keep their order");
   return options;
 }
 
@@ -64,6 +68,7 @@ static void writeVariant(Writer &out, const SavedVariant &variant) {
   out.number<uint8_t>(variant.flat);
   out.number<uint8_t>(variant.large);
   out.number<uint8_t>(variant.disjoint);
+  out.number<uint8_t>(variant.inTurn);
   out.number<int32_t>(variant.blockDim);
   writeCode(out, variant.code);
 }
@@ -76,6 +81,7 @@ static SavedVariant readVariant(Reader &in) {
   variant.flat = in.flag();
   variant.large = in.flag();
   variant.disjoint = in.flag();
+  variant.inTurn = in.flag();
   variant.blockDim = in.number<int32_t>(0, 1024, "the threads of a block");
   variant.code = readCode(in);
   return variant;

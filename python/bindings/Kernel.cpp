@@ -35,9 +35,10 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
   const char *name;
   KernelOptions options;
   int debug = 0, fastMath = 0, lineinfo = 0, deterministic = 0,
-      sameOnDevices = 0, quickFirst = 0, orderedSlots = 0;
+      sameOnDevices = 0, quickFirst = 0;
+  long long orderedSlots = 0;
   if (!PyArg_ParseTupleAndKeywords(
-          args, names, "Os|$pppiiiiippipp", const_cast<char **>(keywords), &module,
+          args, names, "Os|$pppiiiiippipL", const_cast<char **>(keywords), &module,
           &name, &debug, &fastMath, &lineinfo, &options.optLevel,
           &options.blockDim, &options.maxRegisters, &options.maxThreads,
           &options.minBlocks, &deterministic, &sameOnDevices,

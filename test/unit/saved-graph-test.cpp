@@ -207,7 +207,7 @@ TEST_F(SavedGraphs, RejectDamagedFiles) {
   std::string other = files.graph;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved graph 'g' has format 99, but this release "
-                         "reads format 2, save it again");
+                         "reads format 4, save it again");
   for (size_t at = 12; at < files.graph.size(); at += 3) {
     std::string broken = files.graph;
     broken[at] ^= 1;

@@ -7,6 +7,8 @@
 #include "warp/Array.h"
 #include "warp/Runtime.h"
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <dlfcn.h>
 #include <gtest/gtest.h>
@@ -105,6 +107,58 @@ TEST_F(SavedModuleTest, KeepsWhatIsKnownOfAccesses) {
   }
 }
 
+/// holder[used[0]++] = i
+static const char *const takeText = R"(
+module @take {
+  func.func @take(%used: !warp.array<1 x si32>, %holder: !warp.array<1 x si32>)
+      attributes {warp.arg_names = ["used", "holder"], warp.kernel} {
+    %i = warp.tid : si32
+    %zero = warp.constant 0 : si32
+    %one = warp.constant 1 : si32
+    %slot = warp.atomic add %one, %used[%zero]
+      : si32, !warp.array<1 x si32>, si32 -> si32
+    warp.store %i, %holder[%slot] : si32, !warp.array<1 x si32>, si32
+    return
+  }
+})";
+
+TEST_F(SavedModuleTest, HasCodeForSlotsInOrderAndInAnyOrder) {
+  using Turns = std::vector<bool>;
+  auto turnsOf = [](int64_t limit, SavedModule &module) {
+    KernelOptions options;
+    options.orderedSlots = limit;
+    Kernel kernel(Module::fromText(takeText), "take", options);
+    module.name = "test";
+    module.kernels = {kernel.save(0)};
+    module = SavedModule::fromBytes(module.bytes(), "here");
+    EXPECT_EQ(module.kernels[0].options.orderedSlots, limit);
+    Turns turns;
+    for (const SavedVariant &variant : module.kernels[0].variants) {
+      EXPECT_NE(variant.code.sizeFacts & turnFact, 0);
+      EXPECT_TRUE(variant.code.exclusive || !variant.inTurn);
+      turns.push_back(variant.inTurn);
+    }
+    return turns;
+  };
+  SavedModule module;
+  EXPECT_EQ(turnsOf(0, module), Turns({false, false}));
+  EXPECT_EQ(turnsOf(INT64_MAX, module), Turns({true, true}));
+  const int64_t most = 50000;
+  EXPECT_EQ(turnsOf(most, module), Turns({false, true, false, true}));
+  auto kernel = module.kernel("take");
+  for (int64_t count : {most, 2 * most}) {
+    int32_t used = 0;
+    std::vector<int32_t> holder(count);
+    launch(*kernel, cpuDevice, {count}, view(&used, {1}),
+           view(holder.data(), {count}));
+    EXPECT_EQ(used, count);
+    if (count != most)
+      std::sort(holder.begin(), holder.end());
+    for (int64_t i = 0; i < count; ++i)
+      ASSERT_EQ(holder[i], i);
+  }
+}
+
 TEST_F(SavedModuleTest, ChecksArguments) {
   SavedModule module = saved();
   auto kernel = module.kernel("add");
@@ -156,7 +210,7 @@ TEST_F(SavedModuleTest, RejectsDamagedFiles) {
   std::string other = bytes;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved module 'm.warp' has format 99, but this "
-                         "release reads format 12, compile it again");
+                         "release reads format 14, compile it again");
   for (size_t at = 28; at < bytes.size(); at += 997) {
     std::string broken = bytes;
     broken[at] ^= 1;

@@ -96,14 +96,17 @@ bool warp::mayTellTurn(Operation *op) {
   return call ? call.getCallee().starts_with(nativeTurnPrefix) : tellsTurn(op);
 }
 
+bool warp::mayTellTurns(Operation *entry) {
+  return entry
+      ->walk([](Operation *op) {
+        return mayTellTurn(op) ? WalkResult::interrupt()
+                               : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 bool warp::keepsTurns(Operation *entry) {
-  return entry->hasAttr(attr::inTurn) &&
-         entry
-             ->walk([](Operation *op) {
-               return mayTellTurn(op) ? WalkResult::interrupt()
-                                      : WalkResult::advance();
-             })
-             .wasInterrupted();
+  return entry->hasAttr(attr::inTurn) && mayTellTurns(entry);
 }
 
 bool warp::dependsOnOrder(Operation *update) {

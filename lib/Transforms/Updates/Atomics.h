@@ -67,9 +67,11 @@ bool tellsTurn(mlir::Operation *update);
 
 /// The same of native code with atomics.
 bool mayTellTurn(mlir::Operation *op);
+/// Whether an entry has such operations.
+bool mayTellTurns(mlir::Operation *entry);
 
 /// Whether a kernel's threads have to come to such operations in turn. Set for
-/// a launch on a CPU unless the caller wants any order.
+/// launches on a CPU that the caller wants in order.
 bool keepsTurns(mlir::Operation *entry);
 
 /// Whether the order of atomic updates in an entry may show: sums of floats

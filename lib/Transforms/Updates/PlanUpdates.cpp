@@ -48,6 +48,7 @@
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"
 #include "WarpDialect/TilePasses.h"
+#include "warp/SizeFacts.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/Matchers.h"
@@ -260,6 +261,11 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     if (!any)
       return;
     warp::markExactUpdates(kernel);
+    // One variant is in order, the other for launches that do not ask for it.
+    if (!warp::isGpu(kernel) && !warp::getVariant(kernel).isDeterministic() &&
+        warp::mayTellTurns(kernel))
+      warp::setRecipe(kernel,
+                      warp::getRecipe(kernel).withFacts(warp::turnFact));
     // Threads that work together on tiles have settled who makes an update.
     if (kernel->hasAttr(warp::attr::blockThreads)) {
       if (failed(orderBlocks(kernel)))

@@ -47,7 +47,7 @@ SAME_ON_DEVICES = (DeterministicMode.GPU_TO_GPU, "gpu_to_gpu")
 class Setting:
     """One setting: its type or types, default, environment variables, choices and doc."""
 
-    def __init__(self, name, kind, default, doc, choices=None, env=None, inert=False):
+    def __init__(self, name, kind, default, doc, choices=None, env=None, inert=False, least=None):
         self.name = name
         self.kinds = kind if isinstance(kind, tuple) else (kind,)
         self.default = default
@@ -55,6 +55,7 @@ class Setting:
         self.choices = choices
         self.env = (env or ()) + (f"WARP_{name.upper()}",)
         self.inert = inert
+        self.least = least
 
     def check(self, value):
         """The value to store; an empty text stands for the default among choices.
@@ -83,6 +84,8 @@ class Setting:
                 f"config.{self.name} expects one of {', '.join(map(repr, self.choices))}, "
                 f"but got {value!r}"
             )
+        if self.least is not None and value < self.least:
+            raise ValueError(f"config.{self.name} expects at least {self.least}, but got {value!r}")
         return value
 
     def initial(self):
@@ -201,11 +204,12 @@ SETTINGS = {
         ),
         Setting(
             "ordered_slots",
-            bool,
-            True,
-            "on the CPU, threads of a kernel that uses what an atomic returned run one after "
-            "another, so that slots taken from a counter are in the order of the threads; False "
-            "lets such kernels run on all cores, in any order",
+            (bool, int),
+            1 << 17,
+            "CPU launches of up to so many threads (True: any number, False: none) run them one "
+            "after another in kernels that use what an atomic returned, so that slots taken from a "
+            "counter follow the threads",
+            least=0,
         ),
         Setting(
             "enable_cpu_blocks",

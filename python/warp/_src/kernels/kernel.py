@@ -23,6 +23,7 @@ from warp._src.derivatives.kernel_derivatives import KernelDerivatives
 from warp._src.forks import translating
 from warp._src.kernels import declared, shown, unique
 from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.kernel_options import ordered_threads
 from warp._src.kernels.modules import Module, get_module
 from warp._src.types import dtypes
 from warp._src.types.annotations import annotations_of, check_annotations, is_generic
@@ -289,7 +290,7 @@ class Kernel:
             lanes=self.option("cpu_lanes") or 0,
             deterministic=self.is_deterministic,
             same_on_devices=self.option("deterministic") in settings.SAME_ON_DEVICES,
-            ordered_slots=self.option("ordered_slots"),
+            ordered_slots=ordered_threads(self.option("ordered_slots")),
         )
 
     @functools.cached_property

@@ -90,3 +90,10 @@ def _check_entry_point(abi, enable_backward) -> None:
         )
     if abi != "warp" and enable_backward is not False:
         raise ValueError(f"entry_point_abi={abi!r} requires enable_backward=False")
+
+
+def ordered_threads(value) -> int:
+    """Most threads of a CPU launch that keep their order, by a value of `ordered_slots`."""
+    most = (1 << 63) - 1
+    # 1 is True, as it is in environment variables: one thread has no order.
+    return most if value == 1 else min(int(value or 0), most)
