@@ -8,34 +8,13 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Geometry.h"
-#include "Operations.h"
+#include "Loader.h"
 
-#include "Geometry/Slots.h"
 #include "Runtime/Support.h"
-#include "warp/SavedGraph.h"
-#include "warp/SavedModule.h"
 
 using namespace warp;
 using namespace warp::graphs;
 using Kind = GraphOperation::Kind;
-
-struct LoadedGraph::Impl {
-  GraphFile file;
-  std::vector<std::shared_ptr<Kernel>> kernels;
-  std::vector<std::unique_ptr<Buffer>> buffers;
-  Geometry geometry;
-  std::map<std::string, const FileName *> names;
-  /// Goes first.
-  std::shared_ptr<Graph> graph;
-
-  char *startOf(uint32_t block) const {
-    return static_cast<char *>(buffers[block]->data()) +
-           file.blocks[block].lead;
-  }
-  const FileName &find(const std::string &name) const;
-  const FileName &checked(const std::string &name, size_t bytes) const;
-};
 
 LoadedGraph::LoadedGraph(std::unique_ptr<Impl> impl) : impl(std::move(impl)) {}
 LoadedGraph::~LoadedGraph() = default;
@@ -43,62 +22,6 @@ LoadedGraph::~LoadedGraph() = default;
 //===----------------------------------------------------------------------===//
 // Loading
 //===----------------------------------------------------------------------===//
-
-namespace {
-class Loader {
-public:
-  Loader(GraphFile &file, std::vector<std::shared_ptr<Kernel>> &kernels,
-         std::vector<std::unique_ptr<Buffer>> &buffers, Geometry &geometry,
-         int device, const std::string &origin)
-      : file(file), kernels(kernels), buffers(buffers), geometry(geometry),
-        device(device), origin(origin) {}
-
-  void checkTarget() const;
-  void loadKernels(const std::map<std::string, std::string> &modules);
-  /// Throws unless all that operations reach is in the graph's memory, and all
-  /// of that is reached by one. To be called before there is any.
-  void checkReach();
-  void checkRoom(uint64_t mostBytes) const;
-  void allocate(const Stream *stream);
-  void makeGeometry(const Stream *stream);
-  void restorePointers();
-  std::shared_ptr<Graph> capture(std::shared_ptr<Stream> stream);
-
-private:
-  Error damaged(const std::string &how) const {
-    return format.error(origin, "is damaged, " + how);
-  }
-  void restorePointers(FileOperation &entry);
-  FileOperation copyWithPointers(const FileOperation &entry);
-  void checkDepth() const;
-  void restorePointers(FileHandle &handle);
-  void noteReach(uint32_t block, uint64_t end);
-  void prepareGeometry();
-  void writeGeometry();
-  void writeIds(const std::vector<HandleWord> &words, std::string &bytes);
-  void writeIds(const Stream *stream);
-  uint64_t addressOf(uint32_t block, uint64_t offset) const;
-  AddressRange rangeOf(uint32_t block) const;
-  bool exists(uint32_t block) const {
-    return block < file.blocks.size() + file.handles.size();
-  }
-
-  GraphFile &file;
-  std::vector<std::shared_ptr<Kernel>> &kernels;
-  std::vector<std::unique_ptr<Buffer>> &buffers;
-  Geometry &geometry;
-  SavedModule module;
-  int device;
-  const std::string &origin;
-  /// Where all memory begins before there is any.
-  static constexpr uint64_t nowhere = uint64_t(1) << 47;
-  /// What pointers lead to that nothing is reached through.
-  uint64_t spare = nowhere;
-  bool isAllocated = false;
-  /// Bytes of each block up to the last one that an operation reaches.
-  std::vector<uint64_t> reach;
-};
-} // namespace
 
 void Loader::checkTarget() const {
   bool forCpu = file.target == "cpu";
@@ -223,26 +146,6 @@ void Loader::prepareGeometry() {
   }
 }
 
-void Loader::restorePointers(FileHandle &handle) {
-  std::vector<uint32_t> words = pointerWords(GeometryKind(handle.kind));
-  for (size_t k = 0; k < words.size(); ++k)
-    handle.words[words[k]] =
-        addressOf(handle.blocks[k], handle.words[words[k]]);
-  HandleContents reached{GeometryKind(handle.kind), handle.words, {}};
-  warp::geometry::findPointers(reached, {});
-  for (size_t k = 0; k < words.size(); ++k) {
-    const HandleContents::Pointer &pointer = reached.pointers[k];
-    if (pointer.begin == pointer.end)
-      continue;
-    AddressRange memory;
-    if (exists(handle.blocks[k]))
-      memory = rangeOf(handle.blocks[k]);
-    if (pointer.begin < memory.begin || pointer.end > memory.end)
-      throw damaged("geometry reaches beyond its memory");
-    noteReach(handle.blocks[k], pointer.end - memory.begin);
-  }
-}
-
 void Loader::writeGeometry() {
   for (uint32_t i = 0; i < file.handles.size(); ++i) {
     restorePointers(file.handles[i]);
@@ -255,107 +158,6 @@ void Loader::makeGeometry(const Stream *stream) {
   prepareGeometry();
   writeGeometry();
   writeIds(stream);
-}
-
-void Loader::restorePointers(FileOperation &entry) {
-  static const std::vector<Access> none;
-  GraphOperation &operation = entry.operation;
-  bool isLaunch = operation.kind == Kind::Launch;
-  if (isLaunch) {
-    if (entry.kernel >= kernels.size())
-      throw damaged("a launch has no kernel");
-    operation.kernel = kernels[entry.kernel].get();
-  }
-  checkArguments(operation, isLaunch ? operation.kernel->parameterSize() : 0);
-  const std::vector<Access> &accesses =
-      isLaunch ? module.kernels[entry.kernel].accesses : none;
-  // Where pointers are depends on no pointer.
-  std::vector<size_t> slots = slotsOf(operation, accesses);
-  if (slots.size() != entry.blocks.size())
-    throw damaged("the " + describe(operation) + " lacks a pointer");
-  for (size_t i = 0; i < slots.size(); ++i) {
-    uint64_t address = 0;
-    std::memcpy(&address, operation.arguments.data() + slots[i], 8);
-    uint32_t block = entry.blocks[i];
-    if (block != nullBlock && block != spareBlock && !exists(block))
-      throw damaged("the " + describe(operation) + " lacks its memory");
-    address = addressOf(block, address);
-    std::memcpy(operation.arguments.data() + slots[i], &address, 8);
-  }
-  for (const HandleWord &word : entry.handles)
-    for (size_t slot : slots)
-      if (word.at < slot + 8 && slot < word.at + 8)
-        throw damaged("the " + describe(operation) + " has ids for pointers");
-  writeIds(entry.handles, operation.arguments);
-  writeIds(entry.constantHandles, operation.constant);
-  std::vector<Pointer> pointers = pointersOf(operation, accesses);
-  for (size_t i = 0; i < pointers.size(); ++i) {
-    const AddressRange &range = pointers[i].range;
-    if (range.begin == range.end)
-      continue;
-    AddressRange memory;
-    if (exists(entry.blocks[i]))
-      memory = rangeOf(entry.blocks[i]);
-    if (range.begin < memory.begin || range.end > memory.end ||
-        range.begin > range.end)
-      throw damaged("the " + describe(operation) +
-                    " reaches beyond its memory");
-    noteReach(entry.blocks[i], range.end - memory.begin);
-  }
-}
-
-/// An operation that knows where its arrays are, and no ids.
-FileOperation Loader::copyWithPointers(const FileOperation &entry) {
-  FileOperation known = entry;
-  known.handles.clear();
-  known.constantHandles.clear();
-  restorePointers(known);
-  return known;
-}
-
-void Loader::restorePointers() {
-  for (FileOperation &entry : file.operations)
-    restorePointers(entry);
-}
-
-/// The host runs bodies within bodies by calls within calls.
-static constexpr int mostBodies = 256;
-
-void Loader::checkDepth() const {
-  int depth = 0;
-  for (const FileOperation &entry : file.operations) {
-    depth += entry.operation.kind == Kind::BeginBody;
-    depth -= entry.operation.kind == Kind::EndBody;
-    if (depth < 0 || depth > mostBodies)
-      break;
-  }
-  if (depth != 0)
-    throw damaged("branches and loops do not end where they should");
-}
-
-void Loader::noteReach(uint32_t block, uint64_t end) {
-  if (!isAllocated && block < reach.size())
-    reach[block] = std::max(reach[block], end);
-}
-
-void Loader::checkReach() {
-  checkDepth();
-  reach.resize(file.blocks.size());
-  for (FileHandle handle : file.handles)
-    restorePointers(handle);
-  for (const FileName &name : file.names)
-    noteReach(name.block, name.bytes ? name.offset + name.bytes : 0);
-  for (const FileOperation &entry : file.operations)
-    copyWithPointers(entry);
-  for (size_t i = 0; i < file.blocks.size(); ++i) {
-    // Contents are in the file.
-    const FileBlock &block = file.blocks[i];
-    if (block.contents.empty() && block.bytes != reach[i])
-      throw damaged("block " + std::to_string(i) + " of memory has '" +
-                    std::to_string(block.bytes) +
-                    "' bytes, but operations reach '" +
-                    std::to_string(reach[i]) + "'");
-  }
 }
 
 std::shared_ptr<Graph> Loader::capture(std::shared_ptr<Stream> stream) {
