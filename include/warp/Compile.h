@@ -159,8 +159,8 @@ struct Code {
   int sizeFacts = 0;
   /// GPU: blocks in a row, of the dimension before the last, that are one.
   int joined = 1;
-  /// GPU: every other launch may run its blocks from the last to the first, with
-  /// a 1 in place of the header's error record.
+  /// GPU: every other launch may run its blocks from the last to the first,
+  /// with a 1 in place of the header's error record.
   bool alternates = false;
 };
 

@@ -32,8 +32,7 @@ static mlir::Type elementType(warp::Builder::Impl &impl, mlir::Value array,
     impl.fail(Error::Kind::Index,
               "expects " + std::to_string(type.getRank()) +
                   (type.getRank() == 1 ? " index" : " indices") + " for " +
-                  quoted(type) + ", but got " +
-                  std::to_string(indices.size()));
+                  quoted(type) + ", but got " + std::to_string(indices.size()));
   return type.getElementType();
 }
 
@@ -47,10 +46,10 @@ static void checkElement(warp::Builder::Impl &impl, mlir::Type element,
   std::string hint;
   if (isScalar(element) && isScalar(given))
     hint = "\nhint: use `" +
-           std::string(element.isF32()                ? "float"
-                       : element.isSignedInteger(32) ? "int"
-                                                      : "wp." + getPythonName(
-                                                                    element)) +
+           std::string(element.isF32() ? "float"
+                       : element.isSignedInteger(32)
+                           ? "int"
+                           : "wp." + getPythonName(element)) +
            "(...)`";
   impl.failType(what.str() + " expects " + quoted(element) +
                 " for an element of the array, but got " + quoted(given) +
@@ -132,13 +131,12 @@ warp::Value warp::Builder::componentView(Value array,
   ArrayType type = arrayType(*impl, unwrap(array), {}, "component view");
   mlir::Type part = getFieldType(type.getElementType(), field);
   if (!part)
-    impl->fail(Error::Kind::Attribute,
-               "elements of " + quoted(type) + " have no field '" + field +
-                   "'");
+    impl->fail(Error::Kind::Attribute, "elements of " + quoted(type) +
+                                           " have no field '" + field + "'");
   auto result = ArrayType::get(type.getContext(), type.getRank(), part);
-  return wrap(ComponentViewOp::create(
-                  impl->builder, impl->loc, result, unwrap(array),
-                  ValueRange(), impl->builder.getStringAttr(field))
+  return wrap(ComponentViewOp::create(impl->builder, impl->loc, result,
+                                      unwrap(array), ValueRange(),
+                                      impl->builder.getStringAttr(field))
                   .getResult());
 }
 
@@ -163,9 +161,8 @@ warp::Value warp::Builder::slice(Value array, int dimension, Value start,
                                   given(step, 1)};
   ArrayType type = arrayType(*impl, unwrap(array), bounds, "slice");
   if (dimension < 0 || dimension >= type.getRank())
-    impl->fail(Error::Kind::Index, "no dimension " +
-                                       std::to_string(dimension) + " in " +
-                                       quoted(type));
+    impl->fail(Error::Kind::Index, "no dimension " + std::to_string(dimension) +
+                                       " in " + quoted(type));
   return wrap(SliceOp::create(impl->builder, impl->loc, type, unwrap(array),
                               dimension, bounds[0], bounds[1], bounds[2])
                   .getResult());
@@ -175,8 +172,7 @@ warp::Value warp::Builder::indexDim(Value array, int dimension, Value index) {
   ContextLock lock;
   ArrayType type = arrayType(*impl, unwrap(array), unwrap(index), "index");
   if (dimension < 0 || dimension >= type.getRank() || type.getRank() < 2)
-    impl->fail(Error::Kind::Index, "no dimension " +
-                                       std::to_string(dimension) +
+    impl->fail(Error::Kind::Index, "no dimension " + std::to_string(dimension) +
                                        " to leave out of " + quoted(type));
   auto result = ArrayType::get(type.getContext(), type.getRank() - 1,
                                type.getElementType());
@@ -189,22 +185,20 @@ warp::Value warp::Builder::dim(Value array, int dimension) {
   ContextLock lock;
   ArrayType type = arrayType(*impl, unwrap(array), {}, "shape");
   if (dimension < 0 || dimension >= type.getRank())
-    impl->fail(Error::Kind::Index, "no dimension " +
-                                       std::to_string(dimension) + " in " +
-                                       quoted(type));
+    impl->fail(Error::Kind::Index, "no dimension " + std::to_string(dimension) +
+                                       " in " + quoted(type));
   mlir::Type result = impl->builder.getIntegerType(32, /*isSigned=*/true);
-  return wrap(DimOp::create(impl->builder, impl->loc, result, unwrap(array),
-                            dimension)
-                  .getResult());
+  return wrap(
+      DimOp::create(impl->builder, impl->loc, result, unwrap(array), dimension)
+          .getResult());
 }
 
 warp::Value warp::Builder::stride(Value array, int dimension) {
   ContextLock lock;
   ArrayType type = arrayType(*impl, unwrap(array), {}, "strides");
   if (dimension < 0 || dimension >= type.getRank())
-    impl->fail(Error::Kind::Index, "no dimension " +
-                                       std::to_string(dimension) + " in " +
-                                       quoted(type));
+    impl->fail(Error::Kind::Index, "no dimension " + std::to_string(dimension) +
+                                       " in " + quoted(type));
   mlir::Type result = impl->builder.getIntegerType(32, /*isSigned=*/true);
   return wrap(StrideOp::create(impl->builder, impl->loc, result, unwrap(array),
                                dimension)
@@ -215,8 +209,7 @@ warp::Value warp::Builder::pointer(Value array) {
   ContextLock lock;
   arrayType(*impl, unwrap(array), {}, "ptr");
   mlir::Type result = impl->builder.getIntegerType(64, /*isSigned=*/false);
-  return wrap(PointerOp::create(impl->builder, impl->loc, result,
-                                unwrap(array))
+  return wrap(PointerOp::create(impl->builder, impl->loc, result, unwrap(array))
                   .getResult());
 }
 

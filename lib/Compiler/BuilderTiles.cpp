@@ -3,8 +3,8 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Operands are those of the operations in WarpTileOps.td, in order. The front
-// end says which shapes and types do not fit, in the words of its language; what
-// it misses, verifiers report.
+// end says which shapes and types do not fit, in the words of its language;
+// what it misses, verifiers report.
 //
 //===----------------------------------------------------------------------===//
 
@@ -181,12 +181,13 @@ private:
     if (name == "reduce")
       return warp::TileReduceOp::create(
           b, loc,
-          warp::getReducedType(typeOf(0), options.axis, typeOf(0).getElementType()),
+          warp::getReducedType(typeOf(0), options.axis,
+                               typeOf(0).getElementType()),
           reduction(), operands[0], axis());
     if (name == "arg_reduce")
       return warp::TileArgReduceOp::create(
-          b, loc, warp::getReducedType(typeOf(0), options.axis, index), reduction(),
-          operands[0], axis());
+          b, loc, warp::getReducedType(typeOf(0), options.axis, index),
+          reduction(), operands[0], axis());
     if (name == "scan")
       return warp::TileScanOp::create(b, loc, typeOf(0), reduction(),
                                       operands[0], options.flag,
@@ -213,10 +214,9 @@ private:
     Value alpha = operands.size() > 2 ? operands[2] : Value();
     Value c = operands.size() > 3 ? operands[3] : Value();
     Value beta = operands.size() > 4 ? operands[4] : Value();
-    return warp::TileMatmulOp::create(b, loc, shaped(), operands[0],
-                                      operands[1], c, alpha, beta,
-                                      unit(options.flag),
-                                      unit(options.transposed));
+    return warp::TileMatmulOp::create(
+        b, loc, shaped(), operands[0], operands[1], c, alpha, beta,
+        unit(options.flag), unit(options.transposed));
   }
 
   Operation *makeAlgebra(StringRef name) {
@@ -247,9 +247,9 @@ private:
 
 } // namespace
 
-warp::TileBuilder::Values
-warp::TileBuilder::make(const std::string &name, const Values &operands,
-                        const TileOptions &options) {
+warp::TileBuilder::Values warp::TileBuilder::make(const std::string &name,
+                                                  const Values &operands,
+                                                  const TileOptions &options) {
   ContextLock lock;
   Diagnostics diagnostics;
   SmallVector<mlir::Value, 4> values = unwrap(operands);
@@ -309,8 +309,8 @@ warp::TileBuilder::endFunction(const Values &elements,
     for (mlir::Value input : open->getOperands())
       if (auto tile = dyn_cast<TileType>(input.getType())) {
         for (mlir::Value value : values)
-          types.push_back(TileType::get(b.getContext(), tile.getShape(),
-                                        value.getType()));
+          types.push_back(
+              TileType::get(b.getContext(), tile.getShape(), value.getType()));
         break;
       }
     closed = TileMapOp::create(b, open->getLoc(), types, open->getOperands());

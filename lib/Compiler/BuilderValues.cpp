@@ -96,8 +96,7 @@ static SmallVector<StringRef> parametersOf(StringRef overload) {
   return parameters;
 }
 
-std::vector<unsigned>
-warp::Builder::inoutArguments(const std::string &name) {
+std::vector<unsigned> warp::Builder::inoutArguments(const std::string &name) {
   const BuiltinSpec *spec = lookupBuiltin(name);
   std::vector<unsigned> positions;
   if (!spec)
@@ -165,9 +164,8 @@ warp::Builder::Results warp::Builder::builtin(const std::string &name,
 warp::Builder::Values warp::Builder::tid(int dimensions) {
   ContextLock lock;
   if (dimensions < 1 || dimensions > 4)
-    impl->fail(Error::Kind::Value,
-               "expects 1 to 4 thread indices, but got " +
-                   std::to_string(dimensions));
+    impl->fail(Error::Kind::Value, "expects 1 to 4 thread indices, but got " +
+                                       std::to_string(dimensions));
   mlir::Type type = impl->builder.getIntegerType(32, /*isSigned=*/true);
   SmallVector<mlir::Type> types(dimensions, type);
   return wrap(TidOp::create(impl->builder, impl->loc, types).getResults());
@@ -212,12 +210,12 @@ warp::Value warp::Builder::cast(Value value, Type type) {
   mlir::Type wanted = unwrap(type), given = source.getType();
   if (wanted == given)
     return value;
-  bool possible = (isScalar(given) && isScalar(wanted)) ||
-                  (isComposite(given) && isComposite(wanted) &&
-                   withElementScalar(given, getElementScalar(wanted)) == wanted);
+  bool possible =
+      (isScalar(given) && isScalar(wanted)) ||
+      (isComposite(given) && isComposite(wanted) &&
+       withElementScalar(given, getElementScalar(wanted)) == wanted);
   if (!possible)
-    impl->failType("cannot convert " + quoted(given) + " to " +
-                   quoted(wanted));
+    impl->failType("cannot convert " + quoted(given) + " to " + quoted(wanted));
   Operation *op = CastOp::create(impl->builder, impl->loc, wanted, source);
   return wrap(impl->fold(op).front());
 }
@@ -229,9 +227,8 @@ warp::Value warp::Builder::bitcast(Value value, Type type) {
       getByteSize(given) != getByteSize(wanted))
     impl->failType("cannot reinterpret " + quoted(given) + " as " +
                    quoted(wanted) + ", sizes differ");
-  return wrap(
-      BitcastOp::create(impl->builder, impl->loc, wanted, unwrap(value))
-          .getResult());
+  return wrap(BitcastOp::create(impl->builder, impl->loc, wanted, unwrap(value))
+                  .getResult());
 }
 
 warp::Value warp::Builder::construct(Type type, const Values &args) {
@@ -273,9 +270,9 @@ mlir::Type warp::checkedPart(Builder::Impl &impl, mlir::Type composite,
       impl.failType("index of " + quoted(composite) +
                     " must be an integer, but got " + quoted(index.getType()) +
                     "\nhint: use `int(...)`");
-  mlir::Type part =
-      isComposite(composite) ? getIndexedType(composite, indices.size())
-                             : mlir::Type();
+  mlir::Type part = isComposite(composite)
+                        ? getIndexedType(composite, indices.size())
+                        : mlir::Type();
   if (!part)
     impl.failType(quoted(composite) + " cannot be indexed by " +
                   std::to_string(indices.size()) + " indices");
@@ -284,10 +281,10 @@ mlir::Type warp::checkedPart(Builder::Impl &impl, mlir::Type composite,
     auto known = wrap(index).constant();
     const int64_t *number = known ? std::get_if<int64_t>(&*known) : nullptr;
     if (number && (*number < -extent || *number >= extent))
-      impl.fail(Error::Kind::Index,
-                "index " + std::to_string(*number) +
-                    " is out of range for " + quoted(composite) + " with " +
-                    std::to_string(extent) + " elements");
+      impl.fail(Error::Kind::Index, "index " + std::to_string(*number) +
+                                        " is out of range for " +
+                                        quoted(composite) + " with " +
+                                        std::to_string(extent) + " elements");
   }
   return part;
 }
@@ -360,18 +357,16 @@ warp::Value warp::Builder::structCreate(Type type, const Values &fields) {
     impl->failType("struct " + quoted(wanted) + " expects " +
                    quotedTypes(wanted.getFieldTypes()) + ", but got " +
                    quotedTypes(TypeRange(ValueRange(values))));
-  return wrap(
-      StructCreateOp::create(impl->builder, impl->loc, wanted, values)
-          .getResult());
+  return wrap(StructCreateOp::create(impl->builder, impl->loc, wanted, values)
+                  .getResult());
 }
 
 warp::Value warp::Builder::structGet(Value value, const std::string &field) {
   ContextLock lock;
   mlir::Value source = unwrap(value);
   mlir::Type type = fieldType(*impl, source.getType(), field);
-  return wrap(
-      StructGetOp::create(impl->builder, impl->loc, type, source, field)
-          .getResult());
+  return wrap(StructGetOp::create(impl->builder, impl->loc, type, source, field)
+                  .getResult());
 }
 
 warp::Value warp::Builder::structSet(Value value, const std::string &field,

@@ -108,8 +108,9 @@ static std::vector<Symbol> knownSymbols() {
   UNARY(sqrt)
   UNARY(floor)
   UNARY(ceil)
-  UNARY(trunc) UNARY(round) UNARY(rint) UNARY(nearbyint) BINARY(fmod)
-      BINARY(fmin) BINARY(fmax) BINARY(copysign)
+  UNARY(trunc)
+  UNARY(round) UNARY(rint) UNARY(nearbyint) BINARY(fmod) BINARY(fmin)
+      BINARY(fmax) BINARY(copysign)
 #undef UNARY
 #undef BINARY
 #define UNARY(name)                                                            \

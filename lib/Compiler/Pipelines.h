@@ -38,10 +38,9 @@ void addPhase(mlir::OpPassManager &pm, Phase phase);
 
 /// Appends everything up to a phase, for the variant that the text of
 /// warp-specialize's options describes.
-mlir::LogicalResult
-addPipeline(mlir::OpPassManager &pm, Phase last, llvm::StringRef variant,
-            llvm::function_ref<mlir::LogicalResult(const llvm::Twine &)>
-                errorHandler);
+mlir::LogicalResult addPipeline(
+    mlir::OpPassManager &pm, Phase last, llvm::StringRef variant,
+    llvm::function_ref<mlir::LogicalResult(const llvm::Twine &)> errorHandler);
 
 /// Removes what rewrites leave behind: constants to fold, code said twice.
 void addSimplification(mlir::OpPassManager &pm);

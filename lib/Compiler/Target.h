@@ -74,7 +74,8 @@ void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
                       const CompileOptions &options);
 
 /// Links from embedded bitcode the functions that `module` declares, made
-/// internal; `bitcode` is asked for if there are any. Throws if it is malformed.
+/// internal; `bitcode` is asked for if there are any. Throws if it is
+/// malformed.
 void linkBitcode(llvm::Module &module,
                  llvm::function_ref<llvm::StringRef()> bitcode,
                  llvm::StringRef name);

@@ -69,8 +69,8 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
     served.under &= (variant->code.sizeFacts & underFact) != 0;
     if (!(variant->code.sizeFacts & rowFact))
       served.row = 0;
-    served.large |= (variant->code.sizeFacts & turnFact) != 0 && isInTurn(1) &&
-                    !key.inTurn;
+    served.large |=
+        (variant->code.sizeFacts & turnFact) != 0 && isInTurn(1) && !key.inTurn;
   }
   LaunchSchedule result{describeKind(served, arch), {}};
   if (!hasSource()) {

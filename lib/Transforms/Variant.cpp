@@ -158,10 +158,10 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
   return VariantAttr::getChecked(
       emitError, context, target, int64_t(options.rank), options.contiguous,
       options.index32, options.flat, options.large, options.under,
-      options.narrow, int64_t(options.joinable), options.disjoint, int64_t(options.blockDim),
-      int64_t(options.threads), int64_t(options.minBlocks),
-      int64_t(options.lanes), int64_t(options.row), options.debug,
-      options.fastMath, deterministic);
+      options.narrow, int64_t(options.joinable), options.disjoint,
+      int64_t(options.blockDim), int64_t(options.threads),
+      int64_t(options.minBlocks), int64_t(options.lanes), int64_t(options.row),
+      options.debug, options.fastMath, deterministic);
 }
 
 bool warp::setVariant(FunctionOpInterface kernel,

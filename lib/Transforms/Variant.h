@@ -41,11 +41,10 @@ bool setOption(CompileOptions &options, llvm::StringRef key,
 
 /// Calls `set` for each `key` or `key=value` of a text, which commas or blanks
 /// separate, until it fails.
-mlir::LogicalResult
-parseOptions(llvm::StringRef text,
-             llvm::function_ref<mlir::LogicalResult(llvm::StringRef,
-                                                    llvm::StringRef)>
-                 set);
+mlir::LogicalResult parseOptions(
+    llvm::StringRef text,
+    llvm::function_ref<mlir::LogicalResult(llvm::StringRef, llvm::StringRef)>
+        set);
 
 /// Every option that code depends on, as `key=value` with blanks between.
 std::string toText(const CompileOptions &options);

@@ -51,8 +51,8 @@ static Number toNumber(py::handle object) {
     return object.ptr() == Py_True;
   if (PyFloat_Check(object.ptr()))
     return PyFloat_AS_DOUBLE(object.ptr());
-  py::object index = py::reinterpret_steal<py::object>(
-      PyNumber_Index(object.ptr()));
+  py::object index =
+      py::reinterpret_steal<py::object>(PyNumber_Index(object.ptr()));
   if (!index) {
     PyErr_Clear();
     return object.cast<double>();
@@ -61,13 +61,12 @@ static Number toNumber(py::handle object) {
   int64_t value = PyLong_AsLongLongAndOverflow(index.ptr(), &overflow);
   if (overflow == 0)
     return value;
-  uint64_t large =
-      overflow > 0 ? PyLong_AsUnsignedLongLong(index.ptr()) : 0;
+  uint64_t large = overflow > 0 ? PyLong_AsUnsignedLongLong(index.ptr()) : 0;
   if (overflow < 0 || PyErr_Occurred()) {
     PyErr_Clear();
-    throw Error(Error::Kind::Overflow,
-                "integer " + py::str(index).cast<std::string>() +
-                    " does not fit 64 bits");
+    throw Error(Error::Kind::Overflow, "integer " +
+                                           py::str(index).cast<std::string>() +
+                                           " does not fit 64 bits");
   }
   return large;
 }
@@ -84,28 +83,33 @@ static void bindType(py::module_ &m) {
       .def_static("parse", [](const std::string &s) { return Type::parse(s); })
       .def("__str__", &Type::str)
       .def("__repr__", [](Type t) { return "Type(" + t.str() + ")"; })
-      .def("__eq__", [](Type a, const py::object &other) {
-        return py::isinstance<Type>(other) && a == other.cast<Type>();
-      })
+      .def("__eq__",
+           [](Type a, const py::object &other) {
+             return py::isinstance<Type>(other) && a == other.cast<Type>();
+           })
       .def("__hash__",
            [](Type t) { return reinterpret_cast<intptr_t>(t.impl) >> 3; })
       .def_property_readonly("python_name", &Type::pythonName)
       .def_property_readonly("kind", [](Type t) { return kindText(t.kind()); })
       .def_property_readonly("width", &Type::width)
       .def_property_readonly("signed", &Type::isSigned)
-      .def_property_readonly("element", [](Type t) {
-        Type element = t.element();
-        return element ? py::cast(element) : py::object(py::none());
-      })
+      .def_property_readonly("element",
+                             [](Type t) {
+                               Type element = t.element();
+                               return element ? py::cast(element)
+                                              : py::object(py::none());
+                             })
       .def_property_readonly("shape", &Type::shape)
       .def_property_readonly("rank", &Type::rank)
       .def_property_readonly("struct_name", &Type::structName)
-      .def_property_readonly("fields", [](Type t) {
-        py::list fields;
-        for (const Type::Field &field : t.fields())
-          fields.append(py::make_tuple(field.name, field.type));
-        return fields;
-      })
+      .def_property_readonly("fields",
+                             [](Type t) {
+                               py::list fields;
+                               for (const Type::Field &field : t.fields())
+                                 fields.append(
+                                     py::make_tuple(field.name, field.type));
+                               return fields;
+                             })
       .def_property_readonly("byte_size", &Type::byteSize)
       .def_property_readonly("byte_align", &Type::byteAlign);
 }
@@ -153,9 +157,8 @@ static void bindArrays(py::class_<Builder> &c) {
       .def("atomic", &Builder::atomic)
       .def("atomic_cas", &Builder::atomicCas)
       .def("view", &Builder::view)
-      .def("component_view",
-           py::overload_cast<Value, const std::string &>(
-               &Builder::componentView))
+      .def("component_view", py::overload_cast<Value, const std::string &>(
+                                 &Builder::componentView))
       .def("component_view", py::overload_cast<Value, const Builder::Values &>(
                                  &Builder::componentView))
       .def("slice",

@@ -26,11 +26,10 @@ PyTypeObject *python::kernelType = nullptr;
 static PyObject *newKernel(PyTypeObject *type, PyObject *args,
                            PyObject *names) {
   static const char *keywords[] = {
-      "module",    "name",      "debug",         "fast_math",   "lineinfo",
-      "opt_level", "block_dim", "max_registers", "max_threads", "min_blocks",
-      "deterministic", "same_on_devices", "lanes", "quick_first",
-      "ordered_slots",
-      nullptr};
+      "module",      "name",        "debug",         "fast_math",
+      "lineinfo",    "opt_level",   "block_dim",     "max_registers",
+      "max_threads", "min_blocks",  "deterministic", "same_on_devices",
+      "lanes",       "quick_first", "ordered_slots", nullptr};
   PyObject *module;
   const char *name;
   KernelOptions options;
@@ -38,11 +37,11 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
       sameOnDevices = 0, quickFirst = 0;
   long long orderedSlots = 0;
   if (!PyArg_ParseTupleAndKeywords(
-          args, names, "Os|$pppiiiiippipL", const_cast<char **>(keywords), &module,
-          &name, &debug, &fastMath, &lineinfo, &options.optLevel,
+          args, names, "Os|$pppiiiiippipL", const_cast<char **>(keywords),
+          &module, &name, &debug, &fastMath, &lineinfo, &options.optLevel,
           &options.blockDim, &options.maxRegisters, &options.maxThreads,
-          &options.minBlocks, &deterministic, &sameOnDevices,
-          &options.lanes, &quickFirst, &orderedSlots))
+          &options.minBlocks, &deterministic, &sameOnDevices, &options.lanes,
+          &quickFirst, &orderedSlots))
     return nullptr;
   options.deterministic = deterministic;
   options.sameOnDevices = sameOnDevices;
@@ -53,12 +52,11 @@ static PyObject *newKernel(PyTypeObject *type, PyObject *args,
   options.lineinfo = lineinfo;
   return guarded([&]() -> PyObject * {
     py::handle source(module);
-    auto kernel =
-        py::isinstance<Translation>(source)
-            ? std::make_unique<Kernel>(source.cast<const Translation &>(),
-                                       name, options)
-            : std::make_unique<Kernel>(source.cast<const Module &>(), name,
-                                       options);
+    auto kernel = py::isinstance<Translation>(source)
+                      ? std::make_unique<Kernel>(
+                            source.cast<const Translation &>(), name, options)
+                      : std::make_unique<Kernel>(source.cast<const Module &>(),
+                                                 name, options);
     auto packer = std::make_unique<Packer>(*kernel);
     PyObject *self = type->tp_alloc(type, 0);
     if (!self)
@@ -160,8 +158,8 @@ static PyObject *schedules(PyObject *self, PyObject *args, PyObject *names) {
     std::vector<LaunchSchedule> found;
     {
       py::gil_scoped_release unlocked;
-      found = kernel.schedules(device, arch,
-                               extents == Py_None ? nullptr : &dim);
+      found =
+          kernel.schedules(device, arch, extents == Py_None ? nullptr : &dim);
     }
     py::list list;
     for (const LaunchSchedule &schedule : found) {

@@ -263,11 +263,11 @@ void Packer::checkStructArrays(const PackParam &param, PyObject *value,
     int reach = array.flags & ~readOnlyFlag, owner = reach - 2;
     if (reach != 0 && owner != device &&
         (owner == cpuDevice || !canAccess(device, owner, array.data)))
-      throw error(
-          param, value,
-          " that holds an array on '" + deviceName(owner) +
-              "', the launch is on '" + deviceName(device) +
-              "'\nhint: move it with `.to(\"" + deviceName(device) + "\")`");
+      throw error(param, value,
+                  " that holds an array on '" + deviceName(owner) +
+                      "', the launch is on '" + deviceName(device) +
+                      "'\nhint: move it with `.to(\"" + deviceName(device) +
+                      "\")`");
     if (array.flags & readOnlyFlag)
       checkUse(param, param.offset + offset);
   }

@@ -201,7 +201,8 @@ bool python::readForeignArray(const Packer &packer, const PackParam &param,
     out.shape[i] = static_cast<int32_t>(found.shape[i]);
     out.strides[i] = static_cast<int32_t>(found.strides[i]);
   }
-  if (!onHost && waitForWriter(py::reinterpret_borrow<py::dict>(fields), device))
+  if (!onHost &&
+      waitForWriter(py::reinterpret_borrow<py::dict>(fields), device))
     keep.push_back(std::move(fields));
   return true;
 }

@@ -139,8 +139,8 @@ inline double squaredDistance(Double3 p, Double3 a, Double3 b, Double3 c) {
                  s[2] + t * d[2] - p[2]};
     return dot(q, q);
   };
-  double best = std::fmin(toSegment(a, b),
-                          std::fmin(toSegment(b, c), toSegment(c, a)));
+  double best =
+      std::fmin(toSegment(a, b), std::fmin(toSegment(b, c), toSegment(c, a)));
   Double3 n = cross(minus(b, a), minus(c, a));
   double area2 = dot(n, n);
   bool inside = area2 > 0 && dot(cross(minus(b, a), minus(p, a)), n) >= 0 &&
@@ -155,10 +155,10 @@ inline double squaredDistance(Double3 p, Double3 a, Double3 b, Double3 c) {
 inline double squaredDistance(const Scene &scene, const Vertex &p) {
   double best = HUGE_VAL;
   for (size_t f = 0; f < scene.faces(); ++f)
-    best = std::fmin(best, squaredDistance(toDouble(p),
-                                           toDouble(scene.corner(f, 0)),
-                                           toDouble(scene.corner(f, 1)),
-                                           toDouble(scene.corner(f, 2))));
+    best = std::fmin(best,
+                     squaredDistance(toDouble(p), toDouble(scene.corner(f, 0)),
+                                     toDouble(scene.corner(f, 1)),
+                                     toDouble(scene.corner(f, 2))));
   return best;
 }
 

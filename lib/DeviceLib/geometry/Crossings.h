@@ -63,16 +63,14 @@ inline i32 countCrossings(const Tree &tree, Point<f32> start,
   while (left) {
     const Node &node = tree.nodes[refs[--left]];
     Floats entry;
-    for (u32 met = meetBoxes(node, ray, infinity, entry); met;
-         met &= met - 1) {
+    for (u32 met = meetBoxes(node, ray, infinity, entry); met; met &= met - 1) {
       int child = lowestBit(met);
       if (node.nodes >> child & 1)
         refs[left++] = node.nodeAt(child);
       else
-        found += countBits(crossTriangles(
-            static_cast<const TriangleBlock *>(
-                tree.blocks)[node.blockAt(child)],
-            ray));
+        found += countBits(crossTriangles(static_cast<const TriangleBlock *>(
+                                              tree.blocks)[node.blockAt(child)],
+                                          ray));
     }
   }
   return found;

@@ -133,8 +133,8 @@ void ArrayLowering::lowerPrintf(PrintfOp op) {
   {
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPointToStart(&entry.getBody().front());
-    buffer = LLVM::AllocaOp::create(b, loc, pointer, record,
-                                    constant(i32, 1), 8);
+    buffer =
+        LLVM::AllocaOp::create(b, loc, pointer, record, constant(i32, 1), 8);
   }
   for (auto [i, value] : llvm::enumerate(args)) {
     mlir::Value slot = LLVM::GEPOp::create(
@@ -152,8 +152,8 @@ void ArrayLowering::lowerPrintf(PrintfOp op) {
 void ArrayLowering::lowerAssert(AssertOp op) {
   if (!debug && !op.getAlways())
     return;
-  mlir::Value failed = arith::XOrIOp::create(
-      b, loc, op.getCondition(), constant(b.getI1Type(), 1));
+  mlir::Value failed = arith::XOrIOp::create(b, loc, op.getCondition(),
+                                             constant(b.getI1Type(), 1));
   auto guard = scf::IfOp::create(b, loc, failed, /*withElseRegion=*/false);
   b.setInsertionPointToStart(guard.thenBlock());
   report(op.getLoc(),
@@ -168,8 +168,8 @@ void ArrayLowering::lowerCheckIndex(CheckIndexOp op) {
        llvm::zip_equal(op.getIndices(), op.getExtents())) {
     mlir::Value extent = constant(i32, bound);
     mlir::Value i = op.getOffsets() ? index : wrapIndex(index, extent);
-    mlir::Value fits = arith::CmpIOp::create(
-        b, loc, arith::CmpIPredicate::ult, i, widen(extent, i.getType()));
+    mlir::Value fits = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                             i, widen(extent, i.getType()));
     inside =
         inside ? arith::AndIOp::create(b, loc, inside, fits).getResult() : fits;
     indices.push_back(i);
@@ -215,10 +215,9 @@ int64_t ArrayLowering::siteNumber(Location at, StringRef what) {
 
 void ArrayLowering::report(Location at, CheckKind kind, StringRef what,
                            ValueRange indices, ValueRange shape) {
-  SmallVector<mlir::Value> args{errorRecord,
-                                constant(i32, siteNumber(at, what)),
-                                constant(i32, static_cast<int64_t>(kind) |
-                                                  indices.size() << 8)};
+  SmallVector<mlir::Value> args{
+      errorRecord, constant(i32, siteNumber(at, what)),
+      constant(i32, static_cast<int64_t>(kind) | indices.size() << 8)};
   for (size_t d = 0; d < 4; ++d)
     args.push_back(d < indices.size() ? widen(indices[d], i64)
                                       : constant(i64, 0));
@@ -241,8 +240,8 @@ LLVM::LLVMFuncOp ArrayLowering::getReportFunction() {
   types.append(4, i32);
   auto type = LLVM::LLVMFunctionType::get(
       LLVM::LLVMVoidType::get(b.getContext()), types);
-  auto function = LLVM::LLVMFuncOp::create(b, loc, name, type,
-                                           LLVM::Linkage::Internal);
+  auto function =
+      LLVM::LLVMFuncOp::create(b, loc, name, type, LLVM::Linkage::Internal);
   function.setPassthroughAttr(
       b.getArrayAttr({b.getStringAttr("noinline"), b.getStringAttr("cold")}));
   Block *first = function.addEntryBlock(b);

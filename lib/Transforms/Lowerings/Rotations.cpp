@@ -27,9 +27,9 @@ static Scalars added(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
 
 /// Hamilton's product.
 Scalars multiplyQuats(ArrayRef<Scalar> a, ArrayRef<Scalar> b) {
-  Scalars vector = added(added(scaled(b.take_front(3), a[3]),
-                               scaled(a.take_front(3), b[3])),
-                         cross(a.take_front(3), b.take_front(3)));
+  Scalars vector =
+      added(added(scaled(b.take_front(3), a[3]), scaled(a.take_front(3), b[3])),
+            cross(a.take_front(3), b.take_front(3)));
   vector.push_back(a[3] * b[3] - dot(a.take_front(3), b.take_front(3)));
   return vector;
 }
@@ -132,7 +132,7 @@ Scalars lowerQuatFromMatrix(Emitter &, Operands args) {
     Scalar better = rows[i][i] > largest;
     largest = select(better, rows[i][i], largest);
     row = zipWith(rows[i], row,
-              [&](Scalar x, Scalar y) { return select(better, x, y); });
+                  [&](Scalar x, Scalar y) { return select(better, x, y); });
   }
   // Of q and -q: the real part is not negative where the angle is at most 120
   // degrees, elsewhere the largest part is positive.
@@ -153,8 +153,8 @@ Scalars lowerQuatSlerp(Emitter &, Operands args) {
   ArrayRef<Scalar> a = args[0].scalars;
   Scalar t = args[2][0];
   Scalar isFar = dot(a, args[1].scalars) < 0;
-  Scalars b = forEach(args[1].scalars,
-                      [&](Scalar x) { return select(isFar, -x, x); });
+  Scalars b =
+      forEach(args[1].scalars, [&](Scalar x) { return select(isFar, -x, x); });
   Scalars difference = zipWith(b, a, std::minus<>());
   // atan2(|b - a|, |b + a|) is half the angle.
   Scalar angle = 2.0 * atan2(length(difference), length(added(a, b)));

@@ -31,8 +31,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "LowerTiles.h"
-#include "TileProducts.h"
 #include "EarlyLoads.h"
+#include "TileProducts.h"
 
 #include "KernelFunction.h"
 

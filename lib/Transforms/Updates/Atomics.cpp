@@ -22,8 +22,8 @@ using warp::AtomicKind;
 
 Value warp::combine(OpBuilder &b, Location loc, AtomicKind kind, Value old,
                     Value value, Type type, bool anyOrder) {
-  auto flags = anyOrder ? arith::FastMathFlags::reassoc
-                        : arith::FastMathFlags::none;
+  auto flags =
+      anyOrder ? arith::FastMathFlags::reassoc : arith::FastMathFlags::none;
   auto make = [&]<typename Op>(auto... extra) -> Value {
     return Op::create(b, loc, old, value, extra...);
   };
@@ -130,7 +130,8 @@ bool warp::hasOrderedUpdates(Operation *entry) {
 Value warp::negate(OpBuilder &b, Location loc, Value value) {
   if (isa<FloatType>(getElementTypeOrSelf(value)))
     return arith::NegFOp::create(b, loc, value);
-  Value zero = arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));
+  Value zero =
+      arith::ConstantOp::create(b, loc, b.getZeroAttr(value.getType()));
   return arith::SubIOp::create(b, loc, zero, value);
 }
 
@@ -143,9 +144,9 @@ AtomicKind warp::combiningKind(AtomicKind kind) {
 static bool hasOneName(Value array) {
   auto isArgument = [](Value value) {
     auto argument = dyn_cast<BlockArgument>(value);
-    return argument ? isa<FunctionOpInterface>(
-                          argument.getOwner()->getParentOp())
-                    : value.getDefiningOp<warp::ParameterOp>() != nullptr;
+    return argument
+               ? isa<FunctionOpInterface>(argument.getOwner()->getParentOp())
+               : value.getDefiningOp<warp::ParameterOp>() != nullptr;
   };
   auto grad = array.getDefiningOp<warp::GradOp>();
   if (!grad)
@@ -165,9 +166,8 @@ bool warp::commutes(AtomicComponentsOp op) {
   return !getUpdate(op).isExact() && hasOneName(op.getArray()) &&
          llvm::all_of(op.getArray().getUsers(), [&](Operation *user) {
            auto other = dyn_cast<AtomicComponentsOp>(user);
-           return isa<DimOp>(user) ||
-                  (other && other->use_empty() &&
-                   combiningKind(other.getKind()) == kind);
+           return isa<DimOp>(user) || (other && other->use_empty() &&
+                                       combiningKind(other.getKind()) == kind);
          });
 }
 

@@ -142,7 +142,7 @@ def test_empty_slices(device):
 
     with pytest.raises(wp.WarpCodegenTypeError, match="a slice without components"):
         wp.launch(kernel, 1, [v], device=device)
-    with pytest.raises(ValueError, match="at least 0, but got -1"):
+    with pytest.raises(ValueError, match="at least 0, but got '-1'"):
         wp.types.vector(-1, float)
 
 

@@ -91,7 +91,8 @@ def test_a_launch_prepares_the_mesh_it_gets(device, constructor):
     mesh, other = (mesh_of(corners, device, bvh_constructor=constructor) for _ in range(2))
     check(ask, mesh.id, corners, device)
     assert mesh.support_winding_number and not other.support_winding_number
-    assert mesh.id not in meshes._without_winding and other.id in meshes._without_winding
+    assert meshes._without_winding.get(mesh.id) is None
+    assert meshes._without_winding.get(other.id) is other
     check(ask_scene, Scene(radius=1.0, mesh=other.id), corners, device)
     assert other.support_winding_number
 

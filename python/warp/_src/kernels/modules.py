@@ -207,7 +207,7 @@ def _loadable(module, recursive) -> Module:
     if module is None or isinstance(module, Module):
         return _named(module)
     name = module if isinstance(module, str) else module.__name__
-    below = [other for other in modules_by_name if other.startswith(name + ".")]
+    below = [other for other in modules_by_name if f"{other}".startswith(name + ".")]
     # The modules of this package make their kernels when they are first used.
     is_own = name.partition(".")[0] == "warp" and name in sys.modules
     if not (name in modules_by_name or is_own or (recursive and below)):

@@ -457,7 +457,8 @@ def described(dtype) -> str:
         home = dtype.__module__
         text = f"'{home}.{name}'" if home == "numpy" else f"'{name}'"
     else:
-        text = name = spelled(dtype)
+        # NumPy's element types have names.
+        text, name = spelled(dtype), getattr(dtype, "name", "")
         text = text if "'" in text else f"'{text}'"
     known = {one.__name__ for one in SCALAR_TYPES}
     return f"{text}, use `wp.{name}`" if name in known else text
