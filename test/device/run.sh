@@ -19,7 +19,7 @@
 #
 #   PYTHON             interpreter (default: python3)
 #   WARP_TEST_DEVICE   device the tests use (default: cuda:0)
-#   BUDGET             seconds for everything (default: 480)
+#   BUDGET             seconds for everything (default: 570)
 #   LOGS               folder for whole logs (default: build/device-logs)
 set -uo pipefail
 cd "$(dirname "$0")/../.."
@@ -31,7 +31,7 @@ bundle=build/device
 work=build/device-package
 package=$work/warp
 logs=${LOGS:-build/device-logs}
-budget=${BUDGET:-480}
+budget=${BUDGET:-570}
 mkdir -p "$logs"
 export WARP_TEST_DEVICE=${WARP_TEST_DEVICE:-cuda:0}
 export PYTHONPATH=$PWD/$work${PYTHONPATH:+:$PYTHONPATH}
@@ -80,7 +80,7 @@ PYTHON
 
 run_tests() {
   local limit
-  limit=$(share 220)
+  limit=$(share 330)
   timeout -k 10 $((limit + 10)) "$python" test/device/suite.py --timeout "$limit" \
     --log "$logs/pytest" -- "$@"
 }

@@ -150,8 +150,9 @@ def test_memory_is_shared_where_that_is_asked_for():
     a = wp.array(data, dtype=wp.mat33, shape=(4,), device="cpu", copy=False)
     a.fill_(2.0)
     assert (data == 2).all()
-    b = wp.array(a, dtype=wp.mat33, shape=(2, 2), copy=False)
-    c = wp.array(wp.array(data, copy=False), dtype=wp.vec2, shape=(18,), copy=False)
+    b = wp.array(a, dtype=wp.mat33, shape=(2, 2), device="cpu", copy=False)
+    same = wp.array(data, device="cpu", copy=False)
+    c = wp.array(same, dtype=wp.vec2, shape=(18,), device="cpu", copy=False)
     assert a.ptr == b.ptr == c.ptr == data.ctypes.data
     data[:] = 3
     assert (c.numpy() == 3).all() and b.shape == (2, 2)

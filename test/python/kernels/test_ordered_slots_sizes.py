@@ -140,7 +140,9 @@ def test_other_kernels_are_compiled_once(kernel):
               for i, a in enumerate(kernel.adj.args)]  # fmt: skip
     for size in (1000, n, MOST, MOST + 1):
         wp.launch(kernel, size, arrays, device=CPU)
-        assert len(kinds(kernel)) == 1
+        # Where many cores add to few elements, another version makes no copies.
+        made = {kind.removesuffix(", arrays may overlap") for kind in kinds(kernel)}
+        assert len(made) == 1
 
 
 @pytest.mark.parametrize(

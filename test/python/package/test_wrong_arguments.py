@@ -1,9 +1,14 @@
 """All that the package offers, called with wrong arguments: an answer or a clear error."""
 
+import json
+import os
+import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-from support.argument_walk import judge, targets, walk
+import support
+from support.argument_walk import judge
 from support.random_runs import seeds
 
 import warp as wp
@@ -13,14 +18,29 @@ from warp._src.arguments import checked, shown
 
 # Calls of each function, method, operator and setter.
 CALLS = 3
+# Calls are made in forked processes, which a process that uses CUDA cannot have.
+WALK = """
+import json, sys, warnings
+from support.argument_walk import targets, walk
+warnings.simplefilter("ignore")
+found = walk.walk(targets.targets(), *map(int, sys.argv[1:]))
+print("\\n" + json.dumps(found))
+"""
 
 
-@pytest.mark.filterwarnings("ignore")
 @pytest.mark.skipif(sys.platform != "linux", reason="calls are made in forked processes")
 @pytest.mark.parametrize("seed", seeds(1))
 def test_wrong_arguments_have_clear_errors(seed):
     """No call crashes, hangs, or ends in an error that Python raised inside of the package."""
-    failures, count = walk.walk(targets.targets(), seed, CALLS)
+    paths = [str(Path(file).resolve().parents[1]) for file in (wp.__file__, support.__file__)]
+    ended = subprocess.run(
+        [sys.executable, "-c", WALK, str(seed), str(CALLS)],
+        env=os.environ | {"CUDA_VISIBLE_DEVICES": "", "PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+    )
+    assert ended.returncode == 0, ended.stderr[-4000:]
+    failures, count = json.loads(ended.stdout.splitlines()[-1])
     assert count > 9_000
     shown = "\n".join(f"{call}\n    {what}" for call, what in failures)
     assert not failures, f"{len(failures)} of {count} calls:\n{shown}"
