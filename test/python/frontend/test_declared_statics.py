@@ -135,3 +135,27 @@ def test_keyword():
         out[0] = wp.static(expr=2 + 3)
 
     assert run(declared) == 5
+
+
+def test_an_expression_in_another_is_evaluated_once():
+    """Python evaluates the inner `wp.static` with the outer one, and by itself where that fails."""
+    counted = []
+
+    def one_more():
+        counted.append(1)
+        return 3
+
+    @wp.kernel(module="unique")
+    def nested(out: wp.array(dtype=int)):
+        out[0] = wp.static(1 + wp.static(one_more()) + wp.static(one_more()))
+
+    assert len(counted) == 2
+    assert run(nested) == 7
+    assert len(counted) == 2
+
+    @wp.kernel(module="unique")
+    def beside(out: wp.array(dtype=int)):
+        for i in range(2):
+            out[0] = wp.static(i + wp.static(one_more())) + wp.static(one_more())
+
+    assert run(beside) == 7

@@ -29,12 +29,14 @@ class _Call:
         callee: compiled.
         text: the expression as `ast.unparse` writes it.
         code: compiled.
+        start, end: where it lies in the text of its function.
     """
 
-    __slots__ = ("callee", "code", "place", "text")
+    __slots__ = ("callee", "code", "end", "place", "start", "text")
 
-    def __init__(self, place, callee, text, code):
+    def __init__(self, place, span, callee, text, code):
         self.place = place
+        self.start, self.end = span
         self.callee = callee
         self.text = text
         self.code = code
@@ -64,11 +66,16 @@ def evaluate(function) -> None:
         return
     space = names_of(function)
     values = {}
+    # The end of the last one that was evaluated: those in it were, too.
+    end = 0
     for call in calls:
+        if call.start < end:
+            continue
         # An error may go away until the kernel is translated; if not, it is reported then.
         try:
             if eval(call.callee, space) is static:
                 values[call.place] = call.text, eval(call.code, space)
+                end = call.end
         except Exception:
             continue
     function.__dict__[_NAME] = function.__code__, values
@@ -113,7 +120,8 @@ def _find(function) -> list:
     plain = _SKIPPED.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
     found = []
     for match in _CALL.finditer(plain):
-        inner = text[match.end() : _closing(plain, match.end())]
+        closing = _closing(plain, match.end())
+        inner = text[match.end() : closing]
         try:
             expression = ast.parse(f"(\n{inner}\n)", mode="eval")
         except SyntaxError:
@@ -127,8 +135,9 @@ def _find(function) -> list:
         place = line, len(text[start : match.end(1)].encode())
         file = code.co_filename
         callee = compile(match[1], file, "eval")
+        compiled = compile(expression, file, "eval")
         found.append(
-            _Call(place, callee, ast.unparse(expression), compile(expression, file, "eval"))
+            _Call(place, (match.start(), closing), callee, ast.unparse(expression), compiled)
         )
     return found
 
