@@ -343,3 +343,26 @@ sys.modules["numpy"].kept_until_the_end = kept, borrowed, wp.to_dlpack(wp.ones(3
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.count("Error")) == (0, 0), done.stderr
+
+
+def test_what_cannot_be_exchanged_is_named():
+    """Errors name both types, the device and the class of what is given."""
+    truth = wp.to_dlpack(wp.zeros(1, dtype=wp.bool, device="cpu"))
+    with pytest.raises(TypeError, match="DLPack bool8 and Warp float32"):
+        wp.from_dlpack(truth, dtype=wp.float32)
+
+    class Source:
+        place = (123, 7)
+
+        def __dlpack_device__(self):
+            return self.place
+
+        def __dlpack__(self, **options):
+            assert self.place[0] == 1, "only memory of known devices is asked for"
+            return object()
+
+    with pytest.raises(TypeError, match="device_type=123, device_id=7"):
+        wp.from_dlpack(Source())
+    Source.place = (1, 0)
+    with pytest.raises(TypeError, match="expects a DLPack capsule, but got 'object'"):
+        wp.from_dlpack(Source())

@@ -6,12 +6,14 @@ import ctypes
 import sys
 
 from warp import _native
+from warp._src import errors
 from warp._src.argument_kinds import DLPACK, TYPE
 from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices import devices
 from warp._src.interop import exchange, torch_functions
 from warp._src.interop.dlpack_export import CODES, CPU, CUDA, CUDA_HOST, CUDA_MANAGED, READ_ONLY
+from warp._src.types import dtypes, scalars
 
 
 @checked(wp_array=DLPACK)
@@ -49,14 +51,28 @@ def from_dlpack(source, dtype=None, hint=None):
         ValueError: shape or strides do not fit.
     """
     capsule = _request(source) if hasattr(source, "__dlpack__") else source
-    found = _native.dlpack_inspect(capsule)
+    try:
+        found = _native.dlpack_inspect(capsule)
+    except TypeError as error:
+        got = type(capsule).__name__
+        if got == "PyCapsule":
+            raise
+        raise errors.WarpTypeError(
+            f"{error}, but got '{got}'", also=f"Expected a valid DLPack capsule, got {got}"
+        ) from None
     pointer, kind, number, code, bits, lanes, extents, strides, flags = found
     scalar = CODES.get((code, bits)) if lanes == 1 else None
     if scalar is None:
         raise TypeError(f"no scalar type for DLPack type {code} of {bits} bits and {lanes} lanes")
     if strides is not None:
         strides = [stride * ctypes.sizeof(scalar._type_) for stride in strides]
-    layout = exchange.fold(scalar, extents, strides, dtype)
+    try:
+        layout = exchange.fold(scalar, extents, strides, dtype)
+    except errors.WarpTypeError as error:
+        # DLPack counts the bits of each type, those of truth values, too.
+        held = "bool8" if scalar is scalars.bool else scalar.__name__
+        error.also = f"Incompatible data types: DLPack {held} and Warp {dtypes.type_repr(dtype)}"
+        raise
     index = _index(kind, number)
     owner = _native.dlpack_take(capsule)
     result = exchange.alias(
@@ -73,7 +89,10 @@ def _index(kind, number) -> int:
         return devices.CPU
     if kind in (CUDA, CUDA_MANAGED):
         return exchange.cuda_index(number)
-    raise TypeError(f"expects memory of the CPU or of CUDA, but got DLPack device type {kind}")
+    raise errors.WarpTypeError(
+        f"expects memory of the CPU or of CUDA, but got DLPack device type {kind}",
+        also=f"Unsupported source device for DLPack: device_type={kind}, device_id={number}",
+    )
 
 
 def _request(source):
