@@ -186,6 +186,12 @@ def test_bad_declarations():
     class Open:
         x: typing.Any
 
+    class AnyRank:
+        x: wp.array[float, typing.Any]
+
+    class AnyFabricRank:
+        x: wp.indexedfabricarray[float, typing.Any]
+
     class Derived(Unknown):
         y: float
 
@@ -195,6 +201,8 @@ def test_bad_declarations():
     for cls, message in (
         (Unknown, "field 'x' of struct 'Unknown'.*'str'"),
         (Open, "concrete type"),
+        (AnyRank, "field 'x' of struct 'AnyRank'.*number of dimensions open"),
+        (AnyFabricRank, "field 'x' of struct 'AnyFabricRank'.*number of dimensions open"),
         (Derived, "inherit"),
         (Reserved, "taken"),
     ):

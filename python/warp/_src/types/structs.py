@@ -358,6 +358,8 @@ def _field_type(struct_name, field, annotation, namespaces):
         dtype = annotations.evaluate(annotation, namespaces)
         if getattr(dtype, "_wp_absent_", False):
             return dtype
+        if isinstance(dtype, ArrayType) and dtype.ndim is typing.Any:
+            raise TypeError(f"'{dtype!r}' leaves the number of dimensions open, say which")
         dtype = annotations.resolve(dtype)
     except (TypeError, NameError) as error:
         raise TypeError(f"{place}: its annotation {error}") from None
