@@ -224,7 +224,12 @@ SETTINGS = {
             "`tile_diag_add`, `tile_min`, `tile_max`, `tile_reduce`, `tile_arange` and scans pass "
             "no gradient, as with NVIDIA Warp: for programs whose own adjoints count on that",
         ),
-        Setting("launch_array_access_mode", (int, str), "RELAXED", "reserved: overlap checks"),
+        Setting(
+            "launch_array_access_mode",
+            (int, str),
+            LaunchArrayAccessMode.RELAXED,
+            "reserved: overlap checks",
+        ),
         Setting("log_level", int, 30, "above LOG_WARNING the runtime gives no notices"),
         _inert("enable_vector_component_overwrites", bool, False),
         Setting(

@@ -1,6 +1,7 @@
 """Options of kernels and modules that reach the generated code."""
 
 import re
+import typing
 
 import pytest
 
@@ -10,6 +11,11 @@ import warp as wp
 def math(x: wp.array(dtype=float), y: wp.array(dtype=float)):
     i = wp.tid()
     y[i] = wp.exp(x[i]) + 1.0 / wp.sqrt(x[i]) + wp.sin(x[i]) / x[i]
+
+
+@wp.kernel
+def of_any_type(x: wp.array(dtype=typing.Any)):
+    x[wp.tid()] += x[0]
 
 
 def ptx(arch=90, **options):
@@ -64,7 +70,7 @@ def test_launch_bounds_and_registers():
     for count in (0, 256):
         with pytest.raises(ValueError, match="cuda_max_registers expects"):
             ptx(cuda_max_registers=count)
-    with pytest.raises(ValueError, match="exclude each other"):
+    with pytest.raises(ValueError, match="cuda_max_registers and launch_bounds exclude"):
         ptx(cuda_max_registers=32, launch_bounds=128)
 
 
@@ -125,9 +131,12 @@ def test_launch_bounds_limit_launches(device):
 def test_questions_about_kernels(device):
     if device == "cpu":
         assert wp.get_suggested_block_size(double, device) == (1, 1)
+        assert wp.get_suggested_block_size(of_any_type, device) == (1, 1)
         with pytest.raises(RuntimeError, match="no CUDA properties.*\n.*requires a CUDA device"):
             wp.get_cuda_kernel_properties(double, device)
     else:
+        with pytest.raises(RuntimeError, match="concrete overload"):
+            wp.get_suggested_block_size(of_any_type, device)
         threads, blocks = wp.get_suggested_block_size(double, device)
         assert 32 <= threads <= 1024 and blocks >= 1
         found = wp.get_cuda_kernel_properties(double, device)

@@ -73,6 +73,11 @@ def test_environment(monkeypatch, name, text, expected):
     assert SETTINGS[name].initial() == expected
 
 
+def test_modes_are_of_their_enumerations():
+    """Settings whose values are an enumeration's start as one of them."""
+    assert wp.config.launch_array_access_mode is wp.config.LaunchArrayAccessMode.RELAXED
+
+
 @pytest.mark.parametrize("name, text", [("quiet", "maybe"), ("mode", "fast"), ("max_unroll", "x")])
 def test_bad_environment(monkeypatch, name, text):
     monkeypatch.setenv(f"WARP_{name.upper()}", text)

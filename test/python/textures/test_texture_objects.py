@@ -69,6 +69,9 @@ def test_copies(device):
     np.testing.assert_array_equal(back.numpy(), data)
     with pytest.raises(ValueError, match=r"shape=\(2, 3\), source shape=\(3, 2\)"):
         second.copy_from(data.T)
+    other = wp.Texture2D(np.zeros((7, 9), np.float32), device=device)
+    with pytest.raises(ValueError, match=r"destination shape=\(.*source shape=\(7, 9\)"):
+        second.copy_from(other)
 
 
 def test_not_a_number_stays_inside(device):

@@ -65,7 +65,7 @@ def kernel(
         own["enable_backward"] = enable_backward
     if launch_bounds is not None:
         if cuda_max_registers is not None:
-            raise ValueError("launch_bounds and cuda_max_registers exclude each other")
+            raise ValueError("cuda_max_registers and launch_bounds exclude each other")
         own["launch_bounds"] = check_launch_bounds(launch_bounds)
     if cuda_max_registers is not None:
         own["cuda_max_registers"] = check_registers(cuda_max_registers)

@@ -22,12 +22,12 @@ def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
 
     Raises:
         TypeError: `kernel` is not a kernel.
-        RuntimeError: it is generic; overloads of it are not.
+        RuntimeError: it is generic and the device is a GPU; overloads of it are not.
     """
-    native = _prepared(kernel, "get_suggested_block_size")
     device = get_device(device)
-    if device.is_cpu:
+    if device.is_cpu and isinstance(kernel, Kernel):
         return 1, 1
+    native = _prepared(kernel, "get_suggested_block_size")
     return _native.suggested_block(native, device.index)
 
 

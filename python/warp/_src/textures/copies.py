@@ -95,9 +95,10 @@ class TextureCopies:
         if tuple(shape) != own:
             short = own if own[-1] > 1 else own[:-1]
             other = tuple(shape) if shape[-1] > 1 else tuple(shape[:-1])
-            raise ValueError(
-                f"Incompatible {what} shape for copy: texture shape={short}, {role} shape={other}"
-            )
+            whose = "shape for copy: texture"
+            if what == "texture":
+                whose = "shapes for copy: destination"
+            raise ValueError(f"Incompatible {what} {whose} shape={short}, {role} shape={other}")
         if kind != self.kind:
             raise ValueError(
                 f"Incompatible {what} data type for copy: texture dtype={self.dtype.__name__}, "
