@@ -6,6 +6,7 @@ import pytest
 import warp as wp
 
 SHADOWED = 999
+thread_index = wp.tid
 
 
 @wp.func
@@ -275,3 +276,36 @@ def test_vectors_of_truth_values(device):
     out = wp.zeros(2, dtype=bool, device=device)
     wp.launch(kernel, 1, [out], device=device)
     assert out.numpy().tolist() == [True, True]
+
+
+def test_thread_indices_by_other_names(device):
+    """`wp.tid` gives as many indices as there are names, whatever it is called."""
+
+    @wp.kernel
+    def by_global(out: wp.array2d(dtype=int)):
+        i, j = thread_index()
+        out[i, j] = 3 * i + j
+
+    @wp.kernel
+    def by_local(out: wp.array2d(dtype=int)):
+        if SHADOWED:
+            first = wp.tid
+        second = first
+        i, j = second()
+        out[i, j] = 3 * i + j
+
+    @wp.func
+    def pair():
+        return 2, 1
+
+    @wp.kernel
+    def of_function(out: wp.array2d(dtype=int)):
+        i, j = pair()
+        out[i, j] = 3 * i + j
+
+    for kernel, expected in ((by_global, [[0, 1, 2], [3, 4, 5], [6, 7, 8]]),
+                             (by_local, [[0, 1, 2], [3, 4, 5], [6, 7, 8]]),
+                             (of_function, [[0, 0, 0], [0, 0, 0], [0, 7, 0]])):  # fmt: skip
+        out = wp.zeros((3, 3), dtype=int, device=device)
+        wp.launch(kernel, (3, 3), [out], device=device)
+        assert out.numpy().tolist() == expected

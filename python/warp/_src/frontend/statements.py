@@ -129,10 +129,10 @@ class Statements(Part):
             self.context.targets.assign_target(target, binding, node)
 
     def is_tid(self, node):
+        """Whether a call is that of `wp.tid`, by whatever name."""
         if not isinstance(node, ast.Call) or node.args or node.keywords:
             return False
-        name = getattr(node.func, "attr", None) or getattr(node.func, "id", None)
-        if name != "tid":
+        if not isinstance(node.func, (ast.Attribute, ast.Name)):
             return False
         function = self.context.expressions.expr(node.func)
         return isinstance(function, BuiltinRef) and function.name == "tid"
