@@ -124,7 +124,8 @@ def test_a_graph_holds_it_all(device):
         sp.bsr_set_from_triplets(A, rows, columns, values)
         B = sp.bsr_mm(A, sp.bsr_transposed(A), max_new_nnz=12 * 12)
         sp.bsr_mv(B, x, y)
-        with pytest.raises(RuntimeError, match="device-to-host readback"):
+        error = NotImplementedError if device == "cpu" else RuntimeError
+        with pytest.raises(error, match="device-to-host readback.*topology update"):
             A.nnz_sync()
     values.assign(b.values)
     wp.copy(rows, ints(b.rows, device))

@@ -165,9 +165,9 @@ class BsrMatrix(InPlaceOperators, Operators):
             RuntimeError: a graph is being captured.
         """
         if _native.is_capturing(self.device.index):
-            raise RuntimeError(
-                "BsrMatrix.nnz_sync() needs a device-to-host readback, which a graph cannot hold; "
-                "call it outside of the capture"
+            raise (NotImplementedError if self.device.is_cpu else RuntimeError)(
+                "BsrMatrix.nnz_sync() needs a device-to-host readback, which a graph cannot hold: "
+                "a topology update in it runs later; call it outside of the capture"
             )
         self.nnz = int(self.offsets[self.nrow : self.nrow + 1].numpy()[0])
         return self.nnz
