@@ -1,28 +1,27 @@
-"""Run the public tests of an installed peer package against it and against this one.
+"""Run NVIDIA Warp's public tests against this package, and say how many pass.
 
-    peer_tests.py run --python PYTHON --tests PEER/warp/tests --out RESULT.jsonl
-                      [--package FOLDER] [--only PART]... [--names FILE]
-                      [--timeout SECONDS] [--gpu]
-    peer_tests.py compare PEER.jsonl OURS.jsonl [--misses]
+    peer_tests.py SITE [--only NAME ...] [--log FOLDER] [--timeout SECONDS]
 
-`run` copies the test files to a temporary folder, makes them `warp.tests` of
-whatever `warp` the interpreter imports (with `--package` on its path), and runs
-each file in a process of its own under unittest; a line of RESULT holds the
-file, the test, its outcome and the first lines of the reason. A test that ends
-the process or exceeds the time is such an outcome, and the file goes on behind
-it. A file of `--names` has the tests to run, one a line as RESULT names them.
-Private names that a file imports and the package lacks become placeholders that
-raise when they are used, so that the file's other tests run.
+SITE is the `site-packages` folder of an environment with `warp-lang==1.19.0`, whose wheel carries
+the tests. They are copied, never changed in place. Each file runs in a process of its own, on the
+CPU, with the `warp` that the interpreter of this script imports. A private name that a file imports
+and the package lacks becomes a class that cannot be made, so that the file's other tests run.
 
-`compare` counts, of what the peer passes, what this package passes too. Tests
-that name internals (code generator, hashes, native functions), themselves or in
-the helpers that they call, are in neither number; nor are tests that want
-something to be refused which this package has, and those are counted by reason.
+Failing tests are sorted by `test/peer/expected.txt`, one `class | pattern | reason` a line:
+  internal   asks for private names, generated C++, or the peer's native library
+  better     expects an error or a wrong value where this package gives the right result
+  missing    a feature that docs/compatibility.md names as absent
+A pattern is one of tests' names, or, behind `error:`, one of the last line of what a test raises.
+The first pattern that matches counts. A failing test that no line names is a fault and is printed.
+The rate is passed / (passed + faults + missing). A pattern that matched no failing test is named at
+the end of a whole run. The exit status is 1 for faults and for such patterns.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import fnmatch
 import json
 import os
 import shutil
@@ -32,132 +31,12 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-# What the rate leaves out: internals of the peer, its build, other libraries.
-LEFT_OUT = (
-    "apic allocation_tracker allocator block_dim_dispatch compilation core_library_binary "
-    "cpu_block_codegen cpu_block_dim cpu_precompiled_headers cpu_vectorization examples "
-    "external_build fast_math kernel_cache module_hashing module_parallel_load module_variants "
-    "render_opengl template_launch_bounds version apic_load_from_bytes apic_mesh "
-    "apic_utility_algorithms"
-)
-# Tests that something is refused which is there: by file and start of the name, with the reason.
-REFUSALS = (
-    (
-        "test_atomic",
-        tuple(f"test_atomic_{kind}_unsupported_dtypes_" for kind in ("add", "min", "max")),
-        "want atomics of 8 and 16 bits to be refused, which this package has",
-    ),
-    (
-        "test_codegen",
-        (
-            "test_rebind_function_local_errors",
-            "test_rebind_function_local_to_value_errors",
-            "test_rebind_gradwrapper_local_to_value_errors",
-            "test_rebind_gradwrapper_local_through_tuple_errors",
-            "test_error_mutating_constant_in_dynamic_loop",
-        ),
-        "want locals that were functions or constants not to be assigned anew",
-    ),
-    (
-        "test_ref",
-        (
-            "test_ref_rejects_constant_local_argument",
-            "test_ref_backward_enabled_kernel_raises",
-            "test_ref_shared_helper_backward_raises",
-        ),
-        "want references to constants, and derivatives through references, to be refused",
-    ),
-    (
-        "test_composite_component_adjoint",
-        ("test_array_composite_slot_multiply_assign_backward_rejected",),
-        "want derivatives of `*=` on components to be refused",
-    ),
-    (
-        "test_func_parameter_targets",
-        ("test_function_custom_grad_rejected",),
-        "want functions of functions to have no custom gradients",
-    ),
-    (
-        "test_module_contamination",
-        ("test_native_failure_fails_the_module", "test_validation_failure_fails_the_module"),
-        "want kernels beside one that fails to be refused",
-    ),
-    (
-        "test_overwrite",
-        ("test_cross_tape_write_after_backward_limitation",),
-        "want an overwriting not to be told, which the peer does not see",
-    ),
-    (
-        "test_copy",
-        ("test_copy_offset_unsupported",),
-        "want copies of parts of indexed arrays to be refused",
-    ),
-    (
-        "test_spatial",
-        ("test_transform_constructor_copy_dtype_mismatch",),
-        "want constructors not to convert numbers",
-    ),
-    (
-        "test_vec_constructors",
-        ("test_anon_constructor_error_numeric_args_mismatch",),
-        "want constructors not to convert numbers",
-    ),
-    (
-        "test_graph",
-        (
-            "test_graph_copy_noncontiguous_cpu_rejected",
-            "test_graph_fill_noncontiguous_cpu_rejected",
-            "test_graph_fill_indexed_cpu_rejected",
-        ),
-        "want graphs on the CPU to refuse copies and fills of arrays with gaps",
-    ),
-    (
-        "test_unique_module",
-        (
-            "test_module_options_error_without_unique",
-            "test_module_options_empty_dict_non_unique_raises",
-            "test_module_options_error_with_named_module",
-        ),
-        "want module_options to be refused where the module is not unique",
-    ),
-    (
-        "interop.test_jax",
-        (
-            "test_ffi_jax_kernel_autodiff_per_call_override_rejected_",
-            "test_ffi_jax_kernel_output_dims_autodiff_still_blocked_",
-        ),
-        "want shapes to be refused where derivatives are enabled",
-    ),
-    (
-        "cuda.test_conditional_captures",
-        ("test_error_alloc_",),
-        "want captures to be refused whose branches or loops allocate",
-    ),
-    (
-        "tile.test_tile_reduce",
-        ("test_tile_atomic_add_unsupported_dtype_",),
-        "want atomics of 8 and 16 bits to be refused, which this package has",
-    ),
-    (
-        "tile.test_tile_matmul",
-        tuple(
-            f"test_tile_matmul_{kind}_rejected_"
-            for kind in ("bf16_out", "bf16_a_with_backward", "bf16_b_with_backward")
-        ),
-        "want products of bf16 tiles to be refused",
-    ),
-    (
-        "tile.test_tile_view",
-        (
-            "test_tile_advanced_index_non_full_slice_rejected_",
-            "test_tile_reshape_strided_view_rejected_",
-            "test_tile_row_augassign_rejected_",
-            "test_tile_slice_augassign_rejected_",
-            "test_tile_slice_scalar_assign_rejected_",
-        ),
-        "want updates of rows and slices, and views of views, to be refused",
-    ),
-)
+ROOT = Path(__file__).resolve().parent.parent
+EXPECTED = ROOT / "test" / "peer" / "expected.txt"
+KINDS = ("internal", "better", "missing")
+# Finite elements, examples by themselves, windows, and arrays of many GiB.
+LEFT_OUT = ("fem/*", "test_examples.py", "test_render_opengl.py", "test_large.py")
+# Makes the copy `warp.tests`, also in processes that tests start.
 FINDER = """
 import importlib.util, sys
 class Finder:
@@ -168,275 +47,206 @@ class Finder:
                 name, {init!r}, submodule_search_locations=[{folder!r}])
 sys.meta_path.insert(0, Finder)
 """
-CHILD = '''
-import importlib, inspect, json, re, sys, types, unittest
-INTERNAL = re.compile(
-    r"_src[.](?!types)|\\b(wp_|warp_)?context[.]|\\bcodegen[.]|Module(Hasher|Builder|BuildOptions)"
-    r"|resolve_options|[.]adj\\b|\\bruntime\\b|\\bmock[.]|hash_module|get_module_hash|[.]execs\\b"
-    r"|[.]_[a-z]\\w+|user_overloads|[.]get_overload\\b|[.]references\\b|[.]native_func"
-    r"|pack_arg|concrete_array_type|infer_argument_types")
-absent = []
-class Placeholder:
-    def __init__(self, name):
-        self.__name__ = name
-        absent.append(name)
-    def __call__(self, *args, **kwargs):
-        raise AttributeError("private name: " + self.__name__)
-def missing(name):
-    if name.startswith("__"):
-        raise AttributeError(name)
-    return Placeholder(name)
-def load(name):
-    for _ in range(40):
-        try:
-            return importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            if not error.name.startswith(("warp._src", "warp.examples")):
-                raise
-            made = sys.modules[error.name] = types.ModuleType(error.name)
-            made.__getattr__ = missing
-            made.__path__ = []
-            parent, _, last = error.name.rpartition(".")
-            setattr(sys.modules[parent], last, made)
-        except ImportError as error:
-            pattern = "cannot import name '(_?[a-zA-Z]\\w*)' from '(warp._src[.\\w]*)'"
-            found = re.match(pattern, str(error))
-            if not found:
-                raise
-            setattr(sys.modules[found[2]], found[1], Placeholder(found[1]))
-def stand_in():
-    """Private helpers and records of parts left out that whole files need to be imported."""
-    import warp
-    context = importlib.import_module("warp._src.context")
-    if not hasattr(context, "_is_graph_capture_allocation_supported"):
-        context._is_graph_capture_allocation_supported = lambda device: True
-    fem = importlib.import_module("warp.fem")
-    if getattr(fem.Sample, "_wp_absent_", False):
-        fem.Sample = warp.struct(type("Sample", (), {"__annotations__": {"qp_index": int}}))
-def helpers_of_internals(module):
-    """Functions of a test file that name internals: who calls them, does."""
-    found = set()
-    for name, value in vars(module).items():
-        if inspect.isfunction(value) and value.__module__ == module.__name__:
-            if not name.startswith("test"):
-                source = inspect.getsource(inspect.unwrap(value))
-                if INTERNAL.search(source) or any(one in source for one in absent):
-                    found.add(name)
-    return found
-def is_internal(test):
+# Goes behind the `__init__.py` of the copy: names that whole files need to be imported.
+STAND_INS = """
+import importlib
+import warp, warp.fem
+import warp._src.context
+class Absent(type):
+    def __getattr__(cls, name):
+        raise AttributeError(f"private name '{cls.__name__}.{name}'")
+def refuse(self, *args, **kwargs):
+    raise AttributeError(f"private name '{type(self).__name__}'")
+def optional(module, name):
     try:
-        source = inspect.getsource(inspect.unwrap(getattr(test, test._testMethodName)))
-        if INTERNAL.search(source) or any(name in source for name in absent):
-            return True
-        return any(re.search(r"\\b" + name + r"[(]", source) for name in helpers)
-    except (OSError, TypeError, AttributeError):
-        return False
-name, out, done = sys.argv[1], sys.argv[2], set(json.loads(sys.argv[3]))
-def write(test, outcome, reason="", internal=False):
-    with open(out, "a") as file:
-        file.write(json.dumps([test, outcome, reason, internal]) + "\\n")
-def first(error):
-    if not isinstance(error, BaseException):
-        error = error[1]
-    lines = [line for line in str(error).splitlines() if line.strip()]
-    return (type(error).__name__ + ": " + " | ".join(lines[:4]))[:400]
+        found = importlib.import_module(module)
+        return getattr(found, name) if name else found
+    except (ImportError, AttributeError):
+        return Absent(name or module, (Exception,), {"__init__": refuse})
+for name in ("_is_graph_capture_allocation_supported", "_is_graph_capture_allocation_enabled"):
+    if not hasattr(warp._src.context, name):
+        setattr(warp._src.context, name, lambda device: True)
+if getattr(warp.fem.Sample, "_wp_absent_", False):
+    warp.fem.Sample = warp.struct(type("Sample", (), {"__annotations__": {"qp_index": int}}))
+"""
+WORKER = r"""
+import importlib, json, os, sys, traceback, unittest
+name, output = sys.argv[1:]
+found = {"passed": [], "failed": {}, "skipped": [], "running": None}
+
+def save():
+    with open(output, "w") as file:
+        json.dump(found, file)
+
 class Result(unittest.TestResult):
     def startTest(self, test):
         super().startTest(test)
-        self.outcome = ("passed", "")
-        self.internal = is_internal(test)
-        write(test.id(), "started")
-    def addError(self, test, error):
-        self.outcome = ("error", first(error))
-        if not hasattr(test, "_testMethodName"):
-            write(test.id(), *self.outcome)
+        found["running"] = test.id()
+        save()
+    def addSuccess(self, test):
+        found["passed"].append(test.id())
     def addFailure(self, test, error):
-        self.outcome = ("failed", first(error))
-    def addSkip(self, test, reason):
-        self.outcome = ("skipped", reason)
+        found["failed"][test.id()] = "".join(traceback.format_exception(*error))[-4000:]
+    addError = addFailure
     def addSubTest(self, test, subtest, error):
-        if error is not None:
-            self.outcome = ("failed", first(error))
+        if error:
+            self.addFailure(test, error)
     def addUnexpectedSuccess(self, test):
-        self.outcome = ("failed", "unexpected success")
-    def stopTest(self, test):
-        write(test.id(), *self.outcome, self.internal)
-def flatten(suite):
-    for test in suite:
-        if isinstance(test, unittest.TestSuite):
-            yield from flatten(test)
-        else:
-            yield test
+        found["failed"][test.id()] = "passed, but was expected to fail"
+    def addSkip(self, test, reason):
+        found["skipped"].append(test.id())
+
 try:
-    stand_in()
-    module = load(name)
-    helpers = helpers_of_internals(module)
-except BaseException as error:
-    write(name, "import", first(error))
-    raise SystemExit(0)
-tests = flatten(unittest.defaultTestLoader.loadTestsFromModule(module))
-wanted = set(open(sys.argv[4]).read().split()) if sys.argv[4] else None
-chosen = unittest.TestSuite(
-    test for test in tests
-    if test.id() not in done and (wanted is None or test.id() in wanted))
-chosen.run(Result())
-write(name, "finished")
-'''
+    module = importlib.import_module(name)
+    unittest.defaultTestLoader.loadTestsFromModule(module).run(Result())
+except BaseException:
+    found["failed"][name + ".<import>"] = traceback.format_exc()[-4000:]
+found["passed"] = [test for test in found["passed"] if test not in found["failed"]]
+found["running"] = None
+save()
+sys.stdout.flush()
+os._exit(0)
+"""
 
 
-def prepare(tests: Path, folder: Path) -> Path:
-    """Copy the tests to `folder` and return the folder that makes them importable."""
-    copy = folder / "copy" / "warp" / "tests"
-    shutil.copytree(tests, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    site = folder / "site"
-    site.mkdir()
-    finder = FINDER.format(init=str(copy / "__init__.py"), folder=str(copy))
-    (site / "sitecustomize.py").write_text(finder)
-    return site
-
-
-def module_names(tests: Path, only: list[str]) -> list[str]:
-    """Names of the test modules that take part."""
-    files = [*tests.glob("test_*.py"), *tests.glob("*/test_*.py")]
-    names = sorted(".".join(file.relative_to(tests).with_suffix("").parts) for file in files)
-    if only:
-        return [name for name in names if any(part in name for part in only)]
-    left_out = {f"test_{word}" for word in LEFT_OUT.split()}
-    folders = ("matrix.",)
-    return [
-        name
-        for name in names
-        if name not in left_out and ("." not in name or name.startswith(folders))
-    ]
-
-
-def run_module(name: str, options: argparse.Namespace, environment: dict) -> list[list[str]]:
-    """Outcomes of one file; a test that ended its process is one of them."""
-    outcomes: dict[str, list[str]] = {}
-    for _ in range(20):
-        with tempfile.TemporaryDirectory() as folder:
-            out = Path(folder) / "out"
-            out.touch()
-            command = [options.python, "-c", CHILD, f"warp.tests.{name}", str(out)]
-            command.append(json.dumps(sorted(outcomes)))
-            command.append(str(options.names.resolve()) if options.names else "")
-            reason = ""
-            try:
-                status = subprocess.run(
-                    command,
-                    env=environment,
-                    cwd=folder,
-                    timeout=options.timeout,
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                    check=False,
-                ).returncode
-            except subprocess.TimeoutExpired:
-                status, reason = 124, "exceeded the time"
-            lines = [json.loads(line) for line in out.read_text().splitlines()]
-        for line in lines:
-            outcomes[line[0]] = line
-        if f"warp.tests.{name}" in outcomes:
-            break
-        stuck = [test for test in outcomes.values() if test[1] == "started"]
-        for test in stuck:
-            outcomes[test[0]] = [test[0], "crashed", reason or f"exit status {status}", False]
-        if not stuck:
-            outcomes[name] = [name, "crashed", reason or f"exit status {status}", False]
-            break
-    return [test for test in outcomes.values() if test[1] != "finished"]
-
-
-def run(options: argparse.Namespace) -> None:
-    """Run the files and write one line per test."""
-    with tempfile.TemporaryDirectory() as folder:
-        site = prepare(options.tests, Path(folder))
-        path = [str(site)] + ([str(options.package)] if options.package else [])
-        environment = os.environ | {
-            "PYTHONPATH": os.pathsep.join(path),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
-        if not options.gpu:
-            environment["CUDA_VISIBLE_DEVICES"] = ""
-        with options.out.open("w") as out:
-            for name in module_names(options.tests, options.only):
-                outcomes = run_module(name, options, environment)
-                for outcome in outcomes:
-                    out.write(json.dumps([name, *outcome]) + "\n")
-                out.flush()
-                counts = Counter(outcome[1] for outcome in outcomes)
-                print(name, *(f"{count} {word}" for word, count in counts.items()), flush=True)
-
-
-def read(path: Path) -> dict[tuple[str, str], list]:
-    """Outcome, reason and whether it is about internals, by file and test."""
-    lines = map(json.loads, path.read_text().splitlines())
-    return {(line[0], line[1]): [*line[2:], False][:3] for line in lines}
-
-
-def refusal(file: str, test: str) -> str | None:
-    """Why a test wants less than this package has, None if it does not."""
-    name = test.rpartition(".")[2]
-    for of, starts, reason in REFUSALS:
-        if file == of and name.startswith(starts):
-            return reason
-    return None
-
-
-def compare(options: argparse.Namespace) -> None:
-    """Print, per file, what both pass, and what only the peer passes and why."""
-    peer, ours = read(options.peer), read(options.ours)
-    failed_imports = {key[0]: value[1] for key, value in ours.items() if value[0] == "import"}
-    totals, both, misses, internal, refusals = Counter(), Counter(), [], 0, Counter()
-    for (file, test), (outcome, _, peer_internal) in peer.items():
-        absent = ("absent", failed_imports.get(file, "not collected"), False)
-        result = ours.get((file, test), absent)
-        if outcome != "passed":
-            continue
-        if peer_internal or result[2]:
-            internal += 1
-            continue
-        if result[0] != "passed" and (reason := refusal(file, test)):
-            refusals[reason] += 1
-            continue
-        totals[file] += 1
-        if result[0] == "passed":
-            both[file] += 1
+def with_optional_imports(text: str) -> str:
+    """The text of a test whose top-level imports of private modules may fail, line by line."""
+    lines = text.splitlines()
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ImportFrom):
+            wanted = [
+                (node.module or "", name.name, name.asname or name.name) for name in node.names
+            ]
+        elif isinstance(node, ast.Import):
+            wanted = [(name.name, "", name.asname) for name in node.names]
         else:
-            misses.append((file, test.rpartition(".")[2], *result[:2]))
-    for file, total in totals.items():
-        print(f"{file:40} {both[file]:5} of {total:5}")
-    rate = 100 * both.total() / max(1, totals.total())
-    print(f"{'all':40} {both.total():5} of {totals.total():5}  {rate:.1f} %")
-    print(f"{internal} tests of internals left out")
-    for reason, count in refusals.items():
-        print(f"{count} tests left out that {reason}")
-    if options.misses:
-        for miss in misses:
-            print(*miss, sep="  ")
+            continue
+        if not all(module.startswith("warp._src") and known for module, _, known in wanted):
+            continue
+        made = [f"{known} = optional({module!r}, {name!r})" for module, name, known in wanted]
+        made.insert(0, "from warp.tests import optional")
+        lines[node.lineno - 1 : node.end_lineno] = ["; ".join(made)] + [""] * (
+            node.end_lineno - node.lineno
+        )
+    return "\n".join(lines) + "\n"
 
 
-def main() -> None:
+def copied_tests(site: Path, folder: Path) -> list[Path]:
+    """Copies the tests of a package into `folder/tests`; their paths below it."""
+    tests = folder / "tests"
+    shutil.copytree(site / "warp" / "tests", tests, ignore=shutil.ignore_patterns("__pycache__"))
+    with open(tests / "__init__.py", "a") as file:
+        file.write(STAND_INS)
+    (folder / "start").mkdir()
+    finder = FINDER.format(init=str(tests / "__init__.py"), folder=str(tests))
+    (folder / "start" / "sitecustomize.py").write_text(finder)
+    files = []
+    for file in sorted(tests.rglob("test_*.py")):
+        path = file.relative_to(tests)
+        if not any(fnmatch.fnmatch(path.as_posix(), pattern) for pattern in LEFT_OUT):
+            file.write_text(with_optional_imports(file.read_text()))
+            files.append(path)
+    return files
+
+
+def run_file(path: Path, site: Path, folder: Path, timeout: float) -> dict:
+    """What the tests of a file gave: `passed`, `failed` with texts, `skipped`."""
+    name = "warp.tests." + path.with_suffix("").as_posix().replace("/", ".")
+    output = folder / "result.json"
+    output.unlink(missing_ok=True)
+    search = [str(folder / "start"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {
+        "WARP_EXAMPLE_ASSETS": str(site / "warp" / "examples" / "assets"),
+        "CUDA_VISIBLE_DEVICES": "",
+        "PYTHONDONTWRITEBYTECODE": "1",
+        "PYTHONPATH": os.pathsep.join(search),
+    }
+    try:
+        with open(folder / "output.txt", "w") as text:
+            status = subprocess.run(
+                [sys.executable, "-c", WORKER, name, str(output)],
+                stdout=text,
+                stderr=text,
+                timeout=timeout,
+                env=environment,
+                check=False,
+            ).returncode
+    except subprocess.TimeoutExpired:
+        status = "no end"
+    empty = {"passed": [], "failed": {}, "skipped": [], "running": None}
+    found = json.loads(output.read_text()) if output.is_file() else empty
+    if status != 0:
+        found["failed"][found["running"] or name] = f"the process ended with {status}"
+    return found
+
+
+def expectations() -> list[tuple[str, str]]:
+    """Class and pattern of each line of `expected.txt`."""
+    lines = [line.strip() for line in EXPECTED.read_text().splitlines()]
+    found = []
+    for line in lines:
+        if line and not line.startswith("#"):
+            kind, pattern, reason = (part.strip() for part in line.split("|", 2))
+            if kind not in KINDS or not reason:
+                raise ValueError(f"{EXPECTED}: expects 'class | pattern | reason', got {line!r}")
+            found.append((kind, pattern))
+    return found
+
+
+def last_line(text: str) -> str:
+    return (text.strip().splitlines() or [""])[-1]
+
+
+def class_of(test: str, text: str, known: list[tuple[str, str]], used: set[str]) -> str:
+    """The class of a test that fails with `text`; `fault` if no line names it."""
+    short, error = test.removeprefix("warp.tests."), "error:" + last_line(text)
+    for kind, pattern in known:
+        if fnmatch.fnmatchcase(error if pattern.startswith("error:") else short, pattern):
+            used.add(pattern)
+            return kind
+    return "fault"
+
+
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    commands = parser.add_subparsers(required=True)
-    runs = commands.add_parser("run")
-    runs.add_argument("--python", default=sys.executable)
-    runs.add_argument("--tests", type=Path, required=True)
-    runs.add_argument("--package", type=Path)
-    runs.add_argument("--out", type=Path, required=True)
-    runs.add_argument("--only", action="append", default=[])
-    runs.add_argument("--names", type=Path, help="file of the tests to run")
-    runs.add_argument("--gpu", action="store_true", help="on GPUs, too")
-    runs.add_argument("--timeout", type=float, default=600)
-    runs.set_defaults(call=run)
-    compares = commands.add_parser("compare")
-    compares.add_argument("peer", type=Path)
-    compares.add_argument("ours", type=Path)
-    compares.add_argument("--misses", action="store_true")
-    compares.set_defaults(call=compare)
+    parser.add_argument("site", type=Path)
+    parser.add_argument("--only", nargs="*", default=[], help="parts of files' names")
+    parser.add_argument("--log", type=Path, help="folder for the texts of failures")
+    parser.add_argument("--timeout", type=float, default=600, help="seconds for each file")
     options = parser.parse_args()
-    options.call(options)
+    known, used = expectations(), set()
+    counts = Counter(dict.fromkeys(("passed", "skipped", *KINDS, "fault"), 0))
+    with tempfile.TemporaryDirectory() as folder:
+        for path in copied_tests(options.site, Path(folder)):
+            if options.only and not any(part in path.as_posix() for part in options.only):
+                continue
+            found = run_file(path, options.site, Path(folder), options.timeout)
+            counts["passed"] += len(found["passed"])
+            counts["skipped"] += len(found["skipped"])
+            failed = found["failed"].items()
+            kinds = {test: class_of(test, text, known, used) for test, text in failed}
+            counts.update(kinds.values())
+            print(f"{path}: {len(found['passed'])} passed, {len(kinds)} failed", flush=True)
+            for test in (test for test, kind in kinds.items() if kind == "fault"):
+                print(
+                    f"  FAULT {test.rpartition('.')[2]}: {last_line(found['failed'][test])[:160]}"
+                )
+            if options.log:
+                options.log.mkdir(parents=True, exist_ok=True)
+                texts = [
+                    f"{test} [{kind}]\n{found['failed'][test]}" for test, kind in kinds.items()
+                ]
+                name = path.with_suffix("").as_posix().replace("/", ".")
+                (options.log / f"{name}.txt").write_text("\n\n".join(texts))
+    print(", ".join(f"{count} {kind}" for kind, count in counts.items()))
+    behaviour = counts["passed"] + counts["fault"] + counts["missing"]
+    if behaviour:
+        print(f"{100 * counts['passed'] / behaviour:.1f} % of {behaviour} behavioural tests pass")
+    unused = [] if options.only else [one for _, one in known if one not in used]
+    for pattern in unused:
+        print(f"no failing test matches {pattern!r}: remove its line")
+    return 1 if counts["fault"] or unused else 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
