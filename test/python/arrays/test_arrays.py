@@ -185,15 +185,20 @@ def test_memory_outlives_its_maker():
 def test_borrowed_memory():
     source = data_of(6)
     freed = []
+
+    def free(pointer, size):
+        freed.append((pointer, size))
+
     array = wp.array(
         ptr=source.ctypes.data,
         dtype=float,
         shape=3,
         strides=8,
         device="cpu",
-        deleter=lambda pointer, size: freed.append((pointer, size)),
+        deleter=free,
     )
     assert same(array, [0, 2, 4])
+    assert array.deleter is free and array[1:].deleter is None
     with pytest.raises(ValueError, match="capacity"):
         wp.array(ptr=source.ctypes.data, dtype=float, shape=7, capacity=24, device="cpu")
     del array

@@ -71,6 +71,9 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         ValueError: shapes do not fit together.
     """
 
+    # What the array was made with, to be read: storing another one changes nothing.
+    deleter = None
+
     def __new__(cls, data=None, dtype=typing.Any, shape=None, *args, ptr=None, length=None, **kw):
         if data is None and shape is None and ptr is None and length is None and not args:
             if kw.keys() - {"ndim"}:
@@ -121,6 +124,8 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
                 allocate(self, extents, dtype, index, pinned, strides)
             else:
                 borrow(self, ptr, extents, strides, dtype, index, capacity, deleter)
+                if deleter is not None:
+                    self.deleter = deleter
         if ndim is not None and ndim != self.ndim:
             if data is None or self.size or ndim < self.ndim:
                 raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
