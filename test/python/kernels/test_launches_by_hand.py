@@ -81,6 +81,10 @@ def test_a_launch_by_hand_has_the_blocks_it_was_made_with():
     wp.config.enable_cpu_blocks = True
     try:
         command = wp.Launch(sum_of_block, "cpu", block_dim=4)
+        assert command.block_dim == 4
+        assert wp.Launch(advance, "cpu", block_dim=64).block_dim == 64
+        with pytest.raises(ValueError, match="at most 1024 threads"):
+            wp.Launch(advance, "cpu", block_dim=1025)
     finally:
         wp.config.enable_cpu_blocks = False
     command.set_params([x, out])
@@ -93,6 +97,7 @@ def test_recorded_launches_see_changes_of_structs(device):
     step = Step(scale=1.0, values=wp.array([1.0, 2.0], dtype=float, device=device))
     out = wp.zeros(2, dtype=float, device=device)
     command = wp.launch(advance, 2, [step, wp.vec2()], [out], device=device, record_cmd=True)
+    assert command.block_dim == (1 if device == "cpu" else 256)
     for scale, values in ((1.0, [1.0, 2.0]), (3.0, [1.0, 2.0]), (3.0, [4.0, 5.0])):
         step.scale = scale
         step.values = wp.array(values, dtype=float, device=device)

@@ -151,6 +151,7 @@ def _launch_checked(
         native = kernel.specialize((*inputs, *outputs), block_dim)
     else:
         native = kernel.prepare(block_dim)
+    wished = block_dim
     if type(kernel) is not Kernel:
         kernel.check((*inputs, *outputs), index)
         native, block_dim = kernel.place(
@@ -161,7 +162,9 @@ def _launch_checked(
         return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)
     if record_cmd:
         place = (index, stream, block_dim or 0)
-        return Launch._packed(kernel, native, dim, inputs, outputs, *place)
+        made = Launch._packed(kernel, native, dim, inputs, outputs, *place)
+        made.block_dim = _threads_of_blocks(kernel, index, wished)
+        return made
     if Observers.active:
         values = (*inputs, *outputs)
         observed_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
@@ -261,6 +264,12 @@ def _observe_recorded() -> None:
 Observers.on_change(_observe_recorded)
 
 
+def _threads_of_blocks(kernel, index, wished) -> int:
+    from warp._src.kernels.tiled import block_threads
+
+    return block_threads(kernel, index, wished)
+
+
 class LaunchBounds(typing.NamedTuple):
     """Extents of a grid of threads, their number, and the number of threads."""
 
@@ -286,6 +295,7 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         kernel: the kernel.
         device: where it runs.
         bounds: its grid: `shape`, `ndim`, `size`.
+        block_dim: threads per block; 1 on a CPU, unless `config.enable_cpu_blocks` is set.
     """
 
     def __new__(cls, kernel, device=None, block_dim=0, adjoint=False):
@@ -299,13 +309,16 @@ class Launch(LaunchParameters, _native.PackedLaunch):
                 "`wp.launch(..., record_cmd=True)`"
             )
         native, index = kernel.prepare(block_dim), resolve_index(device)
+        threads = _threads_of_blocks(kernel, index, block_dim)
         values = values_at_first(kernel)
         if type(kernel) is not Kernel:
             # The extents are not known yet: blocks may lack threads.
             native, block_dim = kernel.place(native, 1, index, block_dim, values, True)
         if adjoint:
             return AdjointLaunch(kernel, native, 0, values, (), (index, None, block_dim))
-        return cls._packed(kernel, native, 0, values, (), index, None, block_dim)
+        made = cls._packed(kernel, native, 0, values, (), index, None, block_dim)
+        made.block_dim = threads
+        return made
 
     @classmethod
     def _packed(cls, kernel, native, dim, inputs, outputs, index, stream, block_dim):
