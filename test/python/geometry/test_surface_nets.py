@@ -121,3 +121,22 @@ def test_extremes_and_what_is_refused(device):
         wp.geometry.IsoSurfaceNets(3, 3, 3).surface(
             wp.zeros((4, 4, 4), dtype=float, device="cpu"), 0.0
         )
+
+
+def test_vertices_are_corners_of_faces(device):
+    """Sheets that cross edges on the border alone have no vertex, those beside them keep theirs."""
+    values = np.ones((2, 2, 2), dtype=np.float32)
+    values[0, 0, 0] = -1.0
+    for topology in ("triangle", "quad"):
+        vertices, indices = extract(wp.array(values, device=device), topology=topology)
+        assert vertices.shape == indices.shape == (0,)
+    # One cell has a sheet around the corner of the grid, and one around the edge inside.
+    values = np.ones((3, 3, 2), dtype=np.float32)
+    values[0, 0, 0] = values[1, 1, 1] = -1.0
+    vertices, indices = extract(wp.array(values, device=device), topology="quad")
+    assert sorted(indices.numpy()) == [0, 1, 2, 3]
+    # Three crossings of a cell each: at 0.5 on one edge, and at the node inside on two.
+    signs = np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
+    expected = np.column_stack([1 + signs / 6, np.full(4, 1 - 1 / 6)])
+    found = vertices.numpy()
+    np.testing.assert_allclose(found[np.lexsort(found.T[::-1])], expected, atol=1e-6)

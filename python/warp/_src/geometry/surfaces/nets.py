@@ -130,6 +130,27 @@ def _write_faces(
 
 
 @wp.kernel(enable_backward=False, module="unique")
+def _mark_corners(faces: wp.array(dtype=int), used: wp.array(dtype=int)):
+    used[faces[wp.tid()]] = 1
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _keep_corners(
+    sheets: wp.array(dtype=wp.vec4i), ends: wp.array(dtype=int), kept: wp.array(dtype=wp.vec4i)
+):
+    i = wp.tid()
+    before = wp.where(i > 0, ends[wp.max(i - 1, 0)], 0)
+    if ends[i] > before:
+        kept[before] = sheets[i]
+
+
+@wp.kernel(enable_backward=False, module="unique")
+def _renumber_corners(ends: wp.array(dtype=int), faces: wp.array(dtype=int)):
+    i = wp.tid()
+    faces[i] = ends[faces[i]] - 1
+
+
+@wp.kernel(enable_backward=False, module="unique")
 def _cut_faces(
     vertices: wp.array(dtype=wp.vec3),
     faces: wp.array2d(dtype=int),
@@ -215,12 +236,15 @@ class IsoSurfaceNets(IsoSurfaceBase):
         count = scan(ends)
         sheets = wp.empty(count, dtype=wp.vec4i, device=device)
         sampled.launch(_list_sheets, cells, starts, ends, sheets)
-        vertices = sampled.place(_place_vertices, count, sheets, edge_starts, edges, edge_places)
         places = wp.empty((*sampled.shape, 3), dtype=int, device=device)
         sampled.launch(_count_faces, places.shape, places)
         faces = wp.empty((scan(places), 4), dtype=int, device=device)
         given = [starts, loop_of, around, ends, places]
         sampled.launch(_write_faces, places.shape, *given, faces)
+        sheets = _with_faces(sheets, faces.flatten())
+        vertices = sampled.place(
+            _place_vertices, len(sheets), sheets, edge_starts, edges, edge_places
+        )
         if topology == "quad":
             return vertices, faces.flatten()
         triangles = wp.empty((faces.shape[0], 6), dtype=int, device=device)
@@ -228,6 +252,22 @@ class IsoSurfaceNets(IsoSurfaceBase):
             _cut_faces, faces.shape[0], inputs=[plain(vertices), faces, triangles], device=device
         )
         return vertices, triangles.flatten()
+
+
+def _with_faces(sheets, corners):
+    """The sheets that are corners of faces, and gives the corners their new numbers: a sheet that
+    crosses edges on the border of the grid alone is none."""
+    if not len(sheets):
+        return sheets
+    ends = wp.zeros(len(sheets), dtype=int, device=sheets.device)
+    wp.launch(_mark_corners, len(corners), inputs=[corners, ends], device=sheets.device)
+    count = scan(ends)
+    if count == len(sheets):
+        return sheets
+    kept = wp.empty(count, dtype=wp.vec4i, device=sheets.device)
+    wp.launch(_keep_corners, len(sheets), inputs=[sheets, ends, kept], device=sheets.device)
+    wp.launch(_renumber_corners, len(corners), inputs=[ends, corners], device=sheets.device)
+    return kept
 
 
 def _check_topology(topology):
