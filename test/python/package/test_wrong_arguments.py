@@ -29,11 +29,12 @@ print("\\n" + json.dumps(found))
 
 @pytest.mark.skipif(sys.platform != "linux", reason="calls are made in forked processes")
 @pytest.mark.parametrize("seed", seeds(1))
-def test_wrong_arguments_have_clear_errors(seed):
+def test_wrong_arguments_have_clear_errors(seed, tmp_path):
     """No call crashes, hangs, or ends in an error that Python raised inside of the package."""
     paths = [str(Path(wp.__file__).parents[1].resolve()), str(Path(judge.__file__).parents[2])]
     ended = subprocess.run(
         [sys.executable, "-c", WALK, str(seed), str(CALLS)],
+        cwd=tmp_path,
         env=os.environ | {"CUDA_VISIBLE_DEVICES": "", "PYTHONPATH": os.pathsep.join(paths)},
         capture_output=True,
         text=True,
