@@ -20,6 +20,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, launch_ordinary, observed_launch
 from warp._src.derivatives.adjoint_launch import AdjointLaunch
 from warp._src.devices.devices import by_index, index_of, resolve_index
+from warp._src.kernels.block_sizes import block_threads
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel
@@ -163,7 +164,7 @@ def _launch_checked(
     if record_cmd:
         place = (index, stream, block_dim or 0)
         made = Launch._packed(kernel, native, dim, inputs, outputs, *place)
-        made.block_dim = _threads_of_blocks(kernel, index, wished)
+        made.block_dim = block_threads(kernel, index, wished)
         return made
     if Observers.active:
         values = (*inputs, *outputs)
@@ -264,12 +265,6 @@ def _observe_recorded() -> None:
 Observers.on_change(_observe_recorded)
 
 
-def _threads_of_blocks(kernel, index, wished) -> int:
-    from warp._src.kernels.tiled import block_threads
-
-    return block_threads(kernel, index, wished)
-
-
 class LaunchBounds(typing.NamedTuple):
     """Extents of a grid of threads, their number, and the number of threads."""
 
@@ -309,7 +304,7 @@ class Launch(LaunchParameters, _native.PackedLaunch):
                 "`wp.launch(..., record_cmd=True)`"
             )
         native, index = kernel.prepare(block_dim), resolve_index(device)
-        threads = _threads_of_blocks(kernel, index, block_dim)
+        threads = block_threads(kernel, index, block_dim)
         values = values_at_first(kernel)
         if type(kernel) is not Kernel:
             # The extents are not known yet: blocks may lack threads.

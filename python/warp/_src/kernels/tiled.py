@@ -11,15 +11,10 @@ from warp._src import errors
 from warp._src.argument_kinds import INTEGER, KERNEL, NONE, STREAM
 from warp._src.arguments import explained
 from warp._src.devices.devices import index_of, resolve_index
+from warp._src.kernels.block_sizes import DEFAULT_THREADS, MOST_THREADS, block_threads
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel, argument_type, once
 from warp._src.kernels.launch import Checked, launch
-
-# Threads of a block where none are named.
-DEFAULT_THREADS = 256
-# More, no block has.
-MOST_THREADS = 1024
-
 
 class RaggedBlock(int):
     """Threads of blocks that are not rows of a launch: threads that follow each other, whatever the
@@ -36,28 +31,6 @@ class RaggedBlock(int):
 
     def __eq__(self, other):
         return type(other) is RaggedBlock and int(self) == int(other)
-
-
-def block_threads(kernel, index, block_dim) -> int:
-    """Threads of the blocks of a launch.
-
-    Args:
-        kernel: what `@wp.kernel` made.
-        index: of the device; negative is the CPU.
-        block_dim: what the launch asks for, None or 0 for no wish.
-
-    Raises:
-        WarpLaunchValueError: there are more than blocks have.
-    """
-    threads = block_dim if block_dim and block_dim > 0 else kernel.option("block_dim") or 0
-    if index < 0 and not config.enable_cpu_blocks:
-        return 1
-    if threads > MOST_THREADS:
-        raise errors.WarpLaunchValueError(
-            f"launch('{kernel.key}'): block_dim={threads}, but a block has at most {MOST_THREADS} "
-            "threads"
-        )
-    return threads or (1 if index < 0 else DEFAULT_THREADS)
 
 
 class TiledKernel(Kernel):
