@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import math
 
 from warp._src.frontend.bindings import INT32, TileView
@@ -52,7 +53,21 @@ class TilePlaces(TileTopic):
             full.append(1)
         if not seen:
             return Selection(offsets), native.element
+        offsets = [
+            self.from_the_end(offset, extent, item, node)
+            for offset, extent, item in itertools.zip_longest(offsets, shape, items)
+        ]
         return self.selection(native, offsets, steps, full, seen)
+
+    def from_the_end(self, offset, extent, item, node):
+        """Where a row lies: its index, known at run time, may count from the end of an axis.
+
+        Offsets that `tile_view` got as values count from the beginning.
+        """
+        if not isinstance(item, ast.AST) or offset.constant() is not None:
+            return offset
+        self.context.at(node)
+        return self.builder.position(offset, extent)
 
     def index(self, item, extent, axis, node, what="tile_view() integer offset"):
         binding = self.context.expressions.expr(item) if isinstance(item, ast.AST) else item
