@@ -41,6 +41,20 @@ def test_composites_beside_sequences(device, dtype):
             assert flat == [dtype(*value.ravel().tolist()) for value in values]
 
 
+@pytest.mark.parametrize("dtype", [wp.mat22, wp.mat33d, wp.types.matrix((2, 3), wp.float16)])
+def test_matrices_beside_their_numbers_in_a_row(device, dtype):
+    """The numbers of a matrix may stand in one sequence, row after row."""
+    first, second = numbers(dtype, 1), numbers(dtype, 2)
+    row = second.ravel().tolist()
+    for one in (row, tuple(row), second.ravel().astype(np.float32)):
+        for data in ([dtype(*first.ravel().tolist()), one], [one, dtype(*first.ravel().tolist())]):
+            a = wp.array(data, dtype=dtype, device=device)
+            want = [first, second] if data[1] is one else [second, first]
+            np.testing.assert_array_equal(a.numpy(), want)
+    with pytest.raises(TypeError, match="one type"):
+        wp.array([dtype(*first.ravel().tolist()), row[:-1]], dtype=dtype, device=device)
+
+
 def test_without_a_type_it_is_that_of_the_composites(device):
     a = wp.array([(1, 2), wp.vec2h(3.0, 4.0)], device=device)
     assert a.dtype is wp.float16 and a.numpy().tolist() == [[1, 2], [3, 4]]

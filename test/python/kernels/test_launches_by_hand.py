@@ -224,6 +224,15 @@ def test_functions_and_tiles_at_python_scope():
     np.testing.assert_array_equal(wp.map(function, x, x).numpy(), [5.0, 10.0])
     assert wp.types.type_is_tile(wp.tile) and not wp.types.is_tile(wp.tile)
     assert wp.types.is_tile(wp.tile(dtype=float, shape=(2, 2)))
+    for tile in (
+        wp.tile(dtype=float, shape=4),
+        wp.tile(float, [4]),
+        wp.tile(wp.float32, (4,), storage="shared"),
+    ):
+        assert tile.shape == (4,) and tile.dtype is wp.float32
+    for wrong in ({"shape": 4, "storage": "heap"}, {"shape": 0}, {}, {"shape": "x"}):
+        with pytest.raises(TypeError):
+            wp.tile(dtype=float, **wrong)
     assert not wp.types.is_tile(3) and not wp.types.type_is_tile(wp.array)
 
 

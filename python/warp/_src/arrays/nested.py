@@ -35,7 +35,7 @@ def from_sequence(data, dtype):
         content = b"".join(map(contents, leaves))
         return numpy.frombuffer(content, layout).reshape(shape + inner)
     try:
-        source = numpy.array(_numbers(data, kinds) if composites else data)
+        source = _beside_numbers(data, kinds, dtype) if composites else numpy.array(data)
         if source.dtype == object:
             # Numbers of Python and of this package beside each other.
             leaves = [one.value if isinstance(one, scalar_base) else one for one in source.flat]
@@ -82,7 +82,25 @@ def _mixed(kinds) -> errors.WarpTypeError:
     )
 
 
-def _numbers(data, kinds):
+def _beside_numbers(data, kinds, dtype):
+    """A NumPy array of composites beside sequences of numbers, a matrix's in rows or in a row.
+
+    Only the element type tells that numbers in a row are a matrix.
+
+    Raises:
+        ValueError: the sequences have other lengths.
+    """
+    import numpy
+
+    try:
+        return numpy.array(_numbers(data, kinds, rows=True))
+    except ValueError:
+        if dtype is None:
+            raise
+        return numpy.array(_numbers(data, kinds, rows=False))
+
+
+def _numbers(data, kinds, rows):
     """The same with lists of numbers in place of composites.
 
     Raises:
@@ -95,7 +113,8 @@ def _numbers(data, kinds):
         if isinstance(value, Composite):
             import numpy
 
-            return numpy.array(scalars_of(value)).reshape(value._shape_)
+            numbers = numpy.array(scalars_of(value))
+            return numbers.reshape(value._shape_) if rows else numbers
         return [plain(one) for one in value] if isinstance(value, (list, tuple)) else value
 
     return plain(data)

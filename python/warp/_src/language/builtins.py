@@ -26,6 +26,11 @@ _KERNEL_ONLY = frozenset(
 )
 
 
+def _declares(args, named) -> bool:
+    """Whether a call of `wp.tile` outside of kernels is a type, for an annotation."""
+    return "dtype" in named or "shape" in named or isinstance(next(iter(args), None), type)
+
+
 class Builtin:
     """A function of the kernel language.
 
@@ -43,16 +48,16 @@ class Builtin:
         self._evaluators = {}
 
     def __call__(self, *args, **named):
-        if self.key == "tile_stack":
-            from warp._src.types.tiles import TileStackType
+        if self.key == "tile_stack" or (self.key == "tile" and _declares(args, named)):
+            from warp._src.types.tiles import TileStackType, declared_tile
 
+            declared = declared_tile if self.key == "tile" else TileStackType
             try:
-                return TileStackType(*args, **named)
+                return declared(*args, **named)
             except TypeError as error:
                 problem = str(error).replace("TileStackType.__init__", "tile_stack")
+                problem = problem.replace("declared_tile", "tile")
                 raise errors.WarpTypeError(problem) from None
-        if self.key == "tile" and not args and set(named) == {"dtype", "shape"}:
-            return self[(named["dtype"], *named["shape"])]
         if self.key in _KERNEL_ONLY or self.group == "Atomics":
             raise errors.WarpError(f"'{self.key}' can be called in kernels only")
         if named:

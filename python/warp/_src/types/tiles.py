@@ -78,6 +78,16 @@ class TileType:
         return f"wp.tile[{', '.join(parts)}]"
 
 
+def declared_tile(dtype, shape, storage="register"):
+    """The type that `wp.tile(dtype=..., shape=..., storage=...)` names outside of kernels."""
+    if storage not in ("register", "shared"):
+        raise TypeError(f"wp.tile expects 'register' or 'shared' as storage, but got {storage!r}")
+    if shape is typing.Any:
+        return TileType(dtype, ())
+    extents = tuple(shape) if isinstance(shape, (list, tuple)) else (shape,)
+    return TileType(dtype, (extents,))
+
+
 class TileStackType:
     """Type of a stack that a block has together: `wp.tile_stack(capacity=64, dtype=int)`.
 
