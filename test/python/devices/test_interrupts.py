@@ -5,10 +5,13 @@ import _thread
 import ctypes
 import functools
 import gc
+import importlib
 import random
 import signal
+import sys
 import threading
 import time
+import types
 import weakref
 
 import numpy as np
@@ -276,3 +279,21 @@ def test_errors_of_blocks_are_those_that_are_raised():
         y.fill_(3.0)
     wp.capture_launch(captured.graph)
     assert (y.numpy() == 3.0).all()
+
+
+def test_no_class_has_a_finalizer_of_python():
+    """Python prints and loses an interrupt in `__del__`; native finalizers leave it to the program.
+
+    `wp.fabricarray` and annotations of arrays have one that does nothing, as other packages ask.
+    """
+    importlib.import_module("warp._src.arrays.fabric")
+    importlib.import_module("warp.sparse")
+    found = {
+        one
+        for name, module in list(sys.modules.items())
+        if name.split(".")[0] == "warp"
+        for one in vars(module).values()
+        if isinstance(one, type) and isinstance(vars(one).get("__del__"), types.FunctionType)
+    }
+    assert not found
+    assert wp.array.__new__(wp.array).__del__() is None

@@ -74,8 +74,8 @@ class fabricarray(indexedarray):
             return cls.annotation(typing.Any if dtype is None else dtype, ndim or 1)
         return object.__new__(cls)
 
-    def __del__(self):
-        """Nothing is freed: the caller keeps the memory."""
+    # Nothing is freed: the caller keeps the memory. Python would lose an interrupt in a function.
+    __del__ = object.__init__
 
     def __class_getitem__(cls, params):
         return annotations.from_subscript(params, 1, cls.annotation)

@@ -251,8 +251,9 @@ class ArrayType:
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.array(data, ...)` to make an array")
 
-    def __del__(self):
-        """Nothing is freed: an annotation, also one by `array.__new__(array)`, has no memory."""
+    # Nothing is freed: an annotation, also one by `array.__new__(array)`, has no memory. A function
+    # of Python would lose an interrupt (Ctrl-C) that arrives in it.
+    __del__ = object.__init__
 
     def __ctype__(self):
         """The descriptor of no array."""
