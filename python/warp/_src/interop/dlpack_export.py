@@ -11,6 +11,7 @@ import sys
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays import hooks
 from warp._src.arrays.copies import clone
 from warp._src.devices import devices
 from warp._src.interop import exchange
@@ -43,6 +44,7 @@ def export(array, stream=None, max_version=None, dl_device=None, copy=None):
     Raises:
         BufferError: the elements are structs, or a copy is needed but not allowed.
         ValueError: `stream` is no stream.
+        WarpError: a graph is being captured on the CPU, with work that writes the array.
     """
     dtype = array.dtype
     if dtypes.is_struct(dtype):
@@ -50,6 +52,9 @@ def export(array, stream=None, max_version=None, dl_device=None, copy=None):
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)
     if copy is False and dl_device is None and _asked_by_mpi():
         _check_for_mpi(array, scalar)
+    if hooks.captures and array.device_index == devices.CPU:
+        # The consumer would read and write before the captured work, and once only.
+        hooks.check_settled(array)
     source, array = array, _moved(array, dl_device, copy)
     device = dlpack_device(array)
     if device[0] == CUDA:
