@@ -242,10 +242,31 @@ class Access(Part):
                 for part in (index.lower, index.upper, index.step)
             ]
             return base[slice(*bounds)]
+        chosen = self.chosen_number(base, index, node)
+        if chosen is not None:
+            return chosen
         position = self.constant_int(index, "the index of a tuple")
         if not -len(base) <= position < len(base):
             raise self.index_error(index, position, len(base), "index")
         return base[position]
+
+    def chosen_number(self, base, index, node):
+        """One of several integers, as extents are, at an index known at run time; else None."""
+        if not base or any(type(one) is not Value or one.type != INT32 for one in base):
+            return None
+        binding = self.context.expressions.expr(index)
+        if type(binding) is not Value or binding.type.kind != "int":
+            return None
+        if binding.constant() is not None:
+            return None
+        self.context.at(node)
+        place = self.builder.position(binding, len(base))
+        found = self.builder.constant(INT32, 0)
+        for number, one in enumerate(base):
+            here = self.builder.cast(self.builder.constant(INT32, number), place.type)
+            is_here = self.context.expressions.operator(node, "eq", place, here)
+            found = self.context.expressions.operator(node, "where", is_here, one, found)
+        return found
 
     def index_error(self, node, index, extent, what):
         return self.context.error(
