@@ -27,6 +27,9 @@ def from_sequence(data, dtype):
     """
     import numpy
 
+    source = _rows_of_numbers(data)
+    if source is not None:
+        return _in_range(source, dtype)
     kinds = _kinds(data)
     composites = [kind for kind in kinds if issubclass(kind, (Composite, ctypes.Structure))]
     if composites and len(kinds) == 1:
@@ -46,6 +49,36 @@ def from_sequence(data, dtype):
         raise errors.WarpShapeError(f"cannot make an array of the data: {error}") from None
     if composites and dtype is None:
         source = source.astype(element_layout(composites[0]._wp_scalar_type_)[0])
+    return _in_range(source, dtype)
+
+
+def _rows_of_numbers(data):
+    """A NumPy array of nested lists of plain numbers, or None if they may hold anything else.
+
+    Where the first thing is a number NumPy takes nothing but numbers beside it, so the many types
+    of these need no look.
+    """
+    import numpy
+
+    leaf, depth = data, 0
+    while depth <= _MOST_DIMENSIONS and type(leaf) in (list, tuple) and leaf:
+        leaf, depth = leaf[0], depth + 1
+    if type(leaf) not in (int, float):
+        return None
+    level = [data]
+    for _ in range(depth - 1):
+        level = list(itertools.chain.from_iterable(level))
+        if not {list, tuple}.issuperset(map(type, level)):
+            return None
+    try:
+        source = numpy.array(data)
+    except ValueError:
+        return None
+    return None if source.dtype == object else source
+
+
+def _in_range(source, dtype):
+    """The same, if its integers fit the element type."""
     if dtype is not None and source.size and source.dtype.kind in "iu":
         _check_range(source, getattr(dtype, "_wp_scalar_type_", dtype))
     return source
