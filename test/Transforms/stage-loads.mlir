@@ -78,3 +78,21 @@ func.func @unsuited(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
   }
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true>
+
+// Also where the loop carries nothing.
+// CHECK-LABEL: llvm.func {{.*}}@nothing_carried
+// CHECK: %[[AHEAD:.*]] = warp.load_components
+// CHECK: scf.for {{.*}} iter_args(%{{.*}} = %[[AHEAD]]) -> (f32)
+func.func @nothing_carried(%x: !warp.array<1 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #gpu} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  scf.for %j = %c0 to %n step %c1 : i32 {
+    %v = warp.load_components %x[%j] : !warp.array<1 x f32>, i32 -> f32
+  }
+  return
+}

@@ -331,9 +331,9 @@ void LoadStage::build() {
   auto branch = scf::IfOp::create(b, loc, loop.getResultTypes(), any,
                                   /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(branch.thenBlock());
   if (count == 0)
     branch.thenBlock()->getTerminator()->erase();
+  b.setInsertionPointToStart(branch.thenBlock());
   buildTiles(end);
   b.setInsertionPointToStart(branch.elseBlock());
   if (count > 0)
