@@ -109,8 +109,9 @@ static std::vector<Symbol> knownSymbols() {
   UNARY(floor)
   UNARY(ceil)
   UNARY(trunc)
-  UNARY(round) UNARY(rint) UNARY(nearbyint) BINARY(fmod) BINARY(fmin)
-      BINARY(fmax) BINARY(copysign)
+  UNARY(round)
+  UNARY(rint) UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax)
+      BINARY(copysign)
 #undef UNARY
 #undef BINARY
 #define UNARY(name)                                                            \

@@ -178,15 +178,15 @@ bool LoadStage::qualifies() {
 /// The part of the shared memory that belongs to this warp.
 void LoadStage::buildSlab() {
   auto module = entry->getParentOfType<ModuleOp>();
-  int64_t warps = llvm::divideCeil(
-      warp::getVariant(entry).getBlock(), warp::warpSize);
+  int64_t warps =
+      llvm::divideCeil(warp::getVariant(entry).getBlock(), warp::warpSize);
   int64_t slabSize = tileSize * bytes;
   auto type = LLVM::LLVMArrayType::get(b.getI8Type(), warps * slabSize);
   Value shared = warp::makeShared(b, loc, module, type, "load_slabs");
   StringRef name = shared.getDefiningOp<LLVM::AddressOfOp>().getGlobalName();
   module.lookupSymbol<LLVM::GlobalOp>(name).setAlignment(16);
-  Value number = arith::ShRUIOp::create(b, loc, warp::threadInBlock(b, loc),
-                                        constant(5));
+  Value number =
+      arith::ShRUIOp::create(b, loc, warp::threadInBlock(b, loc), constant(5));
   Value offset = arith::MulIOp::create(b, loc, number, constant(slabSize));
   slab = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(), shared,
                              ArrayRef<LLVM::GEPArg>(offset));
@@ -196,18 +196,18 @@ void LoadStage::buildSlab() {
 /// missing begins with.
 Value LoadStage::endOfTiles() {
   Value first = loop.getLowerBound(), last = loop.getUpperBound();
-  Value any = arith::CmpIOp::create(b, loc,
-                                    loop.getUnsignedCmp()
-                                        ? arith::CmpIPredicate::ult
-                                        : arith::CmpIPredicate::slt,
-                                    first, last);
+  Value any =
+      arith::CmpIOp::create(b, loc,
+                            loop.getUnsignedCmp() ? arith::CmpIPredicate::ult
+                                                  : arith::CmpIPredicate::slt,
+                            first, last);
   Value trips = arith::SubIOp::create(b, loc, last, first);
-  trips = arith::AndIOp::create(b, loc, trips,
-                                constant(counterType(), -tileSize));
+  trips =
+      arith::AndIOp::create(b, loc, trips, constant(counterType(), -tileSize));
   Value together = warp::isWarpTogether(b, loc, compared.getArrayRef());
   Value both = arith::AndIOp::create(b, loc, any, together);
-  trips = arith::SelectOp::create(b, loc, both, trips,
-                                  constant(counterType(), 0));
+  trips =
+      arith::SelectOp::create(b, loc, both, trips, constant(counterType(), 0));
   return add(first, trips);
 }
 
@@ -268,18 +268,16 @@ SmallVector<Value> LoadStage::buildStep(Value tile, Value step,
   clones.map(loop.getInductionVar(), add(tile, widen(step)));
   clones.map(loop.getRegionIterArgs(), carried);
   for (Operation &op : loop.getBody()->without_terminator()) {
-    Staged *staged = llvm::find_if(stages, [&](Staged &one) {
-      return one.load.getOperation() == &op;
-    });
+    Staged *staged = llvm::find_if(
+        stages, [&](Staged &one) { return one.load.getOperation() == &op; });
     if (staged == stages.end()) {
       b.clone(op, clones);
       continue;
     }
     for (auto [i, result] : llvm::enumerate(op.getResults()))
-      clones.map(result,
-                 LLVM::LoadOp::create(
-                     b, loc, result.getType(), slot(*staged, step, i),
-                     result.getType().getIntOrFloatBitWidth() / 8));
+      clones.map(result, LLVM::LoadOp::create(
+                             b, loc, result.getType(), slot(*staged, step, i),
+                             result.getType().getIntOrFloatBitWidth() / 8));
   }
   SmallVector<Value> next;
   for (Value value : loop.getYieldedValues())
@@ -300,17 +298,17 @@ void LoadStage::buildTiles(Value end) {
   Value tile = tiles.getInductionVar();
   fillSlab(tiles.getRegionIterArgs().drop_front(count));
   Value next = add(tile, constant(counterType(), tileSize));
-  Value isLast = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, next,
-                                       end);
+  Value isLast =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, next, end);
   next = arith::SelectOp::create(b, loc, isLast, tile, next);
   SmallVector<Value> loaded = loadAhead(next);
-  auto steps = scf::ForOp::create(
-      b, loc, constant(0), constant(tileSize), constant(1),
-      tiles.getRegionIterArgs().take_front(count));
+  auto steps =
+      scf::ForOp::create(b, loc, constant(0), constant(tileSize), constant(1),
+                         tiles.getRegionIterArgs().take_front(count));
   warp::setCopies(steps, copies);
   b.setInsertionPointToStart(steps.getBody());
-  SmallVector<Value> carried = buildStep(tile, steps.getInductionVar(),
-                                         steps.getRegionIterArgs());
+  SmallVector<Value> carried =
+      buildStep(tile, steps.getInductionVar(), steps.getRegionIterArgs());
   if (count > 0)
     scf::YieldOp::create(b, loc, carried);
   b.setInsertionPointAfter(steps);

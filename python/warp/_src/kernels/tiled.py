@@ -6,7 +6,6 @@ it is launched with. On a CPU a block is one thread.
 
 from __future__ import annotations
 
-from warp import config
 from warp._src import errors
 from warp._src.argument_kinds import INTEGER, KERNEL, NONE, STREAM
 from warp._src.arguments import explained
@@ -15,6 +14,7 @@ from warp._src.kernels.block_sizes import DEFAULT_THREADS, MOST_THREADS, block_t
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.kernel import Kernel, argument_type, once
 from warp._src.kernels.launch import Checked, launch
+
 
 class RaggedBlock(int):
     """Threads of blocks that are not rows of a launch: threads that follow each other, whatever the
