@@ -1,4 +1,4 @@
-"""Launches over more memory than a GPU's cache begin at either end in turn: each index runs once."""
+"""Launches over more memory than a GPU's cache alternate their order: each index runs once."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,7 @@
-"""First launches of kernels that search, solve or multiply tiles on a GPU run code that is linked with
-the device library's machine code, and better code later, with the same bits."""
+"""First launches of searches, solves and tile products on a GPU run linked machine code.
+
+Later launches run better code, with the same bits.
+"""
 
 import numpy as np
 import pytest
