@@ -39,7 +39,8 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_launches(form):
-    x, y = jnp.arange(4.0, dtype=jnp.float32), wp.zeros(4, dtype=float, device="cpu")
+    x = jax.device_put(np.arange(4, dtype=np.float32), jax.devices("cpu")[0])
+    y = wp.zeros(4, dtype=float, device="cpu")
     wp.launch(double, 4, [FORMS[form](x), y], device="cpu")
     np.testing.assert_array_equal(y.numpy(), [0, 2, 4, 6])
     for kernel in WRITERS:

@@ -17,9 +17,11 @@ from warp._src.arguments import checked, shown
 
 # Calls of each function, method, operator and setter.
 CALLS = 3
-# Calls are made in forked processes, which a process that uses CUDA cannot have.
+# Calls are made in forked processes of little memory. A process that uses CUDA cannot be forked,
+# and other libraries do not end well where memory does, so there are none.
 WALK = """
 import json, sys, warnings
+sys.modules.update(dict.fromkeys(("jax", "paddle", "torch")))
 from support.argument_walk import targets, walk
 warnings.simplefilter("ignore")
 found = walk.walk(targets.targets(), *map(int, sys.argv[1:]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 
 from warp._src.argument_kinds import ARRAY, DLPACK
-from warp._src.arguments import checked
+from warp._src.arguments import checked, shown
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import clone
 from warp._src.devices import devices
@@ -50,9 +50,12 @@ def dtype_from_jax(jax_dtype):
     """
     import jax.numpy
 
-    found = _scalars().get(jax.numpy.dtype(jax_dtype))
+    try:
+        found = _scalars().get(jax.numpy.dtype(jax_dtype))
+    except (TypeError, ValueError):
+        found = None
     if found is None:
-        raise TypeError(f"no scalar type for '{jax_dtype}'")
+        raise TypeError(f"no scalar type for {shown(jax_dtype)}")
     return found
 
 
@@ -79,10 +82,13 @@ def device_from_jax(jax_device):
     """The device for one of JAX's in this process.
 
     Raises:
+        TypeError: `jax_device` is no device of JAX.
         ValueError: JAX's device belongs to another process, or is neither CPU nor CUDA.
     """
     import jax
 
+    if not isinstance(jax_device, jax.Device):
+        raise TypeError(f"device_from_jax() expects a device of JAX, but got {shown(jax_device)}")
     if jax_device.process_index != jax.process_index():
         raise ValueError(f"JAX's device '{jax_device}' belongs to another process")
     if jax_device.platform == "cpu":
