@@ -144,7 +144,7 @@ public:
 
   /// Whether a launch gives its thread back at once, or nearly so.
   static bool isShort(const Plan &plan);
-  /// Whether a plan's code reports errors, for which it writes into the block
+  /// True if a plan's code reports errors, for which it writes into the block
   /// of parameters.
   static bool reports(const Plan &plan);
   /// Whether a plan's code prints.

@@ -134,7 +134,7 @@ static StringRef externalName(StringRef line) {
   return line.ltrim().take_until([](char c) { return c == '(' || c == ' '; });
 }
 
-/// Whether the device library has it.
+/// True if the device library has it.
 static bool isOfLibrary(StringRef name) {
   return name.starts_with("warp_") && !name.starts_with(warp::nativeCodePrefix);
 }

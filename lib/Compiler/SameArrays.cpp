@@ -70,7 +70,7 @@ Value Joining::find(Value value, unsigned number) {
   return {};
 }
 
-/// Whether another array is to be used for one of a value's, the first of which
+/// True if another array is to be used for one of a value's, the first of which
 /// has a number.
 bool Joining::isJoined(Type type, unsigned first) const {
   for (unsigned i = 0, end = warp::countArrays(type); i < end; ++i)

@@ -56,7 +56,7 @@ private:
 void findPointers(HandleContents &contents,
                   const std::vector<HandleMemory> &memory);
 
-/// Whether words that nobody has checked describe arrays and counts that can
+/// True if words that nobody has checked describe arrays and counts that can
 /// be; not where those lie.
 bool isPossible(GeometryKind kind,
                 const std::array<uint64_t, handleWords> &words);

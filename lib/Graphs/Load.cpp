@@ -169,7 +169,7 @@ std::shared_ptr<Graph> Loader::capture(std::shared_ptr<Stream> stream) {
   return capture->end();
 }
 
-/// Whether it says already what is wrong with a saved graph.
+/// True if it says already what is wrong with a saved graph.
 static bool isAboutFile(const Error &error) {
   return error.message.starts_with(format.name);
 }

@@ -25,7 +25,7 @@ static bool isWithin(int64_t value, int64_t least, int64_t most) {
   return value >= least && value <= most;
 }
 
-/// Whether kind, size and arrays of an argument fit.
+/// True if kind, size and arrays of an argument fit.
 static bool isWhole(const Param &param) {
   for (int64_t offset : param.arrays)
     if (offset % 8 != 0 ||

@@ -197,7 +197,7 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
   void findAccesses();
-  /// Whether the threads of a CPU launch of so many make updates that tell who
+  /// True if the threads of a CPU launch of so many make updates that tell who
   /// came first in their order.
   bool isInTurn(int64_t items) const {
     return items <= options.orderedSlots && !options.deterministic;

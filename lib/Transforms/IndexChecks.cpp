@@ -103,7 +103,7 @@ static void checkPart(OpBuilder &b, Location loc, Value tile, ValueRange first,
                                /*offsets=*/true);
 }
 
-/// Whether the operation is one with indices.
+/// True if the operation is one with indices.
 static bool insertCheck(Operation *op) {
   using namespace warp;
   OpBuilder b(op);

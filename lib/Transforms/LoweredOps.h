@@ -15,7 +15,7 @@
 
 namespace warp {
 
-/// Whether an operation is what lowering makes, and no front end builds.
+/// True if an operation is what lowering makes, and no front end builds.
 inline bool isLowered(mlir::Operation *op) {
   if (auto tid = mlir::dyn_cast<TidOp>(op))
     return tid.getResult(0).getType().isSignlessInteger();

@@ -173,7 +173,7 @@ static bool copyBytes(PyObject *value, char *out, int64_t size) {
   return fits;
 }
 
-/// Whether an array is to be taken as the parameter says, whatever its own
+/// True if an array is to be taken as the parameter says, whatever its own
 /// element type and rank are: programs ask for it with `return_ctype`.
 static bool isBare(PyObject *value) {
   static PyObject *const name = PyUnicode_InternFromString("bare");

@@ -30,7 +30,7 @@ static py::object attribute(PyObject *value, const char *name) {
   return py::reinterpret_steal<py::object>(found);
 }
 
-/// Whether what an object converted to has memory of its own.
+/// True if what an object converted to has memory of its own.
 static bool isCopy(PyObject *value, const py::object &converted) {
   if (py::object address = attribute(value, "data_ptr"))
     return py::isinstance<py::array>(converted) &&

@@ -33,7 +33,7 @@ public:
   }
   explicit operator bool() const { return type != nullptr; }
   PyObject *kind() const { return type; }
-  /// Whether it comes from outside of what was going on, like Ctrl-C.
+  /// True if it comes from outside of what was going on, like Ctrl-C.
   bool isInterrupt() const {
     return type && !PyErr_GivenExceptionMatches(type, PyExc_Exception);
   }

@@ -66,7 +66,7 @@ inline u32 bitsOf(Ints where) {
 #endif
 }
 
-/// Whether a comparison holds, of eight numbers anywhere.
+/// True if a comparison holds, of eight numbers anywhere.
 inline bool isAny(bool where) { return where; }
 inline bool isAny(Ints where) { return bitsOf(where) != 0; }
 

@@ -31,7 +31,7 @@ struct Level {
 
 Error broken(const std::string &why);
 
-/// Whether a text ends within its room.
+/// True if a text ends within its room.
 template <size_t room> bool hasEnd(const char (&text)[room]) {
   return std::memchr(text, 0, room);
 }

@@ -42,7 +42,7 @@ static bool hasThreadMemory(LLVM::LLVMFuncOp entry) {
       .wasInterrupted();
 }
 
-/// Whether there is something to report outside of debug launches, too.
+/// True if there is something to report outside of debug launches, too.
 static bool hasAssertions(LLVM::LLVMFuncOp entry) {
   return entry
       .walk([](AssertOp op) {

@@ -77,7 +77,7 @@ static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {
   return shared.contains(condition);
 }
 
-/// Whether threads come to an update once, and nothing else to its array: lanes
+/// True if threads come to an update once, and nothing else to its array: lanes
 /// that make it one after another are as good as threads that do.
 static bool isOnlyTurn(Operation *update, FunctionOpInterface kernel) {
   auto access = dyn_cast<warp::AccessOp>(update);

@@ -13,7 +13,7 @@
 
 namespace warp::tiles {
 
-/// Whether element e of a tile is what thread e of the block holds, or is
+/// True if element e of a tile is what thread e of the block holds, or is
 /// computed of such elements.
 bool isOfThreads(mlir::Value tile);
 

@@ -97,7 +97,7 @@ protected:
                                        llvm::ArrayRef<int64_t> shape);
   /// What threads that the launch does not have leave: zero.
   Value emptyTile(TileType type);
-  /// Whether the launch has a thread of the block; null if it has all.
+  /// True if the launch has a thread of the block; null if it has all.
   Value isThere(const Lane &lane);
   /// What picks indices of an access, nowhere for threads that are not there.
   template <typename Op> void pickThere(Op op);

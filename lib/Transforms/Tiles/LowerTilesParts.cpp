@@ -73,7 +73,7 @@ void TileLowering::begin(Operation *op, Value tile) {
   barrier();
 }
 
-/// Whether an index is known not to be below zero.
+/// True if an index is known not to be below zero.
 static bool isFromStart(Value index) {
   if (index.getType().isUnsignedInteger())
     return true;

@@ -74,7 +74,7 @@ private:
   bool needsGuard(Operation *op) const;
   void guard(Operation *op, Value alive);
   LogicalResult mask(Operation *op, Value alive);
-  /// Whether a branch is one that threads return by; null if it fails.
+  /// True if a branch is one that threads return by; null if it fails.
   FailureOr<bool> leave(scf::IfOp op, Value alive);
   void hoistTiles(Block &block);
   SmallVector<Value> leftBehind(scf::IfOp op, Block *block, Value goes);

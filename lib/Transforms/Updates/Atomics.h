@@ -67,10 +67,10 @@ bool tellsTurn(mlir::Operation *update);
 
 /// The same of native code with atomics.
 bool mayTellTurn(mlir::Operation *op);
-/// Whether an entry has such operations.
+/// True if an entry has such operations.
 bool mayTellTurns(mlir::Operation *entry);
 
-/// Whether a kernel's threads have to come to such operations in turn. Set for
+/// True if a kernel's threads have to come to such operations in turn. Set for
 /// launches on a CPU that the caller wants in order.
 bool keepsTurns(mlir::Operation *entry);
 

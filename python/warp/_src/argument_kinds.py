@@ -24,7 +24,7 @@ class Kind:
         self._test = test
 
     def fits(self, value) -> bool:
-        """Whether a value is of the kind; one whose own methods fail is not."""
+        """True if a value is of the kind; one whose own methods fail is not."""
         try:
             return bool(self._test(value))
         except Exception:

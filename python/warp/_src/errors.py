@@ -68,7 +68,7 @@ def _rebuild(cls, message, state):
 class WarpCodegenError(WarpError):
     """A kernel or function cannot be translated."""
 
-    # Whether what was translated so far depends on how many threads a block has.
+    # True if what was translated so far depends on how many threads a block has.
     depends_on_threads = False
 
 

@@ -79,7 +79,7 @@ def zeros(n):
 
 
 def keeps_order(kernel, dim):
-    """Whether one core runs a launch of that size because of its slots."""
+    """True if one core runs a launch of that size because of its slots."""
     choices = kernel.schedule(CPU, dim=dim)[0].choices
     return REASON in [str(one.reason) for one in choices if one.what == "updates"]
 

@@ -50,7 +50,7 @@ class _Steps:
 
 
 def _traced(steps, work) -> bool:
-    """Whether the work was interrupted."""
+    """True if the work was interrupted."""
     before, found = sys.gettrace(), False
     for run in (lambda: sys.settrace(steps) or work(), lambda: sys.settrace(before)):
         try:

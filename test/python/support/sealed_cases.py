@@ -99,7 +99,7 @@ def make_graph(folder):
 
 
 def is_clear(error) -> bool:
-    """Whether it is an error of the package that says what is wrong with which file."""
+    """True if it is an error of the package that says what is wrong with which file."""
     text = str(error)
     named = ("saved graph '", "saved module '", "its saved code", "is damaged", "lacks")
     return isinstance(error, (wp.WarpError, ValueError)) and any(one in text for one in named)

@@ -141,7 +141,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
             self.retain_grad = True
 
     _wp_array_ = True
-    # Whether launches take the memory as their parameters say; read where types do not fit.
+    # True if launches take the memory as their parameters say; read where types do not fit.
     bare = False
 
     @property

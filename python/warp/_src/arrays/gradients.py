@@ -46,7 +46,7 @@ class ArrayGradients:
     _retain_grad = False
     # What takes the gradient away at the end of another library's backward pass, if anything.
     passing = None
-    # Whether the memory is another library's to keep: derivatives use up gradients, and so it is
+    # True if the memory is another library's to keep: derivatives use up gradients, and so it is
     # copied once the array becomes one.
     lent = False
 

@@ -148,7 +148,7 @@ def with_gradients(values, adjoints, key, parameters, late) -> tuple:
 
 
 def _is_array(value) -> bool:
-    """Whether it is an array of ours or of another library."""
+    """True if it is an array of ours or of another library."""
     return isinstance(value, array) or any(
         hasattr(value, name) for name in (*_INTERFACES, "__dlpack__")
     )
@@ -185,7 +185,7 @@ def _with_gradient(value, given, dtype=None, late=None):
 
 
 def _differs_in_layout(value, given) -> bool:
-    """Whether only its strides keep an array from being the gradient of another one.
+    """True if only its strides keep an array from being the gradient of another one.
 
     What is lent is copied anyway.
     """

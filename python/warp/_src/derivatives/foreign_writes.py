@@ -33,7 +33,7 @@ def check(tape) -> None:
 
 
 def _has_way_back(records, loan) -> bool:
-    """Whether the next record that knows the memory is a function of the user's."""
+    """True if the next record that knows the memory is a function of the user's."""
     known = next((one for one in records if _meets(one.arrays(), loan)), None)
     return isinstance(known, FunctionRecord)
 

@@ -86,7 +86,7 @@ def notes_of(call: Call, same) -> tuple[str, ...]:
 
 
 def _is_same(one, other) -> bool:
-    """Whether two arrays have the same elements, in memory and in kind, and the same gradient."""
+    """True if two arrays have the same elements, in memory and in kind, and the same gradient."""
     if one is other or one is None or other is None:
         return one is other and one is not None
     kinds = type(one) is type(other) and one.dtype is other.dtype

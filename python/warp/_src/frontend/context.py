@@ -19,7 +19,7 @@ _MISSING = object()
 
 
 def is_constant(binding) -> bool:
-    """Whether it is a Python object that stands for a value of kernels with a type of its own: a
+    """True if it is a Python object that stands for a value of kernels with a type of its own: a
     number of a Warp type, a composite or a struct."""
     if isinstance(binding, dtypes.Composite):
         return bool(binding._length_)

@@ -54,7 +54,7 @@ class Slot:
 
     @property
     def is_shared(self) -> bool:
-        """Whether other threads have the element, too: of an array or of a tile."""
+        """True if other threads have the element, too: of an array or of a tile."""
         return self.array is not None or any(step == "tile" for step, _ in self.path)
 
     def is_atomic(self, op) -> bool:

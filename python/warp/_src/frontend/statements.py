@@ -129,7 +129,7 @@ class Statements(Part):
             self.context.targets.assign_target(target, binding, node)
 
     def is_tid(self, node):
-        """Whether a call is that of `wp.tid`, by whatever name."""
+        """True if a call is that of `wp.tid`, by whatever name."""
         if not isinstance(node, ast.Call) or node.args or node.keywords:
             return False
         if not isinstance(node.func, (ast.Attribute, ast.Name)):

@@ -55,7 +55,7 @@ def dtype_of(context, native, node):
 
 
 def _alike(cls, other) -> bool:
-    """Whether two classes give kernels the same attributes."""
+    """True if two classes give kernels the same attributes."""
     mine, others = dtypes.members_of(cls), dtypes.members_of(other)
     return all(
         _same(mine.get(name, _MISSING), others.get(name, _MISSING)) for name in mine | others

@@ -74,13 +74,13 @@ def export(array, stream=None, max_version=None, dl_device=None, copy=None):
 
 
 def _asked_by_jax() -> bool:
-    """Whether the consumer is JAX, whose arrays nobody writes to, told or not."""
+    """True if the consumer is JAX, whose arrays nobody writes to, told or not."""
     name = calling_frame().f_globals.get("__name__", "")
     return name.partition(".")[0] == "jax"
 
 
 def _asked_by_mpi() -> bool:
-    """Whether the consumer is mpi4py, the one library that asks from native code for no copy."""
+    """True if the consumer is mpi4py, the one library that asks from native code for no copy."""
     name = calling_frame().f_globals.get("__name__", "")
     return "mpi4py.MPI" in sys.modules and name.partition(".")[0] not in ("torch", "jax", "numpy")
 

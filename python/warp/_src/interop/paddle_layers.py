@@ -10,7 +10,7 @@ import sys
 
 
 def has_own_gradient(paddle, t) -> bool:
-    """Whether the gradient of an array made of a tensor here and now is not that of the tensor.
+    """True if the gradient of an array made of a tensor here and now is not that of the tensor.
 
     The one exception in a layer is a leaf that `forward` uses without being given it.
     """
@@ -22,7 +22,7 @@ def has_own_gradient(paddle, t) -> bool:
 
 
 def is_lent(paddle, t) -> bool:
-    """Whether a tensor has the memory of what Paddle has passed to `backward`."""
+    """True if a tensor has the memory of what Paddle has passed to `backward`."""
     frame = _innermost(paddle)
     if frame is None or frame.f_code.co_name != "backward":
         return False

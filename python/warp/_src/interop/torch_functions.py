@@ -38,7 +38,7 @@ def _codes(torch) -> set:
 
 
 def has_own_gradient(torch, t) -> bool:
-    """Whether the gradient of an array made of a tensor here and now is not that of the tensor.
+    """True if the gradient of an array made of a tensor here and now is not that of the tensor.
 
     The one exception in a function is a leaf that it uses without being given it: nobody but the
     launches adds to its gradient.
@@ -54,7 +54,7 @@ def has_own_gradient(torch, t) -> bool:
 
 
 def is_lent(torch, t) -> bool:
-    """Whether a tensor is, or shares memory with, what PyTorch has passed to `backward`."""
+    """True if a tensor is, or shares memory with, what PyTorch has passed to `backward`."""
     if torch._C._current_graph_task_id() == -1:
         return False
     frame = innermost(torch)

@@ -59,7 +59,7 @@ def _written(held) -> list:
 
 
 def _changes(kernel):
-    """Whether a kernel writes an array, or adds to it, for each array among its arguments."""
+    """True if a kernel writes an array, or adds to it, for each array among its arguments."""
     try:
         return [access[1] or access[2] for access in kernel.accesses]
     except RuntimeError:

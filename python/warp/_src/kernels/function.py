@@ -159,14 +159,14 @@ def _refuses(particular, args) -> bool:
 
 
 def _is_of(expected, value) -> bool:
-    """Whether a value is of a family of types, such as vectors."""
+    """True if a value is of a family of types, such as vectors."""
     if isinstance(expected, GenericAnnotation):
         return isinstance(value, expected.family)
     return not isinstance(expected, typing.TypeVar) or is_number(value)
 
 
 def _accepts(func, args, kwargs, generic=True) -> bool:
-    """Whether a function's annotations fit arguments.
+    """True if a function's annotations fit arguments.
 
     generic: whatever is given fits an annotation that leaves the type open.
     """

@@ -6,7 +6,7 @@ it as a root.
 """
 
 RAYS = """namespace wp {
-/// Whether a ray meets a triangle, watertight along edges; u and v are the weights of a and b.
+/// True if a ray meets a triangle, watertight along edges; u and v are the weights of a and b.
 inline bool intersect_ray_tri_woop(const vec3 &p, const vec3 &dir, const vec3 &a, const vec3 &b,
                                    const vec3 &c, float &t, float &u, float &v, float &sign,
                                    vec3 *normal) {

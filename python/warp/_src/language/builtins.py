@@ -27,7 +27,7 @@ _KERNEL_ONLY = frozenset(
 
 
 def _declares(args, named) -> bool:
-    """Whether a call of `wp.tile` outside of kernels is a type, for an annotation."""
+    """True if a call of `wp.tile` outside of kernels is a type, for an annotation."""
     return "dtype" in named or "shape" in named or isinstance(next(iter(args), None), type)
 
 

@@ -47,13 +47,13 @@ def outside_of(matrix) -> Outside:
 
 
 def watches(matrix) -> bool:
-    """Whether kernels here are to be used: on the CPU, if nobody differentiates."""
+    """True if kernels here are to be used: on the CPU, if nobody differentiates."""
     return matrix.values.device_index < 0 and Observers.tape is None and Observers.executor is None
 
 
 @wp.func
 def is_outside(begin: int, end: int, room: wp.uint32) -> bool:
-    """Whether a row is no part of as many blocks as there are."""
+    """True if a row is no part of as many blocks as there are."""
     return wp.uint32(begin) > wp.uint32(end) or wp.uint32(end) > room
 
 

@@ -33,7 +33,7 @@ class TextureModes:
 
     @property
     def normalized_coords(self) -> bool:
-        """Whether coordinates go from 0 to 1, or over texels."""
+        """True if coordinates go from 0 to 1, or over texels."""
         return bool(self.normalized)
 
     @property
@@ -63,7 +63,7 @@ class TextureModes:
 
     @property
     def is_mipmapped(self) -> bool:
-        """Whether there is more than one level."""
+        """True if there is more than one level."""
         return self.levels > 1
 
 

@@ -170,7 +170,7 @@ class Matrix(Composite):
             raise operand_error("mul", *((other, self) if swapped else (self, other)))
 
     def _is_small(self) -> bool:
-        """Whether a product is to be made as kernels make it; others would take long to compile."""
+        """True if a product is to be made as kernels make it; others would take long to compile."""
         is_float = issubclass(self._wp_scalar_type_, float_base)
         return is_float and self._length_ > 0 and max(self._shape_) <= _SMALL
 

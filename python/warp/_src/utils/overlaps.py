@@ -17,7 +17,7 @@ def _range(array, count) -> tuple:
 
 
 def overlap(a, b) -> bool:
-    """Whether two arrays share memory without being the same view."""
+    """True if two arrays share memory without being the same view."""
     if a.device != b.device or (a.ptr, a.strides) == (b.ptr, b.strides):
         return False
     one, other = _range(a, a.size), _range(b, b.size)

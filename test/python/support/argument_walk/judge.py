@@ -1,4 +1,4 @@
-"""Whether an exception is an answer: raised on purpose by the package, with a message.
+"""True if an exception is an answer: raised on purpose by the package, with a message.
 
 An accident is an exception that Python or a library raised inside of the package, such as
 `'NoneType' object has no attribute 'dtype'`.
@@ -21,7 +21,7 @@ CALLBACKS = ("nothing() ", "pair() ", "len() ")
 
 
 def _raises(frame, position) -> bool:
-    """Whether the instruction that a frame has come to is a `raise` statement."""
+    """True if the instruction that a frame has come to is a `raise` statement."""
     for instruction in dis.get_instructions(frame.f_code):
         if instruction.offset == position:
             return instruction.opname == "RAISE_VARARGS"

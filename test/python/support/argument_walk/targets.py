@@ -93,7 +93,7 @@ def _kinds(function) -> dict:
 
 
 def _is_no_function(value) -> bool:
-    """Whether calling it says nothing of the package: exceptions, enumerations, protocols."""
+    """True if calling it says nothing of the package: exceptions, enumerations, protocols."""
     if not isinstance(value, type):
         return not callable(value) or isinstance(value, types.ModuleType)
     return issubclass(value, (BaseException, enum.Enum)) or getattr(value, "_is_protocol", False)

@@ -39,7 +39,7 @@ def quotient(
 
 @wp.func
 def is_definite(value: wp.float64, signs: wp.array(dtype=wp.float64), batch: int) -> bool:
-    """Whether a product has the sign of the one before it, which it leaves in `signs`.
+    """True if a product has the sign of the one before it, which it leaves in `signs`.
 
     For a definite matrix, positive or negative, p^T A p has one sign for all p.
     """
