@@ -66,9 +66,9 @@ static_assert(sizeof(LaunchHeader) == 24 && offsetof(LaunchHeader, dim) == 0 &&
 /// Where the first argument may lie in the parameter block.
 inline constexpr size_t firstArgument = sizeof(LaunchHeader);
 
-/// What a check found: indices outside of an array, of something else, or of
-/// something else that count from its beginning only; an assertion that failed;
-/// what is an error in release mode, too.
+/// The finding of a check: an index outside of an array, of another object, or
+/// of one whose indices count from the beginning only; a failed assertion; an
+/// error of release mode.
 enum class CheckKind : uint8_t {
   OutOfBounds = 0,
   Assertion = 1,

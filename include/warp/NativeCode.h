@@ -26,7 +26,7 @@ inline constexpr char nativeCodePrefix[] = "warp_native_";
 /// Those that read and write memory, or that threads do together: they stay
 /// where they stand.
 inline constexpr char nativeMemoryPrefix[] = "warp_native_memory_";
-/// Of those, what may tell which thread came first: it has atomics.
+/// Functions with atomics, which may tell which thread came first.
 inline constexpr char nativeTurnPrefix[] = "warp_native_memory_turn_";
 
 struct NativeCode {

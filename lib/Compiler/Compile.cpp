@@ -213,7 +213,7 @@ void Compilation::runPhase(Phase phase, bool isLast) {
   Error error = diagnostics.toError(Error::Kind::Compile,
                                     "a pass of the compiler failed");
   std::string pass = recorder.failed;
-  // What has a hint is about the program, not about the compiler.
+  // Errors with a hint are about the program, not about the compiler.
   if (pass.empty() || error.message.find("\nhint: ") != std::string::npos)
     throw error;
   std::string path = saveText(textBefore(phase, pass));

@@ -50,7 +50,7 @@ void ForkSection::leave() {
 static void beforeFork() {
   int own = depth != 0;
   ++forks;
-  // What else is done about this fork may take locks.
+  // The other handlers of this fork may take locks.
   ++depth;
   auto end = steady_clock::now() + mostForkWait;
   while (threadsInside > own && steady_clock::now() < end)

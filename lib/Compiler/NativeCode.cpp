@@ -151,7 +151,7 @@ void warp::declareForNativeCode(llvm::Module &module,
                 .getOrInsertFunction(wanted,
                                      llvm::Type::getVoidTy(module.getContext()))
                 .getCallee()));
-  // What no kernel calls keeps its parameters for those who do.
+  // Functions that no kernel calls keep their parameters for later callers.
   if (!used.empty())
     llvm::appendToCompilerUsed(module, used);
 }

@@ -22,8 +22,8 @@ inline mlir::LogicalResult require(mlir::Operation *op, bool holds,
   return op->emitOpError() << message;
 }
 
-/// What a function of elements does is no operation on tiles: it is computed
-/// wherever the elements are.
+/// A function of elements has no tile operations: it is computed wherever the
+/// elements are.
 inline mlir::LogicalResult verifyElementFunction(mlir::Operation *op) {
   auto result = op->getRegion(0).walk([](mlir::Operation *inner) {
     if (!isTileOp(inner) && !mlir::isa<BarrierOp>(inner))

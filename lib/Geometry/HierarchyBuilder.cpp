@@ -96,7 +96,7 @@ std::pair<Range, Range> Builder::split(const Range &range, int64_t unit) {
           makeRange(sorted, middle, range.end)};
 }
 
-/// What is proper, and what is not, if there is both.
+/// The proper and the improper primitives, if there are both.
 std::vector<Range> Builder::setApart(const Range &range) const {
   auto first = sorted.primitives.begin() + range.begin;
   auto end = sorted.primitives.begin() + range.end;

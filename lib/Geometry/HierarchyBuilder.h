@@ -11,8 +11,8 @@
 // children; the cost of a range is what its blocks cost, so ranges tend to be
 // full blocks. Where levels run out, ranges are halved, which always fits.
 //
-// What is not proper, and may be when it is refitted, has a place, too: in
-// branches of its own, which no search enters as long as it is not.
+// Improper primitives, which a refit may make proper, have branches of their
+// own. No search enters these while they are improper.
 //
 // The top is built by the caller and everything below it in parallel, each part
 // in memory of its own; the parts are joined in their order, so the result does
@@ -83,7 +83,7 @@ struct Topology {
   std::vector<Part> parts;
   int32_t topNodes = 0, topBlocks = 0;
   int depth = 0;
-  /// Of all proper primitives.
+  /// Bounds of all proper primitives.
   Bounds bounds;
   /// Numbers of groups in ascending order, and the nodes that hold them.
   std::vector<int32_t> groups, groupRoots;

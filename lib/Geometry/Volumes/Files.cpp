@@ -67,8 +67,7 @@ static FileHeader fileHeaderOf(Source &source, size_t bytes) {
   return header;
 }
 
-/// Of files grids keep to the rules of the format that reading them does not
-/// need.
+/// Checks grids of files for rules of the format that reading does not need.
 static GridBytes checkedGrids(const GridBytes &grids, size_t count) {
   GridBytes whole = expandGrids(grids);
   size_t start = 0;

@@ -194,6 +194,12 @@ MODULES = sequence_of(MODULE, "modules")
 MATRIX = named("a BsrMatrix", "BsrMatrix")
 SPARSE = named("a BsrMatrix or an expression of one", "BsrMatrix", "Operators")
 OPERATOR = Kind("a BsrMatrix, an array or a LinearOperator", _is_operator)
+# Parameters that all iterative solvers have.
+SOLVER = {
+    **dict.fromkeys(("A", "M"), OPERATOR),
+    **dict.fromkeys(("b", "x"), ARRAY),
+    **dict.fromkeys(("maxiter", "check_every"), INTEGER),
+}
 TIMINGS = Kind(
     "a list of wp.TimingResult",
     lambda value: (

@@ -3,7 +3,7 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, OPERATOR
+from warp._src.argument_kinds import FLAG, SOLVER
 from warp._src.arguments import checked
 from warp._src.optim.linear.conjugate import quotient, step_length, vector_kernels, watch
 from warp._src.optim.linear.operators import numbers
@@ -97,15 +97,7 @@ class BiCGSTAB(LinearSolverState):
 
     name = "bicgstab"
 
-    @checked(
-        A=OPERATOR,
-        b=ARRAY,
-        x=ARRAY,
-        maxiter=INTEGER,
-        M=OPERATOR,
-        check_every=INTEGER,
-        is_left_preconditioner=FLAG,
-    )
+    @checked(**SOLVER, is_left_preconditioner=FLAG)
     def __init__(
         self,
         A,

@@ -8,7 +8,7 @@ import functools
 import operator
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, INTEGER, OPERATOR
+from warp._src.argument_kinds import ARRAY, INTEGER, SOLVER
 from warp._src.arguments import checked
 from warp._src.optim.linear.operators import numbers, numbers_like
 from warp._src.optim.linear.state import LinearSolverState
@@ -180,15 +180,7 @@ class _Restartable(LinearSolverState):
 
     symmetric = True
 
-    @checked(
-        A=OPERATOR,
-        b=ARRAY,
-        x=ARRAY,
-        maxiter=INTEGER,
-        M=OPERATOR,
-        check_every=INTEGER,
-        restart=INTEGER,
-    )
+    @checked(**SOLVER, restart=INTEGER)
     def __init__(
         self,
         A,

@@ -1,22 +1,13 @@
 """The solvers as functions: make the state, and run it."""
 
-from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, OPERATOR
+from warp._src.argument_kinds import FLAG, INTEGER, SOLVER
 from warp._src.arguments import checked
 from warp._src.optim.linear.bicgstab import BiCGSTAB
 from warp._src.optim.linear.conjugate import CG, CR
 from warp._src.optim.linear.gmres import GMRES
 
 
-@checked(
-    A=OPERATOR,
-    b=ARRAY,
-    x=ARRAY,
-    maxiter=INTEGER,
-    M=OPERATOR,
-    check_every=INTEGER,
-    restart=INTEGER,
-    run=FLAG,
-)
+@checked(**SOLVER, restart=INTEGER, run=FLAG)
 def cg(
     A,
     b,
@@ -53,16 +44,7 @@ def cg(
     return solver() if run else solver
 
 
-@checked(
-    A=OPERATOR,
-    b=ARRAY,
-    x=ARRAY,
-    maxiter=INTEGER,
-    M=OPERATOR,
-    check_every=INTEGER,
-    restart=INTEGER,
-    run=FLAG,
-)
+@checked(**SOLVER, restart=INTEGER, run=FLAG)
 def cr(
     A,
     b,
@@ -85,16 +67,7 @@ def cr(
     return solver() if run else solver
 
 
-@checked(
-    A=OPERATOR,
-    b=ARRAY,
-    x=ARRAY,
-    maxiter=INTEGER,
-    M=OPERATOR,
-    check_every=INTEGER,
-    run=FLAG,
-    is_left_preconditioner=FLAG,
-)
+@checked(**SOLVER, run=FLAG, is_left_preconditioner=FLAG)
 def bicgstab(
     A,
     b,
@@ -115,17 +88,7 @@ def bicgstab(
     return solver() if run else solver
 
 
-@checked(
-    A=OPERATOR,
-    b=ARRAY,
-    x=ARRAY,
-    maxiter=INTEGER,
-    M=OPERATOR,
-    check_every=INTEGER,
-    restart=INTEGER,
-    run=FLAG,
-    is_left_preconditioner=FLAG,
-)
+@checked(**SOLVER, restart=INTEGER, run=FLAG, is_left_preconditioner=FLAG)
 def gmres(
     A,
     b,

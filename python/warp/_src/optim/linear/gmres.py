@@ -7,7 +7,7 @@ The least-squares problem of a cycle is solved on the device by rotations, a thr
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, OPERATOR
+from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, SOLVER
 from warp._src.arguments import checked
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import numbers
@@ -154,16 +154,7 @@ class GMRES(LinearSolverState):
 
     name = "gmres"
 
-    @checked(
-        A=OPERATOR,
-        b=ARRAY,
-        x=ARRAY,
-        maxiter=INTEGER,
-        M=OPERATOR,
-        check_every=INTEGER,
-        restart=INTEGER,
-        is_left_preconditioner=FLAG,
-    )
+    @checked(**SOLVER, restart=INTEGER, is_left_preconditioner=FLAG)
     def __init__(
         self,
         A,
