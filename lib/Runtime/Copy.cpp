@@ -16,7 +16,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "CopyNest.h"
-#include "DeviceState.h"
+#include "cuda/Device.h"
 #include "GraphImpl.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"

@@ -10,8 +10,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaDriver.h"
-#include "DeviceState.h"
+#include "cuda/Driver.h"
+#include "cuda/Device.h"
 #include "warp/Forks.h"
 
 #include <algorithm>

@@ -12,7 +12,7 @@
 
 #include "GraphImpl.h"
 
-#include "DeviceState.h"
+#include "cuda/Device.h"
 #include "Support.h"
 #include "warp/Forks.h"
 

@@ -10,7 +10,7 @@
 #ifndef WARP_LIB_RUNTIME_GRAPHIMPL_H
 #define WARP_LIB_RUNTIME_GRAPHIMPL_H
 
-#include "GraphDriver.h"
+#include "cuda/GraphDriver.h"
 #include "GraphTrace.h"
 #include "warp/Graph.h"
 #include "warp/Kernel.h"

@@ -18,7 +18,7 @@
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "PrivateCopies.h"
-#include "TensorMaps.h"
+#include "cuda/TensorMaps.h"
 #include "warp/SavedModule.h"
 
 #include <algorithm>

@@ -10,7 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaKernels.h"
+#include "cuda/LibraryKernels.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 

@@ -7,9 +7,9 @@
 #ifndef WARP_LIB_RUNTIME_KERNELIMPL_H
 #define WARP_LIB_RUNTIME_KERNELIMPL_H
 
-#include "CudaCode.h"
-#include "CudaDriver.h"
-#include "DeviceState.h"
+#include "cuda/Code.h"
+#include "cuda/Driver.h"
+#include "cuda/Device.h"
 #include "WidthPolicy.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"

@@ -9,8 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaDriver.h"
-#include "CudaKernels.h"
+#include "cuda/Driver.h"
+#include "cuda/LibraryKernels.h"
 #include "KernelImpl.h"
 #include "Overlap.h"
 #include "warp/ThreadPool.h"

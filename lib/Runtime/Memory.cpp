@@ -10,7 +10,7 @@
 
 #include "warp/Memory.h"
 
-#include "DeviceState.h"
+#include "cuda/Device.h"
 #include "GraphImpl.h"
 #include "warp/ThreadPool.h"
 

@@ -11,7 +11,7 @@
 
 namespace warp {
 
-/// SequencesCuda.cpp.
+/// cuda/Sort.cpp.
 void scanOnCuda(int device, NumberType kind, int width, Sequence out,
                 Sequence in, int64_t count, bool inclusive,
                 const Stream *stream);

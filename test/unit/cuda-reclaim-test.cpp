@@ -8,7 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Runtime/DeviceState.h"
+#include "Runtime/cuda/Device.h"
 #include "Runtime/Support.h"
 #include "warp/MemoryTracker.h"
 #include "warp/Peers.h"

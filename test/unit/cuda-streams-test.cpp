@@ -7,7 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Runtime/DeviceState.h"
+#include "Runtime/cuda/Device.h"
 #include "warp/Runtime.h"
 
 #include <cstdlib>

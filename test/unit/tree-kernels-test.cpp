@@ -41,7 +41,7 @@ struct Boxes {
   std::vector<float> low, high;
 };
 
-/// A build as lib/Runtime/TreeBuild.cpp launches it, but for the sort.
+/// A build as lib/Runtime/cuda/TreeBuild.cpp launches it, but for the sort.
 struct Built {
   Built(tree::Primitives all, bool alongCurve);
 

@@ -6,7 +6,7 @@
 
 #include "TensorMaps.h"
 
-#include "CudaDriver.h"
+#include "Driver.h"
 #include "warp/Launch.h"
 
 #include <algorithm>

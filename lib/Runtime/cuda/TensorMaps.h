@@ -4,8 +4,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_TENSORMAPS_H
-#define WARP_LIB_RUNTIME_TENSORMAPS_H
+#ifndef WARP_LIB_RUNTIME_CUDA_TENSORMAPS_H
+#define WARP_LIB_RUNTIME_CUDA_TENSORMAPS_H
 
 #include "warp/TensorMaps.h"
 
@@ -32,4 +32,4 @@ private:
 
 } // namespace warp
 
-#endif // WARP_LIB_RUNTIME_TENSORMAPS_H
+#endif // WARP_LIB_RUNTIME_CUDA_TENSORMAPS_H

@@ -1,4 +1,4 @@
-//===- SequencesCuda.cpp - Scans and sorts on CUDA ------------------------===//
+//===- Sort.cpp - Scans and sorts on CUDA ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -9,7 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaKernels.h"
+#include "LibraryKernels.h"
 #include "Sequences.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"

@@ -12,7 +12,7 @@
 
 #include "warp/Peers.h"
 
-#include "DeviceState.h"
+#include "Device.h"
 
 #include <algorithm>
 

@@ -7,10 +7,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_GRAPHDRIVER_H
-#define WARP_LIB_RUNTIME_GRAPHDRIVER_H
+#ifndef WARP_LIB_RUNTIME_CUDA_GRAPHDRIVER_H
+#define WARP_LIB_RUNTIME_CUDA_GRAPHDRIVER_H
 
-#include "CudaDriver.h"
+#include "Driver.h"
 
 namespace warp::cuda {
 
@@ -173,4 +173,4 @@ private:
 
 } // namespace warp::cuda
 
-#endif // WARP_LIB_RUNTIME_GRAPHDRIVER_H
+#endif // WARP_LIB_RUNTIME_CUDA_GRAPHDRIVER_H

@@ -21,7 +21,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "DeviceState.h"
+#include "Device.h"
 #include "warp/Forks.h"
 
 #include <algorithm>

@@ -1,10 +1,10 @@
-//===- CudaKernels.cpp - Kernels of the library itself --------------------===//
+//===- LibraryKernels.cpp - Kernels of the library itself -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaKernels.h"
+#include "LibraryKernels.h"
 
 #include "GraphDriver.h"
 #include "warp/Forks.h"

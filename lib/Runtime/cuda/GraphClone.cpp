@@ -11,7 +11,7 @@
 
 #include "GraphClone.h"
 
-#include "DeviceState.h"
+#include "Device.h"
 #include "GraphImpl.h"
 #include "warp/Forks.h"
 

@@ -1,4 +1,4 @@
-//===- Allocation.cpp - Memory with an owner ------------------------------===//
+//===- Memory.cpp - Memory with an owner ----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -11,7 +11,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "DeviceState.h"
+#include "Device.h"
 #include "GraphImpl.h"
 #include "Support.h"
 #include "warp/Memory.h"

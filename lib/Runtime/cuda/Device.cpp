@@ -10,8 +10,8 @@
 
 #include "warp/Device.h"
 
-#include "CudaDriver.h"
-#include "DeviceState.h"
+#include "Driver.h"
+#include "Device.h"
 #include "GraphImpl.h"
 #include "Support.h"
 #include "warp/Forks.h"

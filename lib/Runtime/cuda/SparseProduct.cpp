@@ -9,7 +9,7 @@
 
 #include "warp/SparseProduct.h"
 
-#include "CudaKernels.h"
+#include "LibraryKernels.h"
 #include "GraphTrace.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"

@@ -7,8 +7,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_GRAPHCLONE_H
-#define WARP_LIB_RUNTIME_GRAPHCLONE_H
+#ifndef WARP_LIB_RUNTIME_CUDA_GRAPHCLONE_H
+#define WARP_LIB_RUNTIME_CUDA_GRAPHCLONE_H
 
 #include "GraphDriver.h"
 
@@ -44,4 +44,4 @@ std::vector<GraphNode> cloneNodes(int device, GraphHandle source,
 
 } // namespace warp::cuda
 
-#endif // WARP_LIB_RUNTIME_GRAPHCLONE_H
+#endif // WARP_LIB_RUNTIME_CUDA_GRAPHCLONE_H

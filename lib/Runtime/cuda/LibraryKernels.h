@@ -1,4 +1,4 @@
-//===- CudaKernels.h - Kernels of the library itself ------------*- C++ -*-===//
+//===- LibraryKernels.h - Kernels of the library itself ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -7,11 +7,11 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_CUDAKERNELS_H
-#define WARP_LIB_RUNTIME_CUDAKERNELS_H
+#ifndef WARP_LIB_RUNTIME_CUDA_LIBRARYKERNELS_H
+#define WARP_LIB_RUNTIME_CUDA_LIBRARYKERNELS_H
 
-#include "CudaCode.h"
-#include "DeviceState.h"
+#include "Code.h"
+#include "Device.h"
 #include "warp/Sequences.h"
 
 #include <string>
@@ -64,4 +64,4 @@ private:
 
 } // namespace warp
 
-#endif // WARP_LIB_RUNTIME_CUDAKERNELS_H
+#endif // WARP_LIB_RUNTIME_CUDA_LIBRARYKERNELS_H

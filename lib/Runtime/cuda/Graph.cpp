@@ -1,4 +1,4 @@
-//===- GraphCuda.cpp - Graphs on CUDA devices -----------------------------===//
+//===- Graph.cpp - Graphs on CUDA devices ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,7 +16,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "DeviceState.h"
+#include "Device.h"
 #include "GraphClone.h"
 #include "GraphImpl.h"
 #include "warp/Forks.h"

@@ -1,13 +1,13 @@
-//===- DeviceState.h - What the runtime keeps per CUDA device ---*- C++ -*-===//
+//===- Device.h - What the runtime keeps per CUDA device --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_DEVICESTATE_H
-#define WARP_LIB_RUNTIME_DEVICESTATE_H
+#ifndef WARP_LIB_RUNTIME_CUDA_DEVICE_H
+#define WARP_LIB_RUNTIME_CUDA_DEVICE_H
 
-#include "CudaDriver.h"
+#include "Driver.h"
 #include "warp/Compile.h"
 #include "warp/Device.h"
 #include "warp/Forks.h"
@@ -146,4 +146,4 @@ private:
 
 } // namespace warp
 
-#endif // WARP_LIB_RUNTIME_DEVICESTATE_H
+#endif // WARP_LIB_RUNTIME_CUDA_DEVICE_H

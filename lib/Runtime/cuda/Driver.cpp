@@ -1,12 +1,12 @@
-//===- CudaDriver.cpp - The CUDA driver, found at run time ----------------===//
+//===- Driver.cpp - The CUDA driver, found at run time --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaDriver.h"
+#include "Driver.h"
 
-#include "DeviceState.h"
+#include "Device.h"
 #include "Support.h"
 
 #include <cstring>

@@ -9,7 +9,7 @@
 
 #include "warp/TreeBuild.h"
 
-#include "CudaKernels.h"
+#include "LibraryKernels.h"
 #include "GraphTrace.h"
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-//===- GraphHost.cpp - Graphs on the CPU ----------------------------------===//
+//===- Graph.cpp - Graphs on the CPU --------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

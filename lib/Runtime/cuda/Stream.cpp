@@ -8,8 +8,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaDriver.h"
-#include "DeviceState.h"
+#include "Driver.h"
+#include "Device.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "warp/Device.h"

@@ -1,4 +1,4 @@
-//===- CudaCode.h - Code on a CUDA device -----------------------*- C++ -*-===//
+//===- Code.h - Code on a CUDA device ---------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -14,10 +14,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_CUDACODE_H
-#define WARP_LIB_RUNTIME_CUDACODE_H
+#ifndef WARP_LIB_RUNTIME_CUDA_CODE_H
+#define WARP_LIB_RUNTIME_CUDA_CODE_H
 
-#include "CudaDriver.h"
+#include "Driver.h"
 #include "warp/Compile.h"
 
 namespace warp {
@@ -65,4 +65,4 @@ void assembleOnCuda(int device, Code &code);
 
 } // namespace warp
 
-#endif // WARP_LIB_RUNTIME_CUDACODE_H
+#endif // WARP_LIB_RUNTIME_CUDA_CODE_H

@@ -1,4 +1,4 @@
-//===- CudaDriver.h - The CUDA driver, found at run time --------*- C++ -*-===//
+//===- Driver.h - The CUDA driver, found at run time ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -10,8 +10,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_RUNTIME_CUDADRIVER_H
-#define WARP_LIB_RUNTIME_CUDADRIVER_H
+#ifndef WARP_LIB_RUNTIME_CUDA_DRIVER_H
+#define WARP_LIB_RUNTIME_CUDA_DRIVER_H
 
 #include "warp/Error.h"
 
@@ -323,4 +323,4 @@ private:
 
 } // namespace warp::cuda
 
-#endif // WARP_LIB_RUNTIME_CUDADRIVER_H
+#endif // WARP_LIB_RUNTIME_CUDA_DRIVER_H

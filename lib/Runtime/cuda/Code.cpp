@@ -1,10 +1,10 @@
-//===- CudaCode.cpp - Code on a CUDA device -------------------------------===//
+//===- Code.cpp - Code on a CUDA device -----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#include "CudaCode.h"
+#include "Code.h"
 
 #include "warp/Error.h"
 #include "warp/LibraryCode.h"
