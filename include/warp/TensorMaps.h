@@ -1,11 +1,11 @@
-//===- TensorMaps.h - Arrays as the copy engine sees them -------*- C++ -*-===//
+//===- TensorMaps.h - Tensor maps: arrays that TMA loads --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The copy engine of GPUs from compute capability 9.0 on takes boxes of an
-// array to the memory of a block. It knows an array by a map of 128 bytes that
-// the driver makes (CUDA driver API, tensor map object management). Kernels
-// find theirs in the parameter block, behind everything else.
+// The tensor memory accelerator (TMA) of GPUs from compute capability 9.0 on
+// loads boxes of an array into shared memory. A tensor map of 128 bytes, which
+// the driver makes (CUDA driver API, tensor map object management), describes
+// the array. Tensor maps lie at the end of the parameter block.
 //
 //===----------------------------------------------------------------------===//
 
@@ -19,7 +19,7 @@ namespace warp {
 
 inline constexpr size_t tensorMapBytes = 128, tensorMapAlignment = 64;
 
-/// A map that a launch needs.
+/// A tensor map that a launch needs.
 struct TensorMap {
   /// Where the descriptor of the array, of two dimensions, lies in the
   /// parameter block, and where the map is to lie.

@@ -38,7 +38,7 @@ struct VariantKey {
   /// On a CPU: the launch has so few threads that updates that tell who came
   /// first are in the order of threads.
   bool inTurn = false;
-  /// Arrays lie such that the copy engine cannot take boxes of them.
+  /// TMA cannot load boxes of the arrays: their rows are not aligned.
   bool unmapped = false;
   int blockDim = 0;
   /// `CompileOptions::row`.

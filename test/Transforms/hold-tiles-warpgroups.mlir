@@ -107,14 +107,14 @@ func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 
 #apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
 
-// The copy engine brings arguments that the kernel does not write to; the
-// launch describes each behind the arguments: descriptor, place, a box, bytes of
-// an element and of the swizzle.
-// CHECK-LABEL: func.func @boxes
+// TMA loads arguments that the kernel does not write to. Each has a tensor map
+// behind the arguments: descriptor, offset, box, bytes of an element and of the
+// swizzle.
+// CHECK-LABEL: func.func @tma
 // CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 64, 2, 128>, array<i64: 80, 320, 64, 64, 2, 128>]
 // CHECK: warp.tile_load %arg0{{.*}}map = 192 : i64, pitch = 64 : i64, ring, swizzled
 // CHECK: warp.tile_load %arg1{{.*}}map = 320 : i64, pitch = 128 : i64, swizzled
-func.func @boxes(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
+func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
                  %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,
                 warp.variant = #apart} {

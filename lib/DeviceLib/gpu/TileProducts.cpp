@@ -65,9 +65,8 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
 // Products
 //===----------------------------------------------------------------------===//
 
-/// A factor along the depth: rows so many elements apart, or, of pitch 0, as
-/// the copy engine swizzles rows of 128 bytes, one group of columns after the
-/// other.
+/// A factor along the depth: rows so many elements apart, or, of pitch 0, in
+/// TMA's swizzle of rows of 128 bytes, one group of columns after the other.
 struct Along {
   static constexpr i32 width = 32, run = 4, chunks = width / run;
   u64 place;

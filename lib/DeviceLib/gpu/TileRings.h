@@ -1,14 +1,13 @@
-//===- TileRings.h - Factors that the copy engine brings --------*- C++ -*-===//
+//===- TileRings.h - Pipelined products with TMA loads ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The copy engine (PTX ISA, asynchronous bulk copies) takes boxes of arrays
-// that it has maps of (warp/TensorMaps.h) to places in the block's memory that
-// threads use in turn, a ring. Each place has two barriers of 8 bytes: `full`
-// ends a phase when all bytes of a step are there, `empty`, behind those of all
-// places, when every team of threads has read them. The first thread asks for
-// copies. Threads wait for data and for room, and within the loop never for
-// each other.
+// TMA (PTX ISA, asynchronous bulk copies) loads boxes of arrays that have
+// tensor maps (warp/TensorMaps.h) into the stages of a multi-buffer in shared
+// memory. Each stage has two barriers of 8 bytes: `full` ends a phase when all
+// bytes of a step have arrived, `empty`, behind those of all stages, when every
+// team of threads has read them. The first thread issues the loads. Threads
+// wait for data and for free stages, and within the loop never for each other.
 //
 //===----------------------------------------------------------------------===//
 
@@ -49,9 +48,9 @@ template <int last> WARP_INLINE void awaitProducts() {
   asm volatile("wgmma.wait_group.sync.aligned %0;" ::"n"(last) : "memory");
 }
 
-/// A factor: its first place, the array's map, and where its boxes begin, at
-/// first and from step to step.
-struct Boxes {
+/// A factor: its first stage, the array's tensor map, and the offsets of its
+/// boxes, at first and from step to step.
+struct TmaFactor {
   u64 place, map;
   i32 row, column, rowStep, columnStep;
   /// Of a box.
@@ -101,8 +100,8 @@ struct Ring {
                    : "memory");
   }
   /// Asks for what a step needs.
-  WARP_INLINE void fill(i32 place, i32 step, const Boxes &a,
-                        const Boxes &b) const {
+  WARP_INLINE void fill(i32 place, i32 step, const TmaFactor &a,
+                        const TmaFactor &b) const {
     asm volatile("mbarrier.arrive.expect_tx.shared::cta.b64 _, [%0], %1;" ::"r"(
                      full(place)),
                  "r"(a.bytes() + b.bytes())
@@ -137,8 +136,8 @@ struct Ring {
 /// before. When all teams have those, the first thread fills that step's place
 /// again.
 template <class Sum, int slots, bool byWarpgroups, class Multiply>
-WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const Boxes &a,
-                         const Boxes &b, i32 threads, Multiply multiply) {
+WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const TmaFactor &a,
+                         const TmaFactor &b, i32 threads, Multiply multiply) {
   constexpr int team = byWarpgroups ? 128 : 32;
   bool isFirst = threadNumber() == 0;
   Sum held[slots];
@@ -200,26 +199,26 @@ WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const Boxes &a,
       i32 n, i32 depth, i32 aPitch, i32 bPitch, i32 holders, i32 threads,      \
       void *) {                                                                \
     constexpr i32 size = sizeof(type);                                         \
-    Boxes left{a,                                                              \
-               aMap,                                                           \
-               aRow,                                                           \
-               aColumn,                                                        \
-               aRowStep,                                                       \
-               aColumnStep,                                                    \
-               aWidth,                                                         \
-               aAlong ? m : depth,                                             \
-               aAlong ? depth : m,                                             \
-               size};                                                          \
-    Boxes right{b,                                                             \
-                bMap,                                                          \
-                bRow,                                                          \
-                bColumn,                                                       \
-                bRowStep,                                                      \
-                bColumnStep,                                                   \
-                bWidth,                                                        \
-                bAlong ? n : depth,                                            \
-                bAlong ? depth : n,                                            \
-                size};                                                         \
+    TmaFactor left{a,                                                          \
+                   aMap,                                                       \
+                   aRow,                                                       \
+                   aColumn,                                                    \
+                   aRowStep,                                                   \
+                   aColumnStep,                                                \
+                   aWidth,                                                     \
+                   aAlong ? m : depth,                                         \
+                   aAlong ? depth : m,                                         \
+                   size};                                                      \
+    TmaFactor right{b,                                                         \
+                    bMap,                                                      \
+                    bRow,                                                      \
+                    bColumn,                                                   \
+                    bRowStep,                                                  \
+                    bColumnStep,                                               \
+                    bWidth,                                                    \
+                    bAlong ? n : depth,                                        \
+                    bAlong ? depth : n,                                        \
+                    size};                                                     \
     runRing<float, slots, byWarpgroups>(                                       \
         sums, {u32(ring), places}, steps, left, right, threads,                \
         [&](u64 held, u64 x, u64 y) {                                          \

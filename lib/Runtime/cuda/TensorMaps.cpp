@@ -1,4 +1,4 @@
-//===- TensorMaps.cpp - Maps for the copy engine --------------------------===//
+//===- TensorMaps.cpp - Tensor maps of a launch ---------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TensorMaps.h - Maps for the copy engine ------------------*- C++ -*-===//
+//===- TensorMaps.h - Tensor maps of a launch -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -13,11 +13,11 @@
 
 namespace warp {
 
-/// Whether the copy engine can take boxes of the arrays: elements of a row are
-/// neighbours, and rows begin at multiples of 16 bytes.
+/// True if TMA can load boxes of the arrays: elements of a row are contiguous,
+/// and rows begin at multiples of 16 bytes.
 bool canMap(const std::vector<TensorMap> &maps, const void *params);
 
-/// The parameters of a launch with its maps.
+/// The parameters of a launch with its tensor maps.
 class MappedParameters {
 public:
   /// `size`: bytes of the parameters without maps.

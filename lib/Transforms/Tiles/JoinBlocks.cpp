@@ -46,7 +46,7 @@ using namespace warp::tiles;
 
 namespace {
 
-/// Most rows and columns of the copy engine's boxes and of instructions.
+/// Most rows and columns of TMA boxes and of matrix instructions.
 constexpr int64_t mostExtent = 256;
 /// Sums that a thread can hold: of matrix instructions, and its own.
 constexpr int64_t mostSums = 128, mostOwnSums = 64;

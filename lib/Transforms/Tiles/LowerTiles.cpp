@@ -22,7 +22,7 @@
 //   sorting                        LowerTilesSort.cpp
 //   products, factors              LowerTilesAlgebra.cpp
 //   products that threads hold     LowerTilesProducts.cpp
-//   factors that the engine copies LowerTilesRings.cpp
+//   pipelined products with TMA    LowerTilesRings.cpp
 //   factors, transforms by forms   LowerTilesForms.cpp
 //   Fourier transforms             LowerTilesTransforms.cpp
 //   whole tiles on CPUs            LowerTilesLibrary.cpp

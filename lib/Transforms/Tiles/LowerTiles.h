@@ -210,7 +210,7 @@ private:
   void lowerAhead(mlir::scf::ForOp loop);
 
   // In LowerTilesRings.cpp.
-  Values boxesOf(TileLoadOp load, mlir::scf::ForOp loop);
+  Values tmaFactorOf(TileLoadOp load, mlir::scf::ForOp loop);
   void lowerRing(mlir::scf::ForOp loop);
 
   // In LowerTilesForms.cpp.

@@ -1,10 +1,10 @@
-//===- LowerTilesRings.cpp - Products whose factors the engine copies -----===//
+//===- LowerTilesRings.cpp - Pipelined products with TMA loads ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A loop whose factors the copy engine brings becomes one call, of
-// lib/DeviceLib/gpu/TileRings.h. Nothing else is in such a loop, and from step
-// to step boxes are equally far apart (PlanLoads.cpp).
+// A loop whose factors TMA loads becomes one call, of
+// lib/DeviceLib/gpu/TileRings.h. Nothing else is in such a loop, and boxes are
+// equally far apart from step to step (PlanLoads.cpp).
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,24 +20,24 @@ using namespace mlir;
 
 namespace warp::tiles {
 
-/// First place, map, first row and column, how far both go in a step, and
-/// columns of a box.
-Values TileLowering::boxesOf(TileLoadOp load, scf::ForOp loop) {
+/// First stage, tensor map, first row and column, the step of both, and columns
+/// of a box.
+Values TileLowering::tmaFactorOf(TileLoadOp load, scf::ForOp loop) {
   Values first = offsetsAt(load, loop, loop.getLowerBound());
   Values second = offsetsAt(
       load, loop, iterationAfter(loop, loop.getLowerBound(), number(1)));
   Value place = placeOf(load.getResult(), Value());
   Value map = number(load->getAttrOfType<IntegerAttr>(attr::map).getInt());
-  Values boxes{place,
-               LibraryCallOp::create(b, loc, TypeRange(place.getType()),
-                                     b.getStringAttr("warp_tile_map"), map)
-                   .getResult(0)};
+  Values factor{place,
+                LibraryCallOp::create(b, loc, TypeRange(place.getType()),
+                                      b.getStringAttr("warp_tile_map"), map)
+                    .getResult(0)};
   for (Value offset : first)
-    boxes.push_back(toIndex(offset));
+    factor.push_back(toIndex(offset));
   for (auto [from, to] : llvm::zip_equal(first, second))
-    boxes.push_back(sub(toIndex(to), toIndex(from)));
-  boxes.push_back(number(getBoxColumns(load)));
-  return boxes;
+    factor.push_back(sub(toIndex(to), toIndex(from)));
+  factor.push_back(number(getTmaBoxColumns(load)));
+  return factor;
 }
 
 void TileLowering::lowerRing(scf::ForOp loop) {
@@ -61,7 +61,8 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   Values arguments{sumsOf(product.getResult(), form.slots), barriers,
                    number(places), steps};
   for (const Factor &factor : {x, y})
-    arguments.append(boxesOf(factor.memory.getDefiningOp<TileLoadOp>(), loop));
+    arguments.append(
+        tmaFactorOf(factor.memory.getDefiningOp<TileLoadOp>(), loop));
   arguments.append(
       {number(type.getShape()[0]), number(type.getShape()[1]),
        number(depthOf(product)), number(pitchOf(x)), number(pitchOf(y)),

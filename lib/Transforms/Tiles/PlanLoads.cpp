@@ -2,11 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Of loops that load ahead, on GPUs of compute capability 9.0. Rows of 128
-// bytes come fastest from memory, so a loop goes through as many steps at a
-// time as make so many of the depth. Where it can, the copy engine brings them
-// in boxes (lib/DeviceLib/gpu/TileRings.cpp): then no thread works out where
-// elements lie.
+// Chooses the K-step of software-pipelined matmul loops on GPUs of compute
+// capability 9.0: rows of 128 bytes load fastest, so a loop takes as many steps
+// at a time as make such rows. TMA loads them where it can
+// (lib/DeviceLib/gpu/TileRings.h); then no thread computes addresses.
 //
 //===----------------------------------------------------------------------===//
 
@@ -101,11 +100,11 @@ static void mergeSteps(scf::ForOp loop, TileMatmulOp product, bool whole) {
 }
 
 //===----------------------------------------------------------------------===//
-// Copy engine
+// TMA
 //===----------------------------------------------------------------------===//
 
-/// Whether nothing in the kernel may write to an array. What is written there
-/// goes another way than what the copy engine reads.
+/// True if nothing in the kernel may write to an array: TMA reads through the
+/// asynchronous proxy, which does not see those writes.
 static bool isOnlyRead(FunctionOpInterface kernel, Value array) {
   ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
   bool isRead = true;
@@ -121,7 +120,7 @@ static bool isOnlyRead(FunctionOpInterface kernel, Value array) {
   return isRead;
 }
 
-int64_t getBoxColumns(TileLoadOp load) {
+int64_t getTmaBoxColumns(TileLoadOp load) {
   TileType type = tileType(load.getResult());
   int64_t columns = type.getShape()[1];
   return load->hasAttr(attr::swizzled)
@@ -130,20 +129,20 @@ int64_t getBoxColumns(TileLoadOp load) {
              : columns;
 }
 
-/// Whether launches can describe the array to the copy engine, whose boxes have
-/// at most 256 rows and columns.
-static bool canCopyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
+/// True if launches can make a tensor map of the array. A box has at most 256
+/// rows and columns.
+static bool canLoadByTma(FunctionOpInterface kernel, TileLoadOp load) {
   constexpr int64_t most = 256;
   auto array = dyn_cast<BlockArgument>(load.getArray());
   return array && array.getOwner() == &kernel.getFunctionBody().front() &&
          tileType(load.getResult()).getShape()[0] <= most &&
-         getBoxColumns(load) <= most &&
+         getTmaBoxColumns(load) <= most &&
          !kernel->hasAttr(warp::attr::argTypes) &&
          !getVariant(kernel).isDeterministic() && isOnlyRead(kernel, array);
 }
 
-/// Whether boxes of a loop are equally far apart from step to step.
-static bool areEven(scf::ForOp loop, TileLoadOp load) {
+/// True if boxes of a loop are equally far apart from step to step.
+static bool hasConstantStep(scf::ForOp loop, TileLoadOp load) {
   Forms forms;
   Symbol trip = Symbol::trip(loop);
   return llvm::all_of(load.getOffsets(), [&](Value offset) {
@@ -154,8 +153,8 @@ static bool areEven(scf::ForOp loop, TileLoadOp load) {
   });
 }
 
-/// Makes a load that of the copy engine.
-static void copyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
+/// Makes a load one by TMA, with a tensor map.
+static void loadByTma(FunctionOpInterface kernel, TileLoadOp load) {
   Builder b(kernel.getContext());
   ParameterLayout layout = layOutParameters(kernel.getArgumentTypes());
   SmallVector<Attribute> maps;
@@ -165,7 +164,7 @@ static void copyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
                   tensorMapBytes * maps.size();
   auto array = cast<BlockArgument>(load.getArray());
   TileType type = tileType(load.getResult());
-  int64_t columns = getBoxColumns(load),
+  int64_t columns = getTmaBoxColumns(load),
           bytes = getByteSize(type.getElementType());
   maps.push_back(b.getDenseI64ArrayAttr(
       {layout.offsets[array.getArgNumber()], place, type.getShape()[0], columns,
@@ -174,8 +173,8 @@ static void copyBoxes(FunctionOpInterface kernel, TileLoadOp load) {
   load->setAttr(attr::map, b.getI64IntegerAttr(place));
 }
 
-/// How few elements of the depth boxes are for: shorter rows of halves are
-/// worth more to merge than to copy in boxes, and others are read by 128 bytes.
+/// True if the depth is worth TMA: shorter rows of halves are faster merged,
+/// and other elements are read in rows of 128 bytes.
 static bool isDeepEnough(TileMatmulOp product) {
   constexpr int64_t leastDepth = 32;
   int64_t depth = depthOf(product);
@@ -197,18 +196,18 @@ void planLoads(FunctionOpInterface kernel, scf::ForOp loop,
   for (const FactorLoad &load : loads)
     if (byWarpgroups || load.axis == 1)
       load.op->setAttr(attr::swizzled, mark);
-  bool inBoxes = llvm::all_of(loads, [&](const FactorLoad &load) {
-    return canCopyBoxes(kernel, load.op) && areEven(loop, load.op);
+  bool byTma = llvm::all_of(loads, [&](const FactorLoad &load) {
+    return canLoadByTma(kernel, load.op) && hasConstantStep(loop, load.op);
   });
-  if (inBoxes || byWarpgroups)
-    mergeSteps(loop, product, /*whole=*/inBoxes);
-  if (inBoxes && isDeepEnough(product)) {
+  if (byTma || byWarpgroups)
+    mergeSteps(loop, product, /*whole=*/byTma);
+  if (byTma && isDeepEnough(product)) {
     for (const FactorLoad &load : loads)
-      copyBoxes(kernel, load.op);
+      loadByTma(kernel, load.op);
     loads.front().op->setAttr(attr::ring, mark);
     return;
   }
-  if (byWarpgroups && inBoxes)
+  if (byWarpgroups && byTma)
     return mergeSteps(loop, product, /*whole=*/false);
   if (!byWarpgroups)
     for (const FactorLoad &load : loads)

@@ -1,4 +1,4 @@
-//===- TensorMapAttributes.h - Orders of the copy engine --------*- C++ -*-===//
+//===- TensorMapAttributes.h - Attributes of TMA loads ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -12,13 +12,13 @@
 namespace warp {
 
 namespace attr {
-/// On kernels, and their entries: maps of arrays (warp/TensorMaps.h), each as
-/// descriptor, place, rows, columns, bytes of an element and of the swizzle.
+/// On kernels, and their entries: tensor maps (warp/TensorMaps.h), each as
+/// descriptor, offset, rows, columns, bytes of an element and of the swizzle.
 constexpr llvm::StringLiteral tensorMaps = "warp.tensor_maps";
 } // namespace attr
 
 namespace tiles::attr {
-/// On a load that the copy engine makes: where its map is among the parameters.
+/// On a load by TMA: the offset of its tensor map in the parameter block.
 constexpr llvm::StringLiteral map = "map";
 /// On one of the loads of such a loop: barriers lie behind its tiles.
 constexpr llvm::StringLiteral ring = "ring";

@@ -39,8 +39,8 @@ bool hasWarpgroupPatch(llvm::ArrayRef<int64_t> shape, int64_t threads);
 /// a time, and by whom (PlanLoads.cpp).
 void planLoads(mlir::FunctionOpInterface kernel, mlir::scf::ForOp loop,
                TileMatmulOp product);
-/// Of a load, how many elements of a row the copy engine takes at a time.
-int64_t getBoxColumns(TileLoadOp load);
+/// Elements of a row that TMA loads at a time.
+int64_t getTmaBoxColumns(TileLoadOp load);
 /// The form that an operation is marked with.
 void setProductForm(TileMatmulOp op, const ProductForm &form);
 std::optional<ProductForm> getProductForm(TileMatmulOp op);

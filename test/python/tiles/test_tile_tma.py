@@ -1,4 +1,4 @@
-"""Products of single precision whose factors a copy engine brings, against NumPy."""
+"""Products of single precision whose factors TMA loads, against NumPy."""
 
 import numpy as np
 import pytest

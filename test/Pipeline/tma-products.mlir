@@ -3,9 +3,9 @@
 // RUN: FileCheck %s --input-file=%t.ptx --check-prefix=AWAITED
 // RUN: %if ptxas %{ ptxas -arch=sm_90a -v %t.ptx -o %t.cubin 2>&1 | FileCheck %s --check-prefix=ASSEMBLED %}
 
-// Factors that the copy engine brings: maps lie in the parameter block at a
-// multiple of 64 bytes, one thread asks for boxes, and nothing waits for the
-// whole block within the loop.
+// TMA loads the factors: tensor maps lie in the parameter block at a multiple of
+// 64 bytes, one thread issues the loads, and no barrier of the whole block is in
+// the loop.
 // CHECK: .target sm_90a
 // CHECK: .param .align 64 .b8 product_param_0[448]
 // CHECK: mbarrier.init.shared::cta.b64
