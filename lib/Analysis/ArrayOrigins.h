@@ -28,7 +28,7 @@ mlir::Value gradientOwner(mlir::Value array);
 /// struct.
 unsigned countArrays(mlir::Type type);
 
-/// Whether an operation is a call of a function that gets arrays, which may
+/// True if an operation is a call of a function that gets arrays, which may
 /// access any element of them.
 bool isCallWithArrays(mlir::Operation *op);
 
@@ -89,7 +89,7 @@ public:
                         bool disjoint = false);
 
   ArrayOrigin of(mlir::Value array) const;
-  /// Whether an element of one may be an element of the other, when one of
+  /// True if an element of one may be an element of the other, when one of
   /// them is written.
   bool mayAlias(mlir::Value a, mlir::Value b) const;
   const ArrayLeaves &getLeaves() const { return leaves; }

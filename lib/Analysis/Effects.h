@@ -11,18 +11,18 @@
 
 namespace warp {
 
-/// Whether an operation reads an array, and nothing else.
+/// True if an operation reads an array, and nothing else.
 bool isPlainRead(mlir::Operation *op);
 
-/// Whether it adds to an element and returns nothing, so that such operations
+/// True if it adds to an element and returns nothing, so that such operations
 /// may trade places.
 bool isSum(mlir::Operation *op);
 
-/// Whether it is seen after the launch that an operation ran: it writes to an
+/// True if it is seen after the launch that an operation ran: it writes to an
 /// array, prints or asserts. Calls and nested operations are not looked into.
 bool isObservable(mlir::Operation *op);
 
-/// Whether it makes a saturated integer of a float: an intrinsic, of which MLIR
+/// True if it makes a saturated integer of a float: an intrinsic, of which MLIR
 /// does not know that it only computes.
 bool isConversion(mlir::Operation *op);
 

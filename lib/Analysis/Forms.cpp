@@ -91,7 +91,7 @@ static Symbol getSymbol(Value value) {
   return Symbol::opaque(value);
 }
 
-/// Whether a form is a sum of what is never negative: then it is not either,
+/// True if a form is a sum of what is never negative: then it is not either,
 /// unless it wraps. Unsigned values are such if they are used as unsigned.
 static bool isSumOfNonNegatives(const Form &form, bool asUnsigned) {
   auto isNonNegative = [&](Symbol symbol) {
@@ -281,7 +281,7 @@ std::optional<Form> Forms::resolveArgument(BlockArgument argument) {
                         loop.getYieldOp().getOperand(number));
 }
 
-/// Whether a form without resolved symbols is a number that `bits` hold, and so
+/// True if a form without resolved symbols is a number that `bits` hold, and so
 /// are the numbers that its symbol stands for.
 bool Forms::isNumber(const Form &form, unsigned bits) {
   std::optional<Symbol> symbol = form.getSymbol();

@@ -47,7 +47,7 @@ struct Symbol {
   mlir::Value getValue() const;
   /// Of a trip the loop; null for others.
   mlir::Operation *getLoop() const;
-  /// Whether the symbol is one value for as long as the region is executed.
+  /// True if the symbol is one value for as long as the region is executed.
   bool isDefinedOutside(mlir::Operation *op) const;
   bool operator==(const Symbol &other) const {
     return kind == other.kind && number == other.number && key == other.key;
@@ -97,7 +97,7 @@ public:
   std::optional<Form> operator+(const Form &other) const;
   std::optional<Form> operator-(const Form &other) const;
   std::optional<Form> operator*(const Form &other) const;
-  /// Whether the values are equal where the symbols are.
+  /// True if the values are equal where the symbols are.
   bool equals(const Form &other) const;
   /// Takes numbers modulo two to the number of bits, as signed ones.
   Form reduced(unsigned bits) const;

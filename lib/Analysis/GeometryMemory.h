@@ -11,11 +11,11 @@
 
 namespace warp {
 
-/// Whether an array is the slot of a handle, the cells or the order of a hash
+/// True if an array is the slot of a handle, the cells or the order of a hash
 /// grid, or the header of a volume's grid: the runtime made them for itself,
 /// and no kernel of a user writes there.
 bool isGeometryMemory(mlir::Value array);
-/// Whether an array is what a handle leads to, whoever writes there.
+/// True if an array is what a handle leads to, whoever writes there.
 bool isBehindHandle(mlir::Value array);
 
 } // namespace warp

@@ -191,7 +191,7 @@ static bool isNumberCast(Operation *op) {
          warp::getIntegerBits(op->getOperand(0).getType()) != 0;
 }
 
-/// Whether the range of a result follows from those of the operands.
+/// True if the range of a result follows from those of the operands.
 static bool hasTransfer(Operation *op) {
   auto isNumber = [](Type type) { return warp::getIntegerBits(type) != 0; };
   return op->getNumOperands() == (isa<warp::NegOp>(op) ? 1 : 2) &&

@@ -74,7 +74,7 @@ private:
   llvm::DenseMap<mlir::Block *, std::unique_ptr<std::vector<Bound>>> boundsAt;
 };
 
-/// Whether an index can be told not to be negative, in a block if that helps.
+/// True if an index can be told not to be negative, in a block if that helps.
 /// Where several questions are asked, ask one ThreadVariance.
 bool isNonNegative(mlir::Value index, mlir::Block *where);
 

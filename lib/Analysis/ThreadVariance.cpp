@@ -128,7 +128,7 @@ void ThreadVariance::visit(Region &region) {
       visit(&op);
 }
 
-/// Whether an operation does nothing but say which thread this is.
+/// True if an operation does nothing but say which thread this is.
 bool ThreadVariance::visitIndices(Operation *op) {
   auto index = [&](unsigned d) {
     return State{uint8_t(1 << d), lastIndex == 1 << d};

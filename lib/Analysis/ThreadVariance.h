@@ -32,7 +32,7 @@ enum class Scope {
   Lanes,
 };
 
-/// Whether the threads of a set have the same value.
+/// True if the threads of a set have the same value.
 enum class Agreement {
   No,
   /// If they are in the same iteration of the loops around it, and load at the
@@ -57,7 +57,7 @@ public:
   /// Trips agree if the threads are in the same iteration.
   Agreement agreement(Symbol symbol, Scope scope) const;
 
-  /// Whether threads of a set have the same value, for lanes: those that run
+  /// True if threads of a set have the same value, for lanes: those that run
   /// the code together.
   bool isUniform(mlir::Value value, Scope scope) const {
     Agreement found = agreement(value, scope);
@@ -65,17 +65,17 @@ public:
            (found == Agreement::InStep && scope == Scope::Lanes);
   }
 
-  /// Whether it counts when a value is computed: in which iteration, or after
+  /// True if it counts when a value is computed: in which iteration, or after
   /// which writes of other threads.
   bool dependsOnMoment(mlir::Value value) const {
     return get(value).sources & Moment;
   }
-  /// Whether it does because of other threads.
+  /// True if it does because of other threads.
   bool dependsOnWrites(mlir::Value value) const {
     return get(value).sources & Written;
   }
 
-  /// Whether the lanes of a warp have the same value if they agree on those
+  /// True if the lanes of a warp have the same value if they agree on those
   /// that this adds: counters of loops, and thread indices of the axes y and z.
   /// So that they can compare them, and compute the value again, it takes
   /// nothing but arithmetic to get from those to it.
@@ -93,20 +93,20 @@ public:
   /// wraps is assumed, as the access would be out of bounds. 0 if uniform.
   std::optional<int64_t> step(mlir::Value value) const;
 
-  /// Whether these indices tell threads apart by a dimension of the launch: all
+  /// True if these indices tell threads apart by a dimension of the launch: all
   /// are c * thread index + r with the same c, and 0 <= r < |c|. With `mayWrap`
   /// they may all have more terms, the same in all threads and indices.
   bool tellThreadsApart(llvm::ArrayRef<const Form *> indices, unsigned dim,
                         bool mayWrap) const;
 
-  /// Whether threads may come to different decisions at a branch, or leave a
+  /// True if threads may come to different decisions at a branch, or leave a
   /// loop in different iterations.
   bool isDivergent(mlir::Operation *branchOrLoop,
                    Scope scope = Scope::Lanes) const;
 
-  /// Whether an array may be written by the kernel.
+  /// True if an array may be written by the kernel.
   bool isWritten(mlir::Value array) const;
-  /// Whether it writes to arrays that are no arguments.
+  /// True if it writes to arrays that are no arguments.
   bool hasUnknownWrites() const { return writesUnknown; }
 
   /// An integer as a sum over thread indices, trips, extents and other values.
@@ -115,7 +115,7 @@ public:
                  Use use = Use::Exact) const {
     return ranges.of(value, at, use);
   }
-  /// Whether an index does not count from the end, in a block if that helps.
+  /// True if an index does not count from the end, in a block if that helps.
   bool isNonNegative(mlir::Value index, mlir::Block *at) const {
     return ranges.of(index, at, Use::Index).low >= 0;
   }

@@ -160,7 +160,7 @@ static GraphFile readPayload(Reader &in) {
   return file;
 }
 
-/// Whether [offset, offset + bytes) lies in a block.
+/// True if [offset, offset + bytes) lies in a block.
 static bool isWithin(const FileBlock &block, uint64_t offset, uint64_t bytes) {
   return offset <= block.bytes && bytes <= block.bytes - offset;
 }

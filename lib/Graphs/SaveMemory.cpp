@@ -108,7 +108,7 @@ uint64_t Saver::startOf(uint32_t block) const {
                                : handles.addressOf(block - blocks.size());
 }
 
-/// Whether an operation writes all that its first pointer reaches, and reads
+/// True if an operation writes all that its first pointer reaches, and reads
 /// nothing of it.
 static bool overwrites(const GraphOperation &operation) {
   return operation.kind == Kind::FillBytes || operation.kind == Kind::Upload ||

@@ -23,7 +23,7 @@ namespace warp::graphs {
 
 struct Block {
   AddressRange range;
-  /// Whether the contents matter, once that is known.
+  /// True if the contents matter, once that is known.
   bool touched = false, needed = false;
   /// Geometry leads there, and does not always say how far.
   bool ofGeometry = false;

@@ -29,7 +29,7 @@ func.func @returned(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-// Whether the sum comes before or after the minimum is not known.
+// True if the sum comes before or after the minimum is not known.
 func.func @mixed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel} {
   %i = warp.tid : si32

@@ -36,7 +36,7 @@ f32 sideOf(const warp::Mesh &mesh, Vertex p) {
       at.lane, 1e-3f);
 }
 
-/// Whether a point is on the inner side of all faces of a convex mesh.
+/// True if a point is on the inner side of all faces of a convex mesh.
 bool isInside(const Scene &scene, Vertex p) {
   for (size_t f = 0; f < scene.faces(); ++f) {
     Double3 a = toDouble(scene.corner(f, 0));

@@ -59,7 +59,7 @@ template <class To, class V> inline To convert(V x) {
     return To(x);
 }
 
-/// Whether a comparison holds in some lane.
+/// True if a comparison holds in some lane.
 template <class Mask> inline bool any(Mask mask) {
   if constexpr (requires { mask[0]; })
     return __builtin_reduce_or(mask) != 0;

@@ -21,7 +21,7 @@ template <class T> struct Product {
   /// rows of b.
   i64 rowOfA, stepOfA, rowOfB;
   T alpha, beta;
-  /// Whether there is nothing in c yet.
+  /// True if there is nothing in c yet.
   bool isNew;
 
   template <int height, int width, bool isPart>

@@ -21,7 +21,7 @@ using u64 = unsigned long long;
 
 namespace {
 
-/// Whether registers have 64 bytes.
+/// True if registers have 64 bytes.
 #ifdef __AVX512F__
 constexpr bool hasWideRegisters = true;
 #else

@@ -49,7 +49,7 @@ struct CellBox {
   i32 x, xCount, y, yCount, z, zCount;
 };
 
-/// Whether a query has cells at all.
+/// True if a query has cells at all.
 template <class F> bool asksGrid(F x, F y, F z, F distance) {
   return i32(distance >= 0) & i32(x == x) & i32(y == y) & i32(z == z);
 }

@@ -71,7 +71,7 @@ inline Expansion<16> minorOf(const Expansion<2> &u0, const Expansion<2> &v1,
   return result;
 }
 
-/// Whether p, q, r turn left (1), right (-1) or lie on a line (0).
+/// True if p, q, r turn left (1), right (-1) or lie on a line (0).
 inline i32 orient2d(const f64 (&p)[2], const f64 (&q)[2], const f64 (&r)[2]) {
   return minorOf(differenceOf(q[0], p[0]), differenceOf(r[1], p[1]),
                  differenceOf(q[1], p[1]), differenceOf(r[0], p[0]))

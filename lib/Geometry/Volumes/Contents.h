@@ -37,7 +37,7 @@ int readValue(const ValueFacts &facts, const uint8_t *at, double (&value)[4]);
 /// Those of a voxel; the number of a voxel of an index grid, or -1.
 int readVoxel(const VolumeSlot &volume, const int32_t (&voxel)[3],
               double (&value)[4]);
-/// Whether values between voxels are interpolated.
+/// True if values between voxels are interpolated.
 inline bool isInterpolated(VoxelType type) {
   return type == VoxelType::Float || type == VoxelType::Double ||
          type == VoxelType::Half || type == VoxelType::Vec3f ||

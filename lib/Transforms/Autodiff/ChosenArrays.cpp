@@ -61,7 +61,7 @@ static SmallVector<Value> getSources(Value value) {
   return {};
 }
 
-/// Whether a value comes out of a branch or is carried by a loop, which need
+/// True if a value comes out of a branch or is carried by a loop, which need
 /// not be complete.
 static bool isCarried(Value value) {
   Operation *op = value.getDefiningOp();
@@ -140,7 +140,7 @@ ArrayNames::Arrays ArrayNames::findArrays(Value chosen) const {
   return found;
 }
 
-/// Whether a value is there before an operation, or follows from what is.
+/// True if a value is there before an operation, or follows from what is.
 bool ArrayNames::canHaveAt(Value value, Operation *at,
                            const DominanceInfo &order) const {
   if (order.properlyDominates(value, at))

@@ -154,7 +154,7 @@ static unsigned describeHidden(func::FuncOp function) {
   return hidden.size();
 }
 
-/// Whether all threads of a launch add to one element, so that warps or blocks
+/// True if all threads of a launch add to one element, so that warps or blocks
 /// of them add up first.
 static bool isShared(warp::AccumulateOp sum,
                      const warp::ThreadVariance &variance) {

@@ -66,7 +66,7 @@ private:
   llvm::SmallVector<mlir::Value> worklist;
 };
 
-/// Whether the operation itself does something other than read or compute.
+/// True if the operation itself does something other than read or compute.
 /// Stores to scratch memory count as computing: they matter if a load does.
 bool hasOwnEffect(mlir::Operation *op);
 

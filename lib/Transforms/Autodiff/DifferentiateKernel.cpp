@@ -113,7 +113,7 @@ static LogicalResult refuseNativeCode(func::FuncOp kernel) {
   return failure(result.wasInterrupted());
 }
 
-/// Whether the condition of some loop is about memory alone.
+/// True if the condition of some loop is about memory alone.
 static bool hasLoopWithoutResults(func::FuncOp kernel) {
   return kernel
       .walk([](scf::WhileOp loop) {
@@ -123,7 +123,7 @@ static bool hasLoopWithoutResults(func::FuncOp kernel) {
       .wasInterrupted();
 }
 
-/// Whether the adjoint needs something that the launch has overwritten.
+/// True if the adjoint needs something that the launch has overwritten.
 static bool lacksValues(func::FuncOp adjoint) {
   auto isLacking = [](Operation *op) {
     return op->hasAttr(warp::attr::unrecoverable) ? WalkResult::interrupt()

@@ -59,11 +59,11 @@ struct Access {
 /// of the views on the way to the leaf; none for other operations.
 std::optional<Access> getAccess(mlir::Operation *op);
 
-/// Whether two accesses are to components that do not overlap.
+/// True if two accesses are to components that do not overlap.
 bool haveOtherComponents(const Access &a, const Access &b);
-/// Whether two accesses to one leaf are to different elements, or components.
+/// True if two accesses to one leaf are to different elements, or components.
 bool areApart(const Access &a, const Access &b);
-/// Whether they are to the same element and component, with the same values
+/// True if they are to the same element and component, with the same values
 /// for what the indices are made of.
 bool areSame(const Access &a, const Access &b);
 
@@ -135,7 +135,7 @@ private:
   llvm::SmallDenseSet<unsigned> trusted;
 };
 
-/// Whether an element that `read` reads may be written by `write` in the same
+/// True if an element that `read` reads may be written by `write` in the same
 /// thread, after or before that.
 bool mayWriteAfter(const Access &read, const Access &write);
 bool mayWriteBefore(const Access &read, const Access &write);

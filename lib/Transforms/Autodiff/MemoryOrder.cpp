@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Whether a write may change, or may have changed, what a load reads. In one
+// True if a write may change, or may have changed, what a load reads. In one
 // pass over their common loops, program order tells which comes first. In other
 // iterations of a common loop, an index that moves by a constant per iteration
 // meets the other's at one distance only, and the sign of the distance tells
@@ -31,7 +31,7 @@ static std::optional<int64_t> getDistance(const Form &x, const Form &y) {
   return difference ? difference->getConstant() : std::nullopt;
 }
 
-/// Whether the indices can be equal in one pass over the common loops.
+/// True if the indices can be equal in one pass over the common loops.
 static bool mayBeEqual(const Access &a, const Access &b) {
   for (auto [x, y] : llvm::zip_equal(a.indices, b.indices)) {
     if (!x || !y)
@@ -67,7 +67,7 @@ static bool areExclusive(Operation *a, Operation *b) {
   return false;
 }
 
-/// Whether one dimension keeps the write, any number of iterations of the loop
+/// True if one dimension keeps the write, any number of iterations of the loop
 /// later (`sign` 1) or earlier (-1), away from what is read.
 static bool isApartAlong(const Form &read, const Form &write, Operation *loop,
                          int sign) {

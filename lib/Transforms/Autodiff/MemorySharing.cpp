@@ -69,7 +69,7 @@ static SmallVector<std::pair<Form, int64_t>> windowOf(const Access &access) {
   return window;
 }
 
-/// Whether blocks that differ in one of these dimensions of the launch access
+/// True if blocks that differ in one of these dimensions of the launch access
 /// windows side by side.
 static bool areSideBySide(ArrayRef<const Access *> accesses, unsigned dims) {
   SmallVector<SmallVector<std::pair<Form, int64_t>>> windows;
@@ -136,7 +136,7 @@ bool MemoryClasses::isPrivate(unsigned leaf) const {
   return getSharing(select(leaf, /*onlyActive=*/false)) == Sharing::Private;
 }
 
-/// Whether the indices are made of more than thread indices and what all
+/// True if the indices are made of more than thread indices and what all
 /// threads know.
 bool MemoryClasses::mayMeetUnseen(ArrayRef<const Access *> accesses) const {
   auto isSeen = [&](Symbol symbol) {
@@ -190,7 +190,7 @@ int64_t MemoryClasses::getUniqueRank(Operation *op) const {
   return countOwnedDimensions(others, /*mayWrap=*/false);
 }
 
-/// Whether a value comes out of a branch or is carried by a loop.
+/// True if a value comes out of a branch or is carried by a loop.
 static bool isCarried(Value value) {
   Operation *op = value.getDefiningOp();
   if (!op)

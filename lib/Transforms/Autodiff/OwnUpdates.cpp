@@ -27,7 +27,7 @@ namespace warp::autodiff {
 
 static bool isUsed(AtomicOp op) { return !op.getOld().use_empty(); }
 
-/// Whether there are operations that do the same one after the other.
+/// True if there are operations that do the same one after the other.
 static bool canSplit(AtomicOp op) {
   Type type = op.getValue().getType();
   switch (op.getKind()) {
@@ -86,7 +86,7 @@ void joinUpdates(ArrayRef<SplitUpdate> updates) {
   }
 }
 
-/// Whether some access may be to any array: to one that control flow chooses,
+/// True if some access may be to any array: to one that control flow chooses,
 /// or by a function that stays a call.
 static bool hasUnknownAccess(FunctionOpInterface kernel,
                              const ArrayLeaves &leaves) {

@@ -40,7 +40,7 @@ namespace warp {
 using namespace mlir;
 using namespace warp::autodiff;
 
-/// Whether the loop does nothing to the array, or to one that may be the same,
+/// True if the loop does nothing to the array, or to one that may be the same,
 /// but add.
 static bool onlyAdds(scf::ForOp loop, Value array) {
   Value root = warp::rootOf(array);
@@ -148,7 +148,7 @@ static Value takeFromBranch(LoopSum &sum) {
   return extended.getResults().back();
 }
 
-/// Whether the loop has an iteration.
+/// True if the loop has an iteration.
 static Value hasTrips(OpBuilder &b, scf::ForOp loop) {
   auto order = loop.getUnsignedCmp() ? arith::CmpIPredicate::ult
                                      : arith::CmpIPredicate::slt;

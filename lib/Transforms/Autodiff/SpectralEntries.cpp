@@ -131,7 +131,7 @@ static bool haveSameFactors(const Bags &a, const Bags &b) {
   });
 }
 
-/// Whether all entries are those of one product of these vectors.
+/// True if all entries are those of one product of these vectors.
 static std::optional<Bags> matchAll(ArrayRef<Value> entries, OpResult left,
                                     OpResult right) {
   int64_t size = cast<MatType>(left.getType()).getRows();

@@ -136,7 +136,7 @@ std::optional<SpectralProduct> autodiff::matchProduct(MulOp op) {
 // Branches between values and the diagonal
 //===----------------------------------------------------------------------===//
 
-/// Whether both sides may be computed, and results be chosen one by one.
+/// True if both sides may be computed, and results be chosen one by one.
 static bool mayOpen(scf::IfOp branch) {
   if (branch.getNumResults() == 0 ||
       !llvm::all_of(branch.getResultTypes(), [](Type type) {

@@ -33,7 +33,7 @@ public:
   llvm::SetVector<mlir::Operation *> ops;
 
 private:
-  /// Whether a value depends on the values; none if nobody knows.
+  /// True if a value depends on the values; none if nobody knows.
   std::optional<bool> depends(mlir::Value value);
   std::optional<bool> dependsBy(mlir::Operation *op);
 

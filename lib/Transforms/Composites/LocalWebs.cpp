@@ -139,7 +139,7 @@ void warp::LocalWebs::select() {
 // Which versions are needed at once
 //===----------------------------------------------------------------------===//
 
-/// Whether a value is there when control comes to an operation.
+/// True if a value is there when control comes to an operation.
 static bool isDefinedBefore(Value value, Operation *op) {
   Operation *definition = value.getDefiningOp();
   if (!definition)
@@ -148,7 +148,7 @@ static bool isDefinedBefore(Value value, Operation *op) {
   return here && definition->isBeforeInBlock(here);
 }
 
-/// Whether a use may come after an operation, either in this iteration or in
+/// True if a use may come after an operation, either in this iteration or in
 /// a later one of a loop around both.
 static bool mayComeAfter(Value value, Operation *use, Operation *op) {
   for (Operation *here = op; here; here = here->getParentOp()) {
@@ -171,7 +171,7 @@ static bool mayComeAfter(Value value, Operation *use, Operation *op) {
   return true;
 }
 
-/// Whether a version is needed after an operation has written its memory.
+/// True if a version is needed after an operation has written its memory.
 static bool isNeeded(Value version, Operation *op) {
   if (!isDefinedBefore(version, op))
     return false;
@@ -183,7 +183,7 @@ static bool isNeeded(Value version, Operation *op) {
   });
 }
 
-/// Whether an operation that writes the next version of a variable hands on
+/// True if an operation that writes the next version of a variable hands on
 /// this one to another.
 static bool isHandedOnElsewhere(Value version, OpOperand &source) {
   return llvm::any_of(version.getUses(), [&](OpOperand &use) {

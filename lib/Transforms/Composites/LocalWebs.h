@@ -55,14 +55,14 @@ private:
   llvm::DenseMap<mlir::Value, mlir::Value> webs;
 };
 
-/// Whether a type has so many numbers that, where they are indexed at run time,
+/// True if a type has so many numbers that, where they are indexed at run time,
 /// memory beats selecting among registers.
 bool isLongComposite(mlir::Type type);
 
-/// Whether some index is known only at run time.
+/// True if some index is known only at run time.
 bool isDynamic(mlir::ValueRange indices);
 
-/// Whether an index known only at run time selects a component of this value,
+/// True if an index known only at run time selects a component of this value,
 /// or selected the one in which it differs from the version before it.
 bool hasDynamicAccess(mlir::Value version);
 

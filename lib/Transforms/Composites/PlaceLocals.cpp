@@ -162,7 +162,7 @@ bool PlaceLocals::isWorthPacking(warp::ScratchOp scratch) {
   });
 }
 
-/// Whether memory holds, where a value is used, what it held where the value
+/// True if memory holds, where a value is used, what it held where the value
 /// was loaded.
 static bool isKept(warp::ScratchLoadOp load) {
   llvm::SmallPtrSet<Operation *, 8> uses;

@@ -76,7 +76,7 @@ private:
 
 } // namespace
 
-/// Whether an operation accesses a composite at an index of run time.
+/// True if an operation accesses a composite at an index of run time.
 bool LoopWriter::isDynamicAccess(Operation *op) const {
   if (auto extract = dyn_cast<warp::ExtractOp>(op))
     return counts(extract->getOperand(0).getType()) &&

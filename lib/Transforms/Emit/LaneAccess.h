@@ -24,7 +24,7 @@ struct ArrayLowering::LaneAccess {
   /// addresses.
   mlir::Value pointer;
 
-  /// Whether an element is several numbers of 32 or 64 bits that follow each
+  /// True if an element is several numbers of 32 or 64 bits that follow each
   /// other, so that a lane can take it in pieces of up to four.
   bool hasWords() const {
     int64_t size = getByteSize(leaves[0].type);
@@ -36,7 +36,7 @@ struct ArrayLowering::LaneAccess {
     return true;
   }
 
-  /// Whether an element is three or four numbers in as few bytes
+  /// True if an element is three or four numbers in as few bytes
   /// (LowerLaneBytes.cpp).
   bool isFewBytes() const;
 
@@ -44,7 +44,7 @@ struct ArrayLowering::LaneAccess {
   /// several.
   mlir::VectorType wordLanes() const;
 
-  /// Whether an element is better taken in rows than in whole vectors: by
+  /// True if an element is better taken in rows than in whole vectors: by
   /// half for 8 or 16 numbers, and with few instructions. Blends are quicker
   /// for up to 9 if they are odd (mat33: by a tenth), masks of whole vectors
   /// for up to 4.
@@ -86,7 +86,7 @@ struct ArrayLowering::LaneAccess {
   }
 };
 
-/// Whether a mask certainly has all lanes.
+/// True if a mask certainly has all lanes.
 inline bool isFullMask(mlir::Value mask) {
   mlir::DenseElementsAttr known;
   return matchPattern(mask, mlir::m_Constant(&known)) && known.isSplat() &&

@@ -251,7 +251,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     return result;
   }
 
-  /// Whether our device library has functions for a vector as a whole.
+  /// True if our device library has functions for a vector as a whole.
   static bool hasVersions(VectorType type) {
     int64_t bits = type.getNumElements() * type.getElementTypeBitWidth();
     return llvm::isPowerOf2_64(bits) && bits >= leastVector &&

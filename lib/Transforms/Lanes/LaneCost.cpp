@@ -75,14 +75,14 @@ static bool isShort(LoopLikeOpInterface loop) {
   return trips && trips->ule(warp::cost::shortLoop);
 }
 
-/// Whether an operation has the same bits in any order of its terms.
+/// True if an operation has the same bits in any order of its terms.
 static bool isReordered(Operation *op) {
   return isa_and_present<arith::AddIOp, arith::MulIOp, arith::AndIOp,
                          arith::OrIOp, arith::XOrIOp, arith::MaxSIOp,
                          arith::MinSIOp, arith::MaxUIOp, arith::MinUIOp>(op);
 }
 
-/// Whether all that a loop carries are sums, or the like, whose terms may be
+/// True if all that a loop carries are sums, or the like, whose terms may be
 /// taken in any order.
 static bool carriesSums(scf::ForOp loop) {
   return llvm::all_of(
@@ -106,7 +106,7 @@ static bool carriesSums(scf::ForOp loop) {
       });
 }
 
-/// Whether the iterations of one thread are as good as lanes: straight-line
+/// True if the iterations of one thread are as good as lanes: straight-line
 /// code that carries nothing but sums of integers, over elements that follow
 /// each other while those of neighbouring threads do not.
 bool CostCounter::isStream(scf::ForOp loop) const {
@@ -200,7 +200,7 @@ void CostCounter::findTightLoop(LoopLikeOpInterface loop) {
   cost.isTight &= isTight && accesses <= 1;
 }
 
-/// Whether the iterations of a loop wait for each other rather than for memory,
+/// True if the iterations of a loop wait for each other rather than for memory,
 /// or do more for all lanes together than for each: with twice the lanes they
 /// take as long.
 bool CostCounter::isChain(LoopLikeOpInterface loop) const {
@@ -227,7 +227,7 @@ static bool hasWide(TypeRange types) {
   });
 }
 
-/// Whether no loop is around it that goes on for long.
+/// True if no loop is around it that goes on for long.
 static bool isStraight(Operation *op) {
   for (Operation *parent = op->getParentOp(); !isa<warp::ThreadsOp>(parent);
        parent = parent->getParentOp()) {

@@ -20,14 +20,14 @@ struct LaneCost {
   /// Operations of lanes in the code as it stands.
   int64_t varying = 0;
   bool hasLoop = false;
-  /// Whether most of them are in a loop that two vectors in turn run quicker.
+  /// True if most of them are in a loop that two vectors in turn run quicker.
   bool hasChain = false;
   /// Those of the largest loop without others, and whether all such loops do
   /// little but compute: four vectors in turn hide how long that takes.
   int64_t largestLoop = 0;
   bool isTight = true;
 
-  /// Whether so many lanes of those that there are room for are.
+  /// True if so many lanes of those that there are room for are.
   bool isWorthIt(int64_t lanes, int64_t all) const;
   /// Lanes of vectors of that many bits, one or several at a time.
   int64_t chooseLanes(int64_t bits) const;

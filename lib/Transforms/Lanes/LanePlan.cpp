@@ -40,7 +40,7 @@ static bool isShared(Operation *op, const ThreadVariance &variance) {
          (access.mayRead() && isFlag && variance.isWritten(access.getArray()));
 }
 
-/// Whether a loop goes on until another thread has done something: its
+/// True if a loop goes on until another thread has done something: its
 /// condition depends on what others may write, and is asked again after the
 /// loop itself has read such a thing.
 static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {

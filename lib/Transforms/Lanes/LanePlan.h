@@ -18,7 +18,7 @@ struct LanePlan {
   int64_t lanes = 1;
   /// What decided that.
   std::string reason;
-  /// Whether another length of the launch's rows may decide otherwise.
+  /// True if another length of the launch's rows may decide otherwise.
   bool dependsOnRows = false;
 };
 
@@ -27,11 +27,11 @@ struct LanePlan {
 LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
                    const ThreadVariance &variance);
 
-/// Whether the elements of an array's last dimension follow each other, and are
+/// True if the elements of an array's last dimension follow each other, and are
 /// a few numbers of one type each, so that lanes can load them as vectors.
 bool hasDenseElements(mlir::Value array);
 
-/// Whether it is an array of structs without gaps, or one field or component of
+/// True if it is an array of structs without gaps, or one field or component of
 /// such elements.
 bool isPartOfPacked(mlir::Value array);
 

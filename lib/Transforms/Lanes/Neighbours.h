@@ -17,7 +17,7 @@ namespace attr {
 constexpr llvm::StringLiteral neighbours = "warp.neighbours";
 } // namespace attr
 
-/// Whether elements at these indices follow each other in most vectors of
+/// True if elements at these indices follow each other in most vectors of
 /// lanes: an index is one of neighbouring threads that is kept within bounds,
 /// or starts again after as many threads as a row has elements.
 bool areMostlyNeighbours(mlir::ValueRange indices,

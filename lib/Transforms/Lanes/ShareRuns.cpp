@@ -37,7 +37,7 @@ using namespace mlir;
 using warp::RunLoop;
 using warp::ThreadVariance;
 
-/// Whether it pays: lanes have places of their own, and read the list there.
+/// True if it pays: lanes have places of their own, and read the list there.
 static bool pays(RunLoop &run, const ThreadVariance &variance) {
   Value place = run.argument(run.place);
   auto reads = [&](Operation *user) {
@@ -110,7 +110,7 @@ static void share(RunLoop &run) {
   }
 }
 
-/// Whether threads that follow each other take points that do in a grid.
+/// True if threads that follow each other take points that do in a grid.
 static bool followsGrid(FunctionOpInterface kernel,
                         const ThreadVariance &variance) {
   auto found = kernel->walk([&](warp::LoadComponentsOp load) {

@@ -13,7 +13,7 @@ namespace warp {
 class ThreadVariance;
 
 /// Lets the lanes of loops through runs of a list come to its elements
-/// together. Whether there was such a loop; the variance is out of date then.
+/// together. True if there was such a loop; the variance is out of date then.
 bool shareRuns(mlir::FunctionOpInterface kernel,
                const ThreadVariance &variance);
 

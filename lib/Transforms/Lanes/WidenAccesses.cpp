@@ -30,7 +30,7 @@ constexpr size_t mostComponents = 16;
 /// Elements of which one is taken.
 constexpr int64_t largestStride = 4;
 
-/// Whether the elements of the last dimension follow each other.
+/// True if the elements of the last dimension follow each other.
 static bool isPacked(Value array) {
   while (Operation *op = array.getDefiningOp()) {
     if (!isa<warp::ViewOp, warp::GradOp>(op))
@@ -44,7 +44,7 @@ static bool isPacked(Value array) {
          function.getArgAttr(argument.getArgNumber(), warp::attr::packed);
 }
 
-/// Whether an element is a few numbers of one size without gaps.
+/// True if an element is a few numbers of one size without gaps.
 static bool isDense(Type element) {
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(element, 0, leaves);

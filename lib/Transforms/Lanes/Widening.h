@@ -23,7 +23,7 @@ namespace warp {
 class AgreeOp;
 class LibraryCallOp;
 
-/// Whether a kernel's threads can be lanes; otherwise why they cannot.
+/// True if a kernel's threads can be lanes; otherwise why they cannot.
 std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
                                        ThreadsOp threads,
                                        const ThreadVariance &variance);
@@ -49,7 +49,7 @@ private:
   bool isVarying(mlir::Value value) const {
     return !variance.isUniform(value, Scope::Lanes);
   }
-  /// Whether a value also has a scalar of the first lane.
+  /// True if a value also has a scalar of the first lane.
   bool hasBase(mlir::Value value) const;
 
   // What has become of a value.

@@ -196,7 +196,7 @@ Scalar operator^(Scalar a, Scalar b) {
 
 Scalar operator~(Scalar a) { return a ^ a.emitter->integer(a.type, ~0ull); }
 
-/// Whether a shift by `b` leaves nothing of a value of its width; no value if
+/// True if a shift by `b` leaves nothing of a value of its width; no value if
 /// that is known not to happen.
 static std::optional<Scalar> isWholeShift(Scalar b) {
   unsigned width = b.getWidth();

@@ -139,7 +139,7 @@ AtomicKind warp::combiningKind(AtomicKind kind) {
   return kind == AtomicKind::sub ? AtomicKind::add : kind;
 }
 
-/// Whether an array is an argument, or the gradients of one, and has no other
+/// True if an array is an argument, or the gradients of one, and has no other
 /// name.
 static bool hasOneName(Value array) {
   auto isArgument = [](Value value) {

@@ -41,11 +41,11 @@ void setUpdate(mlir::Operation *update, UpdateScope scope, int64_t run = 0);
 /// The parts of the element that an update is of.
 llvm::SmallVector<Leaf> leavesOf(AtomicComponentsOp update);
 
-/// Whether an update may be made later, and others of its array before it: its
+/// True if an update may be made later, and others of its array before it: its
 /// old value is unused, and nothing in the kernel does anything else to the
 /// array than update it in a way that commutes. Exact sums go their own way.
 bool commutes(AtomicComponentsOp update);
-/// Whether partial results may be combined besides: those of fewer than 32 bits
+/// True if partial results may be combined besides: those of fewer than 32 bits
 /// would round.
 bool canCombine(AtomicComponentsOp update);
 
@@ -54,14 +54,14 @@ bool canCombine(AtomicComponentsOp update);
 mlir::Value identity(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,
                      mlir::Type type);
 
-/// Whether a value in an entry whose body begins with `first` is the same for
+/// True if a value in an entry whose body begins with `first` is the same for
 /// every thread of the range, and safe to compute again.
 bool isInvariant(mlir::Value value, mlir::Block *first);
 /// Computes it again, at an insertion point that `first` dominates.
 mlir::Value cloneInvariant(mlir::OpBuilder &b, mlir::Value value,
                            mlir::Block *first, mlir::IRMapping &clones);
 
-/// Whether an update says, or leaves, who came first: old values that are used,
+/// True if an update says, or leaves, who came first: old values that are used,
 /// exchanges. Never of exact sums.
 bool tellsTurn(mlir::Operation *update);
 
@@ -74,7 +74,7 @@ bool mayTellTurns(mlir::Operation *entry);
 /// launches on a CPU that the caller wants in order.
 bool keepsTurns(mlir::Operation *entry);
 
-/// Whether the order of atomic updates in an entry may show: sums of floats
+/// True if the order of atomic updates in an entry may show: sums of floats
 /// round unless they are exact, and some updates tell who came first.
 bool dependsOnOrder(mlir::Operation *update);
 bool hasOrderedUpdates(mlir::Operation *entry);

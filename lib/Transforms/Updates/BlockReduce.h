@@ -30,7 +30,7 @@ public:
   BlockReduce(mlir::OpBuilder &b, mlir::Location loc, mlir::ModuleOp module,
               int64_t blockDim);
 
-  /// Whether `condition` holds for any thread; all threads learn it.
+  /// True if `condition` holds for any thread; all threads learn it.
   mlir::Value any(mlir::Value condition);
   /// The combinations of all threads, in the first thread of the block.
   llvm::SmallVector<mlir::Value> reduce(llvm::ArrayRef<Reduced> reduced);

@@ -21,7 +21,7 @@ struct Carried {
       combine;
 };
 
-/// Whether values can be carried from a block through all branches and loops
+/// True if values can be carried from a block through all branches and loops
 /// around it to `outer`.
 bool canCarryOut(mlir::Block *from, mlir::Block *outer);
 

@@ -35,7 +35,7 @@ namespace warp {
 using namespace mlir;
 using warp::AtomicComponentsOp;
 
-/// Whether threads of a warp update the same element if they agree on what is
+/// True if threads of a warp update the same element if they agree on what is
 /// added to `compared`.
 static bool updatesOneElement(AtomicComponentsOp op,
                               const warp::ThreadVariance &variance,

@@ -14,7 +14,7 @@
 
 namespace warp {
 
-/// Whether the entry's GPU can perform this update, of an element with these
+/// True if the entry's GPU can perform this update, of an element with these
 /// parts at an address, by `addInPairs`.
 bool canAddInPairs(mlir::Operation *entry, AtomicComponentsOp op,
                    llvm::ArrayRef<Leaf> leaves, mlir::Value pointer);

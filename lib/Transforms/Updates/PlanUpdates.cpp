@@ -105,7 +105,7 @@ private:
 // Scopes
 //===----------------------------------------------------------------------===//
 
-/// Whether all threads update the same element, which can be found again after
+/// True if all threads update the same element, which can be found again after
 /// them.
 bool UpdatePlanner::isOnePlace(AtomicComponentsOp op) {
   return warp::isInvariant(op.getArray(), first) &&
@@ -153,7 +153,7 @@ void UpdatePlanner::planRings() {
   });
 }
 
-/// Whether threads of a warp may be expected to update the same element.
+/// True if threads of a warp may be expected to update the same element.
 bool UpdatePlanner::isForWarp(AtomicComponentsOp op) {
   llvm::SetVector<Value> compared;
   auto isKnown = [&](Value value) {
@@ -323,7 +323,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());
   }
 
-  /// Whether updates are made without atomic instructions, as that is quicker.
+  /// True if updates are made without atomic instructions, as that is quicker.
   bool planPlainUpdates(FunctionOpInterface kernel, warp::ThreadsOp threads,
                         const warp::ThreadVariance &variance) {
     warp::VariantAttr variant = warp::getVariant(kernel);

@@ -21,12 +21,12 @@ using warp::RingLoop;
 /// Fewer iterations are not worth the code.
 constexpr int64_t minTrips = 2 * warp::RingLoop::lanes;
 
-/// Whether a value is the same for all lanes, and in all iterations.
+/// True if a value is the same for all lanes, and in all iterations.
 bool RingLoop::isUniform(Value value) {
   return variance.strideIfEqual(value, loop, compared) == 0;
 }
 
-/// Whether the loop surely has too few iterations.
+/// True if the loop surely has too few iterations.
 bool RingLoop::isShort() {
   APInt first, last;
   return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
@@ -34,7 +34,7 @@ bool RingLoop::isShort() {
          last.getSExtValue() - first.getSExtValue() < minTrips;
 }
 
-/// Whether nothing in the loop does to memory what iterations could see of each
+/// True if nothing in the loop does to memory what iterations could see of each
 /// other. An array that a commuting update names is not accessed otherwise.
 bool RingLoop::isOrderOpen() {
   WalkResult result = loop.getBody()->walk([&](Operation *op) {

@@ -25,7 +25,7 @@ public:
   RingLoop(mlir::scf::ForOp loop, const ThreadVariance &variance, bool anyOrder)
       : loop(loop), variance(variance), anyOrder(anyOrder) {}
 
-  /// Whether it is one; fills in the rest.
+  /// True if it is one; fills in the rest.
   bool qualifies();
   llvm::SmallVector<AtomicComponentsOp> updates;
   /// What lanes must agree on for bounds and indices to be the same.

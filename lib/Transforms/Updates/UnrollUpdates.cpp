@@ -22,7 +22,7 @@ namespace cost = warp::cost;
 /// Operations of all iterations together.
 constexpr int64_t maxOperations = 1024;
 
-/// Whether an element is one in each iteration of a loop, for all threads, and
+/// True if an element is one in each iteration of a loop, for all threads, and
 /// another one in the next. Outer loops do not count: those are longer.
 static bool followsCounter(warp::AtomicComponentsOp update, scf::ForOp loop,
                            const warp::ThreadVariance &variance) {

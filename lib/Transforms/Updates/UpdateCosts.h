@@ -18,7 +18,7 @@ public:
   /// that will be lanes of a vector.
   UpdateCosts(ThreadsOp threads, int64_t operations, int64_t lanes);
 
-  /// Whether atomic instructions are left.
+  /// True if atomic instructions are left.
   bool any() const { return atomic != plain; }
   /// With updates made plainly, and by atomic instructions.
   double plain = 0, atomic = 0;

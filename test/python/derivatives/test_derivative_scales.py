@@ -45,7 +45,7 @@ def degrees(values, doubled):
 
 
 def check(overload, device):
-    """Whether an overload is homogeneous; if so its gradients have been compared."""
+    """True if an overload is homogeneous; if so its gradients have been compared."""
     random = np.random.default_rng(3)
     rows = overload.sample(random)
     values = overload.run(rows, device)

@@ -21,7 +21,7 @@ def wide_triangles(p: wp.array2d(dtype=wp.vec3d), out: wp.array(dtype=int)):
 
 
 def feasible(p):
-    """Whether two triangles share a point, in rational arithmetic: signs of volumes."""
+    """True if two triangles share a point, in rational arithmetic: signs of volumes."""
     p = [[Fraction(float(x)) for x in corner] for corner in p]
 
     def side(a, b, c, d):

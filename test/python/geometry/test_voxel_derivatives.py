@@ -133,7 +133,7 @@ def test_what_has_no_gradients(device):
 
 
 def has_table(volume):
-    """Whether kernels find leaves by a table: word 13 of what the handle leads to."""
+    """True if kernels find leaves by a table: word 13 of what the handle leads to."""
     return slot_of(volume.id, volume.device).numpy()[26:28].any()
 
 

@@ -42,14 +42,14 @@ def public_names(module):
 
 
 def inherited(qualified, module):
-    """Whether a base class says what a method does."""
+    """True if a base class says what a method does."""
     owner, _, name = qualified.partition(".")
     bases = getattr(module, owner).__mro__[1:] if name else ()
     return any(getattr(getattr(base, name, None), "__doc__", None) for base in bases)
 
 
 def raises(function) -> bool:
-    """Whether it has a `raise` of its own, not counting methods that subclasses have to have."""
+    """True if it has a `raise` of its own, not counting methods that subclasses have to have."""
     if function.__name__ == "<lambda>":
         return False
     tree = ast.parse(textwrap.dedent(inspect.getsource(function)))

@@ -13,7 +13,7 @@
 /// Records a call if its stream is captured; it is repeated when the graph
 /// runs.
 bool fakeRecord(void *stream, std::function<int()> call);
-/// Whether a stream is captured.
+/// True if a stream is captured.
 bool fakeIsCapturing(void *stream);
 /// A capture that something forbidden was done to ends in an error.
 void fakeInvalidateCaptures();

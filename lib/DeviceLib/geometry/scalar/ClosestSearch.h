@@ -22,7 +22,7 @@ inline f32 squareToSegment(Point<f32> start, Point<f32> along, f32 length2) {
   return dot(at, at);
 }
 
-/// Whether `closestOnTriangle` may give this squared distance or less; in a
+/// True if `closestOnTriangle` may give this squared distance or less; in a
 /// third of its time. Feet are found with rough quotients, so that points of
 /// edges are off by 2^-20 of the triangle's size, and its plane's distance by
 /// as much of that of its corners. The foot in the plane counts as inside when

@@ -52,7 +52,7 @@ public:
     asm volatile("activemask.b32 %0;" : "=r"(here));
     return here == all;
   }
-  /// Whether all lanes of all teams have the same.
+  /// True if all lanes of all teams have the same.
   bool areSame(Bytes place) const {
     u64 bits = (u64)place;
     u32 low = from(u32(bits), 0), high = from(u32(bits >> 32), 0);

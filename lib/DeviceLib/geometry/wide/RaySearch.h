@@ -35,7 +35,7 @@ public:
     return hit;
   }
 
-  /// Whether the triangle that was met faces away from the start.
+  /// True if the triangle that was met faces away from the start.
   bool leavesThroughFront() const { return away; }
 
 private:

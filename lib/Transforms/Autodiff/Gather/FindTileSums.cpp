@@ -112,7 +112,7 @@ private:
            });
   }
 
-  /// Whether an operation, or one that computes something for it, uses a value.
+  /// True if an operation, or one that computes something for it, uses a value.
   static bool dependsOn(const llvm::SetVector<Operation *> &slice,
                         Operation *op, Value value) {
     auto uses = [&](Operation *user) {
@@ -171,7 +171,7 @@ private:
            });
   }
 
-  /// Whether what a block loads is there before the launch: nobody writes it,
+  /// True if what a block loads is there before the launch: nobody writes it,
   /// or the block itself does so afterwards.
   bool isUnchanged(TileLoadOp load) {
     Root root(load.getArray());
@@ -193,7 +193,7 @@ private:
            });
   }
 
-  /// Whether blocks that differ in another dimension than that of the sum, and
+  /// True if blocks that differ in another dimension than that of the sum, and
   /// steps of the loop, add to different elements, and nothing else does.
   bool isApart(TileSum sum) {
     bool isOnly = everyAccess(Root(sum.update.getArray()),
@@ -220,7 +220,7 @@ private:
     return isOnly && areSteps;
   }
 
-  /// Whether no two blocks have elements of the tile in common.
+  /// True if no two blocks have elements of the tile in common.
   bool isOwn(TileLoadOp load, const Root &root) {
     SmallVector<std::pair<Value, int64_t>> axes;
     for (Value index : root.leading)

@@ -23,7 +23,7 @@ struct TileSum {
   TileMatmulOp product;
   mlir::scf::ForOp loop;
   unsigned dim;
-  /// Whether each block and step has elements of its own.
+  /// True if each block and step has elements of its own.
   bool isApart;
 };
 

@@ -78,7 +78,7 @@ static std::optional<int64_t> getLeast(Operation *compare, bool truth,
   return bound + (truth == isStrict);
 }
 
-/// Whether a value is the same in all threads of the launch.
+/// True if a value is the same in all threads of the launch.
 static bool isUniform(Value value) {
   auto adjoint =
       value.getParentRegion()->getParentOfType<FunctionOpInterface>();

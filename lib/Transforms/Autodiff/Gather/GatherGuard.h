@@ -32,7 +32,7 @@ struct GatherEmitter {
   /// A number of the type of thread indices.
   mlir::Value number(int64_t value);
   mlir::Value truth(bool value);
-  /// Whether a thread index is at least that.
+  /// True if a thread index is at least that.
   mlir::Value isAtLeast(unsigned dimension, int64_t bound);
   /// The conjunction; null stands for true.
   mlir::Value both(mlir::Value left, mlir::Value right);
@@ -57,7 +57,7 @@ public:
   void add(GatherEmitter &emitter, mlir::Value condition, bool holds,
            Clone clone);
 
-  /// Whether all that is true of the thread `back` steps before this one; null
+  /// True if all that is true of the thread `back` steps before this one; null
   /// if it always is. This one is at most `halo` steps beyond the extents.
   mlir::Value build(GatherEmitter &emitter, llvm::ArrayRef<int64_t> back,
                     llvm::ArrayRef<int64_t> halo) const;
@@ -73,7 +73,7 @@ private:
   mlir::Value rest;
 };
 
-/// Whether a value can be computed where the adjoint does not need it.
+/// True if a value can be computed where the adjoint does not need it.
 bool isSpeculatable(mlir::Value value);
 
 } // namespace warp::autodiff

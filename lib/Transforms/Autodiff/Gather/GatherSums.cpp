@@ -86,7 +86,7 @@ static SumsByOffset sortByOffset(ArrayRef<NeighborSums> gathers) {
   return result;
 }
 
-/// Whether computing values once per neighbour costs less than the atomic
+/// True if computing values once per neighbour costs less than the atomic
 /// additions that it saves.
 static bool isWorthwhile(const SumsByOffset &sums) {
   auto getTotal = [](const llvm::SetVector<Operation *> &slice) {

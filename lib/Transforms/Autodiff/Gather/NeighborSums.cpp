@@ -142,7 +142,7 @@ Finder::getElement(Operation *op) const {
   return shifts;
 }
 
-/// Whether all dimensions of the launch are among the indices, so that other
+/// True if all dimensions of the launch are among the indices, so that other
 /// threads access other elements.
 bool Finder::isOwn(Operation *op) const {
   auto element = getElement(op);
@@ -155,7 +155,7 @@ bool Finder::isOwn(Operation *op) const {
   return llvm::all_of(isThere, [](bool there) { return there; });
 }
 
-/// Whether a thread that gets to `read` may have been at `write`. Neither is in
+/// True if a thread that gets to `read` may have been at `write`. Neither is in
 /// a loop that the other one is in.
 bool Finder::mayComeBefore(Operation *write, Operation *read) const {
   if (positions.lookup(write) > positions.lookup(read))
@@ -173,7 +173,7 @@ bool Finder::mayComeBefore(Operation *write, Operation *read) const {
   return true;
 }
 
-/// Whether a load gives what is there before the launch.
+/// True if a load gives what is there before the launch.
 bool Finder::readsInitialValue(AccessOp load) {
   std::optional<ArrayMemory> memory = getMemory(load.getArray());
   if (!memory)
@@ -197,7 +197,7 @@ bool Finder::areBranchesAround(Operation *op) const {
   return true;
 }
 
-/// Whether the operation itself, without its operands, gives the same when it
+/// True if the operation itself, without its operands, gives the same when it
 /// is done for the thread before the launch.
 bool Finder::isRecomputable(Operation *op) {
   auto [found, isNew] = recomputable.try_emplace(op, false);

@@ -78,7 +78,7 @@ static bool isOutside(Operation *loop, Value value) {
   return !loop->isAncestor(value.getParentBlock()->getParentOp());
 }
 
-/// Whether a value can be made outside of the loop: by operations without
+/// True if a value can be made outside of the loop: by operations without
 /// regions from what is there.
 static bool isMadeOutside(Operation *loop, Value value) {
   SmallVector<Value> pending{value};
@@ -123,7 +123,7 @@ static SmallVector<Element> gather(Operation *op, const ArrayLeaves &leaves) {
   return walk.wasInterrupted() ? SmallVector<Element>() : all;
 }
 
-/// Whether something loads it, something stores it, and nothing else accesses
+/// True if something loads it, something stores it, and nothing else accesses
 /// what may be the same.
 static bool isUpdated(const Element &element, ArrayRef<Element> all) {
   bool isLoaded = false, isStored = false;
@@ -139,7 +139,7 @@ static bool isUpdated(const Element &element, ArrayRef<Element> all) {
   return isLoaded && isStored;
 }
 
-/// Whether the element is accessed wherever the loop is, even if that does not
+/// True if the element is accessed wherever the loop is, even if that does not
 /// run.
 static bool isSure(const Element &element, Operation *loop,
                    ArrayRef<Element> all) {

@@ -23,7 +23,7 @@ public:
   mlir::Value carry(mlir::Block &block, mlir::Value current);
 
 private:
-  /// Whether an operation without regions changes the value.
+  /// True if an operation without regions changes the value.
   virtual bool changes(mlir::Operation *op) const = 0;
   /// What the value is after such an operation, which may be erased.
   virtual mlir::Value pass(mlir::Operation *op, mlir::Value current) = 0;

@@ -63,7 +63,7 @@ LogicalResult IterationSolver::run() {
   return success();
 }
 
-/// Whether an operation gives the same bits wherever it is. Arithmetic of floats
+/// True if an operation gives the same bits wherever it is. Arithmetic of floats
 /// may not: products are fused with sums in one place and not in another.
 static bool isExact(Operation *op) {
   return warp::isPlainRead(op) || isa<warp::CastOp, warp::ConstantOp>(op) ||

@@ -112,7 +112,7 @@ std::optional<Assignment> LastAssignments::match(unsigned number) {
   return std::nullopt;
 }
 
-/// Whether a carried value is compared and assigned, and not used otherwise.
+/// True if a carried value is compared and assigned, and not used otherwise.
 bool LastAssignments::isForConditions(Value carried, Operation *assignment) {
   return llvm::all_of(carried.getUsers(), [&](Operation *user) {
     if (user == assignment || assignment->isProperAncestor(user))
@@ -124,7 +124,7 @@ bool LastAssignments::isForConditions(Value carried, Operation *assignment) {
   });
 }
 
-/// Whether an element has its value after the loop, too.
+/// True if an element has its value after the loop, too.
 bool LastAssignments::mayLoad(Operation *op) const {
   auto load = dyn_cast<LoadOp>(op);
   if (!load)
@@ -159,7 +159,7 @@ bool LastAssignments::collect(Value value, Slice &slice) {
 // Computing them again
 //===----------------------------------------------------------------------===//
 
-/// Whether this iteration assigns; the code is after the assignment.
+/// True if this iteration assigns; the code is after the assignment.
 Value LastAssignments::isTaken(OpBuilder &b, const Assignment &assignment,
                                Value carried) {
   Operation *op = assignment.op;
@@ -189,7 +189,7 @@ void LastAssignments::rewrite(ArrayRef<Assignment> group, const Slice &slice) {
   auto boolean = [&](bool value) -> Value {
     return arith::ConstantOp::create(b, loc, b.getBoolAttr(value));
   };
-  // Whether there was one, its counter, and integers of that iteration; before
+  // True if there was one, its counter, and integers of that iteration; before
   // the first they are not used.
   SmallVector<Value> inits(loop.getInitArgs());
   unsigned first = inits.size();

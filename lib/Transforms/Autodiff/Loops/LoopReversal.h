@@ -60,7 +60,7 @@ protected:
   /// Reverses a replayed iteration; `getNexts` have their cotangents.
   virtual mlir::LogicalResult reverseIteration() = 0;
 
-  /// Whether the reverse loop, whose iterations have no order, can be one of
+  /// True if the reverse loop, whose iterations have no order, can be one of
   /// the primal loop's kind, which needs no number of trips.
   virtual bool mayRunAlong(mlir::scf::ForOp reversed) { return false; }
   /// Makes it one: returns what the reverse loop leaves.

@@ -56,13 +56,13 @@ SmallVector<Value> getTapeIndices(OpBuilder &b, Location loc, Value at) {
 // What to keep
 //===----------------------------------------------------------------------===//
 
-/// Whether the kernel uses what an atomic returns.
+/// True if the kernel uses what an atomic returns.
 static bool isReturned(Operation *op) {
   auto access = dyn_cast<AccessOp>(op);
   return access && access.isUpdate() && !op->use_empty();
 }
 
-/// Whether running the kernel again, thread by thread, does the same again.
+/// True if running the kernel again, thread by thread, does the same again.
 static bool mayRunAgain(func::FuncOp kernel, const ArrayLeaves &leaves) {
   auto result = kernel.walk([&](Operation *op) {
     bool isOpaque =

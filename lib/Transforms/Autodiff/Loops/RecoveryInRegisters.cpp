@@ -38,7 +38,7 @@ static void appendToYield(scf::ForOp loop, ValueRange values) {
 // Rank 3
 //===----------------------------------------------------------------------===//
 
-/// Whether a value is another one, whatever branch is taken and however often
+/// True if a value is another one, whatever branch is taken and however often
 /// loops run on the way.
 static bool isAlways(Value value, Value other) {
   if (value == other)
@@ -55,7 +55,7 @@ static bool isAlways(Value value, Value other) {
          isAlways(inner.getYieldedValues()[i], inner.getRegionIterArg(i));
 }
 
-/// Whether iterations of the reverse loop only add, to what none of them reads;
+/// True if iterations of the reverse loop only add, to what none of them reads;
 /// then they run forward, as hardware expects.
 bool LoopReversal::hasFreeOrder(scf::ForOp reversed) {
   Operation *yield = reversed.getBody()->getTerminator();

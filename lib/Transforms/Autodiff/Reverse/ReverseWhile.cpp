@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A loop with a condition, a break or a return: the front end carries flags and
-// tests them in the condition. Whether there is another iteration is not known
+// tests them in the condition. True if there is another iteration is not known
 // before the one is done, so the replay counts the trips; after that the loop
 // is a counted one. An iteration is what leads from one evaluation of the
 // condition to the next: the region that evaluates it, then the body. The last
@@ -156,7 +156,7 @@ LogicalResult WhileReversal::replayCondition(scf::WhileOp made,
   return success();
 }
 
-/// Whether every iteration has the same value.
+/// True if every iteration has the same value.
 static bool isInvariant(Value value, Operation *loop) {
   if (!loop->isAncestor(value.getParentRegion()->getParentOp()))
     return true;

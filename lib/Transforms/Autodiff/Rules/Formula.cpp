@@ -124,7 +124,7 @@ bool Formula::mayBeInfinite(Expr expr) {
   return expr.value && autodiff::mayBeInfinite(expr.value, 4);
 }
 
-/// Whether an operation comes before the insertion point of `b`, on every path.
+/// True if an operation comes before the insertion point of `b`, on every path.
 static bool isBefore(Operation *op, OpBuilder &b) {
   Block *block = b.getInsertionBlock();
   if (op->getBlock() == block)

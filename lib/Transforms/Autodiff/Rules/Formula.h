@@ -61,7 +61,7 @@ public:
   /// quotients are.
   Expr knownReciprocal(Expr divisor);
 
-  /// Whether the value comes from an operation that makes infinities of finite
+  /// True if the value comes from an operation that makes infinities of finite
   /// numbers, as a division does.
   static bool mayBeInfinite(Expr expr);
 

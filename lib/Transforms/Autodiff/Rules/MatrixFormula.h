@@ -12,7 +12,7 @@
 
 namespace warp::autodiff {
 
-/// Whether two values are so close that the mean of a function's derivatives at
+/// True if two values are so close that the mean of a function's derivatives at
 /// both is better than a quotient of differences; or count as the same next to
 /// `scale`, if that is not zero.
 Expr areNearlyTheSame(Formula &f, Expr x, Expr y, Expr scale, double roundoff);
@@ -63,7 +63,7 @@ public:
   /// `above` counts as zero next to `terms`, whose difference it is, and
   /// `below` next to `scale`.
   Quotient divide(Expr above, Expr terms, Expr below, Expr scale);
-  /// Whether two values count as the same next to `scale`.
+  /// True if two values count as the same next to `scale`.
   Expr areClose(Expr x, Expr y, Expr scale) {
     return abs(x - y) <= f.number(8 * roundoff) * scale;
   }
@@ -71,7 +71,7 @@ public:
   Expr areNearlyTheSame(Expr x, Expr y, Expr scale) {
     return autodiff::areNearlyTheSame(f, x, y, scale, roundoff);
   }
-  /// Whether results may be exchanged for others, and doing it.
+  /// True if results may be exchanged for others, and doing it.
   bool mayReplace() const { return context.replace != nullptr; }
   void replaceResult(unsigned i, Expr value) {
     context.replace(i, f.materialize(value, input.results[i].getType()));

@@ -39,7 +39,7 @@ struct RuleContext {
   Singular singular = Singular::Pinned;
   /// Called with an `i1` that says whether this thread was at a singular point.
   std::function<void(mlir::Value isSingular)> report = nullptr;
-  /// Whether it matters how vectors of values that repeat, or nearly do, turn
+  /// True if it matters how vectors of values that repeat, or nearly do, turn
   /// into each other. It does not where products with them are complete
   /// (SpectralProducts.h); then the values may also be told apart.
   bool turnsMatter = true;
@@ -64,16 +64,16 @@ pushforward(RuleContext &context, mlir::Operation *op,
             mlir::ValueRange operands, mlir::ValueRange results,
             llvm::ArrayRef<mlir::Value> tangents);
 
-/// Whether the rule of an operation uses its primal results.
+/// True if the rule of an operation uses its primal results.
 bool needsResults(mlir::Operation *op);
 
-/// Whether the derivative of an operation is infinite or undefined somewhere.
+/// True if the derivative of an operation is infinite or undefined somewhere.
 bool isSingular(mlir::Operation *op);
 
-/// Whether a derivative of the operation is other than zero somewhere.
+/// True if a derivative of the operation is other than zero somewhere.
 bool isDifferentiable(mlir::Operation *op);
 
-/// Whether the operation has a rule, or a derivative of zero; a differentiable
+/// True if the operation has a rule, or a derivative of zero; a differentiable
 /// builtin without one has to be expanded first.
 bool hasRule(mlir::Operation *op);
 

@@ -11,7 +11,7 @@
 
 namespace warp::autodiff {
 
-/// Whether the operation builds a composite, takes one apart, converts a float
+/// True if the operation builds a composite, takes one apart, converts a float
 /// to a float or chooses between two values, outside of the registry.
 bool isCompositeOp(mlir::Operation *op);
 

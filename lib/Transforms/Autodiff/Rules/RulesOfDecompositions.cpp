@@ -78,7 +78,7 @@ public:
   Expr operator()(int i, int j) {
     return j - i == 1 ? next[i] : f.call("bit_and", {next[0], next[1]});
   }
-  /// Whether a cotangent of the values tells such a pair apart.
+  /// True if a cotangent of the values tells such a pair apart.
   Expr areToldApart(Expr cotangent);
   /// What basis of their vectors separates the values along a direction, whose
   /// symmetric part in the present basis is `p`.

@@ -280,7 +280,7 @@ def only(result):
 
 
 def has_gradient(item):
-    """Whether an argument is an array with a gradient."""
+    """True if an argument is an array with a gradient."""
     return getattr(item, "requires_grad", False) and getattr(item, "grad", None) is not None
 
 

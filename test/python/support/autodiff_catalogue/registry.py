@@ -51,5 +51,5 @@ def case(number, claim, precisions=("float32", "float64"), verdict=EXACT):
 
 
 def located(message, lines=1):
-    """Whether a message names at least so many places of a source file."""
+    """True if a message names at least so many places of a source file."""
     return len(set(re.findall(r"\w+\.py:\d+", str(message)))) >= lines

@@ -1,0 +1,162 @@
+"""Check the language of comments, docstrings and documents.
+
+    check_language.py [FILE ...]
+
+Without arguments every tracked source and document is checked. Three rules, each printed as
+`file:line: rule`:
+
+- No sentence of a comment, docstring or document begins with one of `OPENINGS`: such a clause has
+  no subject that a reader could look up.
+- No text contains one of `PRIVATE`, expressions that the field has a standard term for.
+- `lib` and `include` contain each of `REQUIRED` at least once, so that a search for the standard
+  term finds the place.
+
+The exit status is 1 if a rule is broken.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import subprocess
+import sys
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+OPENINGS = ("What", "Whether", "Of", "Those", "Where")
+PRIVATE = {
+    r"copy engine": "TMA (the copy engine is the unit behind cudaMemcpyAsync)",
+    r"memory of (?:the|a|its) block|block's memory|block memory": "shared memory",
+    r"squares? (?:of elements )?changes? hands": "a tile is transposed through shared memory",
+    r"(?:is|are) under way": "in flight",
+    r"(?:is|are) had again": "recovered",
+    r"queue at one bank": "bank conflict",
+    r"sums that travel": "ring reduction",
+    r"whole lines of memory": "coalesced accesses",
+}
+REQUIRED = (
+    "alias analysis",
+    "bank conflict",
+    "coalesc",
+    "liveness",
+    "lockstep",
+    "occupancy",
+    "register pressure",
+    "rematerial",
+    "shared memory",
+    "software pipelin",
+    "TMA",
+    "unroll-and-jam",
+)
+SOURCES = (".cpp", ".h", ".td", ".py", ".md", ".mlir", ".sh", ".txt")
+# References that are generated, and lists of the peer's names.
+GENERATED = ("docs/builtins.md", "docs/dialect.md", "docs/passes.md", "docs/compatibility.md")
+SKIPPED = (*GENERATED, "docs/peer-names.txt", "test/peer/", "scripts/check_language.py")
+
+Comment = tuple[int, str]
+
+
+def python_text(source: str) -> Iterator[Comment]:
+    """Comments and docstrings, a line each."""
+    statement = True
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string.lstrip("#:! ")
+        elif token.type == tokenize.STRING and statement:
+            for number, line in enumerate(token.string.strip("rR\"'").split("\n")):
+                yield token.start[0] + number, line
+        if token.type not in (tokenize.COMMENT, tokenize.NL):
+            statement = token.type in (tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
+            statement = statement or token.type == tokenize.ENCODING
+
+
+def marked_text(source: str, mark: str) -> Iterator[Comment]:
+    """Comments that run from `mark` to the end of the line; text lines of `.td` descriptions."""
+    description = False
+    for number, line in enumerate(source.split("\n"), 1):
+        match = re.match(rf"\s*{mark}+[!<]*(?: |$)(.*)", line)
+        title = re.match(r"//===-+ \S+ - (.*?) *-*(?:\*-.*)?===//$", line)
+        if title:
+            yield number, title[1]
+        elif match and not line.lstrip().startswith("//==="):
+            yield number, match[1]
+        elif description:
+            yield number, line
+        description = ("[{" in line or description) and "}]" not in line
+
+
+def document_text(source: str) -> Iterator[Comment]:
+    """The text of a Markdown page, without its code."""
+    code = False
+    for number, line in enumerate(source.split("\n"), 1):
+        if line.startswith("```"):
+            code = not code
+        yield number, "" if code else re.sub(r"^[#|*\-> ]+", "", line)
+
+
+def text_of(path: str, source: str) -> Iterator[Comment]:
+    if path.endswith(".py"):
+        return python_text(source)
+    if path.endswith((".md", ".txt")):
+        return document_text(source)
+    return marked_text(source, "#" if path.endswith(".sh") else "//")
+
+
+def sentences(lines: Iterator[Comment]) -> Iterator[Comment]:
+    """The first words of each sentence, with its line. A gap or an indented line ends one."""
+    ended, last = True, -1
+    for number, line in lines:
+        if number != last + 1 or not line.strip():
+            ended = True
+        last = number
+        for match in re.finditer(r"(^|(?<=[.:!?]) )\s*([A-Z][a-z]+)\b", line):
+            if match.start() > 0 or ended:
+                yield number, match[2]
+        if line.strip():
+            ended = line.rstrip().endswith((".", ":", "!", "?", "```"))
+
+
+def broken_rules(path: str, source: str) -> Iterator[tuple[int, str]]:
+    """Line and message of each broken rule of one file."""
+    lines = list(text_of(path, source))
+    for number, word in sentences(iter(lines)):
+        if word in OPENINGS:
+            yield number, f"a sentence begins with '{word}'; begin with its subject"
+    for number, line in lines:
+        for pattern, term in PRIVATE.items():
+            if re.search(pattern, line):
+                yield number, f"'{re.search(pattern, line)[0]}' is not a term of the field: {term}"
+
+
+def tracked() -> list[str]:
+    listed = subprocess.run(
+        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout.split("\n")
+    return [
+        name for name in listed if name.endswith(SOURCES) and not name.startswith(SKIPPED)
+    ]
+
+
+def missing_terms(texts: dict[str, str]) -> list[str]:
+    """Standard terms that no file of `lib` or `include` contains."""
+    whole = "\n".join(text for name, text in texts.items() if name.startswith(("lib/", "include/")))
+    return [term for term in REQUIRED if term.lower() not in whole.lower()]
+
+
+def main(arguments: list[str]) -> int:
+    texts = {name: (ROOT / name).read_text() for name in arguments or tracked()}
+    found = [
+        f"{name}:{number}: {message}"
+        for name, text in texts.items()
+        for number, message in broken_rules(name, text)
+    ]
+    if not arguments:
+        found += [f"lib, include: no text has the term '{term}'" for term in missing_terms(texts)]
+    print("\n".join(found) if found else f"{len(texts)} files follow the rules")
+    return 1 if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
