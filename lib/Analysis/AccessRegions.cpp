@@ -1,4 +1,4 @@
-//===- AccessRegions.cpp - What a kernel touches of its arrays ------------===//
+//===- AccessRegions.cpp - Access regions of a kernel's arrays ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -112,7 +112,7 @@ void RegionBuilder::visit(Operation *op) {
       markUnknown(access.getArray());
     return;
   }
-  // What is handed on is followed to where it is accessed.
+  // An array that is passed on is followed to where it is accessed.
   if (isa<warp::ArrayViewOp, warp::DimOp, warp::GradOp, func::CallOp,
           func::ReturnOp, RegionBranchOpInterface,
           RegionBranchTerminatorOpInterface, warp::StructCreateOp,

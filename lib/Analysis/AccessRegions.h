@@ -1,4 +1,4 @@
-//===- AccessRegions.h - What a kernel touches of its arrays ----*- C++ -*-===//
+//===- AccessRegions.h - Access regions of a kernel's arrays ----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

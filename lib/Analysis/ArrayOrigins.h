@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// An array value is a descriptor. What memory it describes is asked here: by
+// An array value is a descriptor. These functions find the memory behind it: by
 // the shortest way for views (`rootOf`), by number for the arguments of a
 // function and for arrays in structs (`ArrayLeaves`), and through loops,
 // branches and calls (`ArrayOrigins`). Nothing is stored, so that passes may
@@ -45,7 +45,7 @@ public:
   llvm::SmallVector<unsigned, 1> of(mlir::Value array) const;
   /// The first leaf of an argument of the function.
   unsigned getFirst(unsigned argument) const { return first[argument]; }
-  /// What the user calls a leaf: `x`, or `state.x`.
+  /// The user's name of a leaf: `x`, or `state.x`.
   std::string getName(unsigned leaf) const;
   mlir::FunctionOpInterface getFunction() const { return function; }
 
@@ -69,7 +69,7 @@ struct ArrayMemory {
   }
 };
 
-/// What an array may stand for.
+/// The arrays that a value may stand for.
 struct ArrayOrigin {
   /// Sorted, each once.
   llvm::SmallVector<ArrayMemory, 1> memories;

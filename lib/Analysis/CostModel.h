@@ -1,4 +1,4 @@
-//===- CostModel.h - What operations cost -----------------------*- C++ -*-===//
+//===- CostModel.h - Costs of operations ------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -66,7 +66,7 @@ constexpr double fieldCost = 6;
 // Branches of lanes.
 /// Arms of more operations than this are worth a branch.
 constexpr int64_t longestFlat = 24;
-/// What some of their operations count.
+/// Costs of some of their operations.
 constexpr int64_t flatCall = 12, flatRoot = 4;
 
 /// Operations that it is worth to compute again to be rid of an atomic addition

@@ -1,4 +1,4 @@
-//===- Effects.cpp - What an operation does besides computing -------------===//
+//===- Effects.cpp - Side effects of operations ---------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

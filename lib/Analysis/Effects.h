@@ -1,4 +1,4 @@
-//===- Effects.h - What an operation does besides computing -----*- C++ -*-===//
+//===- Effects.h - Side effects of operations -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -75,7 +75,7 @@ static Symbol getExtent(warp::DimOp op) {
   return {Symbol::Kind::Extent, dim, array.getAsOpaquePointer()};
 }
 
-/// What a value is called that is not taken apart.
+/// The name of a value that is not decomposed.
 static Symbol getSymbol(Value value) {
   if (auto argument = dyn_cast<BlockArgument>(value)) {
     Operation *owner = argument.getOwner()->getParentOp();
@@ -244,7 +244,7 @@ Form Forms::expandPassed(Operation *loop, const Form &form) {
   return expanded;
 }
 
-/// What a loop carries from iteration to iteration.
+/// A value that a loop carries from iteration to iteration.
 std::optional<Form> Forms::resolveCarried(Operation *loop, Value carried,
                                           Value init, Value yielded) {
   Symbol symbol = Symbol::opaque(carried);

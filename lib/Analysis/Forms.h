@@ -21,7 +21,7 @@
 
 namespace warp {
 
-/// What forms are sums of: an integer that is not one itself.
+/// A symbol of a form: an integer that is not decomposed.
 struct Symbol {
   enum class Kind : uint8_t {
     /// Index of the thread in dimension `number` of the launch.
@@ -43,9 +43,9 @@ struct Symbol {
   static Symbol opaque(mlir::Value value) {
     return {Kind::Opaque, 0, value.getAsOpaquePointer()};
   }
-  /// Of an extent the array, of an opaque symbol the value; null for others.
+  /// The array of an extent, the value of an opaque symbol; null for others.
   mlir::Value getValue() const;
-  /// Of a trip the loop; null for others.
+  /// The loop of a trip number; null for others.
   mlir::Operation *getLoop() const;
   /// True if the symbol is one value for as long as the region is executed.
   bool isDefinedOutside(mlir::Operation *op) const;
@@ -84,7 +84,7 @@ public:
   std::optional<Symbol> getSymbol() const;
   bool has(Symbol symbol) const;
   bool isDefinedOutside(mlir::Operation *op) const;
-  /// What the symbol is multiplied by; none if it is also in a product with
+  /// The factor of the symbol; none if it is also in a product with
   /// itself.
   std::optional<Form> coefficientOf(Symbol symbol) const;
   /// The terms without the symbol.
@@ -93,7 +93,7 @@ public:
   /// the value is 0.
   uint64_t getDivisor() const;
 
-  /// What gets too long is no form.
+  /// A sum with too many terms has no form.
   std::optional<Form> operator+(const Form &other) const;
   std::optional<Form> operator-(const Form &other) const;
   std::optional<Form> operator*(const Form &other) const;
@@ -111,7 +111,7 @@ private:
 /// Finds forms, each once. Ask a new one after a change of the program.
 class Forms {
 public:
-  /// Of an integer, or a boolean, which has a form only if it is constant. A
+  /// The form of an integer, or of a constant boolean. A
   /// counter of a loop, and a value that every iteration adds the same to, are
   /// sums with the loop's trips.
   const Form &of(mlir::Value value);
@@ -130,7 +130,7 @@ private:
   bool isNumber(const Form &form, unsigned bits);
   Form expandPassed(mlir::Operation *loop, const Form &form);
 
-  /// What an argument of a block is, and whether it is that as a number, not
+  /// A block argument, and whether the form holds for it as a number, not
   /// only modulo two to the number of its bits.
   struct Resolved {
     Form form;

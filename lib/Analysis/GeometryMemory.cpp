@@ -1,4 +1,4 @@
-//===- GeometryMemory.cpp - What the runtime keeps of geometry ------------===//
+//===- GeometryMemory.cpp - Geometry memory of the runtime ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GeometryMemory.h - What the runtime keeps of geometry ----*- C++ -*-===//
+//===- GeometryMemory.h - Geometry memory of the runtime --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

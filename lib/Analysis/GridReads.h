@@ -23,7 +23,7 @@ struct GridRead {
   Axis axis;
 };
 
-/// What is read there, be it cast from `index` or not.
+/// The value that is read, with or without a cast from `index`.
 std::optional<GridRead> getGridRead(mlir::Value value);
 
 } // namespace warp

@@ -1,4 +1,4 @@
-//===- RangeConditions.cpp - What branches say about integers -------------===//
+//===- RangeConditions.cpp - Ranges implied by branches -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -59,7 +59,7 @@ void Ranges::addComparison(Operation *op, bool truth,
     add(left, right, 0);
     return add(right, left, 0);
   case Predicate::ne:
-    // Of what is not negative, that is not 0 is positive.
+    // A value that is not negative and not 0 is positive.
     for (auto [value, other] : {std::pair(left, right), std::pair(right, left)})
       if (matchPattern(other, m_Zero()) && of(value).low >= 0)
         bounds.push_back({forms.of(value), zero, 1, value.getType()});
@@ -125,7 +125,7 @@ void Ranges::addCondition(Value condition, bool truth,
   }
 }
 
-/// Of the blocks around as well.
+/// Includes the conditions of enclosing blocks.
 const std::vector<Ranges::Bound> &Ranges::getBounds(Block *block) {
   SmallVector<Block *> path;
   auto around = [](Block *inner) {
@@ -165,7 +165,7 @@ void Ranges::refine(const Form &form, Place place, Interval &range) {
     return;
   Type type = value.getType();
   bool mayWrap = context.getInt() == Use::Exact;
-  // What a value is more than the difference of two others, if that is known.
+  // The excess of a value over the difference of two others, if known.
   auto getExcess = [&](const Form &a, const Form &b) -> std::optional<int64_t> {
     std::optional<Form> difference = a - b;
     std::optional<Form> excess = difference ? form - *difference : std::nullopt;

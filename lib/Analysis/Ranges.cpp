@@ -33,9 +33,9 @@ using warp::Symbol;
 using warp::Use;
 using Number = Interval::Number;
 
-/// Of the indices of a launch: they and their successors fit 32 bits.
+/// The range of launch indices: they and their successors fit 32 bits.
 constexpr int64_t lastThread = INT32_MAX - 1;
-/// What no sum reaches.
+/// A range that no sum reaches.
 constexpr Number infinity = Number(1) << 100;
 
 //===----------------------------------------------------------------------===//
@@ -79,11 +79,11 @@ static Interval join(Interval a, Interval b) {
 
 static Interval intersect(Interval a, Interval b) {
   Interval both{std::max(a.low, b.low), std::min(a.high, b.high)};
-  // What contradicts itself is never executed.
+  // Code under a contradiction is never executed.
   return both.low <= both.high ? both : a;
 }
 
-/// Of a sum or product that may leave the range of its type, where it wraps.
+/// The range of a sum or product that may wrap at the bounds of its type.
 static Interval fit(Interval range, Interval type, Use use) {
   if (range.isWithin(type))
     return range;
@@ -98,7 +98,7 @@ static Interval joinBits(Interval a, Interval b) {
   return {0, high - 1};
 }
 
-/// Of a quotient rounded towards zero, or down.
+/// The range of a quotient rounded towards zero, or down.
 static Interval divide(Interval a, Interval b, Interval type) {
   if (a.low >= 0 && b.low >= 0)
     return {0, a.high / std::max(b.low, Number(1))};
@@ -108,7 +108,7 @@ static Interval divide(Interval a, Interval b, Interval type) {
           a.high < 0 ? 0 : a.high / b.low};
 }
 
-/// Of a remainder that has the sign of the dividend.
+/// The range of a remainder that has the sign of the dividend.
 static Interval remainder(Interval a, Interval b, Interval type) {
   if (b.low < 1)
     return a.low >= 0 ? Interval{0, a.high} : type;
@@ -131,7 +131,7 @@ static bool isMarkedThread(Operation *op) {
   return trunc && trunc.getOverflowFlags() != arith::IntegerOverflowFlags::none;
 }
 
-/// What an operation says of its result, by the ranges of its operands.
+/// The range of a result, by the ranges of the operands.
 static Interval transfer(Operation *op, ArrayRef<Interval> of, Interval type,
                          Use use) {
   if (isMarkedThread(op))
@@ -173,7 +173,7 @@ static Interval transfer(Operation *op, ArrayRef<Interval> of, Interval type,
   return type;
 }
 
-/// Of a number that is cast.
+/// The range of a cast number.
 static Interval transferCast(Operation *op, Interval of, Interval type) {
   if (isMarkedThread(op))
     return {0, lastThread};
@@ -213,7 +213,7 @@ static bool isPartOfIndex(Operation *op) {
              scf::IfOp>(op);
 }
 
-/// What the range of a value is made of: its symbols, if it is a sum, then its
+/// The values that a range is derived from: the symbols of a sum, then the
 /// operands.
 SmallVector<Ranges::Place, 2> Ranges::getParts(Place place) {
   auto [value, context] = place;

@@ -25,7 +25,7 @@ struct Interval {
   }
 };
 
-/// What a value is used for.
+/// The use of a value.
 enum class Use : bool {
   /// Anything: a sum may wrap.
   Exact,
@@ -41,7 +41,7 @@ class Ranges {
 public:
   explicit Ranges(Forms &forms) : forms(forms) {}
 
-  /// Of an integer: in a block, or wherever it is.
+  /// The range of an integer: in a block, or wherever it is.
   Interval of(mlir::Value value, mlir::Block *at = nullptr,
               Use use = Use::Exact);
 

@@ -34,7 +34,7 @@ struct IndexForm {
   llvm::SmallVector<Symbol, 2> symbols;
 };
 
-/// What an index may be; anything if there are none.
+/// The values an index may have; anything if there are none.
 using IndexForms = llvm::SmallVector<IndexForm, 1>;
 
 class RegionBuilder {

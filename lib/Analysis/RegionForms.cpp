@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // An index is followed up to thread indices, counters of loops and integers
-// that all threads agree on. What is made of the latter alone becomes nodes of
+// that all threads agree on. Values made of the latter alone become nodes of
 // the formula, with the operation's own arithmetic; sums and multiples of the
 // others become symbols, under the assumption that no index wraps. A choice
 // (a branch, a minimum) is followed both ways.
@@ -156,7 +156,7 @@ IndexForms RegionBuilder::ofUniform(Kind op, Operation *operation) {
 const IndexForms &RegionBuilder::formsOf(Value value) {
   std::unique_ptr<IndexForms> &found = known[value];
   if (!found) {
-    // What depends on itself is not known.
+    // A value that depends on itself is unknown.
     found = std::make_unique<IndexForms>();
     IndexForms forms;
     if (isa<IntegerType, IndexType>(value.getType()) &&

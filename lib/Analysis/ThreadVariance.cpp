@@ -186,7 +186,7 @@ void ThreadVariance::visit(Operation *op) {
     join(result, state);
 }
 
-/// What the results of an operation without regions depend on.
+/// The dependences of the results of an operation without regions.
 ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   State state;
   for (Value operand : op->getOperands())

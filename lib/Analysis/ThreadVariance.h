@@ -25,7 +25,7 @@ namespace warp {
 enum class Scope {
   /// All threads of a launch.
   Launch,
-  /// Those of a block on a GPU, of a range on a CPU.
+  /// The threads of a block on a GPU, of a range on a CPU.
   Group,
   /// Threads that follow each other in the last dimension: lanes of a vector,
   /// or of a warp that lies in a row. They need not agree with those elsewhere.
@@ -125,19 +125,20 @@ private:
   enum : uint8_t {
     /// Bits 0 to 3: a thread index.
     AnyIndex = 15,
-    /// What only this thread knows.
+    /// A value that only this thread knows.
     Own = 16,
     /// The iteration, or the moment: the same for threads that run in step.
     Moment = 32,
     /// Where the group is in the launch.
     Place = 64,
-    /// What other threads may have written; that is also a moment.
+    /// A value that other threads may have written; it is also time-varying.
     Written = 128,
   };
   static constexpr int64_t noStep = INT64_MIN;
   struct State {
     uint8_t sources = 0;
-    /// Of the last dimension's index; `noStep` if unknown or not constant.
+    /// The step of the last dimension's index; `noStep` if unknown or not
+    /// constant.
     int64_t step = 0;
     bool operator==(const State &other) const {
       return sources == other.sources && step == other.step;
@@ -152,7 +153,7 @@ private:
   void visitFor(mlir::Operation *op);
   void visitWhile(mlir::Operation *op);
   void visitScratch(mlir::Operation *op);
-  /// What decides whether, or how often, the regions of an operation run.
+  /// The value that decides if, or how often, the regions of an operation run.
   static llvm::SmallVector<mlir::Value, 3> decisionsOf(mlir::Operation *op);
   State transfer(mlir::Operation *op) const;
   int64_t stepOf(mlir::Operation *op) const;

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What ThreadVariance.cpp found out about single values, put together.
+// Queries that combine the facts of ThreadVariance.cpp about single values.
 //
 //===----------------------------------------------------------------------===//
 

@@ -63,7 +63,7 @@ struct Bvh::Impl {
   Slot slot;
   Hierarchy<BoxBlock> tree;
   DeviceTree<BoxBlock> onDevice;
-  /// Of the last build; the caller's.
+  /// From the last build; owned by the caller.
   ArrayDescriptor groups;
   float scale = 1;
   int64_t count = 0;

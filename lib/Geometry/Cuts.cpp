@@ -99,7 +99,7 @@ Range warp::geometry::makeRange(const Sorted &all, int64_t begin, int64_t end) {
   return range;
 }
 
-/// What boxes cost to search: their surface times their blocks.
+/// The cost of searching boxes: their surface times their blocks.
 static float costOf(Floats box, int32_t count) {
   Floats size =
       -__builtin_shufflevector(box, box, 3, 4, 5, 3, 4, 5, 6, 7) - box;

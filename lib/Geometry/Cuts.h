@@ -37,8 +37,8 @@ inline Floats boxOf(const BuildPrimitive &primitive) {
 /// Primitives [begin, end).
 struct Range {
   int64_t begin = 0, end = 0;
-  /// Of the primitives, and what holds twice their centroids, as `boxOf` has
-  /// it.
+  /// The box of the primitives, and the box of twice their centroids, as
+  /// `boxOf` has it.
   Floats box = Floats(infinity), centroids = Floats(infinity);
 
   int64_t size() const { return end - begin; }

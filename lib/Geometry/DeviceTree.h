@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Hierarchies that the host builds. What is for a GPU is copied there; arrays
+// Hierarchies that the host builds. Trees for a GPU are copied there; arrays
 // of a GPU are copied here first.
 //
 //===----------------------------------------------------------------------===//
@@ -80,7 +80,7 @@ public:
     return device == cpuDevice ? host.leaves().data() : blocks->data();
   }
 
-  /// What only some trees have, also copied to the device if need be.
+  /// Parts that only some trees have, also copied to the device if need be.
   TreeExtras describeExtras(const Hierarchy<Block> &host,
                             const std::vector<Moments> &hostMoments) {
     TreeExtras extras{};
@@ -127,7 +127,8 @@ inline std::vector<HandleMemory> memoryOf(const BuiltTree &built) {
           {reinterpret_cast<const void *>(built.blocks), built.blockBytes}};
 }
 
-/// What its slot says until kernels write the scale and the number of groups.
+/// The contents of its slot until kernels write the scale and the number of
+/// groups.
 inline Tree treeOf(const BuiltTree &built, int64_t count) {
   return {0, reinterpret_cast<const Node *>(built.nodes),
           reinterpret_cast<const void *>(built.blocks), 1, int32_t(count)};

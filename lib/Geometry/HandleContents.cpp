@@ -132,7 +132,7 @@ void warp::geometry::findPointers(HandleContents &contents,
     uint64_t address = contents.words[byte / 8];
     HandleContents::Pointer pointer{byte / 8, 0, 0};
     for (const AddressRange &range : ranges)
-      // What ends where it begins points behind the last leaf.
+      // An empty range points behind the last leaf.
       if (address >= range.begin && address <= range.end &&
           (pointer.begin == pointer.end || address < range.end))
         pointer = {byte / 8, range.begin, range.end};

@@ -20,7 +20,7 @@ using namespace warp::geometry;
 
 namespace {
 
-/// What follows the first word of the slot of a grid. Python's kernel language
+/// The words after the first in the slot of a grid. Python's kernel language
 /// reads the same bytes (python/warp/_src/geometry/grid_queries.py).
 struct GridSlot {
   int32_t cells[3];

@@ -64,7 +64,7 @@ private:
   bool areAllProper = true;
   /// Smaller ranges are left to tasks.
   int64_t taskSize = 0;
-  /// Of each group its primitives, its number and its node.
+  /// For each group its primitives, its number and its node.
   std::vector<Range> groups;
   std::vector<int32_t> groupNumbers, groupRoots;
 };

@@ -16,7 +16,7 @@ using namespace warp::geometry;
 
 namespace {
 
-/// What follows the tree in the slot of a mesh.
+/// The words after the tree in the slot of a mesh.
 struct MeshSlot {
   ArrayDescriptor points, velocities, indices;
   TreeExtras extras;
@@ -39,7 +39,7 @@ struct Mesh::Impl {
   Slot slot;
   Hierarchy<TriangleBlock> tree;
   DeviceTree<TriangleBlock> onDevice;
-  /// Of the last build; the caller's.
+  /// From the last build; owned by the caller.
   ArrayDescriptor groups;
   float scale = 1;
   int64_t faces = 0;

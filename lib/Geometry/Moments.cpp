@@ -1,4 +1,4 @@
-//===- Moments.cpp - What winding numbers know of nodes -------------------===//
+//===- Moments.cpp - Moments of nodes for winding numbers -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -17,7 +17,7 @@ using namespace warp::geometry;
 
 namespace {
 
-/// Of a set of triangles: area, area times center, area times normal, and that
+/// For a set of triangles: area, area times center, area times normal, and that
 /// times the center.
 struct Sums {
   double area = 0, center[3] = {}, normal[3] = {}, tensor[3][3] = {};
@@ -45,7 +45,7 @@ static Sums sumTriangle(const TriangleBlock &block, int lane) {
   double normal[3] = {twice.x / 2, twice.y / 2, twice.z / 2};
   sums.area = std::sqrt(normal[0] * normal[0] + normal[1] * normal[1] +
                         normal[2] * normal[2]);
-  // Those that are not there are NaN.
+  // Absent triangles are NaN.
   if (!(sums.area > 0))
     return {};
   for (int i = 0; i < 3; ++i) {

@@ -1,4 +1,4 @@
-//===- Moments.h - What winding numbers know of nodes -----------*- C++ -*-===//
+//===- Moments.h - Moments of nodes for winding numbers ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -46,7 +46,7 @@ struct Registry {
   ForkMutex mutex;
   std::unordered_map<int, Pool> pools;
   std::unordered_map<uint64_t, LiveSlot> live;
-  /// Of the handles that were, by slot.
+  /// Released handles, by slot.
   std::unordered_map<uint64_t, GeometryKind> lastKind;
 };
 

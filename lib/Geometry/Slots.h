@@ -38,7 +38,7 @@ public:
   uint64_t id() const { return handle; }
   GeometryKind kind() const { return geometryKind; }
   int device() const { return deviceIndex; }
-  /// What the slot's first word has to be.
+  /// The required value of the slot's first word.
   uint64_t tag() const;
   /// Writes what follows the first word, and that; `memory` as for a
   /// `GeometryHandle`.

@@ -14,7 +14,7 @@
 using namespace warp;
 using namespace warp::geometry;
 
-/// What a thread does at a time.
+/// The work of a thread at a time.
 constexpr int64_t grain = 4096;
 
 void Triangles::check() const {

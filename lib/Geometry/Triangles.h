@@ -24,7 +24,7 @@ public:
   /// A primitive for each face; proper are those whose coordinates are finite.
   std::vector<BuildPrimitive>
   primitives(const HostElements<int32_t> &groups) const;
-  /// Of all points that are finite.
+  /// The box of all finite points.
   Bounds bounds() const;
   /// Writes the corners of a block's faces; NaN for what is not finite. Gives
   /// how many faces are not.

@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What the file says, apart from live memory and kernels; its format and its
-// checks.
+// The contents of the file, apart from live memory and kernels; its format and
+// its checks.
 //
 //===----------------------------------------------------------------------===//
 
@@ -44,7 +44,7 @@ struct FileBlock {
 struct FileHandle {
   uint8_t kind = 0;
   std::array<uint64_t, handleWords> words{};
-  /// Of each address (`pointerWords`).
+  /// For each address (`pointerWords`).
   std::vector<uint32_t> blocks;
 };
 

@@ -87,7 +87,7 @@ private:
   const std::string &origin;
   /// Where all memory begins before there is any.
   static constexpr uint64_t nowhere = uint64_t(1) << 47;
-  /// What pointers lead to that nothing is reached through.
+  /// The targets of pointers that nothing is reached through.
   uint64_t spare = nowhere;
   bool isAllocated = false;
   /// Bytes of each block up to the last one that an operation reaches.

@@ -32,7 +32,7 @@ std::vector<Pointer> pointersOf(const GraphOperation &operation,
 std::vector<size_t> slotsOf(const GraphOperation &operation,
                             const std::vector<Access> &accesses);
 
-/// What error messages call it: "launch of 'saxpy'".
+/// The name in error messages: "launch of 'saxpy'".
 std::string describe(const GraphOperation &operation);
 
 /// The error about arguments that no program has written.

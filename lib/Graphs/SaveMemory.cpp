@@ -16,7 +16,7 @@ using namespace warp;
 using namespace warp::graphs;
 using Kind = GraphOperation::Kind;
 
-/// What is copied to where ids may be may be ids.
+/// A copy to memory that may hold ids may copy ids.
 void Saver::followCopies() {
   auto mayHaveIds = [&](const AddressRange &range) {
     return std::any_of(
@@ -31,7 +31,7 @@ void Saver::followCopies() {
   bool found = !idArrays.empty();
   while (std::exchange(found, false))
     for (size_t &copy : copies) {
-      // Of an array the gradient comes behind its data.
+      // The gradient of an array comes behind its data.
       size_t source = operations[copy].kind == Kind::CopyArray ? 2 : 1;
       AddressRange from = pointers[copy][source].range;
       if (from.begin == from.end || !mayHaveIds(pointers[copy][0].range))
@@ -82,7 +82,7 @@ void Saver::collectMemory() {
   for (const AddressRange &range : ranges) {
     if (range.begin == range.end || handles.around(range))
       continue;
-    // What is in a block stays as aligned as it is, see `packedAlignment`.
+    // The parts of a block stay as aligned as they are, see `packedAlignment`.
     uint64_t begin = range.begin - (device == cpuDevice ? 0 : range.begin % 16);
     if (!blocks.empty() && begin < blocks.back().range.end)
       blocks.back().range.end = std::max(blocks.back().range.end, range.end);
@@ -144,7 +144,7 @@ void Saver::chooseContents() {
   for (size_t i = 0; i < operations.size(); ++i) {
     depth += operations[i].kind == Kind::BeginBody;
     depth -= operations[i].kind == Kind::EndBody;
-    // What a copy reads comes before what it writes.
+    // The source of a copy comes before its destination.
     for (size_t p = pointers[i].size(); p-- > 0;)
       touch(pointers[i][p].range,
             p == 0 && depth == 0 && overwrites(operations[i]));

@@ -1,4 +1,4 @@
-//===- Saver.h - What saving a graph knows on the way -----------*- C++ -*-===//
+//===- Saver.h - State of saving a graph ------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -58,11 +58,11 @@ private:
   const std::vector<NamedMemory> &names;
 
   SavedModule module;
-  /// Of each operation that is a launch.
+  /// For each operation that is a launch.
   std::vector<uint32_t> kernels;
   std::vector<std::vector<Pointer>> pointers;
   FoundHandles handles;
-  /// Of each operation, among its arguments.
+  /// For each operation, among its arguments.
   std::vector<std::vector<HandleWord>> handleWords;
   /// Memory with elements that may be handles, and who has it.
   std::vector<std::pair<AddressRange, std::string>> idArrays;

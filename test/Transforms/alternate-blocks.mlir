@@ -45,7 +45,7 @@ func.func @scatter(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attribut
 
 // -----
 
-// Those of integers, and the least of some floats, are not.
+// Updates of integers, and the least of some floats, are not.
 // CHECK-LABEL: gpu.func @count
 // CHECK-SAME: alternates = true
 func.func @count(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
@@ -60,7 +60,7 @@ func.func @count(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes
 
 // -----
 
-// What a counter gives numbers things.
+// The result of a counter numbers things.
 // CHECK-LABEL: gpu.func @number
 // CHECK-NOT: alternates
 // CHECK-NOT: gpu.grid_dim

@@ -51,8 +51,9 @@ func.func @left(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: ui32)
 
 // -----
 
-// What the condition's region passes on need not be what the loop carries: the
-// last evaluation, which ends the loop, is reversed before the iterations.
+// The values that the condition's region passes on need not be those that the
+// loop carries: the last evaluation, which ends the loop, is reversed before
+// the iterations.
 // CHECK-LABEL: func.func @passed_adjoint
 // CHECK: %[[COUNTED:.*]]:3 = scf.while
 // CHECK: %[[LAST:.*]] = warp.cos(%[[COUNTED]]#2)

@@ -53,7 +53,8 @@ func.func @exchange(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// What native code does to memory has no derivative unless the user gives one.
+// The effects of native code on memory have no derivative unless the user gives
+// one.
 func.func @native(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
   %p = warp.pointer %x : !warp.array<1 x f32> -> ui64
   // expected-error @below {{native code with arrays has no derivative: give `@wp.func_native` an `adj_snippet`}}

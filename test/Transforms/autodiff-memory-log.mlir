@@ -1,8 +1,9 @@
 // RUN: warp-opt %s --warp-forward-stores --warp-differentiate-kernel=active=11 --canonicalize --cse --warp-clean-up-adjoint --split-input-file | FileCheck %s
 
-// What a loop reads, an earlier iteration may have written: it is kept by
-// iteration, by a second run of the kernel on a copy of the array. Threads leave
-// their number at what they write, because indices do not tell whether they meet.
+// An earlier iteration may have written the values that a loop reads: they are
+// kept by iteration, by a second run of the kernel on a copy of the array.
+// Threads leave their number at what they write, because indices do not tell
+// whether they meet.
 // CHECK-LABEL: func.func @chain_adjoint
 // CHECK-SAME: %[[OFFSETS:[^ ]*]]: !warp.array<4 x si64>, %[[TAPE:[^ ]*]]: !warp.array<2 x f32>)
 // CHECK-SAME: warp.hidden = [#warp.hidden<kind = offsets, leaf = 0>, #warp.hidden<kind = tape, leaf = 0>]
@@ -60,7 +61,7 @@ func.func @linear(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32,
 
 // -----
 
-// What a condition tests in memory that changes is kept, too: one value more than
+// A condition on memory that changes is kept, too: one value more than
 // the loop has iterations.
 // CHECK-LABEL: func.func @tested_adjoint
 // CHECK-SAME: %{{[^ ]*}}: !warp.array<4 x si64>, %[[TAPE:[^ ]*]]: !warp.array<2 x f32>)

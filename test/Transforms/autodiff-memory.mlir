@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-forward-stores --warp-differentiate-kernel=active=11 --canonicalize --cse --warp-clean-up-adjoint --split-input-file | FileCheck %s
 
-// What a thread overwrites is read where it was kept before the launch.
+// A value that a thread overwrites is read where it was kept before the launch.
 // CHECK-LABEL: func.func @in_place_adjoint
 // CHECK-SAME: %[[A:.*]]: !warp.array<1 x f32>, %[[B:.*]]: !warp.array<1 x f32>, %[[OLD:.*]]: !warp.array<1 x f32>)
 // CHECK-SAME: warp.arg_names = ["a", "b", "preserved.0"]

@@ -23,7 +23,7 @@ func.func @root(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// Of any other number it could be infinite where a quotient is not.
+// The reciprocal of any other number could be infinite where a quotient is not.
 // CHECK-LABEL: func.func @number_adjoint
 // CHECK: %[[INVERSE:.*]] = warp.div
 // CHECK: %[[QUOTIENT:.*]] = warp.div

@@ -3,7 +3,7 @@
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>>
 
-// What threads add to one element they yield; the group adds it up, and one of
+// Threads yield their terms for one element; the group adds them up, and one of
 // its threads publishes the total.
 // CHECK-LABEL: func.func @one_address
 // CHECK: %[[SUM:.*]] = warp.threads attributes {kinds = array<i32: 0>, types = [f32]} {

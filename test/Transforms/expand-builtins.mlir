@@ -64,7 +64,8 @@ func.func @half(%x: !warp.array<1 x !warp.vec<2 x f16>>,
 
 // -----
 
-// What has a formula, has no derivative, or has one of zero stays.
+// Operations with a formula, without a derivative, or with a derivative of zero
+// stay.
 // CHECK-LABEL: @kept
 // CHECK: warp.cross
 // CHECK: warp.sign

@@ -2,8 +2,8 @@
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2>
 
-// What a thread loads is kept for the operation on tiles; the sum is uniform,
-// and threads store in a loop of their own.
+// A value that a thread loads is kept for the operation on tiles; the sum is
+// uniform, and threads store in a loop of their own.
 // CHECK-LABEL: func.func @center
 // CHECK-SAME: warp.block_threads = 1
 // CHECK: %[[TID:.*]]:2 = warp.tid
@@ -58,8 +58,8 @@ module {
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>>
 
-// What a function of elements uses from outside and threads have each their own
-// of becomes an operand.
+// A value from outside that a function of elements uses and that differs
+// between threads of becomes an operand.
 // CHECK-LABEL: func.func @captured
 // CHECK: %[[OWN:.*]] = scf.for {{.*}} -> (!warp.tile<4 x si32>)
 // CHECK: warp.tile_map(%{{.*}}, %{{.*}}) {

@@ -2,9 +2,9 @@
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 29>
 
-// The body becomes a region of threads, their indices its arguments. What the
-// launch promises of arguments stays with them: packed arrays, integers that
-// are not negative, and names.
+// The body becomes a region of threads, their indices its arguments. Each fact
+// the launch promises of arguments stays with them: packed arrays, integers
+// that are not negative, and names.
 // CHECK-LABEL: func.func @line(
 // CHECK-SAME: %[[A:[^:]+]]: !warp.array<1 x f32> {warp.name = "a", warp.packed}
 // CHECK-SAME: %{{[^:]+}}: !warp.array<1 x f32> {warp.name = "b"}

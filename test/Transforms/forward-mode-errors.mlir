@@ -12,7 +12,7 @@ func.func @exchange(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
 
 // -----
 
-// What was not expanded is named by its Python name.
+// An operation that was not expanded is named by its Python name.
 func.func @unexpanded(%x: !warp.array<1 x !warp.vec<3 x f32>>,
                       %y: !warp.array<1 x !warp.mat<3x3 x f32>>)
     attributes {warp.kernel} {

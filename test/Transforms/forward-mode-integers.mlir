@@ -4,7 +4,7 @@
 // RUN: warp-opt %t/letters.mlir --warp-differentiate-kernel="mode=forward active=x" --verify-diagnostics
 
 //--- stores.mlir
-// What is stored to an array of integers, or added to it, has no tangent.
+// Integers that are stored to an array, or added to it, have no tangent.
 // CHECK-LABEL: func.func @stores_tangent
 // CHECK: warp.store {{.*}} : si32
 // CHECK-NEXT: warp.atomic add

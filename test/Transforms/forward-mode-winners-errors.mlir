@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-differentiate-kernel=mode=winners
 
-// What the launch changed cannot be read again.
+// Values that the launch changed cannot be read again.
 func.func @overwritten(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -44,7 +44,7 @@ func.func @mixed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// What is read may be what is written.
+// A read element may be a written element.
 func.func @chosen(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %c: i1)
     attributes {warp.kernel} {
   %i = warp.tid : si32

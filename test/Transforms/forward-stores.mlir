@@ -1,8 +1,8 @@
 // RUN: warp-opt %s --warp-forward-stores --split-input-file | FileCheck %s
 // RUN: warp-opt %s --warp-forward-stores=unique=false --split-input-file | FileCheck %s --check-prefix=OVERLAP
 
-// What a thread stored is not loaded; what it loaded is not loaded again,
-// after writes of other elements or arrays that are known to be apart.
+// A value that a thread stored is not loaded; one that it loaded is not loaded
+// again, after writes of other elements or arrays that are known to be apart.
 // CHECK-LABEL: func.func @kernel
 // OVERLAP-LABEL: func.func @kernel
 func.func @kernel(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %f: i1)

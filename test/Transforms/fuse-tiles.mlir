@@ -33,7 +33,7 @@ func.func @chain(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
-// What somebody else needs stays.
+// A tile with another user stays.
 // CHECK-LABEL: func.func @used_twice
 // CHECK-COUNT-2: warp.tile_map
 func.func @used_twice(%a: !warp.array<1 x f32>)
@@ -94,7 +94,7 @@ func.func @may_overlap(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
-// What is kept anyway is read and not computed again, and what it was computed
+// A kept tile is read and not computed again, and the tiles it was computed
 // from no longer asked for.
 // CHECK-LABEL: func.func @again
 // CHECK: %[[T:.*]] = warp.tile_load
@@ -131,7 +131,7 @@ func.func @again(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>, %m: f32)
 
 // -----
 
-// Of one use nothing is kept.
+// A tile with one use is not kept.
 // CHECK-LABEL: func.func @once
 // CHECK-COUNT-2: warp.exp
 func.func @once(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)

@@ -83,7 +83,7 @@ func.func @wrapped(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-// What a thread reads after it has written is not there before the launch.
+// A read after a write does not give the value before the launch.
 // CHECK-LABEL: func.func @late
 // CHECK-NOT: warp.halo
 // RAW-LABEL: func.func @late

@@ -1,9 +1,9 @@
 // RUN: warp-opt %s --split-input-file --warp-gather-sums --canonicalize --cse | FileCheck %s
 
-// What all blocks of a row add to a tile, the block of that tile collects: a sum
-// over blocks in place of one over the depth. Where there are more blocks than
-// steps, several share a sum; else a tile is one block's. The cotangent is zeroed
-// afterwards.
+// The block of a tile collects the terms that all blocks of a row add to it: a
+// sum over blocks in place of one over the depth. Where there are more blocks
+// than steps, several share a sum; else a tile is one block's. The cotangent is
+// zeroed afterwards.
 // CHECK-LABEL: func.func @product_sums
 // CHECK-SAME: %[[B:.*]]: !warp.array<2 x f32>, %[[C:.*]]: !warp.array<2 x f32>, %[[A:.*]]: !warp.array<2 x f32>, %{{.*}}: si32, %[[J:.*]]: si32, %{{.*}}: si32)
 // CHECK-SAME: warp.block_threads = 64 : i64, warp.halo = array<i64: 0, 0, 0>

@@ -45,8 +45,8 @@ func.func @even(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 #own = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3>
 
-// Of an unknown number of steps the last may be missing: loads know how much of
-// the depth belongs to one. Views of factors get their shape.
+// With an unknown number of steps the last may be missing: loads know how much
+// of the depth belongs to one. Views of factors get their shape.
 // CHECK-LABEL: func.func @unknown
 // CHECK: warp.tile_load %arg0{{.*}}merged = array<i64: 1, 16>
 // CHECK-SAME: !warp.tile<64x64 x bf16>
@@ -189,7 +189,7 @@ func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 #apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
 
-// What the kernel writes to, threads copy.
+// Threads copy the arrays that the kernel writes to.
 // CHECK-LABEL: func.func @written
 // CHECK-NOT: warp.tensor_maps
 // CHECK: warp.tile_load %arg0{{.*}}swizzled

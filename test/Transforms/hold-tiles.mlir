@@ -127,7 +127,7 @@ func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
 
-// What two loops treat element by element stays in registers.
+// Values that two loops treat element by element stay in registers.
 // CHECK-LABEL: func.func @stripes
 // CHECK: warp.tile_load {{.*}}striped
 func.func @stripes(%a: !warp.array<1 x f32>)
@@ -148,7 +148,7 @@ func.func @stripes(%a: !warp.array<1 x f32>)
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
 
-// What is loaded for a store is loaded before any of it is stored.
+// Loads for a store precede all parts of the store.
 // CHECK-LABEL: func.func @copy
 // CHECK: warp.tile_load
 // CHECK-NOT: inline

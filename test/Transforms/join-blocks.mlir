@@ -143,7 +143,7 @@ func.func @few(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 #variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 4>
 
-// What is done with the number of a block is done by each.
+// Uses of the block index are done by each joined block.
 // CHECK-LABEL: func @elsewhere(
 func.func @elsewhere(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
                 %c: !warp.array<2 x f32>)

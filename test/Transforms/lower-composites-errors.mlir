@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-lower-composites --split-input-file --verify-diagnostics
 
-// What is not a value of the front end's IR is reported where it is.
+// A value that is not part of the front end's IR is reported at its place.
 func.func @already_lowered(%a: !warp.array<1 x f32>, %n: si32) {
   %to = warp.cast %n : si32 to i32
   %zero = arith.constant 0 : i32

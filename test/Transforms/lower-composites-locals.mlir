@@ -30,7 +30,7 @@ func.func @carried(%n: i32, %at: si32, %x: f32) -> f32 {
   return %y : f32
 }
 
-// What is used after it was changed has a memory of its own.
+// A value that is used after it was changed has a memory of its own.
 // CHECK-LABEL: func.func @copied
 // CHECK-COUNT-2: warp.scratch : !warp.scratch<16 x f32>
 func.func @copied(%at: si32, %to: si32, %x: f32) -> f32 {
@@ -126,7 +126,8 @@ func.func @summed_twice(%at: si32, %to: si32, %x: f32) -> f32 {
   return %y : f32
 }
 
-// What an adjoint keeps lies in one piece; of it, one component is loaded.
+// The values that an adjoint keeps lie in one piece, of which one component is
+// loaded.
 // CHECK-LABEL: func.func @kept
 // CHECK: warp.scratch : !warp.scratch<128 x f32>
 // CHECK: scf.for

@@ -79,7 +79,7 @@ func.func @half(%x: bf16) -> bf16 {
   return %1 : bf16
 }
 
-// What only moves components does not round.
+// An operation that only moves components does not round.
 // CHECK-LABEL: func.func @half_moved
 // CHECK-SAME: (%[[X:.*]]: f16, %[[Y:.*]]: f16)
 // CHECK: return %[[X]], %[[Y]]

@@ -57,8 +57,8 @@ llvm.func @full(%v: vector<4xf32>) -> vector<4xf32> attributes {warp.entry} {
 
 // -----
 
-// What lanes do one by one is a loop over those that the mask has. Operands and
-// results go through memory, booleans as bytes.
+// An operation without a vector form is a loop over the live lanes. Operands
+// and results go through memory, booleans as bytes.
 // CHECK-LABEL: llvm.func @each
 // CHECK-DAG: %[[IN:.*]] = llvm.alloca %{{.*}} x vector<4xf32>
 // CHECK-DAG: %[[OUT:.*]] = llvm.alloca %{{.*}} x vector<4xf32>

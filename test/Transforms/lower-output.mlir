@@ -94,7 +94,7 @@ llvm.func @unchecked(%block: !llvm.ptr, %i: i32, %ok: i1)
 
 #cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
 
-// What is an error in any mode has a record there, too.
+// An error in any mode has a record there, too.
 // CHECK-LABEL: llvm.func @always
 // CHECK-SAME: warp.sites = {{\[\[}}"k.py", 7, 3, "slice step is zero"]]
 // CHECK: llvm.call @warp_report

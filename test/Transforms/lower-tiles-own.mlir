@@ -79,8 +79,8 @@ func.func @exact(%a: !warp.array<1 x f32>)
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
 
-// What other threads of the block have stored is loaded behind the barrier that
-// orders both, and before what comes after it.
+// Values that other threads of the block have stored are loaded behind the
+// barrier that orders both, and before what comes after it.
 // CHECK-LABEL: func.func @behind_barrier
 // CHECK: warp.store
 // CHECK-NOT: warp.load %arg0

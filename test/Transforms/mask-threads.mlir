@@ -3,8 +3,8 @@
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
 
-// What a thread that stays loads by itself goes into the tile, of others zero;
-// what all load at one place, all load; nothing more if none stays.
+// A value that a staying thread loads by itself goes into the tile, of others
+// zero; what all load at one place, all load; nothing more if none stays.
 // CHECK-LABEL: func.func @returns
 // CHECK: %[[ALL:.*]] = warp.load %{{.*}}[%{{.*}}#0]
 // CHECK: %[[STAYS:.*]] = arith.xori
@@ -69,7 +69,7 @@ func.func @uniform(%a: !warp.array<1 x f32>)
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
 
-// Of a ragged block the threads that the launch does not have: their number is
+// The absent threads of a ragged block: their number is
 // not that of their index.
 // CHECK-LABEL: func.func @ragged
 // CHECK: warp.launch_extent 1

@@ -28,7 +28,7 @@ func.func @wait(%a: !warp.array<1 x f32>)
 
 #apart = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
 
-// What is stored does not meet what was loaded of an array that it is known not
+// A store does not wait for loads of an array that it is known not
 // to overlap; of the same array it does, unless every thread stores where it
 // has loaded.
 // CHECK-LABEL: func.func @apart
@@ -101,7 +101,7 @@ func.func @picked(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
 
 // -----
 
-// What a thread does by itself comes after what the block did before, also
+// Accesses of a thread by itself come after earlier accesses of the block, also
 // under a condition; between threads there is no order.
 // CHECK-LABEL: func.func @alone
 // CHECK: warp.store

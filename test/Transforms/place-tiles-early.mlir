@@ -4,9 +4,9 @@
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
 
-// What a reduction gives is in a register of every thread, and what another
-// array holds is loaded before the block computes. So is what an update adds to,
-// if no other block touches it.
+// The result of a reduction is in a register of every thread, and loads of
+// other array holds is loaded before the block computes. So is what an update
+// adds to, if no other block touches it.
 // CHECK-LABEL: func.func @row
 // CHECK: warp.tile_load %arg0{{.*}} {striped}
 // CHECK: warp.tile_load %arg1{{.*}} {striped}
@@ -49,7 +49,7 @@ func.func @row(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %out: !warp.a
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
 
-// What clears an array is stored last, but before what looks at the array.
+// A store that clears an array comes last, but before reads of the array.
 // CHECK-LABEL: func.func @cleared
 // CHECK: warp.tile_load %arg1
 // CHECK: warp.tile_atomic add {{.*}}, %arg0

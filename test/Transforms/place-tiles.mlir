@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-place-tiles | FileCheck %s
 
-// What is loaded once per element, where it is used, is never kept.
+// A value that is loaded once per element, where it is used, is never kept.
 // CHECK-LABEL: func.func @chain
 // CHECK: warp.tile_load {{.*}} {placement = "inline"}
 // CHECK: warp.tile_map

@@ -48,8 +48,8 @@ func.func @views(%sum: !warp.array<2 x !warp.vec<3 x f64>>,
 
 // -----
 
-// What the launch reads, or an update gives back, has to be there at once; a
-// sum of 16-bit floats would be rounded twice.
+// A value that the launch reads, or an update returns, has to be there at once;
+// a sum of 16-bit floats would be rounded twice.
 // CHECK-LABEL: func.func @in_order
 // CHECK-NOT: sum =
 func.func @in_order(%read: !warp.array<1 x f32>, %old: !warp.array<1 x f32>,

@@ -33,7 +33,7 @@ func.func @branches(%b: i1, %n: i32, %m: i32) attributes {warp.kernel} {
 // -----
 
 // With shared bounds the counter is one for the lanes, not for the launch, whose
-// threads are in different iterations. What is carried keeps a step that the
+// threads are in different iterations. A carried value keeps a step that the
 // iterations leave as it is.
 // CHECK-LABEL: variance of @counted
 // CHECK: %[[I:.*]] = warp.tid: step 1
@@ -61,8 +61,9 @@ func.func @counted(%n: i32) attributes {warp.kernel} {
 
 // -----
 
-// Bounds of the thread's own: lanes leave one by one. Those that are left agree
-// on the counter; afterwards lanes agree on nothing that the loop changed.
+// Bounds that differ between threads: lanes leave one by one. The remaining
+// lanes agree on the counter; afterwards lanes agree on nothing that the loop
+// changed.
 // CHECK-LABEL: variance of @own_end
 // CHECK: = warp.tid: step 1
 // CHECK: scf.for: divergent

@@ -50,7 +50,7 @@ func.func @overlapping(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si32>,
 
 // -----
 
-// What an update or an exchange returns only its thread knows.
+// Only its thread knows the result of an update or an exchange.
 // CHECK-LABEL: variance of @updates
 // CHECK: = warp.atomic_components: varies
 // CHECK: = warp.atomic_cas: varies

@@ -133,7 +133,7 @@ func.func @choices(%b: i1, %n: i32, %m: i32) attributes {warp.kernel} {
 
 // -----
 
-// Of several indices the last one tells lanes apart; the others are the same
+// The last of several indices tells lanes apart; the others are the same
 // for lanes, not for the launch.
 // CHECK-LABEL: variance of @plane
 // CHECK: %0#0 = warp.tid: uniform over lanes

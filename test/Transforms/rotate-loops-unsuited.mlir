@@ -215,7 +215,7 @@ func.func @ordered_sum(
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>
 
-// What a sum has come to is looked at on the way.
+// The partial sum is read on the way.
 // CHECK-LABEL: llvm.func {{.*}}@observed_sum
 // CHECK: scf.for
 // CHECK-NOT: scf.for

@@ -136,8 +136,8 @@ func.func @sums(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>, %n: i32,
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>
 
-// What depends on the counter of an outer loop is the same for all lanes if
-// they agree on that counter.
+// A value that depends on the counter of an outer loop is the same for all
+// lanes if they agree on that counter.
 // CHECK-LABEL: llvm.func ptx_kernelcc @rows
 // CHECK: scf.for %[[ROW:.*]] =
 // CHECK: "llvm.nvvm.activemask"

@@ -92,7 +92,7 @@ func.func @conditional(%y: !warp.array<1 x f32>, %n: i32)
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>
 
-// What loads may not run ahead: the element need not exist. A loop in a loop
+// Loads that may not run ahead: the element need not exist. A loop in a loop
 // would run iterations twice each time.
 // CHECK-LABEL: llvm.func {{.*}}@unsuited
 // CHECK-COUNT-2: scf.while

@@ -86,7 +86,8 @@ func.func @outside(%x: f32) attributes {warp.kernel} {
 
 // -----
 
-// What has effects is done once, or by each thread; whether, may be asked.
+// An operation with effects runs once, or in each thread; the condition may be
+// asked.
 func.func @effects(%x: !warp.array<1 x f32>, %b: i1, %a: f32)
     attributes {warp.kernel} {
   warp.group {

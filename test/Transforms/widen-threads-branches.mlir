@@ -134,7 +134,7 @@ func.func @agreed(%x: !warp.array<1 x f32>, %b: i1, %z: f32)
       lanes = 4>
 
 // Integers are divided as doubles, which is exact for 32 bits; by a constant as
-// they are. Of 64 bits a lane that is not live divides 0 by 1. Division does
+// they are. With 64 bits a lane that is not live divides 0 by 1. Division does
 // not leave its branch: there its mask is known.
 // CHECK-LABEL: func.func @division
 // CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
@@ -183,7 +183,7 @@ func.func @division(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si64>,
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
       lanes = 4>
 
-// What hardly any thread does, lanes do only if one of them does, short as it
+// Lanes run code that few threads reach only if one of them does, short as it
 // is.
 // CHECK-LABEL: func.func @rare
 // CHECK: %[[ANY:.*]] = warp.any

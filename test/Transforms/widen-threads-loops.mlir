@@ -5,8 +5,8 @@
       lanes = 4>
 
 // Lanes with bounds of their own leave a loop one by one; it ends with the
-// last. What is used afterwards is held as they leave, and only that: the
-// second sum is not. Those that are left agree on the counter and on what
+// last. Only values that are used afterwards are held as they leave: the
+// second sum is not. The remaining lanes agree on the counter and on all that
 // depends on it, which stay scalars.
 // CHECK-LABEL: func.func @own_bounds
 // CHECK: ^bb0(%[[I:.*]]: i32, %[[LIVE:.*]]: vector<4xi1>):

@@ -144,7 +144,7 @@ func.func @no_order(%grid: i64, %starts: !warp.array<1 x si32>,
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 30,
       disjoint = true, lanes = 4>
 
-// What lanes that have come together add to an element, is added once.
+// Terms that lanes together add to an element are added once.
 // CHECK-LABEL: func.func @scattered
 // CHECK: %[[J:.*]] = warp.load_components %{{.*}} : !warp.array<1 x si32>, i32 -> i32
 // CHECK: warp.load_components %arg2[%[[J]]] : !warp.array<1 x f32>, i32 -> f32

@@ -112,7 +112,7 @@ func.func @on_gpu(%x: !warp.array<1 x f32>)
 
 #lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
 
-// What the thread keeps in its own memory may come from another one, too.
+// The values in the thread's own memory may come from another one, too.
 // CHECK-LABEL: func.func @noted
 // CHECK: scf.while
 func.func @noted(%flags: !warp.array<1 x si32>)

@@ -4,8 +4,9 @@
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
       lanes = 4>
 
-// What all lanes add to one element is combined first, and of lanes that are
-// not live what changes nothing; a difference adds what is negated.
+// Terms of all lanes for one element are combined first, with the neutral
+// element for lanes that are not live what changes nothing; a difference adds
+// what is negated.
 // CHECK-LABEL: func.func @one_element
 // CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
 // CHECK: %[[V:.*]] = warp.load_lanes

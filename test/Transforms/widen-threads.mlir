@@ -69,9 +69,9 @@ func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
       lanes = 4>
 
-// What is not packed and indices that were loaded are gathered; stores two
-// elements apart are masked vectors. Index -1 is the last element: a difference
-// of the thread's index is not unit, a sum is.
+// Arrays that are not packed and indices that were loaded are gathered; stores
+// two elements apart are masked vectors. Index -1 is the last element: a
+// difference of the thread's index is not unit, a sum is.
 // CHECK-LABEL: func.func @gather
 // CHECK: ^bb0(%[[I:.*]]: i32, %{{.*}}: vector<4xi1>):
 // CHECK: %[[LANES:.*]] = arith.addi %{{.*}}, %{{.*}} : vector<4xi32>
@@ -132,8 +132,8 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 #cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3,
       lanes = 4>
 
-// What threads share stays scalar, loops and loads included, until a lane needs
-// it.
+// Values that threads share stay scalar, loops and loads included, until a lane
+// needs it.
 // CHECK-LABEL: func.func @uniform
 // CHECK: arith.mulf %arg3, %arg3 : f32
 // CHECK: %[[SUM:.*]] = scf.for %[[K:[^ ]+]] = {{.*}} -> (f32)

@@ -69,7 +69,7 @@ def two_devices():
 def fresh_cache(tmp_path, monkeypatch):
     """An empty kernel cache folder for this test and its child processes."""
     folder = tmp_path / "kernel-cache"
-    # What other tests' kernels have asked for goes elsewhere.
+    # Kernels that other tests have asked for go elsewhere.
     _native.wait_for_background()
     monkeypatch.setenv("WARP_CACHE_PATH", str(folder))
     monkeypatch.setattr(wp.config, "kernel_cache_dir", str(folder))

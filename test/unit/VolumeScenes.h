@@ -23,7 +23,7 @@ template <class T> std::vector<uint8_t> bytesOf(T value) {
   return bytes;
 }
 
-/// Of values of a type, half a unit wide, with the first voxel at (-1, 2, 3).
+/// Values of a type, half a unit wide, with the first voxel at (-1, 2, 3).
 template <class T>
 warp::GridRecipe recipeOf(warp::VoxelType type, T background) {
   warp::GridRecipe recipe;

@@ -83,7 +83,8 @@ struct ArrayOriginsTest : testing::Test {
   warp::ContextLock lock;
   OwningOpRef<ModuleOp> module;
   func::FuncOp kernel;
-  /// Of all accesses, in the order of the text; the first is that of @use.
+  /// The origins of all accesses, in the order of the text; the first is that
+  /// of @use.
   SmallVector<Value> arrays;
 };
 

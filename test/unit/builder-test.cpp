@@ -84,7 +84,7 @@ TEST_F(BuilderTest, openControlFlowCanBeDropped) {
   builder.beginWhile({one});
 }
 
-// What a loop carries may become known while its body is built.
+// A loop-carried value may become known while its body is built.
 TEST_F(BuilderTest, valuesCarriedLate) {
   Builder::Values args =
       builder.beginFunction("kernel", {"x", "n"}, {array, i32}, true);

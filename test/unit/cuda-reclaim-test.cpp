@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What the runtime tells the driver when memory is freed while streams may
+// The runtime's calls of the driver when memory is freed while streams may
 // still use it. The fake driver logs events, waits and frees with the number of
 // the stream, and can pretend that streams never finish.
 //
@@ -42,7 +42,7 @@ protected:
       GTEST_SKIP() << "needs the fake driver";
     setBusy = fakeSymbol<void(bool)>("fakeCudaSetBusy");
     setFault = fakeSymbol<void(int)>("fakeCudaSetFault");
-    // What earlier tests left behind is over.
+    // The effects of earlier tests are over.
     Buffer(0, 16);
     takeLog();
   }

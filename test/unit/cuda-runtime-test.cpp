@@ -191,7 +191,7 @@ TEST_F(Cuda, OutOfMemoryNamesRequestAndFree) {
   Buffer usable(0, 1000);
 }
 
-// What the pool holds back is given up before a request fails.
+// The pool gives up held memory before a request fails.
 TEST_F(Cuda, TrimsThePool) {
   if (!isFake())
     GTEST_SKIP() << "needs a device with known memory";
@@ -415,7 +415,7 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
   EXPECT_EQ(shape(joined, 2, {8, 256, 1, 1}), "(2, 1, 1) x (256, 1, 1)");
 }
 
-// What a launch has left in the cache is what the next one begins with.
+// A launch begins with the memory that the one before has left in the cache.
 TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
   Kernel::Variant variant;
   variant.key = {.device = 0, .rank = 1, .blockDim = 256};

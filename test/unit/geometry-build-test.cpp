@@ -1,4 +1,5 @@
-//===- geometry-build-test.cpp - What the heuristic makes of a scene ------===//
+//===- geometry-build-test.cpp - Trees that the surface area heuristic builds
+//===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -78,7 +79,7 @@ TEST(GeometryBuild, EveryFaceIsInOneBlock) {
   Mesh mesh(sphere.arrays(), -1);
   std::vector<int> counts(sphere.faces()), expected(sphere.faces(), 1);
   countFaces(treeOf(mesh.id()), 0, counts);
-  // What is NaN has a place, too: it may be found after a refit.
+  // A NaN primitive has a leaf, too: it may be found after a refit.
   EXPECT_EQ(counts, expected);
   EXPECT_EQ(mesh.report().skipped,
             std::count(sphere.indices.begin(), sphere.indices.end(), 5));

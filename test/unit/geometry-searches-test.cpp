@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What threads of GPUs find and what processors find has the same bits.
+// Results of threads of GPUs and of processors have the same bits.
 //
 //===----------------------------------------------------------------------===//
 

@@ -94,7 +94,7 @@ TEST(Jit, KeepsNamesApart) {
   Jit::get().unload(root);
 }
 
-// What the device library does not have comes from the C library.
+// Functions outside the device library come from the C library.
 TEST(Jit, CallsTheCLibrary) {
   void *entry = Jit::get().load(compileUnary("erf", 3));
   EXPECT_FLOAT_EQ(run(entry, {0.5f}, 0, 1)[0], std::erf(0.5f));

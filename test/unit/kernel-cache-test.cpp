@@ -176,7 +176,7 @@ TEST_F(KernelCacheTest, RejectsForeignEntries) {
   EXPECT_FALSE(cache.find(keyOf('c')));
   EXPECT_FALSE(cache.find(keyOf('d')));
   EXPECT_TRUE(files().empty());
-  // What replaces them is found again.
+  // The replacements are found again.
   cache.store(keyOf('b'), sampleCode());
   EXPECT_TRUE(cache.find(keyOf('b')));
 }

@@ -1,4 +1,4 @@
-//===- overlap-test.cpp - Whether arrays of a launch share memory ---------===//
+//===- overlap-test.cpp - Shared memory of a launch's arrays --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

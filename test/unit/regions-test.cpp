@@ -1,4 +1,4 @@
-//===- regions-test.cpp - What part of an array a launch touches ----------===//
+//===- regions-test.cpp - Regions of an array that a launch accesses ------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -66,7 +66,7 @@ TEST(ThreadPool, ChunksAreMultiplesOfTheGrain) {
   EXPECT_EQ(odd.load(), 0);
 }
 
-// What the pool learns changes widths and chunks, never what is visited.
+// Learning changes widths and chunks, never the visited indices.
 TEST(ThreadPool, HistoriesKeepEveryIndex) {
   warp::LoopHistory history;
   std::vector<int> seen(300000);

@@ -1,4 +1,4 @@
-//===- tree-kernels-test.cpp - What a GPU builds, on the host -------------===//
+//===- tree-kernels-test.cpp - Trees that a GPU builds, on the host -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

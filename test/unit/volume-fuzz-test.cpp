@@ -63,7 +63,7 @@ std::vector<uint8_t> quantisedFile() {
   header.type = 13;
   header.size = grid.size();
   geometry::store(grid.data(), header);
-  // What the file says about sizes.
+  // The file's sizes.
   const uint64_t sizes[2] = {grid.size(), grid.size()};
   std::memcpy(file.data() + 16, sizes, sizeof sizes);
   file.insert(file.end(), grid.data(), grid.data() + grid.size());

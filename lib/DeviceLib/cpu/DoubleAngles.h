@@ -36,7 +36,7 @@ inline u64 twoOverPiFrom(u32 bit) {
   return twoOverPiBits[word] << shift | next;
 }
 
-/// Of a double that is finite and positive, at least 2^27.
+/// For a double that is finite and positive, at least 2^27.
 [[maybe_unused]] __attribute__((noinline)) void
 reduceLargeDouble(f64 x, f64 &high, f64 &low, u64 &quadrant) {
   constexpr f64 halfPi = 0x1.921fb54442d18p+0;
@@ -77,7 +77,7 @@ template <int n> struct DoubleAngle {
   D high, low; // in [-pi/4, pi/4]
   U quadrant;
 
-  /// Of a positive angle.
+  /// For a positive angle.
   explicit DoubleAngle(D x) {
     reduceSmall(x);
     auto isLarge = (x > 0x1.0p+27) & (x < __builtin_inf());

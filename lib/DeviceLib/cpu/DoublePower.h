@@ -62,7 +62,7 @@ template <int n> struct DoublePower {
     return {high, ((s - high) + rest.high) + (rest.low + sLow)};
   }
 
-  /// Of a positive number.
+  /// For a positive number.
   static Sum log2(D x) {
     constexpr f64 twoLog2OfE = 0x1.71547652b82fep+1;
     constexpr f64 twoLog2OfELow = 0x1.777d0ffda0d24p-55;

@@ -12,8 +12,8 @@
 //   by adding and subtracting a large number; mostly nothing is left of it
 //   after that.
 //
-// What is too small is added one by one, and so is a buffer with infinities or
-// NaN. The order of terms in a buffer makes no difference.
+// Terms that are too small are added one by one, and so is a buffer with
+// infinities or NaN. The order of terms in a buffer makes no difference.
 //
 //===----------------------------------------------------------------------===//
 

@@ -33,7 +33,7 @@ template <int n> struct FloatAngle {
   F high, low; // in [-pi/4, pi/4]
   U quadrant;
 
-  /// Of a positive angle. One lane has the rare case inlined, so that a
+  /// For a positive angle. One lane has the rare case inlined, so that a
   /// vectoriser can make a select of the branch.
   explicit FloatAngle(F x) {
     reduceSmall(x);

@@ -65,7 +65,7 @@ template <int n> struct FloatMath {
                          0x1.2784e2p-8f};
     FloatAngle<n> a(abs(x));
     F z = a.high * a.high;
-    // What rounding of the angle and its square take from the tangent.
+    // The rounding errors of the angle and its square, taken from the tangent.
     F low = fma(a.low * z, fma(z, F(0.8f), F(1.0f)), a.low);
     low = fma(a.high * 0.5f, fma(a.high, a.high, -z), low);
     F rest = fma(a.high * z, polynomial(z, c), low);

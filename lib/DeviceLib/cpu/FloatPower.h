@@ -40,7 +40,7 @@ template <int n> struct FloatPower {
     return polynomial(fraction, c) * scale;
   }
 
-  /// Of a positive normal number.
+  /// For a positive normal number.
   static D log2(D x) { // [2^-45]
     constexpr f64 c[] = {0x1.71547652b8251p+1, 0x1.ec709dc53bfcfp-1,
                          0x1.2776c2935a8c1p-1, 0x1.a61a2ef4051f3p-2,

@@ -121,7 +121,7 @@ template <class T> constexpr void setFactors(T *re, T *im, i64 n) {
   }
 }
 
-/// Those of all lengths up to one: of n from element n / 4 - 1 on.
+/// The roots of all lengths up to one: of n from element n / 4 - 1 on.
 constexpr i64 longestKnown = 4096;
 template <class T> struct FactorTable {
   T re[longestKnown / 2] = {}, im[longestKnown / 2] = {};

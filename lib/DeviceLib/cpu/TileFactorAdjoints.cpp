@@ -1,4 +1,4 @@
-//===- TileFactorAdjoints.cpp - What a matrix does to its Cholesky factor -===//
+//===- TileFactorAdjoints.cpp - Cotangents of Cholesky factors ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -96,7 +96,7 @@ template <class T> Square<T> FactorAdjoint<T>::reverseBlock(i64 first) const {
   Vec<T> inverses = Vec<T>(1) / diagonal;
 #pragma unroll
   for (int j = size - 1; j >= 0; --j) {
-    // What columns have in common with this one.
+    // The terms that columns have in common with this one.
     Vec<T> common[2] = {Vec<T>(0), Vec<T>(0)};
 #pragma unroll
     for (int i = j + 1; i < size; ++i)

@@ -145,7 +145,7 @@ void cholesky(T *out, const T *in, i64 n, T *rows) {
             part.rows[r] = fma(Vec<T>(-factors[r]), part.rows[j], part.rows[r]);
         }
       }
-      // Those of the last rows are asked for by none.
+      // No caller asks for the values of the last rows.
       if (i + size < n)
 #pragma unroll
         for (int r = 0; r < size; ++r)
@@ -198,9 +198,9 @@ template <class T> void Solve<T>::manySides() const {
   });
 }
 
-/// Of as many unknowns as a vector has, in place; columns of the matrix. These
-/// are divided by the diagonal before, and the unknowns after, so that no step
-/// waits for a quotient.
+/// Solves for as many unknowns as a vector has, in place; columns of the
+/// matrix. These are divided by the diagonal before, and the unknowns after, so
+/// that no step waits for a quotient.
 template <class T, bool backwards>
 __attribute__((always_inline)) inline Vec<T> solveSquare(Vec<T> x,
                                                          const Square<T> &m) {

@@ -2,8 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Of lengths that fill vectors in every stage. Two stages of radix 4 at a time,
-// with 16 numbers per lane in registers: with j = 4a + b and k = k1 + 4 k2,
+// For lengths that fill vectors in every stage. Two stages of radix 4 at a
+// time, with 16 numbers per lane in registers: with j = 4a + b and k = k1 + 4
+// k2,
 //
 //   y[q + s (16p + k)] = w^(4p k2) sum over b of i^(-b k2) w^((p + m b) k1)
 //                        sum over a of i^(-a k1) x[q + s (p + m j)]

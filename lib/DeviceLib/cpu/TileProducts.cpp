@@ -4,8 +4,8 @@
 //
 // c = alpha a b + beta c, in patches of c that stay in registers while all of a
 // and b goes by: per step a vector or two of a row of b, and a number per row
-// of a. Rows of b and c are contiguous. What a patch lacks of rows is computed
-// twice, and of columns masked.
+// of a. Rows of b and c are contiguous. Missing rows of a patch are computed
+// twice, missing columns are masked.
 //
 //===----------------------------------------------------------------------===//
 

@@ -116,7 +116,7 @@ template <class T> struct Square {
   shuffleLanes(Vec<T> a, Vec<T> b, From, Lanes<int, lane...>) {
     return __builtin_shufflevector(a, b, From()(lane)...);
   }
-  /// What is above the diagonal, or below it, becomes zero.
+  /// Clears the elements above the diagonal, or below it.
   __attribute__((always_inline)) void clear(bool above) {
 #pragma unroll
     for (int r = 0; r < size; ++r)

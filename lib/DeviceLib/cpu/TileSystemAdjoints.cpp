@@ -12,14 +12,14 @@ template <class T> struct SystemAdjoints : Systems<T> {
   using V = typename Systems<T>::V;
   using Systems<T>::n, Systems<T>::inverses, Systems<T>::rowOf;
 
-  /// Of the factor's cotangent, which has a second triangle.
+  /// The second triangle of the factor's cotangent.
   V *barOf(i64 i) const { return this->sides + i * (i + 1) / 2; }
 
   template <int width> void differentiate(i64 j, i64 k, V diagonal) const;
   void differentiate() const;
 };
 
-/// What column j of the factor had from some columns before it. Iain Murray,
+/// The contribution of earlier columns to column j of the factor. Iain Murray,
 /// Differentiation of the Cholesky decomposition, 2016.
 template <class T>
 template <int width>

@@ -8,7 +8,7 @@
 
 namespace {
 
-/// What is to be done, in this order.
+/// The steps to carry out, in this order.
 enum Step { factors = 1, isUpper = 2, keeps = 4, forwards = 8, backwards = 16 };
 
 template <class T> void run(const Systems<T> &work, i32 steps) {

@@ -7,8 +7,8 @@
 // has lanes are exchanged with columns on the way from the memory of the
 // blocks and back; between, element (i, k) of the factor L of A = L L^T is
 // vector i (i + 1) / 2 + k, with as many rows as make squares of four, those
-// that there are not from the identity. What a square lacks of columns before
-// it is subtracted in registers (left-looking). A lane has the same bits
+// that there are not from the identity. Earlier columns are subtracted
+// from a square in registers (left-looking). A lane has the same bits
 // whatever the others hold.
 //
 //===----------------------------------------------------------------------===//
@@ -125,7 +125,7 @@ template <class T> void Systems<T>::writeSides() const {
 // Factors
 //===----------------------------------------------------------------------===//
 
-/// Of four rows from i on and four columns from j on.
+/// Four rows from i on and four columns from j on.
 template <class T>
 template <bool onDiagonal>
 __attribute__((always_inline)) inline void Systems<T>::square(i64 i,

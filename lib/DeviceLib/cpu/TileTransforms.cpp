@@ -9,7 +9,7 @@
 //   y[q + s (4p + k)] = w^(kp) sum over j of i^(-jk) x[q + s (p + m j)]
 //
 // for q < s, p < m, with s 4 times as large and m 4 times as small in each next
-// stage; w is exp(-2 pi i / 4m). What is contiguous is computed in vectors: q,
+// stage; w is exp(-2 pi i / 4m). Contiguous indices are computed in vectors: q,
 // and where s is short, q and p. The inverse has real and imaginary parts
 // swapped. The factors of usual lengths are constants. Where two stages at a
 // time fill vectors, they are in TileLongTransforms.h.
@@ -33,7 +33,7 @@ template <class T> struct Transform {
   void run();
 };
 
-/// Of s shorter than a vector: lanes are neighbours p, each with all q, so
+/// For s shorter than a vector: lanes are neighbours p, each with all q, so
 /// results of a lane are next to each other.
 template <class T>
 template <int s>
@@ -98,7 +98,7 @@ void Transform<T>::stage(i64 length, i64 s) const {
   }
 }
 
-/// Of two numbers each, s apart.
+/// For two numbers each, s apart.
 template <class T> void Transform<T>::lastPair(i64 s) const {
   auto pairs = [&]<class V>(V, i64 q) {
     Complex<V> a = x.template load<V>(q), b = x.template load<V>(q + s);
@@ -180,7 +180,7 @@ template <class T> Split<const T> factorsOf(i64 n, T *re, T *im) {
   return {re, im};
 }
 
-/// What all rows share.
+/// Values that all rows share.
 template <class T> struct Rows {
   T *out;
   const T *in;

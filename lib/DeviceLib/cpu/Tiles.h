@@ -4,7 +4,7 @@
 //
 // A block of the CPU is one thread, so functions for tiles get whole ones:
 // addresses in the block's memory, extents, steps between rows and columns in
-// elements. What is contiguous is computed with in vectors of 64 bytes, which
+// elements. Contiguous elements are computed in vectors of 64 bytes, which
 // the compiler cuts in two where registers are shorter. Functions of the
 // library are called with an address for results last; these give none.
 //
@@ -64,7 +64,7 @@ template <class T> inline Mask<T> firstLanes(i64 count) {
   return __builtin_convertvector(numbers < Numbers(i32(count)), Mask<T>);
 }
 
-/// Of a vector the lanes that are left of `count` elements; zero elsewhere.
+/// The lanes of a vector that are left of `count` elements; zero elsewhere.
 template <class T> inline Vec<T> load(const T *from, i64 count) {
   if (count >= lanes<T>)
     return load(from);

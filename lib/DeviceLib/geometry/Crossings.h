@@ -28,7 +28,7 @@ inline Ints isLeft(Floats ax, Floats ay, Floats bx, Floats by) {
 /// Triangles of a block that the moved ray crosses at t >= 0.
 inline u32 crossTriangles(const TriangleBlock &block, const Ray &ray) {
   auto [x, y, z] = shearCorners(block, ray);
-  // Of an edge both triangles have to compute the same: from its lower corner.
+  // Both triangles of an edge have to compute the same: from its lower corner.
   auto left = [&](int a, int b) {
     Ints swap = (x[a] > x[b]) | ((x[a] == x[b]) & (y[a] > y[b]));
     Ints found = isLeft(choose(swap, x[b], x[a]), choose(swap, y[b], y[a]),

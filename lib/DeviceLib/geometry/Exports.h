@@ -1,4 +1,4 @@
-//===- Exports.h - What kernels call of the device library ------*- C++ -*-===//
+//===- Exports.h - Functions of the device library for kernels --*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -12,7 +12,7 @@
 #define WARP_GEOMETRY                                                          \
   extern "C" __attribute__((used, noinline, visibility("default"))) void
 
-/// What becomes part of a kernel on GPUs, where results of a call would go
+/// Inlined into kernels on GPUs, where results of a call would go
 /// through memory.
 #ifdef __NVPTX__
 #define WARP_GEOMETRY_PART                                                     \
@@ -21,7 +21,7 @@
 #define WARP_GEOMETRY_PART WARP_GEOMETRY
 #endif
 
-/// What becomes part of a GPU's kernel that calls it once: a call would take
+/// Inlined into a GPU kernel that calls it once: a call would take
 /// registers as long as it lasts, and arguments are often constants.
 #ifdef __NVPTX__
 #define WARP_GEOMETRY_ONCE                                                     \

@@ -12,7 +12,7 @@
 namespace warp::geometry {
 
 /// Cells along an axis before the grid wraps: the first one, and how many, each
-/// of the grid's once. Of NaN it is some cell: who asks for one gets nothing
+/// of the grid's once. For NaN it is some cell: callers check for NaN
 /// before.
 struct CellRange {
   i32 first, count;
@@ -26,7 +26,7 @@ struct CellRange {
   }
 
 private:
-  /// Of any coordinate in units of cells, as the builder has it.
+  /// For any coordinate in units of cells, as the builder has it.
   template <class F> static i32 cellOf(F scaled) {
     constexpr F end = 2147483648.0;
     F down = __builtin_elementwise_floor(scaled);

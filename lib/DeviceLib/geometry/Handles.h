@@ -1,4 +1,4 @@
-//===- Handles.h - What handles of geometry lead to -------------*- C++ -*-===//
+//===- Handles.h - Memory behind handles of geometry ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -27,7 +27,7 @@ struct ArrayDescriptor {
   i32 shape[4], strides[4], rank, flags;
 };
 
-/// What a slot is without a handle: an empty tree.
+/// The contents of a slot without a handle: an empty tree.
 constexpr Tree noTree{0, nullptr, nullptr, 1, 0};
 constexpr ArrayDescriptor noArray{nullptr, nullptr, {}, {}, 1, 0};
 constexpr struct {
@@ -77,7 +77,7 @@ const Tree &treeOf(u64 id, u64 kind) {
   return slot ? *static_cast<const Tree *>(slot) : noTree;
 }
 
-/// What belongs to a tree from `treeOf`.
+/// The contents of a tree from `treeOf`.
 const TreeExtras &extrasOf(const Tree &tree) {
   const Tree *whole = &tree == &noTree ? &noMesh.tree : &tree;
   return *reinterpret_cast<const TreeExtras *>(

@@ -1,4 +1,4 @@
-//===- Overlap.h - What a box, a sphere or a ray touches, one by one ------===//
+//===- Overlap.h - Overlap tests for boxes, spheres and rays --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -59,7 +59,7 @@ struct SphereShape {
       return greatest(greatest(bounds.low(i) - at, at - bounds.high(i)),
                       Floats(0));
     };
-    // Of a primitive that is NaN `greatest` makes 0.
+    // For a NaN primitive `greatest` gives 0.
     Ints isThere = bounds.low(0) == bounds.low(0);
     Point<Floats> offset{axis(0, center.x), axis(1, center.y),
                          axis(2, center.z)};

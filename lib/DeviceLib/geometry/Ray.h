@@ -74,7 +74,7 @@ struct Ray {
       // So slow that it has no inverse.
       if (!(__builtin_elementwise_abs(direction[i]) >= 0x1p-126f))
         direction[i] = 0;
-      // Of no use where the ray does not move; GPUs divide by zero slowly.
+      // Unused where the ray does not move; GPUs divide by zero slowly.
       inverse[i] = 1 / (direction[i] == 0 ? 1 : direction[i]);
     }
     first = down * inverseOfPower(tree.scale);
@@ -139,7 +139,7 @@ inline ShearedCorners shearCorners(const TriangleBlock &block, const Ray &ray) {
   return to;
 }
 
-/// What a ray meets of a block: weights of the first two corners, parameter.
+/// The hit of a ray in a block: weights of the first two corners, parameter.
 struct Meeting {
   Floats u, v, t;
   /// The sum of the weights before they are normalised: its sign is the side.

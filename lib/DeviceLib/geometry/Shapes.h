@@ -1,4 +1,4 @@
-//===- Shapes.h - What hierarchies are searched for -------------*- C++ -*-===//
+//===- Shapes.h - Query shapes of hierarchies -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -65,7 +65,7 @@ public:
   NormalSum(const Tree &tree, f64 tolerance)
       : tree(tree), tolerance(tolerance) {}
 
-  /// Of all faces with a corner at a, and another one at b if it is not null.
+  /// For all faces with a corner at a, and another one at b if it is not null.
   Point<f64> around(Point<f64> a, const Point<f64> *b) const {
     Point<f64> sum{0, 0, 0};
     auto near = f32(tolerance);

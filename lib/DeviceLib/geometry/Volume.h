@@ -24,7 +24,7 @@ namespace warp::geometry {
 struct VolumeSlot {
   u64 tag;
   const u8 *grid, *root, *leaves;
-  /// Of which type values are, as files number them; tiles of the root.
+  /// The type of values, as files number them; tiles of the root.
   u32 type, tiles;
   u64 voxels;
   /// From values in leaves to their gradients, or 0.
@@ -214,8 +214,8 @@ struct CellPlaces {
   u64 at[8];
 };
 
-/// What walks from the root is called by kernels of GPUs, of which what the
-/// table finds becomes part.
+/// The walk from the root is called by kernels on GPUs; the table lookup is
+/// inlined into them.
 #ifdef __NVPTX__
 #define WARP_WALK __attribute__((noinline)) static
 #else

@@ -18,7 +18,7 @@
 
 namespace warp::geometry {
 
-/// What a node knows of its children: the center of their surface, the square
+/// A node's record of its children: the center of their surface, the square
 /// of the radius around it, the sum of normals times areas, and of those times
 /// the offset from the center (offsets are rows).
 struct Moments {
@@ -92,7 +92,7 @@ inline void widen(Floats x, int, Doubles &wide) {
   wide = __builtin_convertvector(x, Doubles);
 }
 
-/// Those of one triangle of a block, or of all.
+/// The values of one triangle of a block, or of all.
 template <class V>
 HalfAngles<V> halfAngles(const TriangleBlock &block, Point<f32> p, int lane) {
   auto offset = [&](int corner) {

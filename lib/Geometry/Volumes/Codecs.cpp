@@ -95,7 +95,7 @@ static Error otherSize(uint64_t size) {
                  " bytes unpacks to another size");
 }
 
-/// What zlib counts in one call.
+/// The largest count of one call of zlib.
 static uInt countable(uint64_t bytes) {
   return uInt(std::min<uint64_t>(bytes, std::numeric_limits<uInt>::max()));
 }
@@ -129,7 +129,7 @@ static void inflateTo(const Chunk &chunk, uint8_t *grid, uint64_t size) {
 }
 
 static GridBytes unzipped(Source &source, uint64_t size) {
-  // What the format of zlib unpacks to at most.
+  // The largest size that zlib's format unpacks to.
   constexpr uint64_t mostPerByte = 1032;
   Chunk chunk = nextChunk(source);
   if (size / mostPerByte > chunk.size)

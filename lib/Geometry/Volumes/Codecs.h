@@ -30,7 +30,7 @@ private:
 GridBytes unpackGrid(Source &source, uint64_t size, uint64_t stored,
                      GridCodec codec);
 
-/// What a file has for a grid.
+/// A file's record of a grid.
 std::vector<uint8_t> packGrid(const uint8_t *grid, size_t size,
                               GridCodec codec);
 

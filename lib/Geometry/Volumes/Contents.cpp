@@ -1,4 +1,4 @@
-//===- Contents.cpp - What is in a grid -----------------------------------===//
+//===- Contents.cpp - Contents of a grid ----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

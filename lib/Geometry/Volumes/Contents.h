@@ -1,4 +1,4 @@
-//===- Contents.h - What is in a grid ---------------------------*- C++ -*-===//
+//===- Contents.h - Contents of a grid --------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -23,7 +23,7 @@ struct LeafTable {
   uint32_t extent[3] = {};
 };
 
-/// What kernels find of a grid that lies at an address of its device.
+/// The parts of a grid that kernels find at an address of its device.
 VolumeSlot slotOf(const Levels &levels, const uint8_t *address,
                   const LeafTable &table, const uint32_t *numbersAt);
 
@@ -34,7 +34,7 @@ std::vector<GridFeature> featuresOf(const Levels &levels);
 
 /// The components of a value at an address.
 int readValue(const ValueFacts &facts, const uint8_t *at, double (&value)[4]);
-/// Those of a voxel; the number of a voxel of an index grid, or -1.
+/// The value of a voxel; the number of a voxel of an index grid, or -1.
 int readVoxel(const VolumeSlot &volume, const int32_t (&voxel)[3],
               double (&value)[4]);
 /// True if values between voxels are interpolated.

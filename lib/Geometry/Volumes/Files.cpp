@@ -30,7 +30,7 @@ struct FileHeader {
 };
 static_assert(sizeof(FileHeader) == 16);
 
-/// What a file says about a grid; its name follows, with a zero.
+/// A file's header of a grid; its name follows, with a zero.
 struct AboutGrid {
   uint64_t size, fileSize, nameKey, voxels;
   uint32_t type, gridClass;

@@ -69,7 +69,7 @@ static GridLayout layoutOf(const ValueFacts &facts) {
   GridLayout at{};
   at.rootAt = headSize;
   at.value = facts.size;
-  // Of the root: also its background.
+  // For the root: also its background.
   at.background = roundUp(28, facts.align);
   at.root = behind(at.background, 3, facts);
   at.tileValue = roundUp(20, facts.align);

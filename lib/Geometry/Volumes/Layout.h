@@ -58,7 +58,7 @@ struct BlindArray {
 };
 static_assert(sizeof(BlindArray) == 288);
 
-/// What inner nodes and leaves begin with.
+/// The header of inner nodes and leaves.
 struct InnerHead {
   int32_t box[6];
   uint64_t flags;
@@ -70,7 +70,7 @@ struct LeafHead {
   uint64_t values[8];
 };
 static_assert(sizeof(LeafHead) == 80);
-/// Of index grids: the first number, and seven numbers of nine bits, voxels
+/// For index grids: the first number, and seven numbers of nine bits, voxels
 /// before the words of the mask but the first.
 struct LeafNumbers {
   uint64_t first, sums;
@@ -95,7 +95,7 @@ const ValueFacts *factsOf(uint32_t type);
 inline bool isIndex(uint32_t type) { return type >= 19 && type <= 22; }
 inline bool isOfActive(uint32_t type) { return type == 20 || type == 22; }
 
-/// What lies at a place that may not be aligned for it.
+/// Reads a value at an address that may not be aligned for it.
 template <class T> T load(const void *at) {
   T value;
   std::memcpy(&value, at, sizeof value);

@@ -1,4 +1,4 @@
-//===- Levels.cpp - Whether a grid is what it says ------------------------===//
+//===- Levels.cpp - Consistency checks of a grid --------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -61,7 +61,7 @@ void Levels::checkWithin(int64_t at, int64_t bytes, const char *what) const {
 }
 
 Level Levels::level(int64_t at, int64_t count, int64_t nodeSize) {
-  // Of a level without nodes no place has to be told.
+  // A level without nodes needs no offset.
   if (count == 0)
     at = size;
   checkWithin(at, count * nodeSize, "level of nodes");

@@ -43,13 +43,13 @@ inline GridTree treeOf(const uint8_t *grid) {
   return load<GridTree>(grid + sizeof(GridHeader));
 }
 
-/// What the grid that some bytes begin with says; only its header and its tree
-/// have to be there.
+/// The header of the grid that some bytes begin with; only its header and its
+/// tree have to be there.
 GridInfo infoOf(const uint8_t *grid, size_t bytes);
 
 class Levels {
 public:
-  /// Of the grid that some bytes begin with.
+  /// For the grid that some bytes begin with.
   Levels(uint8_t *grid, size_t bytes);
   /// All but the leaves, which are as those of another type.
   Levels(uint8_t *grid, size_t bytes, VoxelType above);

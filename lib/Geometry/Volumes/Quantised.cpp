@@ -15,7 +15,7 @@ using namespace warp::geometry;
 
 namespace {
 
-/// What a leaf of few bits begins with; its numbers follow.
+/// The header of a leaf of few bits; its numbers follow.
 struct QuantisedHead {
   LeafHead head;
   float minimum, quantum;
@@ -153,7 +153,7 @@ GridBytes Expansion::run() {
   int64_t ends = above.endAbove();
   int64_t leafAt = roundUp(ends, 32);
   int64_t body = leafAt + int64_t(leaves.size()) * above.layout.leaf;
-  // What follows the leaves, such as arrays beside the grid.
+  // The data after the leaves, such as arrays beside the grid.
   int64_t tailAt = leaves.empty() ? ends : leaves.back().end();
   if (above.header.blindOffset > 0 && above.header.blindOffset < tailAt)
     throw broken("its arrays overlap its nodes");

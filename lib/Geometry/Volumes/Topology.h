@@ -29,7 +29,7 @@ inline uint32_t cellOf(const Int3 &v, int shift, int bits) {
 }
 
 struct VoxelTopology {
-  /// Of the tiles that some voxels lie in, which may repeat.
+  /// The tiles that some voxels lie in, which may repeat.
   explicit VoxelTopology(const std::vector<Int3> &voxels);
 
   /// The lowest voxels of leaves, lower nodes and upper nodes, sorted.

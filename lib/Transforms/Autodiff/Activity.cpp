@@ -86,7 +86,7 @@ bool Activity::markUseful(Value value) {
   return hasDerivative(value.getType()) && useful.insert(value).second;
 }
 
-/// What flows into what, where control passes values on: calls `pass(from, to)`
+/// Data flow along control flow: calls `pass(from, to)`
 /// for each pair.
 static void forEachCarried(Operation *op,
                            function_ref<void(Value, Value)> pass) {
@@ -136,7 +136,7 @@ bool Activity::spreadVaried(Operation *op) {
     return varied.contains(operand) ||
            (isa<ArrayType>(operand.getType()) && isActiveArray(operand));
   });
-  // What has no rule is varied, so that a use of it is an error.
+  // An operation without a rule is varied, so that a use of it is an error.
   if (!isVaried || (!isDifferentiable(op) && hasRule(op)))
     return changed;
   for (Value result : op->getResults())

@@ -34,8 +34,8 @@ mlir::Value gradientAddress(mlir::Value array);
 /// Rejects a write there, as it would have to take gradients or leave tangents.
 mlir::LogicalResult checkAddress(AccessOp write);
 
-/// What `body` makes if an address is not 0, else a zero of the type; nothing
-/// without a type.
+/// The result of `body` if an address is not 0, else a zero of the type;
+/// nothing without a type.
 mlir::Value ifThere(mlir::OpBuilder &builder, mlir::Location loc,
                     mlir::Value address, mlir::Type type,
                     llvm::function_ref<mlir::Value()> body);

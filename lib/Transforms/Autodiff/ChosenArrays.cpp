@@ -104,10 +104,10 @@ private:
                             ArrayRef<Value> arrays, const DominanceInfo &order);
 
   Operation *function;
-  /// Of numbers.
+  /// For numbers.
   Type type;
   llvm::DenseMap<Value, int> constants;
-  /// Of results of control flow, which number the array has; placeholders for
+  /// For results of control flow: the number of the array; placeholders for
   /// those that there are not yet.
   llvm::DenseMap<Value, Value> numbers;
 };

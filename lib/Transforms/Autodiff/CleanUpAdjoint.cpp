@@ -1,11 +1,11 @@
-//===- CleanUpAdjoint.cpp - What a derivative turned out to need ----------===//
+//===- CleanUpAdjoint.cpp - Loads and arguments that a derivative needs ---===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Runs when dead code is gone. What is left says what the derivative needs:
-// marked loads that cannot be had are errors, arguments without a use go, and
-// the arrays that are read are listed for the tape, which watches whether they
-// still have the contents of the launch.
+// Runs when dead code is gone. The remaining IR shows what the derivative
+// needs: marked loads that cannot be had are errors, arguments without a use
+// go, and the arrays that are read are listed for the tape, which watches
+// whether they still have the contents of the launch.
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,9 +1,9 @@
-//===- DeadValues.cpp - What code with loops really uses ------------------===//
+//===- DeadValues.cpp - Values that code with loops really uses -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // An adjoint is built generously: every value of the forward sweep is computed
-// again and every carried value is a placeholder. What is then needed decides
+// again and every carried value is a placeholder. The needed values decide
 // how a loop is reversed, so it has to be found while the adjoint is built, on
 // a piece of it, and through loops that carry values. The marks go backwards
 // along single results, carried values and block arguments; sweeping removes
@@ -88,7 +88,7 @@ void Needs::follow(Value value) {
     followArgument(cast<BlockArgument>(value));
 }
 
-/// What decides that control gets to an operation: conditions and bounds.
+/// The conditions and bounds on which the execution of an operation depends.
 void Needs::reach(Operation *op) {
   for (; op != within && reached.insert(op).second; op = op->getParentOp()) {
     if (auto branch = dyn_cast<scf::IfOp>(op))

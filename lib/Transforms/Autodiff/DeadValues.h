@@ -1,4 +1,4 @@
-//===- DeadValues.h - What code with loops really uses ----------*- C++ -*-===//
+//===- DeadValues.h - Values that code with loops really uses ---*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

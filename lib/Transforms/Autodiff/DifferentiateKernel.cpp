@@ -52,7 +52,7 @@ static FailureOr<Singular> parseSingular(func::FuncOp kernel, StringRef name) {
          << name << "'";
 }
 
-/// What the runtime and the user are told, apart from what clean-up finds.
+/// Facts for the runtime and the user, apart from those that clean-up finds.
 static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
   Builder b(adjoint.getContext());
   SmallVector<std::string> notices;
@@ -95,8 +95,8 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   return twin;
 }
 
-/// What native code does to memory nobody knows, and what is behind an address
-/// has no gradient.
+/// The effects of native code on memory are unknown, and memory behind an
+/// address has no gradient.
 static LogicalResult refuseNativeCode(func::FuncOp kernel) {
   WalkResult result = kernel.walk([](warp::LibraryCallOp op) {
     if (op.getCallee() == warp::threadMemory) {

@@ -296,7 +296,7 @@ struct ExpandBuiltins : warp::impl::ExpandBuiltinsBase<ExpandBuiltins> {
            });
   }
 
-  /// What a lowering left of its constants.
+  /// The remaining constants of a lowering.
   static void eraseConstants(Block &entry) {
     for (Operation &op : llvm::make_early_inc_range(entry))
       if (isa<arith::ConstantOp>(op) && op.use_empty())

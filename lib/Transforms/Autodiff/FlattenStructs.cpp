@@ -84,7 +84,7 @@ public:
 
   void flatten(Block &block) {
     for (Operation &op : llvm::make_early_inc_range(block)) {
-      // What the constructor made for arguments.
+      // The values that the constructor made for arguments.
       if (made.contains(&op))
         continue;
       builder.setInsertionPoint(&op);
@@ -367,7 +367,7 @@ private:
 };
 
 struct FlattenStructs : warp::impl::FlattenStructsBase<FlattenStructs> {
-  /// What is not done field by field.
+  /// Operations that are not done field by field.
   static LogicalResult refuseTiles(func::FuncOp function) {
     WalkResult walked = function.walk([&](Operation *op) -> WalkResult {
       auto isRefused = [&](Type type) {

@@ -67,7 +67,7 @@ struct ForwardStores : warp::impl::ForwardStoresBase<ForwardStores> {
   void forwardRegions(Operation *op, Contents &contents) {
     Contents before = contents;
     op->walk([&](Operation *inner) { forget(inner, contents); });
-    // What is known of an element inside is not known before and after.
+    // Facts about an element inside do not hold before and after.
     llvm::erase_if(contents, [&](Known &known) {
       return op->isProperAncestor(known.access.op);
     });

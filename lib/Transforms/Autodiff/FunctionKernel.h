@@ -38,12 +38,12 @@ public:
              bool forward);
 
 private:
-  /// What an array of the kernel stands for.
+  /// The meaning of an array of the kernel.
   struct Box {
     unsigned position;
     mlir::Type type;
     bool isResult;
-    /// Of the derivative: the value, and its cotangent or tangent if that is
+    /// For the derivative: the value, and its cotangent or tangent if that is
     /// passed.
     mlir::Value value, seed;
   };

@@ -37,7 +37,7 @@ std::string describePlace(mlir::Location loc);
 void attachPlaces(mlir::FunctionOpInterface derivative,
                   llvm::ArrayRef<mlir::Location> places);
 
-/// What such an argument is; null for any other.
+/// The meaning of such an argument; null for any other.
 HiddenAttr getHidden(mlir::BlockArgument argument);
 
 } // namespace warp::autodiff

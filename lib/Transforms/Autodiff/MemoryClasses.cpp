@@ -1,4 +1,4 @@
-//===- MemoryClasses.cpp - What a kernel does to each array ---------------===//
+//===- MemoryClasses.cpp - Effects of a kernel on each array --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -117,7 +117,7 @@ void MemoryClasses::collect(Operation *op) {
   access->isActive = access->isWrite ? activity.isActiveArray(access->array)
                                      : activity.isActive(op->getResult(0));
   SmallVector<unsigned, 1> known = leaves.of(access->array);
-  // What is added to gradients is no element that a derivative is by.
+  // A term that is added to gradients is no element that a derivative is by.
   // Nothing writes what is at an address while a kernel runs.
   if (!access->isWrite && rootOf(access->array).getDefiningOp<ArrayAtOp>())
     return;

@@ -1,4 +1,4 @@
-//===- MemoryClasses.h - What a kernel does to each array -------*- C++ -*-===//
+//===- MemoryClasses.h - Effects of a kernel on each array ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -55,8 +55,8 @@ struct Access {
   bool isActive = false;
 };
 
-/// What a load, store or atomic accesses, from the indices of the operation and
-/// of the views on the way to the leaf; none for other operations.
+/// The element of a load, store or atomic, from the indices of the operation
+/// and of the views on the way to the leaf; none for other operations.
 std::optional<Access> getAccess(mlir::Operation *op);
 
 /// True if two accesses are to components that do not overlap.

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What an atomic returns depends on the order of threads, but not where the
+// The result of an atomic depends on the order of threads, but not where the
 // element belongs to one: there it is a load and a store,
 //
 //   old = atomic min v, a[i]        old = a[i];  a[i] = min(old, v)

@@ -40,7 +40,7 @@ static func::FuncOp lookup(ModuleOp module, Attribute symbol) {
 }
 
 //===----------------------------------------------------------------------===//
-// What is needed
+// Required derivatives
 //===----------------------------------------------------------------------===//
 
 namespace {
@@ -114,7 +114,7 @@ static void prune(ModuleOp module, const Reached &reached) {
 
 namespace {
 
-/// What a derivative of a function is by.
+/// The inputs that a function is differentiated by.
 struct Request {
   bool forward = false;
   /// Reverse mode: gradients of arrays are added to.

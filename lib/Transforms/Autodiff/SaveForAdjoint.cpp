@@ -1,4 +1,4 @@
-//===- SaveForAdjoint.cpp - What a launch keeps for its adjoint -----------===//
+//===- SaveForAdjoint.cpp - Values that a launch keeps for its adjoint ----===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,5 @@
-//===- SaveForAdjoint.h - What a launch keeps for its adjoint - -*- C++ -*-===//
+//===- SaveForAdjoint.h - Values that a launch keeps for its adjoint *- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -117,7 +117,7 @@ Value Completion::construct(Type type, ArrayRef<Expr> numbers) {
   return ConstructOp::create(builder, context.loc, type, parts);
 }
 
-/// By the measure of the rules. What counts as the same for its size alone is
+/// By the measure of the rules. Values that are equal for their size alone are
 /// left out if `forSlopes`: functions may tell such values apart.
 Expr Completion::areNearlyTheSame(int i, int j, bool forSlopes) {
   Value values = product.values();

@@ -4,7 +4,7 @@
 //
 // sum_i x_i outer(u_i, v_i) over all columns of U and V is U diag(x) V^T, and
 // is written so. Factors may stand at the outer product or at one of its
-// vectors. What else is added stays a sum. A column is a row of the transpose,
+// vectors. Other terms stay a sum. A column is a row of the transpose,
 // or its entries one by one.
 //
 //===----------------------------------------------------------------------===//
@@ -92,7 +92,7 @@ static std::optional<Term> matchTerm(Value value) {
   return term;
 }
 
-/// What a sum adds up, whose parts nothing else uses.
+/// The terms of a sum, whose parts nothing else uses.
 static void collectTerms(Value value, bool isTop, SmallVectorImpl<Value> &terms,
                          llvm::DenseSet<Operation *> &inner) {
   auto sum = value.getDefiningOp<AddOp>();

@@ -1,4 +1,4 @@
-//===- TangentSlice.cpp - What follows from a result ----------------------===//
+//===- TangentSlice.cpp - Forward slice of a result -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -19,7 +19,7 @@ std::optional<bool> TangentSlice::depends(Value value) {
     return found->second;
   std::optional<bool> answer = false;
   if (auto argument = dyn_cast<BlockArgument>(value)) {
-    // What a loop around the origin carries is of another time.
+    // Values that a loop around the origin carries belong to another iteration.
     Operation *parent = argument.getOwner()->getParentOp();
     if (!parent->isProperAncestor(origin))
       answer = std::nullopt;

@@ -1,4 +1,4 @@
-//===- TangentSlice.h - What follows from a result --------------*- C++ -*-===//
+//===- TangentSlice.h - Forward slice of a result ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

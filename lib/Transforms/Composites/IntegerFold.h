@@ -14,7 +14,7 @@
 
 namespace warp {
 
-/// What operations on two integers of the same type give, as they are found in
+/// Folds operations on two integers of the same type, as they are found in
 /// indices.
 struct IntegerFold {
   llvm::APInt a, c;

@@ -124,7 +124,7 @@ Value LocalMemory::normalize(Value index, int64_t extent) {
   return arith::MinUIOp::create(b, loc, index, constant(extent - 1));
 }
 
-/// Of a component, or of those of a row.
+/// The number of a component, or those of a row.
 SmallVector<Value> LocalMemory::slotsOf(Type composite, ValueRange indices) {
   int64_t count = getComponentCount(composite);
   auto matrix = dyn_cast<MatType>(composite);

@@ -31,7 +31,7 @@ public:
   explicit LocalMemory(mlir::Block &entry)
       : b(entry.getParentOp()->getContext()), entry(entry) {}
 
-  /// What is built next stands in front of an operation.
+  /// Inserts the next operations in front of an operation.
   void moveTo(mlir::Operation *op) {
     b.setInsertionPoint(op);
     loc = op->getLoc();
@@ -48,7 +48,7 @@ public:
   void fill(mlir::Value composite, Stored to);
   /// Loads all components.
   mlir::Value load(mlir::Type composite, Stored from);
-  /// What an extraction gives, and what an insertion does.
+  /// The result of an extraction, and the effect of an insertion.
   mlir::Value load(ExtractOp op, Stored from);
   void store(InsertOp op, Stored to);
 

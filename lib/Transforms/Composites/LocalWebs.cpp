@@ -86,7 +86,7 @@ void warp::LocalWebs::collect(Operation *function) {
 }
 
 //===----------------------------------------------------------------------===//
-// What to place
+// Values to place
 //===----------------------------------------------------------------------===//
 
 bool warp::isDynamic(ValueRange indices) {

@@ -13,9 +13,9 @@
 //   array access, output    the thread IR form of it             ...Arrays.cpp
 //
 // Operations are visited once and in place: no pattern driver, no second copy
-// of the function, because this pass is on the way of every cold compile. What
-// was replaced stays until the end of the walk, so that lowerings can still ask
-// the old operands for their types, and is erased backwards then.
+// of the function, because this pass is on the way of every cold compile.
+// Replaced was replaced stays until the end of the walk, so that lowerings can
+// still ask the old operands for their types, and is erased backwards then.
 //
 //===----------------------------------------------------------------------===//
 
@@ -153,7 +153,7 @@ LogicalResult CompositeLowering::lowerControlFlow(Operation *op) {
   return success();
 }
 
-/// What canonicalisation makes of an `scf.if` that only chooses.
+/// Canonicalises an `scf.if` that only chooses.
 LogicalResult CompositeLowering::lowerSelect(arith::SelectOp op) {
   Value condition = lookupOne(op.getCondition());
   SmallVector<Value> yes = lookup(ValueRange(op.getTrueValue()));

@@ -34,7 +34,7 @@ Value CompositeLowering::getIndex(Value index) {
       .value;
 }
 
-/// What C's variable arguments do to a number.
+/// The promotion of a number by C's variable arguments.
 static Value promote(Scalar x) {
   MLIRContext *context = x.type.getContext();
   if (x.isFloat())

@@ -6,8 +6,9 @@
 // selected among all of them. Where they are many, memory of the thread takes
 // the place of the value: an insertion stores, an extraction loads, and what
 // loops carried stays where it is. `LocalWebs` says which values share one
-// memory and where one has to be copied. What an adjoint keeps of such values
-// lies in one piece, of which it loads the components that it needs.
+// memory and where one has to be copied. The copies that an adjoint keeps of
+// such values lies in one piece, of which it loads the components that it
+// needs.
 //
 //===----------------------------------------------------------------------===//
 
@@ -147,7 +148,7 @@ void PlaceLocals::placeTable(Value composite) {
 }
 
 //===----------------------------------------------------------------------===//
-// What adjoints keep
+// Values that adjoints keep
 //===----------------------------------------------------------------------===//
 
 bool PlaceLocals::isWorthPacking(warp::ScratchOp scratch) {
@@ -177,7 +178,7 @@ static bool isKept(warp::ScratchLoadOp load) {
                : WalkResult::advance();
   };
   for (Operation *op = load; !uses.empty() && op; op = op->getNextNode()) {
-    // What stores into this memory may be the last use, if it is no loop.
+    // A store into this memory may be the last use, if it is no loop.
     if (uses.erase(op) && uses.empty() && !op->getNumRegions())
       return true;
     if (op->walk(isStore).wasInterrupted())

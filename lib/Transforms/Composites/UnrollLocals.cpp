@@ -65,7 +65,7 @@ private:
   FunctionOpInterface function;
   OpBuilder b;
   IRMapping map;
-  /// What indices are made of, and which of it counters do not tell.
+  /// The operands of indices, and those of them that counters do not determine.
   llvm::DenseSet<Value> followed, others;
   /// Accesses whose indices come from counters.
   llvm::DenseSet<Operation *> counted;
@@ -95,7 +95,7 @@ bool LoopWriter::hasDynamicAccess(Operation *op) const {
 }
 
 //===----------------------------------------------------------------------===//
-// What is worth it
+// Profitability
 //===----------------------------------------------------------------------===//
 
 bool LoopWriter::comesFromCounters(Value value) {
@@ -239,7 +239,7 @@ Value LoopWriter::constant(Operation *op, const APInt &bits) {
   return warp::ConstantOp::create(b, op->getLoc(), attribute);
 }
 
-/// What is known of a value once the operands are.
+/// The facts about a value once the operands are known.
 Value LoopWriter::known(Operation *op) {
   StringRef name = op->getName().stripDialect();
   SmallVector<Value> x = llvm::map_to_vector(
@@ -295,7 +295,8 @@ bool LoopWriter::emit(Operation *op) {
   }
   if (accesses)
     return emitAround(op);
-  // What an earlier copy of the same operation got is not for this one.
+  // The result for an earlier copy of the same operation does not hold for this
+  // one.
   op->walk([&](Block *block) {
     map.erase(block);
     for (BlockArgument argument : block->getArguments())
@@ -340,7 +341,7 @@ void LoopWriter::run() {
   Operation *end = entry.getTerminator();
   for (OpOperand &operand : end->getOpOperands())
     operand.set(map.lookupOrDefault(operand.get()));
-  // What was goes, in a block of its own.
+  // The old operations go, in a block of their own.
   Block *old = b.createBlock(&function.getFunctionBody());
   old->getOperations().splice(old->end(), entry.getOperations(), entry.begin(),
                               end->getIterator());

@@ -15,7 +15,7 @@ namespace warp {
 
 /// Which composites loops are written out for.
 enum class UnrollFor {
-  /// Those that would be in memory.
+  /// The variables that would be in memory.
   Long,
   /// All of them, if that makes moderate code: what derivatives gain by it.
   Any,

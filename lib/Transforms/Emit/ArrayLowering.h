@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What warp-lower-arrays knows while it rewrites an entry. `ArrayParts` is an
+// State of warp-lower-arrays while it rewrites an entry. `ArrayParts` is an
 // array taken apart; as long as an array does not pass through control flow it
 // never exists in any other form. Parts of one file each: addresses, atomics,
 // output and reports.
@@ -36,10 +36,10 @@ struct ArrayParts {
   llvm::SmallVector<mlir::Value, 4> strides;
   /// Packed: bytes from one element to the next; otherwise 0.
   int64_t unit = 0;
-  /// What addresses of elements are multiples of, beyond what their scalars
+  /// The alignment of element addresses, beyond the one that their scalars
   /// need.
   int64_t alignment = 1;
-  /// What the runtime keeps of geometry: neither its indices nor the integers
+  /// Geometry memory of the runtime: neither its indices nor the integers
   /// of 32 bits in it are negative.
   bool isGeometry = false;
   /// Memory of which no access meets one of the other kind: that of a block on
@@ -240,7 +240,8 @@ private:
   StagedAccesses staged;
   /// Arrays of what the runtime keeps of geometry.
   llvm::DenseSet<mlir::Operation *> geometry;
-  /// Of blocks with staged accesses: whether all threads of the warp are there.
+  /// For blocks with staged accesses: true if all threads of the warp are
+  /// present.
   llvm::DenseMap<mlir::Block *, mlir::Value> wholeWarps;
   llvm::SmallVector<mlir::Operation *> dead;
   /// Address of the error record, i64, in a debugging launch.

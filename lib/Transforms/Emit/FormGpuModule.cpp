@@ -67,7 +67,7 @@ static void replaceBlockVariables(gpu::GPUFuncOp kernel,
   llvm::MapVector<Operation *, Value> buffers;
   for (LLVM::AddressOfOp use : uses) {
     auto variable = module.lookupSymbol<LLVM::GlobalOp>(use.getGlobalName());
-    // What launches ask for stays as it is: it has no size here.
+    // The size that launches ask for stays open: it has no size here.
     if (!variable || variable.getAddrSpace() != warp::sharedSpace ||
         variable.getLinkage() == LLVM::Linkage::External)
       continue;

@@ -54,7 +54,7 @@ public:
 private:
   mlir::Value takeOdd(ArrayRef<mlir::Value> vectors, int64_t c);
   mlir::Value permute(mlir::Value x, function_ref<int64_t(int64_t)> from);
-  /// Of each place the number that the vector `which(place)` has there.
+  /// For each position the number that the vector `which(position)` has there.
   mlir::Value blend(ArrayRef<mlir::Value> vectors,
                     function_ref<int64_t(int64_t)> which);
 

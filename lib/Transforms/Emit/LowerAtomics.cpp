@@ -2,11 +2,11 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// One `atomicrmw` or `cmpxchg` per component, relaxed. What a processor does
-// not have (half precision) LLVM expands to a loop of compare and exchange, so
-// every component type is covered here by one table. Minima and maxima of
-// floats are such loops here, which end where nothing is to be stored. Sums of
-// floats on newer GPUs take two at once (PairedUpdates.cpp).
+// One `atomicrmw` or `cmpxchg` per component, relaxed. Operations that a
+// processor does not have (half precision) LLVM expands to a loop of compare
+// and exchange, so every component type is covered here by one table. Minima
+// and maxima of floats are such loops here, which end where nothing is to be
+// stored. Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
 //
 // An entry with an exclusive recipe runs alone; its updates are plain loads and
 // stores.

@@ -69,7 +69,7 @@ void ArrayLowering::storeLeaf(mlir::Value value, mlir::Type type,
   setOwner(store, owner);
 }
 
-/// What a place in an element is a multiple of.
+/// The divisor of a position in an element.
 static int64_t alignmentAt(const ArrayParts &parts, const Leaf &leaf) {
   return std::gcd(parts.alignment, leaf.offset);
 }

@@ -124,7 +124,7 @@ static SmallVector<mlir::Value> spreadMask(OpBuilder &b, Location loc,
   return masks;
 }
 
-/// Of a vector that holds the numbers from `first` on: those that belong to
+/// For a vector that holds the numbers from `first` on: those that belong to
 /// elements which are taken, `count` numbers of every `period`.
 static mlir::Value patternMask(OpBuilder &b, Location loc, int64_t lanes,
                                int64_t first, int64_t count, int64_t period) {
@@ -319,7 +319,7 @@ void ArrayLowering::storeUnit(const LaneAccess &access, int64_t stride,
   }
   SmallVector<mlir::Value> masks =
       spreadMask(b, loc, access.mask, lanes, period);
-  // What is between the elements stays as it is.
+  // The numbers between the elements stay as they are.
   if (stride > 1)
     words.resize(period, LLVM::PoisonOp::create(b, loc, stored));
   for (auto [i, vector] : llvm::enumerate(putTogether(b, loc, words))) {

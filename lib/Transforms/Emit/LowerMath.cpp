@@ -5,8 +5,8 @@
 // Elementary functions become calls that an optimiser knows nothing about but
 // that they have no effects: of libdevice (`__nv_erff`) on the GPU; on the CPU
 // of our device library (`warp_sinf`), which is inlined. On the GPU, sine and
-// cosine of floats are ours, too. Half precision is computed in f32. What
-// processors do themselves (square roots, rounding, fma) is left to the
+// cosine of floats are ours, too. Half precision is computed in f32. Operations
+// that processors do themselves (square roots, rounding, fma) are left to the
 // conversion to LLVM, which has intrinsics for it.
 //
 // A vector holds lanes of the CPU. Our library has its functions for a few

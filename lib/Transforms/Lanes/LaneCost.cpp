@@ -1,4 +1,4 @@
-//===- LaneCost.cpp - What lanes gain and lose ----------------------------===//
+//===- LaneCost.cpp - Cost and profit of lanes ----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -153,7 +153,7 @@ static int64_t longestWay(LoopLikeOpInterface loop) {
         if (auto found = ways.find(operand); found != ways.end())
           way = std::max(way, found->second);
     };
-    // What is inside has been visited.
+    // The regions of the operation have been visited.
     visit(op);
     for (Region &region : op->getRegions())
       for (Block &block : region)
@@ -343,7 +343,7 @@ LaneCost warp::costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
                            bool exclusive) {
   CostCounter counter(variance, exclusive);
   counter.count(*threads.getThread(), 1, 1);
-  // What threads sum up, one after the other, each waits for.
+  // Each thread waits for the sums of its predecessors.
   counter.cost.scalar += warp::cost::sumLatency *
                          threads.getThread()->getTerminator()->getNumOperands();
   threads.getThread()->walk(
@@ -365,7 +365,7 @@ int64_t LaneCost::chooseLanes(int64_t bits) const {
       varying <= mostAround)
     return 4 * lanes;
   bool isShort = operations <= (hasLoop ? 40 * warp::cost::loopTrips : 24);
-  // What is 64 bits wide of those is two vectors as it is.
+  // Those of 64 bits are two vectors already.
   bool isMixed = wide <= narrow && 2 * wide > narrow;
   bool isDoubled = (isShort && !isMixed) || (hasChain && varying <= most);
   return isDoubled ? 2 * lanes : lanes;

@@ -1,4 +1,4 @@
-//===- LaneCost.h - What lanes gain and lose --------------------*- C++ -*-===//
+//===- LaneCost.h - Cost and profit of lanes --------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -22,7 +22,7 @@ struct LaneCost {
   bool hasLoop = false;
   /// True if most of them are in a loop that two vectors in turn run quicker.
   bool hasChain = false;
-  /// Those of the largest loop without others, and whether all such loops do
+  /// The costs of the largest innermost loop, and true if all such loops do
   /// little but compute: four vectors in turn hide how long that takes.
   int64_t largestLoop = 0;
   bool isTight = true;

@@ -1,4 +1,4 @@
-//===- LanePlan.cpp - Whether and how wide threads become lanes -----------===//
+//===- LanePlan.cpp - Choice of scalar threads or lanes, and of the width -===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -28,8 +28,8 @@ using warp::ThreadVariance;
 // Right
 //===----------------------------------------------------------------------===//
 
-/// What another thread may change while a loop runs. That an array of the
-/// launch is also points of a mesh, say, is nothing that threads wait for.
+/// Memory that another thread may change while a loop runs. That an array of
+/// the launch is also points of a mesh, say, is nothing that threads wait for.
 static bool isShared(Operation *op, const ThreadVariance &variance) {
   auto access = dyn_cast<warp::AccessOp>(op);
   if (!access)

@@ -1,4 +1,5 @@
-//===- LanePlan.h - Whether and how wide threads become lanes ---*- C++ -*-===//
+//===- LanePlan.h - Choice of scalar threads or lanes, and of the width *- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,7 +17,7 @@ namespace warp {
 struct LanePlan {
   /// 1: threads stay scalar.
   int64_t lanes = 1;
-  /// What decided that.
+  /// The reason of that choice.
   std::string reason;
   /// True if another length of the launch's rows may decide otherwise.
   bool dependsOnRows = false;

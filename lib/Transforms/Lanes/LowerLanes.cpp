@@ -1,9 +1,10 @@
-//===- LowerLanes.cpp - What lanes do together, as vector operations ------===//
+//===- LowerLanes.cpp - Joint operations of lanes as vector operations ----===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The copy of a body for full vectors has a constant mask, of which
-// simplification leaves little. What is done lane by lane goes through memory:
+// simplification leaves little. Operations without a vector form go through
+// memory:
 // operands are stored as vectors, and a loop over the lanes takes them out one
 // by one, which keeps the code short whatever the number of lanes. Lanes that
 // take numbers from one counter need no turns: sums over the lanes before each
@@ -153,8 +154,8 @@ Value LaneLowering::slot(Value slots, Type element, Value lane) {
                              ArrayRef<LLVM::GEPArg>(lane));
 }
 
-/// What a lane's value is in memory, where booleans take a byte and an index
-/// 64 bits.
+/// The type of a lane's value in memory, where booleans take a byte and an
+/// index 64 bits.
 static Type storedType(OpBuilder &b, Type type) {
   return type.isInteger(1) ? b.getI8Type()
          : type.isIndex()  ? b.getI64Type()

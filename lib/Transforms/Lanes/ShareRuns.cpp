@@ -52,7 +52,7 @@ static void share(RunLoop &run) {
   Location loc = run.loop.getLoc();
   Block *body = run.loop.getAfterBody();
   auto yield = cast<scf::YieldOp>(body->getTerminator());
-  // What the runs change; the rest stays in the outer loop.
+  // Values that the runs change; the rest stays in the outer loop.
   SmallVector<unsigned> changed = run.changed();
   SmallVector<Value> inits, next;
   for (unsigned i : changed) {

@@ -5,8 +5,8 @@
 // Lanes whose elements follow each other in a packed array access them as
 // vectors; other elements are gathered and scattered. An update of one element
 // by all lanes is one update by what they have together, an update of
-// neighbours in code that runs alone is a load and a store. What has no form
-// for lanes is done lane by lane, in their order.
+// neighbours in code that runs alone is a load and a store. An access without a
+// form for lanes is done lane by lane, in their order.
 //
 //===----------------------------------------------------------------------===//
 

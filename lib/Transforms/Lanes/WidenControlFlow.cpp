@@ -7,11 +7,11 @@
 // if any lane wants them, under its mask.
 //
 // A loop that lanes leave at different times runs while any is left. A lane's
-// results are held as it leaves: only what is used afterwards costs that. What
-// all lanes that are still in the loop share, such as a counter, stays a
-// scalar in it. Lanes that have left are not given the next threads: that gains
-// 1.3 to 1.6x where neighbours differ at random, loses 0.7x where they are
-// alike, and the code cannot tell which (benchmarks/refill.cpp).
+// results are held as it leaves: only results that are used afterwards cost
+// that. Values all lanes that are still in the loop share, such as a counter,
+// stays a scalar in it. Lanes that have left are not given the next threads:
+// that gains 1.3 to 1.6x where neighbours differ at random, loses 0.7x where
+// they are alike, and the code cannot tell which (benchmarks/refill.cpp).
 //
 //===----------------------------------------------------------------------===//
 
@@ -217,9 +217,9 @@ void Widening::takeResults(ValueRange arguments, ValueRange results,
 }
 
 namespace {
-/// What a loop that lanes leave at different times carries besides its own
-/// values: the lanes that are left, and for each result that is used the
-/// values of those that are not.
+/// The values that a loop that lanes leave at different times carries besides
+/// its own values: the lanes that are left, and for each result that is used
+/// the values of those that are not.
 struct Held {
   /// Positions among the results.
   SmallVector<unsigned> positions;

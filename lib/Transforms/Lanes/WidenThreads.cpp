@@ -309,7 +309,7 @@ void Widening::widenConversion(Operation *op) {
 // The whole
 //===----------------------------------------------------------------------===//
 
-/// What the lanes yield: of those that are not live, what changes nothing.
+/// The yields of the lanes: for those that are not live, the neutral element.
 Widening::Values Widening::contributions() {
   Values values;
   for (auto [kind, type, yielded] : llvm::zip_equal(

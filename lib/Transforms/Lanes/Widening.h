@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What warp-widen-threads knows while it rewrites the body of a thread.
+// State of warp-widen-threads while it rewrites the body of a thread.
 // WidenThreads.cpp decides and walks straight-line code, WidenControlFlow.cpp
 // has branches and loops, WidenAccesses.cpp memory and what is done lane by
 // lane.
@@ -52,7 +52,7 @@ private:
   /// True if a value also has a scalar of the first lane.
   bool hasBase(mlir::Value value) const;
 
-  // What has become of a value.
+  // The replacement of a value.
   mlir::Value scalar(mlir::Value value) const { return scalars.lookup(value); }
   mlir::Value vector(mlir::Value value);
   void setScalar(mlir::Value value, mlir::Value made) { scalars[value] = made; }
@@ -128,7 +128,7 @@ private:
   int64_t lanes;
   mlir::OpBuilder b;
   mlir::Location loc;
-  /// Of the widened threads.
+  /// The insertion point of the widened threads.
   mlir::Block *body = nullptr;
   /// Lanes that run the code at the insertion point; at least one of them.
   mlir::Value mask;

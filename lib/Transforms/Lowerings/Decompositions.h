@@ -39,7 +39,7 @@ Scaled scaleToUnit(llvm::ArrayRef<Scalar> numbers);
 Scalars getUnit(llvm::ArrayRef<Scalar> v);
 
 /// Right-handed orthonormal basis: the first vector is a direction of `a`, the
-/// second lies in the plane of `a` and `b`. What is not determined is chosen.
+/// second lies in the plane of `a` and `b`. Undetermined vectors are chosen.
 Columns getBasis(llvm::ArrayRef<Scalar> a, llvm::ArrayRef<Scalar> b);
 
 /// The rotation that makes a symmetric 2x2 matrix diagonal, by at most 45
@@ -63,7 +63,7 @@ struct Eigen3 {
   Columns vectors;
   Scalars values;
 };
-/// Of the symmetric part of a row-major matrix.
+/// For the symmetric part of a row-major matrix.
 Eigen3 getEigen3(llvm::ArrayRef<Scalar> matrix);
 
 /// U diag(sigma) V^T, U and V rotations, sigma decreasing in magnitude; only

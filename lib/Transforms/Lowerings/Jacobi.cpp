@@ -80,7 +80,7 @@ static Scalars getPerpendicular(ArrayRef<Scalar> n) {
   return {-(n[0] * ratio), sign - n[1] * ratio, -n[1]};
 }
 
-/// What is left of `v` at right angles to a unit vector.
+/// The part of `v` at right angles to a unit vector.
 static Scalars reject(ArrayRef<Scalar> v, ArrayRef<Scalar> unit) {
   Scalar along = dot(v, unit);
   return zipWith(v, unit,

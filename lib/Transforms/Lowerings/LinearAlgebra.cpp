@@ -48,7 +48,7 @@ struct Squares {
   std::optional<Scalar> unscale;
 };
 
-/// What `use` makes of a vector whose squares are in range.
+/// The result of `use` for a vector whose squares are in range.
 static Scalars withSquares(ArrayRef<Scalar> v,
                            llvm::function_ref<Scalars(const Squares &)> use) {
   Scalar squares = dot(v, v);

@@ -134,8 +134,8 @@ Scalars lowerQuatFromMatrix(Emitter &, Operands args) {
     row = zipWith(rows[i], row,
                   [&](Scalar x, Scalar y) { return select(better, x, y); });
   }
-  // Of q and -q: the real part is not negative where the angle is at most 120
-  // degrees, elsewhere the largest part is positive.
+  // Chooses between q and -q: the real part is not negative where the angle is
+  // at most 120 degrees, elsewhere the largest part is positive.
   Scalar flip = (row[3] < 0) & (a + b + c >= 0);
   row = forEach(row, [&](Scalar x) { return select(flip, -x, x); });
   Scalars identity(4, a.like(0));

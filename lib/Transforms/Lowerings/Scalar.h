@@ -129,7 +129,7 @@ Scalar exactly(Scalar x);
 
 Scalar select(Scalar condition, Scalar a, Scalar b);
 
-/// Of floats, the operand that is not NaN if one is.
+/// For floats, the operand that is not NaN if one is.
 Scalar min(Scalar a, Scalar b);
 Scalar max(Scalar a, Scalar b);
 /// The smallest integer is its own absolute value.

@@ -63,7 +63,7 @@ static Scalars solve(Operands args) {
         equations[i][j] = fma(-factor, equations[k][j], equations[i][j]);
     }
   }
-  // Of a tiny matrix and a tiny side, a solution times one scale may overflow.
+  // For a tiny matrix and a tiny side, a solution times one scale may overflow.
   Scalar scale = matrix.scale * side.unscale;
   Scalar isNumber = (scale > 0) & isFinite(scale);
   return forEach(substituteBack(equations), [&](Scalar x) {

@@ -1,4 +1,4 @@
-//===- Atomics.cpp - What an atomic update computes -----------------------===//
+//===- Atomics.cpp - Values that atomic updates compute -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

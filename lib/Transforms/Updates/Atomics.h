@@ -1,4 +1,4 @@
-//===- Atomics.h - What an atomic update computes ---------------*- C++ -*-===//
+//===- Atomics.h - Values that atomic updates compute -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -7,7 +7,7 @@
 // in shared memory, one slot per warp. After a barrier the first warp combines
 // the slots.
 //
-// Of several values that are combined in the same way, lanes get one each. A
+// Lanes get one each of several values that are combined in the same way. A
 // thread per value then combines what warps have left.
 //
 //===----------------------------------------------------------------------===//
@@ -106,8 +106,8 @@ void warp::BlockReduce::overRows(AtomicKind kind, int64_t slots, Type type,
 SmallVector<Value> warp::BlockReduce::reduceTogether(AtomicKind kind,
                                                      ArrayRef<Value> values,
                                                      Type type) {
-  // What lanes have after their exchanges, how many of them have the same, and
-  // the slot of the first one.
+  // The results that lanes have after their exchanges, how many of them have
+  // the same, and the slot of the first one.
   SmallVector<std::tuple<Value, int64_t, int64_t>> shared;
   SmallVector<int64_t> numbers;
   int64_t slots = 0;

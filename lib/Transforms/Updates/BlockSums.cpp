@@ -6,8 +6,8 @@
 // registers, as a window of the weights around those of its first float. At the
 // end the lanes of a warp add digits of the same weight by shuffles, from the
 // lowest weight that one of them has to the highest, and the warps of a block
-// do so in shared memory, which has a word for every weight. What is not zero
-// then goes to the sum of the launch.
+// do so in shared memory, which has a word for every weight. A word that is not
+// zero then goes to the sum of the launch.
 //
 //===----------------------------------------------------------------------===//
 

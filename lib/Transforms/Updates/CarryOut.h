@@ -11,11 +11,11 @@
 
 namespace warp {
 
-/// What is combined each time that control passes a place.
+/// The update that is combined each time that control passes a place.
 struct Carried {
   /// At the place; after `carryOut` in the outer block.
   mlir::Value value;
-  /// What the combination begins with; it is there before the regions are.
+  /// The initial value of the combination; it precedes the regions.
   mlir::Value identity;
   std::function<mlir::Value(mlir::OpBuilder &, mlir::Value, mlir::Value)>
       combine;

@@ -9,7 +9,7 @@
 //
 // That is 32 updates one after the other at one address. Where all lanes come
 // to the update together and agree on k and i, they combine their values by
-// shuffles, and the first lane makes the only update. Of an element with many
+// shuffles, and the first lane makes the only update. For an element with many
 // components, each lane combines some, and updates one: 64 numbers of a matrix
 // take two atomic instructions, which reach memory as whole lines, and a fifth
 // of the shuffles.
@@ -166,7 +166,7 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     });
     if (updates.empty())
       return;
-    // What is built leaves the values that the analysis knows as they are.
+    // New operations leave the values that the analysis knows as they are.
     warp::ThreadVariance variance(entry);
     for (AtomicComponentsOp op : updates) {
       llvm::SetVector<Value> compared;

@@ -46,9 +46,9 @@ static Type typeOfSum(warp::AccessOp op) {
 
 namespace {
 
-/// What a kernel does to one memory.
+/// The effects of a kernel on one memory.
 struct Uses {
-  /// Of all its sums.
+  /// The bytes of all its sums.
   Type number;
   bool isAtomic = false, others = false;
 };

@@ -41,7 +41,7 @@ static int64_t sumWidth(warp::AccessOp op) {
 
 namespace {
 
-/// What the kernel does to an array, by all its views.
+/// The effects of the kernel on an array, by all its views.
 struct Uses {
   SmallVector<warp::AccessOp> sums;
   bool others = false;
@@ -63,7 +63,7 @@ private:
   MLIRContext *context() { return kernel->getContext(); }
 
   FunctionOpInterface kernel;
-  /// Of the parameter block; descriptors of sums come next.
+  /// The size of the parameter block; descriptors of sums come next.
   int64_t argumentsEnd = 0;
   SmallVector<Attribute> sums, accessed;
 };

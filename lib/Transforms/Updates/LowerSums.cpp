@@ -72,7 +72,7 @@ private:
   void lowerInBlock(warp::AtomicComponentsOp op);
   /// The numbers of components at the end of the entry.
   SmallVector<Value> numbersAtEnd(warp::AtomicComponentsOp op);
-  /// What an update adds.
+  /// The term that an update adds.
   Value term(warp::AtomicComponentsOp op, Value component);
   Value makeZeros(Type word, int64_t count);
   RangeSum makeRangeSum(Type type);

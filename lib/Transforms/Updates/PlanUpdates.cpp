@@ -24,7 +24,7 @@
 // over a few such elements are unrolled first (UnrollUpdates.cpp). Which sums
 // of a deterministic launch are exact says ExactUpdates.cpp.
 //
-// What is left on the CPU are updates of elements that differ from thread to
+// The remaining updates on the CPU are of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so it is
 // quicker to do without, by one thread if only few would share the launch, or
 // by all if each has copies of the arrays (CopiedArrays.h). The recipe is then
@@ -74,7 +74,7 @@ public:
 
   /// Updates by the whole group. `exact`: also exact sums.
   void planGroups(bool exact);
-  /// Of what is left, those by neighbours.
+  /// Among the rest, the updates by neighbours.
   void planNeighbours();
   /// After `planGroups`: whether all whose order shows are made by the group.
   bool coversOrder();

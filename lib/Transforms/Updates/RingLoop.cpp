@@ -50,8 +50,8 @@ bool RingLoop::isOrderOpen() {
 }
 
 /// Finds updates of one element per iteration, the same for all threads. Sums
-/// of fewer than 32 bits would round. Of updates that depend on the thread and
-/// the iteration, those of neighbours would no longer be neighbours.
+/// of fewer than 32 bits would round. Updates that depend on the thread and
+/// the iteration would no longer be updates by neighbours.
 bool RingLoop::collectUpdates() {
   bool wouldScatter = false;
   loop.getBody()->walk([&](warp::AtomicComponentsOp op) {

@@ -28,7 +28,7 @@ public:
   /// True if it is one; fills in the rest.
   bool qualifies();
   llvm::SmallVector<AtomicComponentsOp> updates;
-  /// What lanes must agree on for bounds and indices to be the same.
+  /// The values that lanes must agree on for bounds and indices to be the same.
   llvm::SetVector<mlir::Value> compared;
 
 private:

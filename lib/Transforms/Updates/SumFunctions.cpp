@@ -154,7 +154,7 @@ void SumFunctions::takeApart(Value value, const SumPlace &to,
     return arith::CmpIOp::create(b, loc, predicate, x, constant(i64, y));
   };
   Value bits = arith::BitcastOp::create(b, loc, word, value);
-  // Of 64 bits from here on, with the sign in all of the upper ones.
+  // From here on 64 bits, with the sign in all of the upper ones.
   if (width != 64)
     bits = arith::ExtSIOp::create(b, loc, i64, bits);
   Value sign = arith::ShRSIOp::create(b, loc, bits, constant(i64, 63));

@@ -1,4 +1,4 @@
-//===- UpdateCosts.cpp - What the updates of a kernel cost ----------------===//
+//===- UpdateCosts.cpp - Costs of the updates of a kernel -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

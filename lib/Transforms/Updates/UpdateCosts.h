@@ -1,4 +1,4 @@
-//===- UpdateCosts.h - What the updates of a kernel cost --------*- C++ -*-===//
+//===- UpdateCosts.h - Costs of the updates of a kernel ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -129,7 +129,7 @@ class Tensor:
 @pytest.mark.parametrize("name", ["iadd", "isub", "imul", "itruediv", "ipow"])
 @pytest.mark.parametrize("other", [np.ones(3, np.float32), Tensor(), [1.0], "x", None])
 def test_in_place_means_this_array_or_an_error(name, other):
-    """What another library makes never takes the name of an array that was to change."""
+    """A result of another library never takes the name of an array that was to change."""
     a = wp.full(3, 2.0, dtype=float, device="cpu")
     some = wp.indexedarray(a, wp.array([0, 2], dtype=int, device="cpu"))
     for target in (a, some):

@@ -272,7 +272,7 @@ def test_arithmetic(device):
 
 
 def test_data_and_indices_can_be_replaced(device):
-    """What does not fit is an error and changes nothing, and kernels see what does."""
+    """Misfits are errors that change nothing, and kernels see the rest."""
     some = wp.indexedarray(
         wp.array([1.0, 2.0, 3.0], dtype=float, device=device), ints([2, -3], device)
     )

@@ -90,7 +90,7 @@ def store_chosen(a: wp.indexedarray(dtype=float)):
 
 
 class Interface:
-    """What describes its memory, as libraries do."""
+    """An object that describes its memory, as libraries do."""
 
     def __init__(self, source):
         self.source = source

@@ -1,4 +1,4 @@
-"""What other libraries write to an array while a tape records: right gradients, or an error."""
+"""Writes of other libraries while a tape records: right gradients, or an error."""
 
 import numpy as np
 import pytest
@@ -132,7 +132,7 @@ def test_initial_values_and_results_may_be_written():
 
 
 def test_own_writes_are_not_foreign():
-    """What launches, copies and fills write after somebody looked is recorded."""
+    """Launches, copies and fills after a look at the memory are recorded."""
     x, y = (wp.ones(N + 2, dtype=float, device="cpu", requires_grad=True) for _ in range(2))
     loss = wp.zeros(1, dtype=float, device="cpu", requires_grad=True)
     with wp.Tape() as tape:

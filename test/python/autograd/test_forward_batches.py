@@ -37,7 +37,7 @@ def vectors(numbers, device):
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_batch_equals_one_by_one(device, count):
-    """Of a function that overwrites its inputs, with an input that has no tangents.
+    """Batches of a function that overwrites its inputs, with an input that has no tangents.
 
     Not to the last bit: a product that directions share is not contracted with a sum.
     """

@@ -32,7 +32,7 @@ def test_gradients_of_the_arguments(device):
     x, y = ramp(5, device, requires_grad=True), seeded(5, device)
     wp.launch(square, 5, [3.0, x], [y], device=device, adjoint=True)
     assert x.grad.numpy().tolist() == [0, 6, 12, 18, 24]
-    # What the launch has written is not written again, and its gradient is taken.
+    # Elements that the launch has written are not written again, and their gradients are taken.
     assert not y.numpy().any() and not y.grad.numpy().any()
     y.grad.fill_(1.0)
     wp.launch(square, 5, [3.0, x], [y], device=device, adjoint=True)

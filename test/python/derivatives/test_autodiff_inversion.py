@@ -1,6 +1,6 @@
 """Adjoints of loops whose integers are carried backwards by exact inverses.
 
-What an iteration multiplies the carried value by depends on an integer, so that the gradient of the
+The factor of the carried value in an iteration depends on an integer, so that the gradient of the
 product is the product of those factors: Python's integers give it, cut to the width of the type.
 """
 
@@ -168,14 +168,14 @@ def samples(u: wp.array2d(dtype=float)):
 
 
 def drawn(threads, n, device):
-    """What n draws of each thread give, a row per draw."""
+    """The n draws of each thread, a row per draw."""
     u = wp.zeros((n, threads), dtype=float, device=device)
     wp.launch(samples, threads, [u], device=device)
     return u.numpy().astype(np.float64)
 
 
 def test_short_loops_keep_floats_only(device):
-    """Of a float and a random state, the float is in the tape."""
+    """With a float and a random state, the float is in the tape."""
 
     @wp.kernel
     def short(x: wp.array(dtype=wp.float64), y: wp.array(dtype=wp.float64)):

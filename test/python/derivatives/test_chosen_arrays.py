@@ -112,7 +112,7 @@ def test_writes_and_updates(device):
         s = a if i % 2 == 0 else b
         s[i] = x[i] * x[i]
         t = b if i % 2 == 0 else a
-        wp.atomic_add(t, i % 2, wp.sin(x[i]))  # What no thread stores.
+        wp.atomic_add(t, i % 2, wp.sin(x[i]))  # No thread stores there.
 
     x, a, b = (wp.array(v, dtype=REAL, device=device, requires_grad=True) for v in (X, A, B))
     with wp.Tape() as tape:

@@ -1,6 +1,6 @@
 """Each overload of each builtin with a derivative: adjoints and tangents against differences.
 
-What is tested comes from the registry, so a new builtin is tested as soon as it has a record.
+The cases come from the registry, so a new builtin is tested as soon as it has a record.
 """
 
 import numpy as np

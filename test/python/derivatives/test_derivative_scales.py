@@ -13,7 +13,7 @@ import warp as wp
 from derivative_values import Overload
 
 SMOOTH = [name for name, derivative in DERIVATIVES.items() if derivative == "differentiable"]
-# Those that a simulation scales; others join if they are found to be homogeneous.
+# The functions that a simulation scales; others join if they are found to be homogeneous.
 HOMOGENEOUS = {
     "add", "mul", "div", "dot", "cross", "length", "normalize", "inverse", "determinant", "solve3",
     "quat_inverse", "svd3", "qr3", "polar", "hypot", "angle_between",

@@ -1,4 +1,4 @@
-"""What a program that never differentiates has of derivatives, and the settings about them."""
+"""Costs of derivatives in a program that never differentiates, and their settings."""
 
 import os
 import subprocess

@@ -67,7 +67,7 @@ def test_gradients_of_gradients_flow(device):
 
 
 def spring_hessian(x):
-    """Of 1.5 (|x| - 1)^2."""
+    """The gradient of 1.5 (|x| - 1)^2."""
     x = np.asarray(x)
     r = np.linalg.norm(x)
     n = np.outer(x, x) / r**2
@@ -111,7 +111,7 @@ def test_second_derivative_of_a_scalar(device):
 
 
 def test_second_derivatives_through_loops(device):
-    """Of a polynomial by Horner's scheme, and of a loop that ends by a condition."""
+    """The gradient of a polynomial by Horner's scheme, and of a loop that ends by a condition."""
 
     @wp.func
     def polynomial(x: wp.float64, n: int):

@@ -19,7 +19,7 @@ def rounded(values, dtype):
 
 
 def numbers(a):
-    """What an array holds, as float64."""
+    """The contents of an array, as float64."""
     scalar = wp.types.type_scalar_type(a.dtype)
     if scalar is wp.bfloat16:
         shape = a.shape + getattr(a.dtype, "_shape_", ())

@@ -51,7 +51,7 @@ def largest(a: wp.mat33d):
 
 @wp.func
 def entries(a: wp.mat33d):
-    """Of a form that is not known; `u * diag(f(s)) * transpose(v)` is, and sums of `outer`."""
+    """With an unknown form; `u * diag(f(s)) * transpose(v)` is known, and sums of `outer`."""
     u, s, v = wp.svd3(a)
     total = wp.float64(0.0)
     for i in range(3):
@@ -87,7 +87,7 @@ def gradient(function, a, device):
 
 @pytest.fixture
 def lines(monkeypatch, capfd):
-    """What `report` has said so far."""
+    """The messages of `report` so far."""
     monkeypatch.setattr(wp.config, "singular", "report")
     return lambda: [line for line in capfd.readouterr().out.splitlines() if ".py:" in line]
 

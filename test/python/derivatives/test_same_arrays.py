@@ -106,7 +106,7 @@ def test_three_names(device):
 
 
 def test_two_outputs_are_one(device):
-    """Of two values stored to one element the last one counts."""
+    """The last of two values stored to one element counts."""
     x, y = real(X, device), real(np.zeros(N), device)
     backward(lambda: wp.launch(powers, N, [x, y, y], device=device), {y: real(np.ones(N), device)})
     check(x, 2.0 * X)

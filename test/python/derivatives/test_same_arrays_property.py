@@ -14,7 +14,7 @@ from random_runs import examples
 R = wp.float64
 ROWS, COLUMNS = 3, 2
 NAMES = ("a", "b", "c")
-# What the kernels' functions are to Python.
+# Python names of the kernels' functions.
 PYTHON = types.SimpleNamespace(float64=float, sin=np.sin)
 
 
@@ -49,7 +49,7 @@ def program(seed) -> str:
 
 
 def reference(body, x, launches):
-    """What is in both arrays after launches that all names are one array for."""
+    """The contents of both arrays after launches that all names are one array for."""
     space = {}
     exec(f"def run(i, a, b, c, out, wp):\n    {body}\n", space)
     x, out = x.copy(), np.zeros(ROWS)

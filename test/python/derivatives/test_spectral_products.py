@@ -204,7 +204,7 @@ VALUES = {
 
 
 def exact_gradient(function, a):
-    """Of the sum of products with entries of W."""
+    """The gradient of the sum of products with entries of W."""
     with mp.workdps(100):
         step, n = mp.mpf(10) ** -25, len(a)
         base, result = mp.matrix(a.tolist()), np.zeros((n, n))

@@ -1,4 +1,4 @@
-"""What a tape keeps of what is overwritten, and what happens if that is too much."""
+"""Copies that a tape keeps of overwritten memory, and its budget."""
 
 import numpy as np
 import pytest

@@ -154,7 +154,7 @@ def bend(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
 
 
 def python_records(monkeypatch) -> list:
-    """What Python is asked to run backwards from here on."""
+    """The calls that Python makes backwards from here on."""
     from warp._src.derivatives.tape_records import LaunchRecord
 
     seen, reverse = [], LaunchRecord.reverse

@@ -1,4 +1,4 @@
-"""What a tape takes down, and when: values, commands, graphs, streams."""
+"""Records of a tape: values, commands, graphs, streams."""
 
 import gc
 

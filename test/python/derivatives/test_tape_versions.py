@@ -1,4 +1,4 @@
-"""What happens if memory that a gradient depends on is written again."""
+"""Gradients that depend on memory that is written again."""
 
 import itertools
 import random

@@ -205,7 +205,7 @@ def test_memory_returns_with_the_graph():
     device = wp.get_device("cuda:0")
     size = 64 << 20
     wp.synchronize_device(device)
-    # Of this process: others may use the card meanwhile.
+    # Memory of this process: others may use the card meanwhile.
     before = wp.get_mempool_used_mem_current(device)
     for _ in range(20):
         with wp.ScopedCapture(device) as capture:

@@ -93,7 +93,7 @@ def timing():
 
 
 def state():
-    """What an interrupt must not change."""
+    """State that an interrupt must not change."""
     return {
         "observers": (Observers.tape, Observers.executor, Observers.timer, Observers.active),
         "told": Observers._told == Observers.active,
@@ -115,7 +115,7 @@ def test_state_is_that_of_before(work):
     before = state()
 
     def check(step):
-        # What has begun can be ended.
+        # Every block that has begun can be ended.
         if work is pair and graphs._captures:
             wp.capture_end(device=CPU)
         if work is timing:
@@ -164,7 +164,7 @@ def test_signals_at_random_moments(work, seed):
 @pytest.mark.parametrize("seed", seeds(1))
 @pytest.mark.parametrize("work", [tape, capture, loop])
 def test_exceptions_from_another_thread(work, seed):
-    """What `PyThreadState_SetAsyncExc` raises, at random moments."""
+    """Interrupts of `PyThreadState_SetAsyncExc`, at random moments."""
     work()
     gc.collect()
     before, choose = state(), random.Random(seed)

@@ -139,7 +139,7 @@ def test_with_sorts_and_sums_between(in_graph, device):
 
     turns, again = 12, step
     if in_graph:
-        # What sorting needs is allocated before.
+        # Memory for sorting is allocated before.
         step()
         x.assign(values)
         with wp.ScopedCapture(device) as capture:

@@ -193,7 +193,7 @@ def test_libraries_and_arrays_born_inside(device, tmp_path):
 
 
 def test_a_sparse_product(device, tmp_path):
-    """Of a matrix whose rows are long enough for blocks of a GPU to share them."""
+    """A matrix whose rows are long enough for blocks of a GPU to share them."""
     rng = np.random.default_rng(2)
     rows, columns = rng.integers(0, (40, 30), (4000, 2)).T
     numbers, x = rng.random(4000, np.float32), rng.random(30, np.float32)
@@ -321,7 +321,7 @@ def test_wrong_names_and_arrays(device, tmp_path):
     with pytest.raises(RuntimeError, match="only supported on loaded APIC graphs"):
         graph.set_param("x", x)
     assert graph.params == {}
-    # What the graph has no use for can have a name, and arrays without elements, too.
+    # Arrays that the graph does not use can have a name, and arrays without elements, too.
     nothing = wp.zeros(0, device=device)
     wp.capture_save(graph, path, {"x": x, "unused": y, "nothing": nothing})
     loaded = wp.capture_load(path, device=device)

@@ -46,7 +46,7 @@ def replaced(data, old, new):
 
 
 def test_a_block_is_as_large_as_what_operations_reach(graph):
-    """Of zeros as well: 80 bytes that say they are 17 GB are not believed."""
+    """Zeros as well: 80 bytes that say they are 17 GB are not believed."""
     changed, *same = graph
     found = 0
     for larger in replaced(changed, struct.pack("<Q", 80), struct.pack("<Q", 80 + (4 << 32))):
@@ -108,7 +108,7 @@ def test_relocations_stay_in_their_sections(graph):
             continue
         moved = resealed(code[:at] + struct.pack("<Q", 1 << 30) + code[at + 8 :])
         old, new = (struct.pack("<Q", hash_bytes(one)) for one in (code, moved))
-        # What nothing leads to is not linked.
+        # Code that nothing leads to is not linked.
         try:
             load(resealed(changed.replace(old, new)), name, moved)
         except wp.WarpError as error:

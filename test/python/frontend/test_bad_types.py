@@ -51,7 +51,7 @@ def test_element_types(make, dtype, message):
     ],
 )
 def test_annotations(annotation, shown, has_way):
-    """Of kernels and functions alike."""
+    """Kernels and functions alike."""
 
     def body(a: annotation, out: wp.array(dtype=float)):
         out[0] = 1.0

@@ -1,4 +1,4 @@
-"""What NVIDIA Warp refuses and this package has: `scripts/peer_tests.py` counts these apart."""
+"""Programs that only this package runs: `scripts/peer_tests.py` counts them apart."""
 
 import numpy as np
 import pytest

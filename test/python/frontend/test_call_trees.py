@@ -59,7 +59,7 @@ def test_derivatives():
 
 
 def test_gradients_of_their_own():
-    """Of f(x) = 2^n x, the gradient is said to be f(x)."""
+    """The gradient of f(x) = 2^n x is said to be f(x)."""
     x = wp.array([1.0, 3.0], dtype=float, device="cpu", requires_grad=True)
     y = wp.zeros(2, dtype=float, device="cpu", requires_grad=True)
     twice = "{f}(x) + {f}(x)"

@@ -118,7 +118,7 @@ def test_builtins_of_other_names():
 
 
 def test_kernels_of_one_text():
-    """What one kernel's function leaves alone, that of another of the same text may change."""
+    """One kernel's function may write a variable that another of the same text only reads."""
 
     def made(f):
         @wp.kernel

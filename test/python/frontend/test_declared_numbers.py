@@ -19,7 +19,7 @@ def kernel(out: wp.array(dtype=wp.float64)):
 
 
 def value(body, head="", **names):
-    """What `x` is at the end of a kernel."""
+    """The value of `x` at the end of a kernel."""
     body = "".join(f"    {line}\n" for line in body.splitlines())
     kernel = define(KERNEL.format(head=head, body=body), **names)["kernel"]
     return run(kernel, dtype=wp.float64)[0]
@@ -131,7 +131,7 @@ def test_checks_compare_with_the_number():
 
 
 def test_tiles_convert():
-    """What fills a tile of a type converts to it, as in NumPy."""
+    """A fill value converts to the type of its tile, as in NumPy."""
     body = "t = wp.tile_full(shape=4, value=1.5, dtype=int)\nt[0] = 2.5\nx = t[0] + 10 * t[1]"
     assert value(body) == 12.0
     with pytest.raises(TypeError, match="'int32', but got 1.5"):

@@ -75,7 +75,7 @@ def each_thread(a: wp.array(dtype=float), steps: wp.array(dtype=int), o: wp.arra
 
 
 def test_slices_that_are_not_taken(device):
-    """What stands under a condition is checked under it."""
+    """A check under a condition runs under it."""
     steps = np.array([1, 0, 2, -3, 0, 7] * 50, dtype=np.int32)
     o = wp.full(steps.size, -1, dtype=int, device=device)
     a = wp.zeros(10, dtype=float, device=device)
@@ -104,7 +104,7 @@ def test_loops_that_run_never(device):
 
 
 def test_recorded_launches_and_graphs():
-    """What runs later reports, too."""
+    """Late checks report, too."""
     a, o = wp.zeros(6, dtype=float, device="cpu"), wp.zeros(1, dtype=int, device="cpu")
     recorded = wp.launch(of_one, dim=1, inputs=[a, 2, o], device="cpu", record_cmd=True)
     recorded.launch()

@@ -53,7 +53,7 @@ def test_against_numpy(device):
 
 @wp.kernel
 def indices(q: wp.array(dtype=int), out: wp.array2d(dtype=int)):
-    """Of all operations that are known before a launch; with negative numbers."""
+    """Every operation on values known before a launch; with negative numbers."""
     i = wp.tid()
     a = wp.zeros(shape=(N,), dtype=int)
     for k in range(-9, 9):
@@ -94,7 +94,7 @@ def test_operations_of_indices(device):
 
 @pytest.mark.parametrize("count", [0, 1, 5])
 def test_loops_of_run_time_around(device, count):
-    """What is known within stays so in each iteration."""
+    """A value known within an iteration stays so in each iteration."""
 
     @wp.kernel(module="unique")
     def rotate(m: int, out: wp.array(dtype=int)):

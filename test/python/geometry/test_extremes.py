@@ -121,7 +121,7 @@ def test_samples_are_continuous_and_linear_across_leaves(device):
     at = wp.array(p, dtype=wp.vec3, device=device)
     wp.launch(sample, 500, inputs=[volume.id, at, out], device=device)
     wanted = p.astype(float) @ [2, -3, 5]
-    # Of values up to 10 times the largest coordinate, four units in the last place.
+    # For values up to 10 times the largest coordinate, four units in the last place.
     assert np.abs(out.numpy() - wanted).max() <= 4 * 2**-24 * 160
 
 

@@ -1,4 +1,4 @@
-"""What geometry refuses, and what it survives: memory that ends, objects freed too early."""
+"""Bad input of geometry: errors, memory that ends, objects freed too early."""
 
 import subprocess
 import sys

@@ -36,7 +36,7 @@ def search(p):
     s = (np.cross(v, w) * n).sum(1) / square
     t = (np.cross(u, w) * n).sum(1) / square
     crossing = np.abs((w * n).sum(1)) / np.sqrt(square)
-    # Of parallel edges an end is among the closest points.
+    # An end of one of two parallel edges is among the closest points.
     skew = square > 1e-12 * (u * u).sum(1) * (v * v).sum(1) + 1e-290
     inside = skew & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
     return np.where(inside, np.minimum(best, crossing), best)

@@ -1,4 +1,4 @@
-"""What was NaN, infinite or inverted when a hierarchy was built is found after a refit."""
+"""Primitives that were NaN, infinite or inverted at the build are found after a refit."""
 
 import numpy as np
 import pytest

@@ -147,7 +147,7 @@ def test_lanes_agree_on_the_next_point():
 
 @pytest.mark.parametrize("cells", [(16, 16, 16), (2, 2, 2)])
 def test_gradients_of_neighbours_are_analytic(device, cells):
-    """Of sum_ij w_i m_j (h^2 - |x_i - x_j|^2)_+^2, which lanes add to shared neighbours."""
+    """The gradient of sum_ij w_i m_j (h^2 - |x_i - x_j|^2)_+^2, added to shared neighbours."""
     points = (RANDOM.random((701, 3)) * 1.5).astype(np.float32)
     masses = RANDOM.uniform(0.5, 2, 701).astype(np.float32)
     weights = RANDOM.normal(size=701).astype(np.float32)

@@ -1,4 +1,4 @@
-"""What moving meshes cover, against distances that are known."""
+"""Volumes swept by moving meshes, against distances that are known."""
 
 import numpy as np
 import pytest

@@ -146,7 +146,7 @@ def test_a_bound_below_the_old_error_finds_what_is_there(device):
 
 
 def test_near_duplicates_of_faces(device):
-    """Of faces that almost coincide, the nearer one is as near as float32 can tell."""
+    """The nearer one of two faces that almost coincide is as near as float32 can tell."""
     points, faces = strip(0.004)
     lifted = points + np.float32([0, 0, 1e-5])
     both = np.concatenate([points, lifted]), np.concatenate([faces, faces + len(points)])

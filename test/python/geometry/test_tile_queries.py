@@ -144,7 +144,7 @@ def test_freed_and_foreign_ids_are_refused(device):
     with pytest.raises(RuntimeError, match="'mesh'.*Mesh.*Bvh"):
         ask(touch_faces, 64, device, seen, bvh.id, wp.vec3(), wp.vec3())
     freed = bvh.id
-    # What still builds it keeps it.
+    # The builder keeps the memory that it still uses.
     wp.synchronize_device(device)
     del bvh
     with pytest.raises(RuntimeError, match="'bvh'"):

@@ -67,7 +67,7 @@ def test_what_is_right_is_loaded():
 
 
 def test_levels_do_not_overlap():
-    """Of two levels, or of the last one and the arrays, one begins 32 bytes too early."""
+    """One of two levels, or of the last one and the arrays, begins 32 bytes too early."""
     for level in range(3):
         data = grid()
         offset = get(data, TREE + 8 * level, "q")

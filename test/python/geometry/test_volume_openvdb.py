@@ -90,7 +90,7 @@ def is_in_tile(voxels):
 
 
 def values_at(voxels, given, values):
-    """What is set, that of tiles, or the background; and where it is active."""
+    """The value of a voxel, of a tile, or the background; and its active state."""
     table = dict(zip(map(tuple, given), values, strict=True))
     elsewhere = np.where(is_in_tile(voxels), OF_TILES, BACKGROUND)
     at = [table.get(tuple(one), other) for one, other in zip(voxels, elsewhere, strict=True)]

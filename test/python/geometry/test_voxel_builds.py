@@ -36,7 +36,7 @@ def voxels(n=300, seed=0):
 
 
 def built_by_host(volume, given, mask=None):
-    """What the host's builder makes of the same points."""
+    """The grid that the host's builder makes of the same points."""
     return wp.Volume._of_grids(volume._recipe.native.make(*points.given(given, mask)), given.device)
 
 

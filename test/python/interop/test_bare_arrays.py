@@ -138,7 +138,7 @@ def test_without_it_types_are_checked():
 
 
 def test_device_is_checked(make):
-    """What cannot be reached is an error as ever."""
+    """An array that cannot be reached is an error as ever."""
     if not wp.get_cuda_device_count():
         pytest.skip("no CUDA device")
     _, a = make(np.zeros(3, np.int32), wp.vec3i)

@@ -105,7 +105,7 @@ def test_structs():
     assert (shared.ptr, shared.dtype) == (source.ptr, Pair)
 
 
-# What another stream still writes is complete before we read.
+# Writes of another stream are complete before the read.
 @pytest.mark.parametrize("way", ["array", "launch", "launch on a stream"])
 def test_writer_stream(way):
     writer = wp.Stream("cuda:0")

@@ -212,7 +212,7 @@ def test_to_other_device():
 
 
 class Copying:
-    """What converts to NumPy by a copy, as Paddle's tensors do, and has DLPack."""
+    """Tensors that convert to NumPy by a copy, as Paddle's do, and have DLPack."""
 
     def __init__(self, data):
         self.data = data

@@ -90,7 +90,7 @@ def test_composites_and_immutability(device, place):
 @pytest.mark.parametrize("export", [wp.to_jax, jax.dlpack.from_dlpack], ids=["to_jax", "dlpack"])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.bfloat16, jnp.int64, jnp.bool_])
 def test_round_trip_of_parts(device, place, export, dtype):
-    """What came from JAX goes back to it, read-only or not, whole or in part."""
+    """Arrays from JAX go back to it, read-only or not, whole or in part."""
     x = jnp.arange(24).reshape(4, 6).astype(dtype)
     for array in (wp.from_jax(x), wp.clone(wp.from_jax(x))):
         for part, expected in (
@@ -272,7 +272,7 @@ def test_precision_must_be_enabled(place):
         wp.jax_kernel(halve)(jnp.ones(2))
 
 
-# What a kernel reports in debug mode becomes an error of JAX.
+# A report of a kernel in debug mode becomes an error of JAX.
 def test_failed_check(device, place, config):
     if device != "cpu":
         pytest.skip("CUDA reports when the device is synchronized")

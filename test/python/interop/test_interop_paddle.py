@@ -15,7 +15,7 @@ except ImportError:
 
 
 class Tensor:
-    """What is used of Paddle's tensors, over NumPy."""
+    """The used part of Paddle's tensors, over NumPy."""
 
     def __init__(self, data, place="Place(cpu)"):
         self.data, self.place = data, place

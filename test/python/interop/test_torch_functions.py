@@ -216,7 +216,7 @@ def retained(f, x, u):
 
 
 def gradients_are_the_callers(f, x, u):
-    """What `torch.autograd.grad` has given is not changed by the next call."""
+    """The result of `torch.autograd.grad` is not changed by the next call."""
     loss = (f(x) * u).sum()
     first = torch.autograd.grad(loss, (x, u), retain_graph=True)
     return *first, *torch.autograd.grad(loss, (x, u))

@@ -1,4 +1,4 @@
-"""What vector code must not change: order of accesses, wrapped indices."""
+"""Invariants of vector code: order of accesses, wrapped indices."""
 
 import numpy as np
 import pytest

@@ -44,7 +44,7 @@ def tiles(x: wp.array(dtype=float)):
 
 @pytest.fixture
 def rows(device):
-    """Of 4 KB: more than any cache has, and few for a CPU."""
+    """Arrays of 4 KB: more than any cache has, and few for a CPU."""
     return 64 if device == "cpu" else 40_000
 
 

@@ -34,7 +34,7 @@ def test_numbers_of_sums(device, count, block):
 
 @pytest.mark.parametrize("dtype", [wp.int32, wp.uint32, wp.int64, wp.float32, wp.float64])
 def test_kinds_side_by_side(device, dtype):
-    """What combines in one way goes together; the rest has ways of its own."""
+    """Updates combined in one way go together; the rest has ways of its own."""
     vector = wp.types.vector(3, dtype)
 
     @wp.kernel(module="unique")

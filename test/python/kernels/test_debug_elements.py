@@ -46,7 +46,7 @@ def test_components_of_elements(device, debug, i, j, line):
 
 @pytest.mark.parametrize("i, j", [(3, 2), (-4, -3), (1000, 2**31 - 1), (-(2**31), -1000)])
 def test_release_mode_leaves_neighbours_alone(device, i, j):
-    """What is out of bounds of an element changes at most this element."""
+    """An index out of bounds of an element changes at most this element."""
     arrays = elements(device)
     wp.launch(into_elements, dim=1, inputs=[i, j, *arrays], device=device)
     for array in arrays:

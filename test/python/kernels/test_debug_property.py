@@ -10,7 +10,7 @@ import warp as wp
 from frontend_programs import define
 from random_runs import seeds
 
-# What can be indexed: how it is made, its extents, and what is written there.
+# The indexed objects: how each is made, its extents, and the code that writes to it.
 PLACES = {
     "v": ("wp.vec3(1.0, 2.0, 3.0)", (3,)),
     "m": ("wp.mat22(1.0, 2.0, 3.0, 4.0)", (2, 2)),
@@ -66,7 +66,7 @@ class Program:
             self.text += f"    s += {value} * {text}\n"
         else:
             self.text += f"    {text} {'=' if kind == 'write' else '+='} {value}\n"
-            # What nobody reads is checked, too.
+            # Unread elements are checked, too.
             if self.random.random() < 0.5:
                 self.text += f"    s += {text}\n"
                 kind += " and read"

@@ -50,7 +50,7 @@ def expected(x, order, gain, damped):
 
 
 def instructions(text):
-    """Of both kernels below, whatever their names."""
+    """The manifests of both kernels below, whatever their names."""
     text = re.sub(r"\w+_(general|by_hand)", "kernel", text)
     return [line for line in text.splitlines() if line.startswith("\t") and "param" not in line]
 

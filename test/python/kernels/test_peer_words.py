@@ -1,4 +1,4 @@
-"""What programs written for NVIDIA Warp meet beside kernels that are right: its words and types."""
+"""Names and types of NVIDIA Warp beside kernels that are right."""
 
 import gc
 import typing

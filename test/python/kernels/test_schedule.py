@@ -114,7 +114,7 @@ def march(balls: wp.array(dtype=float), y: wp.array(dtype=float)):
 
 
 def test_functions_that_loops_call_may_have_lanes():
-    """What ends the loop is loaded in a function, from an array that nobody writes."""
+    """The end of the loop is loaded in a function, from an array that nobody writes."""
     balls = wp.array([0.2, 0.9, 0.1, 0.8], dtype=float, device="cpu")
     y = wp.zeros(256, dtype=float, device="cpu")
     wp.launch(march, 256, [balls], [y], device="cpu")

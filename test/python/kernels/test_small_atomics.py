@@ -54,7 +54,7 @@ def test_vectors_of_small_integers_are_summed_by_component(dtype):
 
 @pytest.mark.parametrize("dtype", SMALL)
 def test_counters_hand_out_each_number_once(dtype):
-    """What `atomic_add` returns, and a lock-free maximum by compare and exchange."""
+    """The result of `atomic_add`, and a lock-free maximum by compare and exchange."""
 
     @wp.kernel(module="unique")
     def count(y: wp.array(dtype=dtype), old: wp.array(dtype=dtype)):

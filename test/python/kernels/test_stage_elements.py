@@ -70,7 +70,7 @@ def test_integers(integer, device):
 @pytest.mark.parametrize("real", REALS)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_gradients_of_elements(shape, real, device):
-    """Those of what was stored are taken, and added to those of what was loaded."""
+    """Stored values are taken, and added to loaded ones."""
     element = composite(shape, real)
     kernel = define_scale(element, real)
     for count in SIZES:
@@ -133,7 +133,7 @@ def test_in_place(count, device):
 
 
 def follow_zigzag(x, y):
-    """What `zigzag` leaves, in NumPy; `x` and `y` may be the same array."""
+    """The result of `zigzag`, in NumPy; `x` and `y` may be the same array."""
     first = x.copy()
     y[:] = 2 * first
     x[:, 1, 2] = y[:, 1, 1] + 1

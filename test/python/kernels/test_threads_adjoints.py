@@ -97,7 +97,7 @@ def fill(kind, n):
 
 
 def gradients(space, kind, n, device):
-    """Of x, z, and of what y and u held before."""
+    """The gradients of x, z, and of the former values of y and u."""
     x, z, m, seeds = fill(kind, n)
     element = getattr(wp, kind)
     x, z = (wp.array(one, dtype=element, device=device, requires_grad=True) for one in (x, z))

@@ -1,4 +1,4 @@
-"""What the compiler says of the values of random kernels holds in every thread.
+"""The compiler's claims about values of random kernels hold in every thread.
 
 A debugging launch of a kernel with an argument `warp_claims` tests, value by value, that threads
 agree, have values with a constant step, sums of indices and trips, ranges, indices of their own.

@@ -111,7 +111,7 @@ print(json.dumps([results, made, loaded]))
 
 
 def test_derivatives_come_from_the_cache(tmp_path):
-    """Those that were asked for before; others are made of the translation."""
+    """Derivatives that were asked for before; others are made of the translation."""
     path = programs.write_program(GRADIENT)
 
     def run_it(*arguments):

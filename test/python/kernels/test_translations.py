@@ -264,7 +264,7 @@ results["map_lambda"] = float(
 loaded = "warp._src.frontend.translator" in sys.modules
 print(json.dumps([results, translated, loaded]))
 """
-# What is changed: the mark of its line, what is replaced by what, the kernel, and what it gives.
+# Each change: the mark of its line, the replaced and the new text, the kernel, and its result.
 CASES = [
     ("# own text", "1.5", "1.25", "own_text", 1.25),
     ("# deepest", "2.5", "2.0", "text_of_functions", 6.0),

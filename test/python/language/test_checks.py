@@ -14,7 +14,7 @@ NEQ = "Error, expect_neq() failed:\n\t Expected: {}\n\t Actual: {}\n"
 
 
 def printed(capfd, body, device="cpu"):
-    """What a kernel of one thread prints."""
+    """The output of a kernel of one thread."""
     capfd.readouterr()
     wp.launch(wp.Kernel(body), 1, device=device)
     wp.synchronize()

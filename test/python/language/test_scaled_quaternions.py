@@ -77,7 +77,7 @@ def test_all_ways_to_rotate(device, dtype):
     for i in range(10):
         exact = twice if i >= 8 else back if i == 7 else forth
         scale = square * (q * q).sum(1) if i >= 8 else square
-        # What moves a point is a difference of points.
+        # A displacement of a point is a difference of points.
         scale = scale + np.linalg.norm(v, axis=1) if i == 3 else scale
         error = np.abs(found[:, i] - exact).max(1)
         assert (error <= 24 * ROUNDOFF[dtype] * scale).all(), i
@@ -130,6 +130,6 @@ def test_gradients(device, which):
     for k in range(4):
         step = np.zeros(4)
         step[k] = 1.0
-        # Of degree two in q, so the difference is exact but for rounding.
+        # A polynomial of degree two in q, so the difference is exact but for rounding.
         exact = (value(q + step) - value(q - step)) / 2
         np.testing.assert_allclose(of_q[:, k], exact, rtol=1e-11, atol=1e-11)

@@ -89,7 +89,7 @@ def largest_of_wanted(
 
 @pytest.mark.parametrize("count", [1, 2, 3, 40])
 def test_extrema_of_what_cannot_be_nan(count, device):
-    """What threads combine begins without a number; a converted integer is one for certain."""
+    """A combination over threads begins without a number; a converted integer is one."""
     numbers = np.arange(count) * 3 + 7
     wanted, x = (wp.array(one, dtype=int, device=device) for one in (numbers > 6, numbers))
     largest = wp.zeros(1, dtype=float, device=device)

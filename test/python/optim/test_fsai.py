@@ -192,7 +192,7 @@ def test_application_adds_and_may_share_arrays(device, shared):
         pre.matvec(a, b, c, 0.75, -2.0)
         expected = 0.75 * G.T @ (G @ x) - 2.0 * y
         np.testing.assert_allclose(c.numpy().ravel(), expected, rtol=1e-13, atol=1e-13)
-        # What counts for nothing is not read.
+        # Entries of weight zero are not read.
         b.fill_(np.nan)
         a.fill_(2.0)
         c = wp.zeros_like(a)

@@ -70,7 +70,7 @@ def test_dense_matrices_diagonals_and_operators(device, solver):
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("options", [{}, {"restart": 7}, {"check_every": 1}])
 def test_each_system_of_a_batch_has_its_own_sign(device, solver, options):
-    """Of three independent systems the second is negative definite."""
+    """The second of three independent systems is negative definite."""
     dense = np.kron(np.diag([1.0, -3.0, 2.0]), -laplacian(10))
     b = np.random.default_rng(2).standard_normal(30)
     offsets = wp.array([0, 10, 20, 30], dtype=int, device=device)

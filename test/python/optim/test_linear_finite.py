@@ -1,4 +1,4 @@
-"""What is not finite in a solution never passes without a word."""
+"""A solution that is not finite never passes without a word."""
 
 import warnings
 
@@ -85,7 +85,7 @@ def test_a_guess_that_the_matrix_does_not_see(device, solver, bad):
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_numbers_of_no_system_do_not_matter(device, solver):
-    """What lies behind the last system may hold anything."""
+    """The memory behind the last system may hold anything."""
     with wp.ScopedDevice(device):
         A = np.diag([2.0, 4.0, 1.0])
         offsets = wp.array([0, 2], dtype=int)

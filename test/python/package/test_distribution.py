@@ -1,4 +1,4 @@
-"""What other programs learn of the distribution: its name and version, and the stand-in."""
+"""The distribution as other programs see it: its name and version, and the stand-in."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""What engines written for the peer read of kernels, settings and data."""
+"""Attributes of kernels, settings and data that engines written for the peer read."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""What `warp.fem.linalg` has for programs without finite elements."""
+"""The part of `warp.fem.linalg` for programs without finite elements."""
 
 import numpy as np
 import pytest

@@ -7,7 +7,7 @@ import pytest
 
 from import_graph import cycles, import_graph
 
-# What `import warp` leaves to those who need it.
+# Modules that `import warp` leaves to their users.
 LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "pathlib", "ast")
 LAZY += ("warp._src.frontend", "warp._src.derivatives.backward")
 LAZY += ("warp._src.autograd", "warp._src.optim")

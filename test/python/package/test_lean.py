@@ -1,4 +1,4 @@
-"""What a program does not use costs no code, memory, launch or import; `wp.manifest` says so."""
+"""An unused feature costs no code, memory, launch or import; `wp.manifest` says so."""
 
 import re
 import subprocess

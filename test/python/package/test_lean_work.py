@@ -1,4 +1,4 @@
-"""What precision and inactive elements cost: gates C11 and C13 of docs/report.md."""
+"""Costs of precision and of inactive elements: gates C11 and C13 of docs/report.md."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What the build hands out: exported symbols, dependencies, committed docs."""
+"""Exported symbols, dependencies and committed docs of the build."""
 
 import json
 import os

@@ -57,7 +57,7 @@ def test_shared_rows(device, sharers, monkeypatch):
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)
     matrix, *parts = matrix_of(uneven(3), (1, 1), wp.float64, device)
     x = np.random.default_rng(4).standard_normal((85, 1))
-    # What is not wanted need not be a number.
+    # Unwanted entries need not be numbers.
     y = wp.full((85, 1), np.nan, dtype=wp.float64, device=device)
     kernel = vector_product._shared_row_kernel(wp.float64, 1, 1, sharers)
     numbers = (matrix.offsets, matrix._row_ends(), matrix.columns, matrix.scalar_values)

@@ -1,6 +1,6 @@
 """Runs the code that a block of a GPU would run, thread by thread, in Python.
 
-What `kernel.ir("thread", arch=90)` shows becomes a Python generator per thread that stops at each
+The text of `kernel.ir("thread", arch=90)` becomes a Python generator per thread that stops at each
 barrier. Between two barriers threads run one after the other, in an order that the caller chooses:
 code that misses a barrier gives another result in some order. Slow; for kernels with small tiles
 whose barriers are all threads', and of the operations that occur there.

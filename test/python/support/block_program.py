@@ -133,7 +133,7 @@ def _program(text, waits):
 
 
 def _run(program, threads, room, arrays, order, tid, dim):
-    # What nobody has written is not zero.
+    # An unwritten element is not zero.
     memory = np.full(room + 8, 0xA5, dtype=np.uint8)
 
     def block(place, count, type):

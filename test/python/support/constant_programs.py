@@ -103,7 +103,7 @@ PLAIN_NAMES = {**NAMES, "copied": copied, "rem": remainder, "put": put}
 
 @st.composite
 def indices(draw, extent, loops):
-    """Of a component: known, a counter, or what a program computes."""
+    """The index of a component: known, a counter, or a value that a program computes."""
     forms = [
         str(draw(st.integers(0, extent - 1))),
         f"rem(abs({draw(numbers(0, loops))}), {extent})",

@@ -1,4 +1,4 @@
-"""What tests of derivatives share."""
+"""Helpers of tests of derivatives."""
 
 import warp as wp
 

@@ -231,7 +231,7 @@ class Overload:
         return fine, agree(coarse, fine, self.tolerance)
 
     def second_differences(self, rows, weights, direction, device):
-        """What `second` gives, by central differences of `adjoint`, and whether to believe it."""
+        """The result of `second`, by central differences of `adjoint`, and its reliability."""
 
         def along(step):
             def at(factor):

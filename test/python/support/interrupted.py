@@ -21,7 +21,7 @@ def _is_ours(file) -> bool:
 
 
 class InterruptError(BaseException):
-    """What comes from outside, as Ctrl-C does."""
+    """An interrupt from outside, as Ctrl-C sends it."""
 
 
 class _Steps:

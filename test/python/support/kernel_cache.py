@@ -1,4 +1,4 @@
-"""What is in the folder of a kernel cache."""
+"""The files in the folder of a kernel cache."""
 
 
 def codes(folder):

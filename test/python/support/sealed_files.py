@@ -13,7 +13,7 @@ def _mix(a, b):
 
 
 def hash_bytes(data, seed=0):
-    """What lib/Runtime/Support.cpp computes."""
+    """The checksum of lib/Runtime/Support.cpp."""
     k0, k1 = 0x9E3779B97F4A7C15, 0xD6E8FEB86659FD93
     whole = len(data) // 8 * 8
     found = _mix(seed ^ k0, len(data) ^ k1)

@@ -13,7 +13,7 @@ REAL = wp.float64
 
 
 class Grid(Functions):
-    """What kernels use of `wp`, one thread after the other."""
+    """The names of `wp` that kernels use, one thread after the other."""
 
     index = ()
 

@@ -15,7 +15,7 @@ MODES = {
 
 
 def modes_on(device):
-    """Those of them that differ on a device: lanes are of the CPU alone."""
+    """The launches that differ on a device: lanes are of the CPU alone."""
     is_cpu = wp.get_device(device).is_cpu
     return {mode: one for mode, one in MODES.items() if is_cpu or "cpu_lanes" not in one}
 

@@ -145,7 +145,7 @@ def run(space, dim, seed, device):
 
 
 def expect(text, space, dim, seed):
-    """What the reference computes of the same."""
+    """The reference's result of the same program."""
     n, h, w = extents(dim)
     names = reference.load(text)
     host = fill(space, n, seed)

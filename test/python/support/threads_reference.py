@@ -92,7 +92,7 @@ class Record:
 
 
 def make_struct(definition):
-    """What `wp.struct` gives: a callable that makes records."""
+    """A `wp.struct`: a callable that makes records."""
     kinds = definition.__annotations__
 
     def make():
@@ -223,7 +223,7 @@ def count(*bounds):
 
 
 def copied(value):
-    """What a name is given when an element is assigned to it."""
+    """The value of a name when an element is assigned to it."""
     return Composite(value.data.copy()) if isinstance(value, Composite) else value
 
 

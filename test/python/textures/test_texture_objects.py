@@ -191,7 +191,7 @@ def test_nearest_texels_of_both_levels(device):
 
 @pytest.mark.parametrize("offset", [0.0, 2.0**21])
 def test_slopes_keep_their_digits_beside_an_offset(device, offset):
-    """What all texels have in common does not take digits from derivatives."""
+    """A common part of all texels does not take digits from derivatives."""
     t, chain, uv, lod = levels_case(device, offset)
     lod = np.clip(lod, 0.1, 2.9)
     at = wp.array(uv, dtype=wp.vec2, device=device, requires_grad=True)

@@ -1,4 +1,4 @@
-"""What kernels read a texture by cannot be replaced, where it would lead beyond its texels."""
+"""The texture data that kernels read cannot be replaced, where it would lead beyond its texels."""
 
 import copy
 

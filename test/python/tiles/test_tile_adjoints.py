@@ -18,7 +18,7 @@ def run_backward(kernel, grid, inputs, out, gradient, threads, device):
 
 
 def factor_gradient(a, g):
-    """Of the lower triangle of a matrix that its factor has the cotangent g."""
+    """The gradient by the lower triangle of a matrix whose factor has the cotangent g."""
     lower = np.linalg.cholesky(a)
     halved = np.tril(lower.T @ np.tril(g))
     halved[np.diag_indices_from(a)] *= 0.5
@@ -44,7 +44,7 @@ def test_factors(n, dtype, fill, threads, device):
     rng = np.random.default_rng(n)
     half = rng.normal(size=(3, n, n))
     a = (half @ half.transpose(0, 2, 1) / n + np.eye(n)).astype(real)
-    # What belongs to the other triangle of the factor has no say.
+    # The cotangent of the factor's other triangle has no effect.
     g = rng.normal(size=a.shape).astype(real)
     given = wp.array(a, dtype=dtype, device=device, requires_grad=True)
     out = wp.zeros_like(given, requires_grad=True)

@@ -82,7 +82,7 @@ def triangles(a, b):
 
 
 def symmetric(a):
-    """What a factorisation that reads the lower triangle takes for the matrix."""
+    """The matrix that a factorisation that reads the lower triangle takes."""
     return np.tril(a) + np.tril(a, -1).T
 
 

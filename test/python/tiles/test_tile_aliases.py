@@ -182,7 +182,7 @@ PAIRS = [
 ]
 
 
-# Of an update of one element (`row[0] += 5.0`) every thread of the block makes its own.
+# Every thread of the block makes an update of one element (`row[0] += 5.0`).
 @pytest.mark.parametrize("threads", [1, 32, 48])
 @pytest.mark.parametrize(("kernel", "reference"), PAIRS, ids=lambda one: getattr(one, "key", ""))
 def test_views_share_elements(device, kernel, reference, threads, monkeypatch):
@@ -210,7 +210,7 @@ def test_views_wait_for_other_threads(kernel, reference):
         np.testing.assert_array_equal(got[1], z)
 
 
-# What a broadcast tile gets, each element gets as often as it is seen; gradients the other way.
+# Each element of a broadcast tile is read as often as it is seen; gradients add the other way.
 def test_gradients_through_repeats(device):
     @wp.kernel
     def biased(b: wp.array(dtype=float), x: Matrix, y: wp.array(dtype=float)):

@@ -59,7 +59,7 @@ def overlap(x: wp.array(dtype=float), y: wp.array(dtype=float), z: wp.array(dtyp
     wp.tile_store(z, t)
 
 
-# What is assigned is read first.
+# The assigned value is read first.
 @pytest.mark.parametrize("threads", [1, 32, 48])
 def test_overlapping_views(device, threads, monkeypatch):
     monkeypatch.setattr(wp.config, "enable_cpu_blocks", True)

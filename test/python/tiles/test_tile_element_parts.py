@@ -31,7 +31,7 @@ def of_matrices(o: wp.array(dtype=wp.mat33), q: wp.array(dtype=wp.quat)):
     u = wp.tile_zeros(shape=(3,), dtype=wp.mat33)
     w = wp.tile_zeros(shape=(3,), dtype=wp.quat)
     t[i // 9][i // 3 % 3, i % 3] = float(i)
-    # Of the threads that share a row or a component, all assign the same.
+    # All threads that share a row or a component assign the same value.
     u[i // 9][i // 3 % 3] = wp.vec3(float(i // 3), 0.0, -1.0)
     u[i // 9][i // 3 % 3][1] = float(i // 3 + 50)
     u[2][i % 3][i % 3] += 1.0

@@ -1,4 +1,4 @@
-"""What does not fit is an error at its place."""
+"""A misfit is an error at its place."""
 
 import subprocess
 import sys

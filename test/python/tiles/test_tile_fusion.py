@@ -1,4 +1,4 @@
-"""What needs no memory has none: chains of loads, functions of elements, sums, stores."""
+"""Values that need no memory have none: chains of loads, functions of elements, sums, stores."""
 
 import re
 
@@ -27,7 +27,7 @@ def shifted(x: wp.array(dtype=float), y: wp.array(dtype=float)):
 
 
 def test_chain_on_a_gpu_has_no_memory_and_no_barrier():
-    """Of arrays that do not overlap, which this variant is for."""
+    """For arrays that do not overlap, which this variant is for."""
     ptx = stream.ir("ptx", arch=90)
     assert "sqrt" in ptx
     assert ".shared" not in ptx and "bar.sync" not in ptx

@@ -50,12 +50,12 @@ def joined_blocks(kernel, threads):
     ],
 )
 def test_what_is_loaded_ahead_has_room(dtype, tile, threads, blocks):
-    """Of steps that are deep, fewer blocks fit."""
+    """Fewer blocks fit where steps are deep."""
     assert joined_blocks(product(dtype, *tile), threads) == blocks
 
 
 def test_products_that_threads_do_not_hold_are_not_joined():
-    """Those of doubles, and sums of two tiles as large as the result."""
+    """Products of doubles, and sums of two tiles as large as the result."""
     T, n = wp.float64, 64
 
     @wp.kernel(module="unique")
@@ -122,7 +122,7 @@ def test_products(dtype, tile, threads, joined, turned, device):
 
 @pytest.mark.parametrize("dtype", [wp.float16, wp.float32])
 def test_edges(dtype, device):
-    """Of arrays: what joined blocks have beyond them is neither read nor written."""
+    """The parts of arrays beyond joined blocks are neither read nor written."""
     tile = (64, 64, 32)
     kernel = product(dtype, *tile)
     size = edge(device)

@@ -44,7 +44,7 @@ def exchange(x: wp.array(dtype=float), out: wp.array(dtype=float)):
     i, lane = wp.tid()
     v = x[i * wp.block_dim() + lane]
     t = wp.tile(v * 2.0)
-    # What comes back is of another thread.
+    # The result belongs to another thread.
     w = wp.untile(wp.tile_map(wp.neg, t)) + t[wp.block_dim() - 1 - lane]
     total = wp.tile_sum(wp.tile(w))
     if lane % 2 == 0:

@@ -48,7 +48,7 @@ def test_sorting_is_stable(dtype, count, device):
 
 
 def test_sorting_on_a_gpu_is_a_network():
-    """Of 64 places, as 40 elements have, in 21 steps."""
+    """The order of 64 places, as 40 elements have, in 21 steps."""
     ptx = sorting(wp.int32, 40).ir("ptx", arch=90)
     assert ptx.count("bar.sync") >= 21
 

@@ -94,7 +94,7 @@ def gradients(kernel, device):
 
 
 def differences():
-    """Of the sum of the factor, by each diagonal element, in float64."""
+    """The gradient of the sum of the factor, by each diagonal element, in float64."""
 
     def total(i, step):
         matrix = A.astype(np.float64) + np.eye(4)

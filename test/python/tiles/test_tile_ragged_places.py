@@ -94,7 +94,7 @@ def picked_sums(o: wp.array(dtype=int), places: wp.array(dtype=int)):
 
 @pytest.mark.parametrize("count", [3, 4, 5, 9, 10])
 def test_places_of_each_thread(where, count):
-    """What threads that are not there would store overwrites nothing."""
+    """Absent threads store nothing."""
     places = np.random.default_rng(count).permutation(24).astype(np.int32)
     expected = np.full(24, -1)
     expected[places[:count]] = np.arange(count) + 100

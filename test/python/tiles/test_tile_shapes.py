@@ -72,7 +72,7 @@ def test_factors_of_any_size(n, upper, device):
     half = rng.normal(size=(n, n))
     m = half @ half.T + n * np.eye(n)
     b = rng.normal(size=n)
-    # What is in the other triangle does not count.
+    # The values of the other triangle do not count.
     given = np.triu(m) if upper else np.tril(m)
     arrays = [wp.array(one, dtype=wp.float64, device=device) for one in (given, b)]
     f = wp.zeros((n, n), dtype=wp.float64, device=device)

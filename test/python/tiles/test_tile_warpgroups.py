@@ -51,7 +51,7 @@ def test_edges(shape, device):
 
 @pytest.mark.parametrize("steps", [0, 1, 2, 3, 6])
 def test_loops_end_before_their_arrays(steps, device):
-    """What lies behind the last step of a loop is not added, though steps are loaded together."""
+    """Elements behind the last step of a loop are not added, though loads take several steps."""
     tile = (64, 64, 16)
     kernel = product(wp.float16, *tile, first=2.0)
     check(kernel, wp.float16, tile, (128, 128, 160), 128, device, first=2.0, steps=steps)
@@ -160,7 +160,7 @@ def test_kernels_that_write_to_a_factor(device):
 
 
 def test_shown_code_is_that_of_launches():
-    """What kernels are shown as for compute capability 9.0 has its instructions of warpgroups."""
+    """Kernels shown for compute capability 9.0 have its instructions of warpgroups."""
     halves = product(wp.float16, 128, 128, 32)
     shown = halves.ir("ptx", arch=90)
     assert ".target sm_90a" in shown

@@ -233,7 +233,7 @@ def test_arrays_that_kernels_store_have_no_gradient(device):
     a = wp.zeros(3, dtype=float, device=device, requires_grad=True)
     b = wp.zeros((2, 2), dtype=wp.vec3, device=device)
     source = wp.array([Pointers(a=a, b=b)], dtype=Pointers, device=device)
-    # What was there before had gradients; they are not those of the new arrays.
+    # The former arrays had gradients; they are not those of the new arrays.
     old = Pointers(a=wp.zeros_like(a), b=wp.zeros_like(b, requires_grad=True))
     target = wp.array([old], dtype=Pointers, device=device)
     wp.launch(copy_pointers, 1, [source, target], device=device)

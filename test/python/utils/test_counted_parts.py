@@ -65,7 +65,7 @@ def test_used_parts_that_overlap_are_refused(device):
 
 @pytest.mark.parametrize("sort", ["radix_sort_pairs", "segmented_sort_pairs"])
 def test_sorts_of_views_of_one_array(device, sort):
-    """Of `count` pairs the first `2 * count` elements are used."""
+    """The first `2 * count` elements of `count` pairs are used."""
     n = 30
     keys = np.random.default_rng(1).integers(0, 100, n)
     memory = ints(np.r_[keys, np.zeros(n), np.arange(n), np.zeros(3 * n)], device)

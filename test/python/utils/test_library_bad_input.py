@@ -1,4 +1,4 @@
-"""What scans, sorts, runs, sums, matrices and solvers refuse, and how they say it."""
+"""Bad input of scans, sorts, runs, sums, matrices and solvers, and its messages."""
 
 import pytest
 

@@ -27,7 +27,7 @@ namespace {
 std::string lastLaunch;
 unsigned char lastParams[4096];
 
-/// What happened to streams, one word per call: "record:2 wait:3 free:3".
+/// The events of streams, one word per call: "record:2 wait:3 free:3".
 std::string streamLog;
 int streamCount = 0;
 bool streamsBusy = false;
@@ -207,8 +207,8 @@ static int checkCode(const std::string &code, unsigned count, int *options,
       std::strcpy(static_cast<char *>(values[i]), "no entry in this PTX");
   return 218;
 }
-/// Linking checks the text and keeps it: the fake's machine code is PTX. What
-/// is machine code already adds nothing.
+/// Linking checks the text and keeps it: the fake's machine code is PTX. Input
+/// that is machine code already adds nothing.
 struct FakeLink {
   unsigned count;
   int *options;

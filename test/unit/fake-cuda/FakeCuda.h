@@ -1,4 +1,4 @@
-//===- FakeCuda.h - What the parts of the fake driver share -----*- C++ -*-===//
+//===- FakeCuda.h - Shared parts of the fake driver -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

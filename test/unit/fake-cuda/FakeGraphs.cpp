@@ -38,7 +38,7 @@ struct Setting {
   void *arguments[3];
 };
 
-/// What else is recorded counts as a copy of memory.
+/// Other records count as a copy of memory.
 struct Node {
   std::function<int()> call;
   int type = copyNode;
@@ -47,7 +47,7 @@ struct Node {
 
 struct Graph {
   std::vector<std::unique_ptr<Node>> nodes;
-  /// Of the bodies inside.
+  /// The nodes of the bodies inside.
   std::vector<std::unique_ptr<Graph>> bodies;
 
   Node *add(std::function<int()> call, int type = copyNode) {

@@ -20,7 +20,7 @@ void fakeInvalidateCaptures();
 /// Lets a stream join the capture that an event was recorded in.
 void fakeRecordEvent(void *event, void *stream);
 void fakeWaitEvent(void *stream, void *event);
-/// What the kernel that sets conditions does.
+/// The effect of the kernel that sets conditions.
 int fakeSetCondition(uint64_t handle, const int *value, bool negated);
 /// Records a launch of it, if its stream is captured.
 bool fakeRecordCondition(void *stream, uint64_t handle, const int *value,

@@ -2,9 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Device memory is host memory, 64 MiB for all devices together. What the pool
-// of a device holds back counts as used until it is trimmed. An IPC handle is
-// an address: the other process is this one.
+// Device memory is host memory, 64 MiB for all devices together. Memory that
+// the pool of a device holds back counts as used until it is trimmed. An IPC
+// handle is an address: the other process is this one.
 //
 //===----------------------------------------------------------------------===//
 

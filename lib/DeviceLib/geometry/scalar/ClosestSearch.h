@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Finds what wide/ClosestSearch.h finds: triangles are compared with the same
-// roundings. Those of a block that are too far for sure are left out first.
+// roundings. Triangles of a block that are certainly too far are skipped first.
 //
 //===----------------------------------------------------------------------===//
 
@@ -47,7 +47,7 @@ inline bool mayBeWithin(Point<f32> a, Point<f32> b, Point<f32> c, f32 best) {
   return !(squared * 0x1.fffcp-1f > fma(ab2 + ac2, 0x1p-26f, best));
 }
 
-/// What is searched for, and what is found.
+/// The query and its result.
 struct ClosestQuery {
   f32 p[3];
   /// A squared distance; smaller ones are found.
@@ -91,7 +91,7 @@ public:
         bool isTaken = child % Team::lanes == team.rank();
         if (isTaken)
           level[child / Team::lanes].key = i32(noKey);
-        // What is in registers need not be read again.
+        // Values in registers need not be read again.
         if constexpr (own == 1)
           isLeft = !isTaken && u32(nearest.key) <= farthest;
         else
@@ -222,7 +222,7 @@ private:
   Team team;
   Bytes nodes, blocks;
   i32 root;
-  /// What this lane asks for, and what its team is looking for.
+  /// This lane's query, and the query that its team searches for.
   ClosestQuery &mine, query;
   /// Whose search it is, on which level it is, and where it goes on.
   int rank = -1, depth = -1;

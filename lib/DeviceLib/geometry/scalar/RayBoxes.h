@@ -36,8 +36,8 @@ public:
     }
   }
 
-  /// What is kept in memory would else take registers all the way, or be found
-  /// anew at each node: 21 instructions, where two read it.
+  /// Values kept in memory would otherwise take registers all the way, or be
+  /// found anew at each node: 21 instructions, where two read it.
   void keepIn(SlabMemory &memory) {
     memory[0] = {first[0], first[1], first[2], last[0]};
     memory[1] = {last[1], last[2], 0, 0};

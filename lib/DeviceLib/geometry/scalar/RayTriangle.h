@@ -39,7 +39,7 @@ struct ShearedRay {
 /// On which sides of a triangle's edges a ray passes.
 struct RayOnTriangle {
   f32 u, v, w;
-  /// Of corners along the ray.
+  /// For corners along the ray.
   f32 z[3];
 
   RayOnTriangle(const ShearedRay &ray, const f32 (&corner)[3][3]) {

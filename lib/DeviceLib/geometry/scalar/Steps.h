@@ -45,7 +45,7 @@ inline i32 upper(i32 a, i32 b) { return a > b ? a : b; }
 inline i32 integerOf(f32 x) { return __builtin_bit_cast(i32, x); }
 inline f32 floatOf(i32 bits) { return __builtin_bit_cast(f32, bits); }
 
-/// What a node says of its children, in the order it is kept.
+/// A node's record of its children, in the order it is kept.
 struct Links {
   FourInts words;
 
@@ -73,7 +73,7 @@ inline u32 keyOf(f32 distance, u32 child) {
   return (__builtin_bit_cast(u32, distance) & ~7u) | child;
 }
 
-/// What leads to no child.
+/// The word that leads to no child.
 constexpr i32 nowhere = -0x7fffffff - 1;
 
 /// A child that is left for later: its key, and where it is, as `follow` has

@@ -4,7 +4,7 @@
 //
 // Eight neighbouring lanes of a warp go through a tree together, for one of
 // them after the other: each has a child of the node and a triangle of the
-// block. What they read lies side by side, and no lane waits for another one's
+// block. Their reads lie side by side, and no lane waits for another one's
 // long search but those of its team. The four teams of a warp come to each
 // exchange at once: which lanes take part is known when the kernel is compiled,
 // else each exchange would have to find it out. Where a lane is not there, or
@@ -37,7 +37,7 @@ struct Single {
   u32 with(bool says) const { return says; }
   u32 from(u32 value, int) const { return value; }
   u32 where(bool says) const { return says; }
-  /// All lanes wait here for each other. What follows is shorter for it.
+  /// A barrier of all lanes. The code that follows is shorter for it.
   void meet() const {}
 };
 

@@ -44,7 +44,7 @@ private:
     i32 to;
     f32 entry;
   };
-  /// What leads to no child.
+  /// The word that leads to no child.
   static constexpr i32 nowhere = -0x7fffffff - 1;
 
   /// Takes up what was left last, if it may be nearer than the hit.

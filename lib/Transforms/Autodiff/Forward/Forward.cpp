@@ -11,7 +11,7 @@
 //
 // Tangents along several directions share what is computed of the kernel: an
 // active array has one twin per direction, and rules are applied once for each
-// to the same primal values. What these have in common becomes one later.
+// to the same primal values. Their common parts become one operation later.
 //
 //   operation               the dual has beside it          in file
 //   builtin, value op       its rule (Rules.h)              (this one)
@@ -149,7 +149,7 @@ LogicalResult ForwardBuilder::run(Operation *op) {
   if (auto call = dyn_cast<func::CallOp>(op))
     return runCall(call);
   Operation *clone = builder.clone(*op, values);
-  // What has results starts without tangents each time it is run.
+  // An operation with results starts without tangents each time it is run.
   forget(op->getResults());
   bool isMemory = false;
   for (TangentMap &tangents : directions) {

@@ -149,8 +149,8 @@ private:
 /// Makes atomic minima and maxima of composites those of their components.
 void splitExtrema(mlir::func::FuncOp kernel);
 
-/// What writes to an array, a view of it, or the parameter that it is passed
-/// for; null if nothing does.
+/// The operation that writes to an array, a view of it, or the parameter that
+/// it is passed for; null if nothing does.
 mlir::Operation *findWrite(mlir::Value array);
 
 /// Type of the tangent of a value or array; null if it has none.

@@ -172,7 +172,7 @@ static Value dot(OpBuilder &builder, Location loc, Value a, Value b) {
   return sum;
 }
 
-/// What the cotangents of arguments give with their tangents.
+/// The cotangents of arguments, with their tangents.
 Value ForwardBuilder::dotTangents(func::CallOp op, ValueRange cotangents,
                                   const TangentMap &tangents) {
   Value sum;

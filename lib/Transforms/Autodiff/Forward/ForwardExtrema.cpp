@@ -5,9 +5,10 @@
 // Where several threads meet at an element, it is known only after the launch
 // which one's value is the extremum. So a second launch computes the values
 // again, without writing any, and the thread that finds its own in the array
-// assigns its tangents. Of several with that value the first one does, as in
-// reverse mode: it claims the element by an exchange. What the first launch
-// left in the twin is overwritten, unless the array had the extremum before.
+// assigns its tangents. Among several with that value the first one does, as in
+// reverse mode: it claims the element by an exchange. The value that the first
+// launch left in the twin is overwritten, unless the array had the extremum
+// before.
 //
 // That is right if the second launch reads what the first one read. A kernel
 // that reads what it writes is an error here.
@@ -63,7 +64,7 @@ void splitExtrema(func::FuncOp kernel) {
   }
 }
 
-/// Of an array's elements: one integer for each component, null if there is no
+/// For an array's elements: one integer for each component, null if there is no
 /// such type.
 static Type getClaimType(Type element) {
   if (!isScalar(element) && !isa<VecType, MatType>(element))

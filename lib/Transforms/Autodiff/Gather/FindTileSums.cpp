@@ -127,7 +127,8 @@ private:
         values, [&](Value value) { return collect(value, loop, slice); });
   }
 
-  /// What has to be computed for a value, by any block before the launch.
+  /// The operations that a value is computed from, by any block before the
+  /// launch.
   bool collect(Value value, scf::ForOp loop,
                llvm::SetVector<Operation *> &slice) {
     Operation *def = value.getDefiningOp();

@@ -2,10 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A thread has the element with its own index; no index is negative. What is
-// added at an offset comes from the thread that is as far away, in the other
-// direction; for each offset the code of the adjoint that leads to its sums is
-// cloned with the index of that thread. All of it is one expression per
+// A thread has the element with its own index; no index is negative. A term
+// that is added at an offset comes from the thread that is as far away, in the
+// other direction; for each offset the code of the adjoint that leads to its
+// sums is cloned with the index of that thread. All of it is one expression per
 // gradient,
 //
 //   s = (c1 ? v1 : 0) + (c2 ? v2 : 0) + ...     if c1 or c2 or ...: g += s

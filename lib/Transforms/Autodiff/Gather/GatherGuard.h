@@ -5,8 +5,8 @@
 // A term of a gathered sum is there if the thread that it comes from is in the
 // launch and passes the branches around the addition. Both are mostly about
 // where the thread is, in each dimension by itself; so a guard keeps the least
-// index and upper bounds that all threads have in common. What is left in the
-// inner loop of a launch are two comparisons, whatever the number of branches.
+// index and upper bounds that all threads have in common. The inner loop of
+// a launch keeps two comparisons, with any number of branches.
 //
 //===----------------------------------------------------------------------===//
 

@@ -77,7 +77,7 @@ private:
   func::FuncOp adjoint;
   ArrayLeaves leaves;
   unsigned rank = 0;
-  /// What adds to, or otherwise changes, an array.
+  /// The operations that add to, or otherwise change, an array.
   std::map<ArrayMemory, SmallVector<Operation *>> writes;
   std::map<ArrayMemory, SmallVector<Operation *>> reads;
   DenseMap<Operation *, unsigned> positions;
@@ -208,7 +208,7 @@ bool Finder::isRecomputable(Operation *op) {
                        return readsInitialValue(cast<AccessOp>(inner))
                                   ? WalkResult::advance()
                                   : WalkResult::interrupt();
-                     // What a branch does besides is left out.
+                     // Other effects of a branch are left out.
                      bool isDropped = inner != op && inner->use_empty() &&
                                       inner->getNumRegions() == 0;
                      bool isBranch = isa<scf::IfOp>(inner);

@@ -50,7 +50,7 @@ struct NeighborSums {
 llvm::SmallVector<NeighborSums> findNeighborSums(mlir::func::FuncOp adjoint,
                                                  unsigned &rank);
 
-/// What has to be computed to have the values that an operation uses, the
+/// The operations that compute the operands of an operation, the
 /// conditions of the branches around it included.
 llvm::SetVector<mlir::Operation *> getSlice(mlir::Operation *op);
 

@@ -17,7 +17,7 @@ class ValueCarrier {
 public:
   virtual ~ValueCarrier() = default;
 
-  /// What the value is after an operation with regions, or at the end of a
+  /// The value after an operation with regions, or at the end of a
   /// block, if it is `current` before.
   mlir::Value carry(mlir::Operation *op, mlir::Value current);
   mlir::Value carry(mlir::Block &block, mlir::Value current);
@@ -25,7 +25,7 @@ public:
 private:
   /// True if an operation without regions changes the value.
   virtual bool changes(mlir::Operation *op) const = 0;
-  /// What the value is after such an operation, which may be erased.
+  /// The value after such an operation, which may be erased.
   virtual mlir::Value pass(mlir::Operation *op, mlir::Value current) = 0;
 
   bool holdsChange(mlir::Operation *op) const;

@@ -76,7 +76,7 @@ Value Counts::stride(Value length, Value free, int64_t ringSlots) {
   Value before = sub(length, one);
   Value half = shift(free, one);
   Value many = add(half, two);
-  // What is free within the last part, without going below zero.
+  // The capacity left within the last part, without going below zero.
   Value rest = sub(sub(max(free, one), half), one);
   Value fits = atMost(add(shift(before, rest), one), times(many, ringSlots));
   Value parts = choose(fits, many, two);

@@ -71,7 +71,7 @@ static void reserve(func::FuncOp counting,
       warp::ArrayType::get(b.getContext(), 1, type));
   SmallVector<Type> types(4, small);
   auto thread = warp::TidOp::create(b, loc, types);
-  // What loads have logged has offsets, too.
+  // Logged loads have offsets, too.
   llvm::DenseMap<int64_t, BlockArgument> offsets;
   for (auto [site, array] : findHidden(counting, warp::HiddenKind::Offsets))
     offsets[site] = array;

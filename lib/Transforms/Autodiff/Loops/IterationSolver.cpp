@@ -32,7 +32,7 @@ using namespace mlir;
 using namespace warp::autodiff;
 
 //===----------------------------------------------------------------------===//
-// What is known
+// Known values
 //===----------------------------------------------------------------------===//
 
 Value IterationSolver::find(Value primal) {
@@ -263,8 +263,8 @@ Value IterationSolver::undoShiftedXor(Value value, Value shift,
   return value;
 }
 
-/// The state before a step of PCG, line by line from the last. What a line
-/// shifts by is in bits that it leaves alone.
+/// The state before a step of PCG, line by line from the last. The shift of a
+/// line shifts by is in bits that it leaves alone.
 Value IterationSolver::undoPcg(Value state) {
   namespace pcg = warp::pcg;
   Type type = state.getType();

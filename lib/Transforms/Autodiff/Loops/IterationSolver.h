@@ -26,7 +26,7 @@ public:
   void learn(mlir::Value primal, mlir::Value found);
   /// Finds all that follows from what is known.
   mlir::LogicalResult run();
-  /// What stands for a value; null if it is not known.
+  /// The expression for a value; null if it is not known.
   mlir::Value find(mlir::Value primal);
 
 private:

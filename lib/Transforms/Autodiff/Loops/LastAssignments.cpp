@@ -1,4 +1,4 @@
-//===- LastAssignments.cpp - What a loop keeps of one iteration -----------===//
+//===- LastAssignments.cpp - Loop values that one iteration assigns -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -52,7 +52,7 @@ struct Assignment {
   bool isFirst = true;
 };
 
-/// What values of one iteration are computed by.
+/// The operations that compute values of one iteration.
 struct Slice {
   llvm::SetVector<Operation *> ops;
   /// Integers to be kept.
@@ -255,7 +255,7 @@ void LastAssignments::rewrite(ArrayRef<Assignment> group, const Slice &slice) {
 }
 
 void LastAssignments::run() {
-  // Those of one condition share the iteration.
+  // Values of one condition share the iteration.
   llvm::MapVector<std::pair<Operation *, int>, SmallVector<Assignment>> groups;
   for (unsigned i = 0; i < loop.getNumResults(); ++i)
     if (auto found = match(i);

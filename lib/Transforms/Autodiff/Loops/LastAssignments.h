@@ -1,4 +1,5 @@
-//===- LastAssignments.h - What a loop keeps of one iteration ---*- C++ -*-===//
+//===- LastAssignments.h - Loop values that one iteration assigns *- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -9,8 +9,9 @@
 // to have those again is what this file is about.
 //
 // First the reverse loop is built as if all of them were at hand: they are
-// placeholders. What is left of a placeholder after dead code is gone is the
-// need. A sum needs nothing, and the loop is done. Otherwise, in this order:
+// placeholders. The uses of a placeholder that remain after dead-code
+// elimination are the need. A sum needs nothing, and the loop is done.
+// Otherwise, in this order:
 //
 //   rank 1   an invariant, or an integer plus a step: a formula of the number
 //            of the iteration
@@ -277,7 +278,7 @@ LogicalResult LoopReversal::reverseAll(Value trips,
   return success();
 }
 
-/// What --dump-recovery says of each value.
+/// The text of --dump-recovery for each value.
 void LoopReversal::note(ArrayRef<unsigned> states, RecoveryRank rank,
                         int64_t bytes) {
   if (!reverse.options.dumpRecovery)

@@ -49,9 +49,9 @@ protected:
   virtual mlir::ValueRange getInits() = 0;
   /// A carried value after the last iteration, in the adjoint.
   virtual mlir::Value getFinal(unsigned state) = 0;
-  /// What counts the iterations of the primal loop; null if nothing does.
+  /// The counter of the primal loop; null if there is none.
   virtual mlir::Value getCounter() { return nullptr; }
-  /// What a value within an iteration is a plain copy of.
+  /// The source of a value that is a plain copy within an iteration.
   virtual mlir::Value trace(mlir::Value value) { return value; }
   /// Says what iteration it is.
   virtual void recoverIteration(mlir::Value number) {}
@@ -79,9 +79,9 @@ protected:
   bool isZero(llvm::ArrayRef<mlir::Value> cotangents);
   mlir::Value constant(mlir::Type type, int64_t value);
   mlir::Value placeholder(mlir::Type type);
-  /// What states are before the loop.
+  /// The states before the loop.
   llvm::SmallVector<mlir::Value> recoverInits(llvm::ArrayRef<unsigned> states);
-  /// What has to stay while the reverse loop is not finished.
+  /// Operations that have to stay while the reverse loop is not finished.
   llvm::SmallVector<mlir::Value> getHeld();
   /// No state is needed, nor the number of the iteration.
   bool needsNoState();
@@ -129,7 +129,7 @@ private:
   bool hasFreeOrder(mlir::scf::ForOp loop);
   struct Inverses {
     llvm::SmallVector<unsigned> states;
-    /// Of the states: after an iteration, and before it.
+    /// The states after an iteration, and before it.
     llvm::SmallVector<mlir::Value> after, before;
   };
   mlir::LogicalResult carryAlong(mlir::scf::ForOp &loop,

@@ -3,9 +3,9 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // `for i in range(n): x[c[i]] = f(x[p[i]])` reads what earlier iterations wrote
-// and overwrites what is there. What it read cannot be had again from what is
-// left. So before the adjoint, the kernel runs again, on copies of what it
-// writes, made before the launch, and keeps what the loads have read:
+// and overwrites it. The values that it read cannot be recovered from the
+// remaining left. So before the adjoint, the kernel runs again, on copies of
+// what it writes, made before the launch, and keeps what the loads have read:
 //
 //   kernel     position = 0
 //              loop:  v = load;  position += 1           (dead code there)
@@ -53,7 +53,7 @@ SmallVector<Value> getTapeIndices(OpBuilder &b, Location loc, Value at) {
 }
 
 //===----------------------------------------------------------------------===//
-// What to keep
+// Values to keep
 //===----------------------------------------------------------------------===//
 
 /// True if the kernel uses what an atomic returns.

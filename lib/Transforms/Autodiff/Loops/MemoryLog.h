@@ -21,7 +21,7 @@ struct LoggedLoad {
   mlir::Value position;
 };
 
-/// What is kept while a kernel runs again.
+/// The values that are kept while a kernel runs again.
 struct MemoryLog {
   llvm::MapVector<mlir::Operation *, LoggedLoad> loads;
   int64_t sites = 0;

@@ -95,7 +95,7 @@ private:
 
 } // namespace
 
-/// What atomics return is what they returned in the launch.
+/// Atomics return the values that they returned in the launch.
 void Recording::useReturned() {
   for (auto &[op, number] : log.returned) {
     Operation *again = map.lookup(op);
@@ -108,7 +108,7 @@ void Recording::useReturned() {
   }
 }
 
-/// What the kernel does to arrays that it does not read is of no use.
+/// Writes to arrays that the kernel does not read are of no use.
 void Recording::dropEffects() {
   SmallVector<Operation *> dropped;
   kernel.walk([&](Operation *op) {

@@ -106,7 +106,7 @@ LogicalResult LoopReversal::carryAlong(scf::ForOp &reversed,
 // Rank 4
 //===----------------------------------------------------------------------===//
 
-/// What `states` are before an iteration, from what they are after it; null for
+/// The `states` before an iteration, from those after it; null for
 /// those that do not follow.
 FailureOr<SmallVector<Value>> LoopReversal::solve(ArrayRef<unsigned> states,
                                                   ValueRange after) {

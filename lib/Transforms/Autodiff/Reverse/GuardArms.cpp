@@ -35,8 +35,8 @@ static bool isTame(Operation *op) {
              arith::ConstantOp>(op);
 }
 
-/// What only arm number `arm` of the choice uses, in program order. The
-/// operations are in the block of the choice and can move.
+/// The operations that only arm number `arm` of the choice uses, in program
+/// order. The operations are in the block of the choice and can move.
 static SmallVector<Operation *> getExclusive(Operation *choice, unsigned arm) {
   llvm::SetVector<Operation *> found;
   Block *block = choice->getBlock();

@@ -1,8 +1,8 @@
-//===- ReplayMemory.cpp - What a launch has read, again -------------------===//
+//===- ReplayMemory.cpp - Recovery of loaded values -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The adjoint of a launch runs after it. What a load has read is in the array
+// The adjoint of a launch runs after it. A loaded value is in the array
 // still, or in a copy from before the launch, or the launch has saved it, or it
 // is in the log of a second run (Loops/MemoryLog.cpp).
 //
@@ -19,7 +19,7 @@ using namespace mlir;
 
 namespace warp::autodiff {
 
-/// What a load has read may be in the log, and where that is, no operand says.
+/// A loaded value may be in the log, and where that is, no operand says.
 SmallVector<Value> ReverseBuilder::getReplayUses(Operation *op) const {
   std::string why;
   bool needsOneThread;
@@ -62,9 +62,9 @@ LogicalResult ReverseBuilder::replayUpdate(AccessOp op) {
                          "order of threads; move it out of the loop");
 }
 
-/// What the launch overwrote, or what depends on the order of threads: the
-/// augmented kernel keeps it, one value per thread. A loop would have to keep
-/// one per iteration; there it is marked with the reason for an error.
+/// Values that the launch overwrote, or that depend on the order of threads:
+/// the augmented kernel keeps it, one value per thread. A loop would have to
+/// keep one per iteration; there it is marked with the reason for an error.
 LogicalResult ReverseBuilder::replaySaved(Operation *op, StringRef why) {
   Location loc = op->getLoc();
   Type type = op->getResult(0).getType();

@@ -29,8 +29,8 @@
 //   call                    cloned                     ReverseCalls.cpp
 //
 // Cotangents are SSA values in a map from primal values; one that is absent is
-// zero and costs nothing. What cannot be had again, such as an element that
-// the launch overwrote, becomes a marked operation; warp-clean-up-adjoint,
+// zero and costs nothing. A value that cannot be recovered, such as an element
+// that the launch overwrote, becomes a marked operation; warp-clean-up-adjoint,
 // after dead code is gone, reports the marks that are left.
 //
 //===----------------------------------------------------------------------===//
@@ -100,7 +100,7 @@ LogicalResult ReverseBuilder::replay(Block &block) {
 }
 
 LogicalResult ReverseBuilder::replay(Operation *op) {
-  // What has no results only has effects.
+  // An operation without results only has effects.
   if (op->getNumResults() == 0)
     return success();
   if (auto access = dyn_cast<AccessOp>(op))
@@ -126,8 +126,8 @@ Value ReverseBuilder::recoverWide(Value primal) {
   return widen(builder, primal.getLoc(), recover(primal));
 }
 
-/// What the program rounds to 16 bits, partial derivatives take unrounded: a
-/// product of small numbers that is zero in 16 bits has a derivative.
+/// Partial derivatives take values unrounded that the program rounds to 16
+/// bits: a product of small numbers that is zero in 16 bits has a derivative.
 /// Conditions and indices still come from the rounded values.
 void ReverseBuilder::replayWide(Operation *op) {
   if (op->getNumResults() != 1 || !isDifferentiable(op))
@@ -229,7 +229,7 @@ LogicalResult ReverseBuilder::reverse(Operation *op) {
     return reverseCall(call);
   if (isTileOp(op))
     return reverseTile(*this, op);
-  // What threads exchange around it is refused where it is read.
+  // Exchanges between threads around it are refused where they are read.
   if (isa<BarrierOp>(op))
     return success();
   if (auto extract = dyn_cast<ExtractOp>(op))

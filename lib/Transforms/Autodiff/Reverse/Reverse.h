@@ -56,7 +56,7 @@ struct ReverseOptions {
   llvm::DenseSet<mlir::Operation *> untaped;
   /// Says how each value that a loop carries is had again.
   bool dumpRecovery = false;
-  /// What a second run of the kernel keeps; null without one.
+  /// The values that a second run of the kernel keeps; null without one.
   const MemoryLog *log = nullptr;
   int64_t logSites() const { return log ? log->sites : 0; }
 };
@@ -116,9 +116,9 @@ public:
   /// Cotangents that code in a region contributes to values outside of it.
   using Captures = llvm::SmallVector<std::pair<mlir::Value, mlir::Value>>;
   /// Runs `body` with all cotangents zero and returns those that are left
-  /// after it, summed up at the insertion point that `body` leaves. What was
-  /// there before is restored; the caller adds the captures, brought out of
-  /// the region, with `addCotangent`.
+  /// after it, summed up at the insertion point that `body` leaves. Earlier
+  /// sums there before is restored; the caller adds the captures, brought out
+  /// of the region, with `addCotangent`.
   mlir::FailureOr<Captures>
   inScope(llvm::function_ref<mlir::LogicalResult()> body);
 
@@ -152,7 +152,7 @@ public:
   /// The same, a new one each time.
   mlir::Value addHidden(HiddenKind kind, int64_t leaf, mlir::Type type);
 
-  /// What --dump-recovery says, and where.
+  /// The text of --dump-recovery, and its place.
   llvm::SmallVector<std::pair<mlir::Location, std::string>> remarks;
 
   /// Loops in the global tape, by their number there, and those of them that
@@ -202,7 +202,7 @@ private:
   Activity activity;
   MemoryClasses memory;
   llvm::DenseMap<mlir::Value, mlir::Value> values;
-  /// What stands for a primal value of 16-bit floats in rules.
+  /// The value that rules use for a primal value of 16-bit floats.
   llvm::DenseMap<mlir::Value, mlir::Value> wideValues;
   Cotangents cotangents;
   /// By array argument or field.

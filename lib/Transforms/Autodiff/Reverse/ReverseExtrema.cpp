@@ -15,9 +15,9 @@ using namespace mlir;
 
 namespace warp::autodiff {
 
-/// The gradient for the thread whose value is the extremum, zero for others. Of
-/// several with that value the first one gets it, because an exchange leaves
-/// zero for the others.
+/// The gradient for the thread whose value is the extremum, zero for others.
+/// Among several with that value the first one gets it, because an exchange
+/// leaves zero for the others.
 static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
                          Value value, Value gradient, ValueRange indices) {
   Type type = cast<ArrayType>(gradient.getType()).getElementType();

@@ -9,7 +9,7 @@
 //   atomic a[i] -= v     cot(v) -= h[i]
 //   atomic min, max      if a[i] == v: cot(v) += h[i], taken by one thread
 //
-// Of what lies at an address, h is at another one, if that is not 0.
+// For memory at an address, h is at another one, if that is not 0.
 //
 // A store ends the life of what the element held before, so its gradient is
 // taken and left zero. An array without a gradient gets no code at all.

@@ -56,7 +56,7 @@ private:
   Value broadcast(Value tile, Shape shape);
   Value transpose(Value tile);
   Value reduce(Value tile, std::optional<int64_t> axis);
-  /// What has lost a dimension gets it back, with extent 1.
+  /// Restores a lost dimension, with extent 1.
   Value expand(Value tile, Shape shape, std::optional<int64_t> axis);
   Value iota(int64_t count, int64_t step = 1);
   /// Numbers along one dimension, in the shape of a tile.
@@ -108,7 +108,7 @@ private:
                  Value alpha = {});
   Value solve(Value matrix, Value rhs, bool upper, bool transposed);
   Value outer(Value x, Value y);
-  /// What `function` makes of the elements of a triangle; the others are zero.
+  /// Applies `function` to the elements of a triangle; the others are zero.
   Value triangle(Value tile, bool upper,
                  llvm::function_ref<Value(Value)> function);
   LogicalResult reverseMatmul(TileMatmulOp matmul);

@@ -142,7 +142,7 @@ static TileCholeskyOp findSystem(TileSolveOp op, TileSolveOp &first) {
   return factor;
 }
 
-/// Of x = A^-1 b, whatever the factor: b' = A^-1 x', and A' = - b' x^T, of
+/// For x = A^-1 b, with any factor: b' = A^-1 x', and A' = - b' x^T, of
 /// which the triangle that is read gets the other one's part, too.
 void TileReverse::reverseSystem(TileCholeskyOp factor, TileSolveOp first,
                                 TileSolveOp second, Value g) {

@@ -55,7 +55,7 @@ private:
   void count();
 
   scf::WhileOp op;
-  /// What evaluates the condition has no derivative and no effect.
+  /// The evaluation of the condition has no derivative and no effect.
   bool decidesApart;
   /// The iterations are those of the first draft: without the condition.
   bool isDraft = false;
@@ -249,8 +249,8 @@ FailureOr<SmallVector<Value>> WhileReversal::runAlong(scf::ForOp reversed) {
 //===----------------------------------------------------------------------===//
 
 /// Has the replay of the loop find `trips` and `final`, by carrying a counter
-/// and passing it on with the states. What of that nobody uses, dead code
-/// elimination takes away again.
+/// and passing it on with the states. Unused parts of that are removed by
+/// dead-code elimination takes away again.
 void WhileReversal::count() {
   auto replayed =
       cast<scf::WhileOp>(reverse.recover(op.getResult(0)).getDefiningOp());

@@ -1,4 +1,4 @@
-//===- Formula.cpp - What formulas of derivatives are made of -------------===//
+//===- Formula.cpp - Operands and operations of derivative formulas -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -104,7 +104,7 @@ static bool mayBeInfinite(Value value, unsigned depth) {
   Operation *op = value.getDefiningOp();
   if (!op || depth == 0 || !differentialType(value.getType()))
     return false;
-  // Of a branch, what its regions yield.
+  // For a branch, the values that its regions yield.
   unsigned number = cast<OpResult>(value).getResultNumber();
   for (Region &region : op->getRegions())
     if (!region.empty()) {

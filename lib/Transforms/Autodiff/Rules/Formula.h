@@ -1,4 +1,5 @@
-//===- Formula.h - What formulas of derivatives are made of -----*- C++ -*-===//
+//===- Formula.h - Operands and operations of derivative formulas *- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -72,7 +73,7 @@ public:
   /// The value of an expression in a place where `type` is expected.
   mlir::Value materialize(Expr expr, mlir::Type type);
 
-  /// What `g` is.
+  /// The meaning of `g`.
   mlir::Value seed;
   llvm::ArrayRef<mlir::Value> tangents;
 

@@ -123,7 +123,7 @@ void MatrixFormula::report(Expr isSingular) {
 }
 
 //===----------------------------------------------------------------------===//
-// What a rule returns
+// Results of a rule
 //===----------------------------------------------------------------------===//
 
 SmallVector<Value> MatrixFormula::getAdjoints(Expr ofMatrix) {

@@ -83,7 +83,7 @@ public:
   /// Counts where the policy has pinned something.
   void report(Expr isSingular);
 
-  /// What a rule returns.
+  /// The result of a rule.
   llvm::SmallVector<mlir::Value> getAdjoints(Expr ofMatrix);
   llvm::SmallVector<mlir::Value> getTangents(llvm::ArrayRef<Expr> ofResults);
 

@@ -294,8 +294,8 @@ Value addInAnyOrder(OpBuilder &builder, Location loc, Value sum, Value term) {
 //===----------------------------------------------------------------------===//
 
 namespace {
-/// Finds or makes the f32 form of values of 16 bits. What arithmetic computed
-/// is computed again rather than converted: otherwise a partial derivative
+/// Finds or makes the f32 form of values of 16 bits. Results of arithmetic
+/// are computed again rather than converted: otherwise a partial derivative
 /// would be zero because a product vanished on the way.
 class Widening {
 public:

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What both modes know about one operation: how cotangents of its results
+// The rules of both modes for one operation: how cotangents of its results
 // become cotangents of its operands, and tangents of its operands tangents of
 // its results. The derivative of a builtin is a formula in its TableGen record,
 // from which warp-tblgen writes Derivatives.inc; Formula.h is what those
@@ -23,11 +23,11 @@
 
 namespace warp::autodiff {
 
-/// What a derivative is where a function has none or an infinite one.
+/// The derivative at points where a function has none or an infinite one.
 enum class Singular {
   /// Zero, the smallest subgradient.
   Pinned,
-  /// What IEEE arithmetic makes of the formula: an infinity or NaN.
+  /// The result of IEEE arithmetic for the formula: an infinity or NaN.
   Strict,
   /// Zero, and it is counted where that changes anything.
   Report

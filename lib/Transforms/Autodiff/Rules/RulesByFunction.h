@@ -15,7 +15,7 @@
 
 namespace warp::autodiff {
 
-/// What a rule works on.
+/// The operands and results of a rule.
 struct RuleInput {
   mlir::Operation *op;
   mlir::ValueRange operands, results;

@@ -2,8 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What builds composites and takes them apart is linear in every component, so
-// a tangent goes through the operation itself, and a cotangent the other way.
+// Operations that build and decompose composites are linear in every component,
+// so a tangent goes through the operation itself, and a cotangent the other
+// way.
 //
 //===----------------------------------------------------------------------===//
 

@@ -17,7 +17,7 @@
 //
 // A function that tells values of such a pair apart, or that weighs their
 // vectors by functions of the values, gives the values different cotangents in
-// nearly all bases. What its derivative is beside the diagonal shows in no
+// nearly all bases. Its derivative beside the diagonal shows in no
 // cotangent of this basis, so the policy that reports counts it; but for
 // products that SpectralProducts.cpp writes in another way.
 //
@@ -80,8 +80,8 @@ public:
   }
   /// True if a cotangent of the values tells such a pair apart.
   Expr areToldApart(Expr cotangent);
-  /// What basis of their vectors separates the values along a direction, whose
-  /// symmetric part in the present basis is `p`.
+  /// The basis of their vectors that separates the values along a direction,
+  /// whose symmetric part in the present basis is `p`.
   Expr getBasis(Expr p);
 
 private:

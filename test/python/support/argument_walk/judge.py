@@ -13,8 +13,8 @@ from warp._src import errors
 
 _PACKAGE = os.path.dirname(wp.__file__)
 _HERE = os.path.dirname(__file__)
-# What says enough wherever it is raised: files, memory, missing packages, DLPack's own error, and
-# text that no encoding has.
+# Messages that are clear wherever they are raised: files, memory, missing packages, DLPack's own
+# error, and text that no encoding has.
 _CLEAR = (errors.WarpError, OSError, ImportError, MemoryError, BufferError, UnicodeError)
 # Functions of users, whose errors are theirs; Python names them in its messages.
 CALLBACKS = ("nothing() ", "pair() ", "len() ")
@@ -29,7 +29,7 @@ def _raises(frame, position) -> bool:
 
 
 def problem(error) -> str | None:
-    """What is wrong with an exception as an answer to wrong arguments, None if nothing."""
+    """The defect of an exception as an answer to wrong arguments, None if there is none."""
     if isinstance(error, _CLEAR):
         return None
     last = error.__traceback__

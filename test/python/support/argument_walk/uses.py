@@ -1,4 +1,4 @@
-"""What objects are for, to be done after an attribute of theirs was replaced by a wrong one."""
+"""Uses of objects after an attribute of theirs was replaced by a wrong one."""
 
 import numpy as np
 from support.argument_walk import objects

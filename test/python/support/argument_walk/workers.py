@@ -44,7 +44,7 @@ def _child(output, task, start, folder):
 
 
 def _messages(source):
-    """What a child says, one message at a time; None when it hangs."""
+    """The messages of a child, one at a time; None when it hangs."""
     data = b""
     while True:
         while len(data) < 4 or len(data) < 4 + struct.unpack("<I", data[:4])[0]:
@@ -62,7 +62,7 @@ def _messages(source):
 
 
 def run(task):
-    """What `_run` finds, in a folder of its own that is gone afterwards."""
+    """The result of `_run`, in a folder of its own that is gone afterwards."""
     with tempfile.TemporaryDirectory(prefix="warp-walk-") as folder:
         return _run(task, folder)
 

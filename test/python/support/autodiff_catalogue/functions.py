@@ -50,7 +50,7 @@ def nested_custom(p):
     def outer(x: R):
         return middle(x) + x
 
-    # What is given is not the derivative that forward mode finds.
+    # The given derivative is not the one that forward mode finds.
     p.dot = False
     x = p.random(4)
     (got,) = p.pullback(elementwise(p, outer), 4, [p.array(x)], [p.zeros(4)])

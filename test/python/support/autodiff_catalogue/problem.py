@@ -1,4 +1,4 @@
-"""What a case is given: a precision, a device, arrays, gradients and comparisons.
+"""The environment of a case: a precision, a device, arrays, gradients and comparisons.
 
 A case builds kernels from `real`, `vec3`, ... and asks `pullback` for the gradients of a launch.
 Expected values are computed by the case, in float64 or exactly. Nothing here is specific to one
