@@ -5,7 +5,7 @@
 // A thread finds its indices on the axes of the grid and returns if the launch
 // does not have them.
 //
-// Where that pays, it takes several indices, not one (EmitEntryItems.cpp).
+// Where that pays, it takes several indices, not one (Schedules/).
 //
 //===----------------------------------------------------------------------===//
 

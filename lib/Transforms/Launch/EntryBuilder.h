@@ -2,13 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What warp-emit-entry knows while it builds an entry. EmitEntry.cpp has what
-// both targets share, EmitEntryCpu.cpp the loops over a range of threads,
-// EmitEntryBatches.cpp those of blocks that take turns,
-// EmitEntryGpu.cpp the thread of a GPU, EmitEntryItems.cpp a GPU thread with
-// several indices, EmitEntryJam.cpp one with two in a loop, EmitEntrySplit.cpp
-// several threads with one index, EmitEntryTiles.cpp blocks that exchange
-// elements, AlternateBlocks.cpp the order of blocks.
+// State of warp-emit-entry. EmitEntry.cpp has what both targets share,
+// EmitEntryCpu.cpp the loops over a range of threads, EmitEntryBatches.cpp
+// those of blocks that take turns, EmitEntryGpu.cpp the thread of a GPU, and
+// the files of Schedules/ one schedule each.
 //
 //===----------------------------------------------------------------------===//
 
@@ -91,7 +88,7 @@ private:
   mlir::Value placeInBatch(int64_t offset);
   void describeBatches(const Batches &batches);
 
-  // EmitEntryGpu.cpp and EmitEntryItems.cpp
+  // EmitEntryGpu.cpp and Schedules/
   Values buildGpu();
   Values buildForm();
   Values buildOneItem();
@@ -125,7 +122,7 @@ private:
                    llvm::ArrayRef<mlir::Value> ownPlaces,
                    llvm::ArrayRef<mlir::Value> otherPlaces,
                    mlir::Value memory);
-  // AlternateBlocks.cpp
+  // Schedules/ReverseOrder.cpp
   bool canAlternate();
   mlir::Value blockIndex(Axis axis = Axis::x);
   Values gridIndices(mlir::Value &inside);

@@ -43,7 +43,7 @@
 #include "ExactUpdates.h"
 #include "KernelFunction.h"
 #include "Lanes/LanePlan.h"
-#include "RingLoop.h"
+#include "Schedules/RingLoop.h"
 #include "Schedule.h"
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"

@@ -1,4 +1,4 @@
-//===- StageLoads.cpp - A warp loads for all of its lanes -----------------===//
+//===- StageSharedLoads.cpp - Uniform loads through shared memory ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -26,10 +26,10 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
-#include "GpuBlock.h"
+#include "Launch/GpuBlock.h"
 #include "KernelFunction.h"
 #include "Schedule.h"
-#include "UnrollLoop.h"
+#include "Launch/UnrollLoop.h"
 
 #include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpOps.h"

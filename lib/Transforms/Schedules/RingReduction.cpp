@@ -1,4 +1,4 @@
-//===- RotateLoops.cpp - Sums that travel through a warp ------------------===//
+//===- RingReduction.cpp - Skewed loops: 32 atomics in place of 1,024 -----===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -20,7 +20,7 @@
 // the loop as it was, which comes after.
 //
 // Runs on an entry, on loops that warp-plan-updates has chosen
-// (Updates/RingLoop.cpp).
+// (RingLoop.cpp).
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,4 +1,4 @@
-//===- RotateTiles.cpp - A tile of iterations, rotated over a warp --------===//
+//===- RingReductionTiles.cpp - A tile of iterations, skewed over lanes ---===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -18,7 +18,7 @@
 
 #include "Emit/ArrayLowering.h"
 #include "Updates/Atomics.h"
-#include "GpuBlock.h"
+#include "Launch/GpuBlock.h"
 #include "Rotation.h"
 #include "WarpDialect/Passes.h"
 

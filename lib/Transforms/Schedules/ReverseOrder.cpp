@@ -1,4 +1,4 @@
-//===- AlternateBlocks.cpp - Launches that may begin at either end --------===//
+//===- ReverseOrder.cpp - Alternating block order for L2 reuse ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -18,7 +18,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
-#include "EntryBuilder.h"
+#include "Launch/EntryBuilder.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
 #include "warp/Launch.h"

@@ -1,4 +1,4 @@
-//===- JoinBlocks.cpp - One block for several next to each other ----------===//
+//===- CoarsenBlocks.cpp - Block coarsening of matrix products ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -21,9 +21,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "LowerTiles.h"
+#include "Tiles/LowerTiles.h"
 #include "Schedule.h"
-#include "TileProducts.h"
+#include "Tiles/TileProducts.h"
 
 #include "Analysis/Forms.h"
 #include "WarpDialect/TileOps.h"

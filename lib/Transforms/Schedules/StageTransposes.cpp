@@ -1,4 +1,4 @@
-//===- EmitEntryTiles.cpp - A GPU block turns squares of elements ---------===//
+//===- StageTransposes.cpp - Coalescing of transposed accesses ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -26,7 +26,7 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/ThreadVariance.h"
-#include "EntryBuilder.h"
+#include "Launch/EntryBuilder.h"
 #include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 

@@ -1,4 +1,4 @@
-//===- EmitEntryJam.cpp - Two indices of a GPU thread share a loop --------===//
+//===- UnrollAndJam.cpp - Register tiling of a shared inner loop ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -18,7 +18,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
-#include "EntryBuilder.h"
+#include "Launch/EntryBuilder.h"
 #include "Schedule.h"
 
 #include "mlir/IR/IRMapping.h"

@@ -1,4 +1,4 @@
-//===- RingLoop.cpp - Loops whose sums may travel -------------------------===//
+//===- RingLoop.cpp - Loops that a ring reduction applies to --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -10,7 +10,7 @@
 
 #include "RingLoop.h"
 
-#include "Atomics.h"
+#include "Updates/Atomics.h"
 #include "Launch/LoopSums.h"
 
 #include "mlir/IR/Matchers.h"

@@ -1,4 +1,4 @@
-//===- EmitEntryItems.cpp - Several indices for one GPU thread ------------===//
+//===- CoarsenThreads.cpp - Thread coarsening for memory parallelism ------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -20,7 +20,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/Ranges.h"
-#include "EntryBuilder.h"
+#include "Launch/EntryBuilder.h"
 #include "Schedule.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"

@@ -1,4 +1,4 @@
-//===- EmitEntrySplit.cpp - Warps of a GPU block share a loop -------------===//
+//===- SplitReduction.cpp - Split-K: a reduction over warps of a block ----===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -18,8 +18,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
-#include "EntryBuilder.h"
-#include "LoopSums.h"
+#include "Launch/EntryBuilder.h"
+#include "Launch/LoopSums.h"
 #include "Schedule.h"
 #include "Updates/Atomics.h"
 

@@ -2,15 +2,15 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// RotateLoops.cpp says what this is about, RotateTiles.cpp builds what goes
-// before a loop.
+// RingReduction.cpp explains the schedule, RingReductionTiles.cpp builds what
+// goes before a loop.
 //
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_TRANSFORMS_ROTATION_H
 #define WARP_LIB_TRANSFORMS_ROTATION_H
 
-#include "Updates/RingLoop.h"
+#include "RingLoop.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
