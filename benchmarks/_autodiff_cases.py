@@ -212,7 +212,7 @@ def passes(kernel, dim, inputs, device):
 
 
 def counts(kernel):
-    """What the adjoint of a kernel consists of; empty under NVIDIA Warp."""
+    """The code of a kernel's adjoint; empty under NVIDIA Warp."""
     if not hasattr(getattr(wp, "autograd", None), "adjoint_metrics"):
         return {}
     return dict(wp.autograd.adjoint_metrics(kernel))

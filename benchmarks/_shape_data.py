@@ -1,4 +1,4 @@
-"""What the kernels of shapes.py are registered with, and the arrays they are given.
+"""Types of the kernels of shapes.py, and the arrays they are given.
 
 A case is a function of a `Data` that returns a `Case`. Names of cases are those of the functions.
 Arrays come from a generator of their own per case, so that both packages see the same values.

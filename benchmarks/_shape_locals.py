@@ -82,7 +82,7 @@ def distance_kernel(a: wp.array2d(dtype=int), b: wp.array2d(dtype=int), y: wp.ar
 
 @case
 def edit_distance(data):
-    """Of words of 24 letters, with one row of the table."""
+    """The keys of words of 24 letters, with one row of the table."""
     n = data.size(1 << 10, 1 << 16)
     words = [data.integers((n, 24), 0, 4) for _ in range(2)]
     return Case(distance_kernel, n, words, [data.out(n, int, False)], n * 576, "cell")
@@ -107,7 +107,7 @@ def sort_kernel(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
 
 @case
 def insertion_sort(data):
-    """Of 16 numbers per thread."""
+    """The sums of 16 numbers per thread."""
     n = data.size(1 << 12, 1 << 17)
     inputs = [data.real((n, 16), grad=False)]
     return Case(sort_kernel, n, inputs, [data.out((n, 16), float, False)], n * 16, "number")

@@ -199,8 +199,8 @@ def compile_arguments(device):
 def measure_compile(device, seconds):
     """Milliseconds from Python function to finished first launch, per kernel, and by phase.
 
-    The process is warm: another kernel has been compiled before. Whether the disk cache is
-    empty or full is the caller's choice.
+    The process is warm: another kernel has been compiled before. The caller chooses an
+    empty or a full disk cache.
     """
     four = arrays(device, 1, *[float] * 4)
     wp.launch(define_four_arrays(), 1, four, device=device)

@@ -1,4 +1,4 @@
-"""What a stage costs that has nothing to do.
+"""Costs of a stage that has nothing to do.
 
     python benchmarks/empty.py [--device cuda:0] [--bodies 40000] [--rounds 40]
 
@@ -64,7 +64,7 @@ class Scene:
 
 
 def seconds(step, device):
-    """Of one step, the device included."""
+    """The time of one step, the device included."""
     wp.synchronize_device(device)
     begin = time.perf_counter()
     for _ in range(STEPS):

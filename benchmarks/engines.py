@@ -95,7 +95,7 @@ print("RESULT" + json.dumps([*times, final]))
 
 
 def run(options: argparse.Namespace, engine: str, package: Path | None, cache: str) -> list:
-    """What one process says; raises with its last lines if it fails."""
+    """The report of one process; raises with its last lines if it fails."""
     environment = os.environ | {"WARP_CACHE_PATH": cache, "PYTHONPATH": str(package or "")}
     command = [options.python, "-c", CHILD, engine, options.device, str(options.steps)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

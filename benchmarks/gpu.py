@@ -1,4 +1,4 @@
-"""What a CUDA device does under this package, beside what it can do.
+"""Figures of a CUDA device under this package, beside its limits.
 
     python benchmarks/gpu.py [--device cuda:0] [--seconds 0.5] [--only streams,math] [--json out]
 
@@ -32,7 +32,7 @@ LIMIT = 60.0
 
 
 class Session:
-    """What the sections share: how to run a measurement, and the hand-written limits."""
+    """Parts that the sections share: how to run a measurement, and the hand-written limits."""
 
     def __init__(self, device, seconds):
         self.device, self.seconds = device, seconds
@@ -163,7 +163,7 @@ def transfer_rows(session):
 
 
 def register_rows(session):
-    """What our kernels need, and nvcc's for the same source."""
+    """Registers and instructions of our kernels, and of nvcc's for the same source."""
     rows = []
     for name, result in session.measure("registers").items():
         ours, nvcc = result["ours"], result.get("nvcc", {})

@@ -272,7 +272,7 @@ class Bench:
 
 
 def peer_results(python, arguments) -> dict:
-    """What this script measures there."""
+    """The figures of this script there."""
     command = [python, __file__, "--device", arguments.device, "--size", arguments.size]
     done = subprocess.run([*command, "--json", "-"], capture_output=True, text=True, check=True)
     return json.loads(done.stdout.splitlines()[-1])

@@ -1,4 +1,4 @@
-// What the hardware does without us, for benchmarks/spine.py (through ctypes):
+// Limits of the hardware, for benchmarks/spine.py (through ctypes):
 //
 //   triad        a = b + s * c by pinned threads, with ordinary or streaming
 //                stores: the bandwidth that a kernel over arrays can hope for

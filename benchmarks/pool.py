@@ -85,7 +85,7 @@ def launch_times(kernel, items, seconds):
 
 
 def summary(times):
-    """What is printed of one case under one condition, in microseconds."""
+    """The printed times of one case under one condition, in microseconds."""
     micro = 1e6 * np.array(times)
     return {
         "min": float(micro.min()),

@@ -84,7 +84,7 @@ class Package:
                 known[key] = min(known[key], found[key])
 
     def arrays(self, name):
-        """What the case computed."""
+        """The result of the case."""
         path = self.folder / f"{name}.npz"
         return dict(np.load(path)) if path.exists() else {}
 

@@ -1,4 +1,4 @@
-"""What a program waits for before its first launch has run, part by part.
+"""Start-up time of a program until its first launch has run, part by part.
 
     python benchmarks/startup.py [--device cuda:0] [--repeats 7]
 
@@ -44,7 +44,7 @@ wp.launch(scale, 4, [wp.zeros(4, dtype=float, device={device!r}), 2.0], device={
 wp.synchronize_device({device!r})
 """
 PARTS["first cached launch"] = PROGRAM
-# What each part stands on.
+# The parts that each part requires.
 BASES = {
     "NumPy": "interpreter",
     "driver": "interpreter",

@@ -1,4 +1,4 @@
-"""What a tape costs per launch: time to record, bytes kept, time to go back, checks of regions.
+"""Costs of a tape per launch: time to record, bytes kept, time to go back, checks of regions.
 
     python benchmarks/tape.py [launches]
 

@@ -26,7 +26,7 @@ STIFFNESS, DAMPING, FRICTION, COHESION = 8.0e4, 60.0, 0.6, 0.02
 
 @wp.func
 def contact_force(n: wp.vec3, v: wp.vec3, gap: float):
-    """Of one contact with the normal n, the relative speed v and the gap, negative if pressed."""
+    """The force of a contact with normal n, relative speed v and gap, negative if pressed."""
     normal = wp.dot(n, v)
     pressure = gap * STIFFNESS + wp.min(normal, 0.0) * DAMPING
     slide = v - n * normal

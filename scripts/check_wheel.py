@@ -24,7 +24,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 MOST = 25 * 1024 * 1024
-# What every Linux of the last years has.
+# Libraries that every Linux of the last years has.
 SYSTEM = re.compile(r"^(linux-vdso|ld-linux|lib(c|m|dl|rt|pthread|gcc_s|stdc\+\+))(?=[.-])")
 # The package comes from the environment, not from the tree that the script lies in.
 ORIGIN = """
@@ -82,7 +82,7 @@ class Environment:
 
 
 def foreign_libraries(folder: Path) -> list[str]:
-    """What the package's libraries need that neither it nor the system has."""
+    """The libraries that the package needs and neither it nor the system has."""
     found = set()
     for library in folder.rglob("*.so*"):
         listed = subprocess.run(["ldd", library], capture_output=True, text=True).stdout

@@ -50,7 +50,7 @@ def note_on(notes, status, module, name):
 
 
 def is_there(module, name) -> bool:
-    """Whether the package has a name, and more behind it than a message."""
+    """True if the package has a name, and more behind it than a message."""
     try:
         found = getattr(importlib.import_module("warp" if module == "builtins" else module), name)
     except (ImportError, AttributeError):
@@ -60,7 +60,7 @@ def is_there(module, name) -> bool:
 
 
 def inert(module, name) -> bool:
-    """Whether a setting is only there to be set."""
+    """True if a setting is only there to be set."""
     from warp._src import config
 
     setting = config.SETTINGS.get(name) if module == "warp.config" else None

@@ -150,7 +150,7 @@ def copied_tests(site: Path, folder: Path) -> list[Path]:
 
 
 def run_file(path: Path, site: Path, folder: Path, timeout: float) -> dict:
-    """What the tests of a file gave: `passed`, `failed` with texts, `skipped`."""
+    """The results of the tests of a file: `passed`, `failed` with texts, `skipped`."""
     name = "warp.tests." + path.with_suffix("").as_posix().replace("/", ".")
     output = folder / "result.json"
     output.unlink(missing_ok=True)

@@ -51,7 +51,7 @@ def signals(count):
 
 
 def response():
-    """What is left of each frequency."""
+    """The gain of each frequency."""
     frequency = np.fft.fftfreq(LENGTH, 1.0 / LENGTH)
     return np.exp(-0.5 * (frequency / CUTOFF) ** 2)
 

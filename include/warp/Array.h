@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What a C++ program needs beside `SavedModule` to run a kernel on its own
+// Arrays for a C++ program that runs a kernel of a `SavedModule` on its own
 // data: `view` makes a kernel argument of memory that the program has, `Array`
 // owns memory of a device, `launch` checks the arguments against the kernel's
 // parameters, packs them and runs it.
@@ -124,7 +124,7 @@ inline bool isScalarName(const std::string &text) {
   return !text.empty() && text[0] != '!';
 }
 
-/// What goes wrong with a value of C++ type `T` where the compiler has a type.
+/// The mismatch of a value of C++ type `T` and the compiler's type.
 template <typename T>
 std::string mismatch(const std::string &type, int64_t size) {
   std::string name = scalarName<T>();

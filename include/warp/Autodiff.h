@@ -6,9 +6,10 @@
 // kernel is compiled and launched like any other:
 //
 //   reverse   the adjoint. It gets the arguments of the primal launch; seeds
-//             and results are the gradients that array descriptors name. What
-//             the primal reads is read again; a stored element's gradient is
-//             taken and set to zero, a loaded element's is added to.
+//             and results are the gradients that array descriptors name. The
+//             elements that the primal reads are read again; a stored
+//             element's gradient is taken and set to zero, a loaded
+//             element's is added to.
 //   forward   the primal with tangents: every active array has a twin for each
 //             direction, an argument after the others, that is read and written
 //             like it.
@@ -51,7 +52,7 @@ struct AutodiffOptions {
   /// For each of them the number of the one to use in its place: a launch may
   /// get one array as several arguments. Empty: all differ.
   std::vector<int> same;
-  /// What a derivative is where a function has none: "pinned", "strict" or
+  /// The derivative where a function has none: "pinned", "strict" or
   /// "report". "repeated" is "pinned", and in forward mode threads are counted
   /// that meet repeated singular values or eigenvalues.
   std::string singular = "pinned";
@@ -60,9 +61,9 @@ struct AutodiffOptions {
   /// Bytes that a loop of known length may keep per thread; longer ones run
   /// parts of the forward sweep again.
   int maxLocalTape = 256;
-  /// What loops with more to keep do: "checkpoints" runs parts of the forward
-  /// sweep again in memory of a fixed size; "global" keeps all iterations in
-  /// memory that the runtime allocates for each launch.
+  /// The strategy of loops with more to keep: "checkpoints" runs parts of the
+  /// forward sweep again in memory of a fixed size; "global" keeps all
+  /// iterations in memory that the runtime allocates for each launch.
   std::string tape = "checkpoints";
 };
 
@@ -71,7 +72,7 @@ struct HiddenArgument {
   enum class Kind {
     /// A copy of an array as it was before the launch.
     Preserved,
-    /// What the augmented primal saved, one element for each thread.
+    /// The values that the augmented primal saved, one element for each thread.
     Saved,
     /// Counters of singular points, one for each place, zero at first.
     Counters,
@@ -80,7 +81,7 @@ struct HiddenArgument {
     /// Zeros, one for each element of an array that has winners, or owners.
     Claims,
     /// Per loop in the global tape (its number is the leaf) and thread, the
-    /// trips: zero before the counting launch. Of rank 4, like `Saved`.
+    /// trips: zero before the counting launch. Its rank is 4, as of `Saved`.
     Trips,
     /// The same for where the thread's part of the tape begins.
     Offsets,
@@ -92,7 +93,7 @@ struct HiddenArgument {
   Kind kind = Kind::Preserved;
   /// The array, as numbered by `AutodiffOptions::active`; -1 without.
   int leaf = -1;
-  /// Of a tangent, from 0 to `AutodiffOptions::width` - 1.
+  /// The number of a tangent, from 0 to `AutodiffOptions::width` - 1.
   int direction = 0;
   /// Text of the type.
   std::string type;

@@ -179,7 +179,7 @@ public:
   /// Calls the builtin of that Python name (operators: "add", "lt", ...). The
   /// error for arguments that fit no overload lists the overloads.
   Results builtin(const std::string &name, const Values &args);
-  /// Whether the registry knows a builtin of that Python name.
+  /// True if the registry knows a builtin of that Python name.
   static bool hasBuiltin(const std::string &name);
   /// Builds a composite from components, a smaller composite plus rest, one
   /// scalar for all, or nothing (zero).

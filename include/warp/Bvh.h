@@ -25,7 +25,7 @@ namespace warp {
 /// None: they are not, and what is searched is given by `adopt`.
 enum class BvhConstructor { Sah, Median, None };
 
-/// What is in a hierarchy.
+/// The primitives of a hierarchy.
 struct BvhReport {
   /// Primitives that are NaN, infinite or inverted, and are never found.
   int64_t skipped = 0;

@@ -34,7 +34,7 @@ struct DeviceInfo {
   /// Compute capability as 10 * major + minor; 0 for the CPU.
   int arch = 0;
   int smCount = 0;
-  /// Of a GPU's second level.
+  /// The size of a GPU's second-level cache.
   int64_t cacheBytes = 0;
   int maxSharedMemoryPerBlock = 0;
   bool isUva = false;
@@ -79,14 +79,14 @@ public:
   int device() const { return deviceIndex; }
   void *handle() const { return stream; }
   bool isComplete() const;
-  /// Whether what is queued goes into a graph.
+  /// True if what is queued goes into a graph.
   bool isCapturing() const;
-  /// Whether it keeps its order with work on the legacy default stream.
+  /// True if it keeps its order with work on the legacy default stream.
   bool isBlocking() const;
   /// Negative numbers come first.
   int priority() const;
   void synchronize() const;
-  /// What the runtime keeps about the stream.
+  /// The runtime's record of the stream.
   StreamUse *use() const { return known; }
 
 private:
@@ -96,7 +96,7 @@ private:
   bool owned = false;
 };
 
-/// What another process needs to open an event or an allocation.
+/// The bytes with which another process opens an event or an allocation.
 using IpcHandle = std::array<char, 64>;
 
 class WARP_API Event {

@@ -58,7 +58,7 @@ struct SummedArray {
   int64_t strideScale = 1;
 };
 
-/// What an entry finds after its arguments for each array that it sums into.
+/// The record after the arguments for each array that an entry sums into.
 struct SumDescriptor {
   /// `countDigits` + 1 words for each number, those of one weight together.
   int64_t *digits = nullptr;

@@ -28,7 +28,7 @@ struct FirstCode {
 /// optimised, on GPUs it calls the machine code of the device library.
 WARP_API CompileOptions quickOptions(CompileOptions wanted);
 
-/// Whether code quickly compiled for a CPU does for a launch of so many
+/// True if code quickly compiled for a CPU does for a launch of so many
 /// threads: it computes the same bits, and the launch has little work, or the
 /// code is so long that compiling it well takes longer than most of its
 /// launches, whatever its loops may cost. Where threads share the launch, they

@@ -2,9 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What a thread of a stencil reads around it, the same thread of the adjoint
-// adds to: the sums of an element come from many threads. `gatherSums` turns
-// that round where it can, with two launches in place of one.
+// A thread of a stencil reads its neighbourhood, so the same thread of the
+// adjoint adds to it: the sums of an element come from many threads.
+// `gatherSums` makes gathers of these scatters where it can, with two launches
+// in place of one.
 //
 //===----------------------------------------------------------------------===//
 
@@ -29,7 +30,7 @@ struct GatheredAdjoint {
   Module sums;
   /// By how much the extents of its launch are larger.
   std::vector<int> halo;
-  /// What else the adjoint does, if anything; it has its parameters.
+  /// The rest of the adjoint, if any; it has its parameters.
   std::optional<Module> rest;
   /// Additions in `rest` that are atomic.
   int64_t atomics = 0;

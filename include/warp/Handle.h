@@ -57,7 +57,7 @@ private:
   std::unique_ptr<geometry::Slot> slot;
 };
 
-/// What is wrong with the handle of an object that should be alive on a
+/// The defect of the handle of an object that should be alive on a
 /// device, such as "the id of a freed Mesh"; empty if nothing is. A Mesh is
 /// a Bvh, too.
 WARP_API std::string describeHandle(uint64_t id, GeometryKind kind, int device);
@@ -65,7 +65,7 @@ WARP_API std::string describeHandle(uint64_t id, GeometryKind kind, int device);
 /// Writes word `index`, from 1 to 31, of what a live handle leads to.
 WARP_API void writeHandleWord(uint64_t id, unsigned index, uint64_t value);
 
-/// Of which kind the object of a handle is; empty if none is alive on the
+/// The kind of the object of a handle; empty if none is alive on the
 /// device.
 WARP_API std::optional<GeometryKind> findHandle(uint64_t id, int device);
 

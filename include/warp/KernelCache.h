@@ -2,13 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A folder of files, one per compiled variant, named by the fingerprint, and one
-// per translation of a kernel ("warp/Translation.h").
-// Any number of processes may use one folder: an entry is written under a
-// temporary name and renamed, so a reader sees all of it or nothing, whatever
-// happens to the writer. What does not check out (length, key, checksum,
-// format) is removed and compiled again. A folder that cannot be written
-// costs one notice, never an error.
+// A folder of files, one per compiled variant, named by the fingerprint, and
+// one per translation of a kernel ("warp/Translation.h"). Any number of
+// processes may use one folder: an entry is written under a temporary name and
+// renamed, so a reader sees all of it or nothing, whatever happens to the
+// writer. An entry that fails a check (length, key, checksum, format) is
+// removed and compiled again. A folder that cannot be written costs one notice,
+// never an error.
 //
 //===----------------------------------------------------------------------===//
 
@@ -40,7 +40,7 @@ public:
 
   /// Bytes of a file in the folder, whatever they are.
   std::optional<std::string> read(const std::string &name);
-  /// Writes a file: all of it or nothing. What fails costs a notice.
+  /// Writes a file: all of it or nothing. A failure costs a notice.
   void write(const std::string &name, const std::string &bytes);
   void remove(const std::string &name);
 

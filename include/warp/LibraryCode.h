@@ -17,7 +17,7 @@
 
 namespace warp {
 
-/// Whether there is machine code of the device library's long functions.
+/// True if there is machine code of the device library's long functions.
 /// target: "sm_90a", as the kernel's code has it.
 WARP_API bool hasAssembledLibrary(const std::string &target);
 /// That code, relocatable objects to link quickly compiled kernels with

@@ -47,7 +47,7 @@ public:
   /// Forgets everything.
   void clear();
 
-  /// What was not freed yet, in the order of allocation.
+  /// The live allocations, in the order of allocation.
   std::vector<Allocation> live() const;
   /// By device; -2 is pinned host memory.
   std::map<int, Totals> totals() const;

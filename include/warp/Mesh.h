@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The arrays stay the caller's and must live as long as the mesh: kernels read
-// positions and velocities from them. What a search touches is a copy, taken
+// positions and velocities from them. A search reads a copy, taken
 // when the mesh is made and refitted.
 //
 //===----------------------------------------------------------------------===//
@@ -16,7 +16,7 @@
 namespace warp {
 
 struct MeshArrays {
-  /// Of three floats each; velocities may be empty.
+  /// Arrays of three floats each; velocities may be empty.
   ArrayDescriptor points, velocities;
   /// Three corners of each face, counter-clockwise seen from outside.
   ArrayDescriptor indices;

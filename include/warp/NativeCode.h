@@ -20,23 +20,23 @@
 
 namespace warp {
 
-/// What names of such functions start with. Cached code is found by the name,
+/// The prefix of the names of such functions. Cached code is found by the name,
 /// so the rest of it tells the function's code.
 inline constexpr char nativeCodePrefix[] = "warp_native_";
-/// Those that read and write memory, or that threads do together: they stay
+/// Functions that read and write memory, or that threads do together: they stay
 /// where they stand.
 inline constexpr char nativeMemoryPrefix[] = "warp_native_memory_";
 /// Functions with atomics, which may tell which thread came first.
 inline constexpr char nativeTurnPrefix[] = "warp_native_memory_turn_";
 
 struct NativeCode {
-  /// Of the function, for messages.
+  /// The name of the function, for messages.
   std::string name;
   /// Defines `extern "C" void SYMBOL(..., Results *)`; `__CUDACC_RTC__` tells
   /// that it is for a GPU.
   std::string text;
-  /// What a message about it says: a place in the user's program and its line,
-  /// with '%' where the problem comes; empty for the problem alone.
+  /// The text of a message about it: a place in the user's program and its
+  /// line, with '%' where the problem comes; empty for the problem alone.
   std::string place;
   /// Where headers are, for CPUs and for GPUs.
   std::vector<std::string> cpuFolders = {}, gpuFolders = {};

@@ -18,7 +18,7 @@
 
 namespace warp {
 
-/// Whether the hardware lets `peer` reach the memory of `device`.
+/// True if the hardware lets `peer` reach the memory of `device`.
 WARP_API bool canPeersLink(int device, int peer);
 /// Access of `peer` to memory of `device` that comes from no pool.
 WARP_API bool isPeerAccessEnabled(int device, int peer);
@@ -27,10 +27,10 @@ WARP_API void setPeerAccessEnabled(int device, int peer, bool enable);
 WARP_API bool isPoolAccessEnabled(int device, int peer);
 WARP_API void setPoolAccessEnabled(int device, int peer, bool enable);
 
-/// Whether memory that belongs to `owner` can be used by kernels on `device`.
+/// True if memory that belongs to `owner` can be used by kernels on `device`.
 WARP_API bool canAccess(int device, int owner, const void *memory);
 
-/// Whether new memory comes from the device's pool.
+/// True if new memory comes from the device's pool.
 WARP_API bool isPoolEnabled(int device);
 WARP_API void setPoolEnabled(int device, bool enable);
 /// Bytes that the pool keeps when they are freed.

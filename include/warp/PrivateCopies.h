@@ -34,7 +34,7 @@ struct CopiedArray {
   int64_t floating = 1;
 };
 
-/// What the compiler says about copies for a kernel.
+/// The compiler's facts about copies for a kernel.
 struct CopiedArrays {
   /// None if copies would not do.
   std::vector<CopiedArray> list;

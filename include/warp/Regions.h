@@ -1,4 +1,4 @@
-//===- Regions.h - What part of an array a launch touches -------*- C++ -*-===//
+//===- Regions.h - Access regions of an array in a launch -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -52,7 +52,7 @@ struct WARP_API MemoryBlock {
   int64_t bytes() const;
 };
 
-/// Whether two blocks share a byte; may say so of strides that do not nest.
+/// True if two blocks share a byte; may say so of strides that do not nest.
 WARP_API bool overlap(const MemoryBlock &a, const MemoryBlock &b);
 /// The elements of `a` that share a byte with `b`, or more of `a` where strides
 /// do not nest; false if there are none.
@@ -68,7 +68,7 @@ struct WARP_API Region {
   bool overlaps(const Region &other) const;
   /// The elements of this region that share bytes with another one.
   Region shared(const Region &other) const;
-  /// Whether it is known that every element is one of the other region.
+  /// True if it is known that every element is one of the other region.
   bool isWithin(const Region &other) const;
   int64_t bytes() const;
   size_t hash() const;
@@ -77,14 +77,14 @@ struct WARP_API Region {
 /// The whole of an array.
 WARP_API MemoryBlock blockOf(const ArrayDescriptor &array, int64_t itemSize);
 
-/// What a kernel may touch.
+/// The access regions of a kernel.
 struct RegionFormula {
   enum class Op : uint8_t {
     Constant,    // a
     Extent,      // of the launch, dimension a
     Argument,    // integer of `bits` at byte a of the parameter block
     ArrayExtent, // of the descriptor at byte a, dimension b
-    // Of the nodes a and b; they wrap like integers of `bits`.
+    // Operations on the nodes a and b; they wrap like integers of `bits`.
     Add,
     Sub,
     Mul,
@@ -126,7 +126,7 @@ struct RegionFormula {
     /// Number among the arrays in the arguments.
     int32_t array = 0;
     bool reads = false, writes = false;
-    /// Of the first dimensions; the rest is touched as a whole.
+    /// The bounds of the first dimensions; the rest is accessed as a whole.
     std::vector<Index> indices;
   };
 
@@ -136,13 +136,13 @@ struct RegionFormula {
   std::vector<bool> unknown;
 };
 
-/// What a module's kernel touches of its arrays.
+/// The access regions of a module's kernel.
 WARP_API RegionFormula regionFormula(const Module &module);
 /// The same as text, a line per access: "write x[(k + 1), 0 + 1 * extent(0)]",
 /// where `factor * count` is factor times 0, 1, ... below count.
 WARP_API std::string regionText(const Module &module);
 
-/// What a launch does with one array.
+/// The accesses of a launch to one array.
 struct ArrayRegions {
   Region read, written;
 };

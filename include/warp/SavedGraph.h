@@ -57,7 +57,7 @@ struct NamedMemory {
 struct GraphFiles {
   /// The graph's own file.
   std::string graph;
-  /// What belongs into the folder beside it, by name; empty without launches.
+  /// The files in the folder beside it, by name; empty without launches.
   std::map<std::string, std::string> modules;
 };
 

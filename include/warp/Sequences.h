@@ -2,10 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What libraries need besides kernels: prefix sums, stable sorts of pairs, and
-// lengths of runs. On the CPU the work is spread over the thread pool and done
-// on return; on CUDA it is queued. Both can be captured in a graph, and results
-// do not depend on the number of threads.
+// Primitives that libraries need besides kernels: prefix sums, stable sorts of
+// pairs, and lengths of runs. On the CPU the work is spread over the thread
+// pool and done on return; on CUDA it is queued. Both can be captured in a
+// graph, and results do not depend on the number of threads.
 //
 // Order of keys: numbers ascending, -0 equal to +0, every NaN after +infinity.
 // Pairs with equal keys keep their order.
@@ -53,8 +53,8 @@ struct Pairs {
   int64_t count;
 };
 
-/// Sorts by the bits [beginBit, endBit) of the keys. What is looked at is the
-/// key as an unsigned number of the same order.
+/// Sorts by the bits [beginBit, endBit) of the keys. Keys are compared as
+/// unsigned numbers of the same order.
 WARP_API void sortPairs(int device, const Pairs &pairs, int beginBit,
                         int endBit, const Stream *stream = nullptr);
 

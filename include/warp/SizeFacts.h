@@ -1,4 +1,4 @@
-//===- SizeFacts.h - What code depends on of a launch's size ----*- C++ -*-===//
+//===- SizeFacts.h - Facts about a launch's size ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

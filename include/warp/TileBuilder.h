@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What a `Builder` does for kernels with tiles, in a header of its own.
+// The part of `Builder` for kernels with tiles, in a header of its own.
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,4 +1,4 @@
-//===- Translation.h - What a function was translated to --------*- C++ -*-===//
+//===- Translation.h - Translation of a function ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -41,7 +41,7 @@ struct Translation {
   std::vector<Access> accesses;
   /// Dimensions of the thread index that the kernel reads.
   int rank = 1;
-  /// What the front end wants to know again.
+  /// The facts that the front end looks up again.
   std::string notes;
   /// The module, with locations.
   std::string text;

@@ -44,7 +44,7 @@ inline int64_t TreeShape::nodes() const {
   return sum;
 }
 
-/// What a build finds among primitives, which the host knows before it ends.
+/// The results of a build, which the host knows before it ends.
 class TreeFindings {
 public:
   WARP_API explicit TreeFindings(int device);
@@ -68,7 +68,7 @@ struct TreeBuild {
   const void *second;
   int32_t count;
   bool ofTriangles;
-  /// Whether neighbours are those along a Hilbert curve: quicker to build and
+  /// True if neighbours are those along a Hilbert curve: quicker to build and
   /// slower to search.
   bool alongCurve;
   void *nodes, *blocks;

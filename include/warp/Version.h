@@ -1,4 +1,4 @@
-//===- Version.h - What build this is ---------------------------*- C++ -*-===//
+//===- Version.h - Version of this build ------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -109,7 +109,7 @@ enum RebuildStatus : uint32_t {
   VoxelCapacityExceeded = 8,
 };
 
-/// What a grid is made of: an array of three int32 (voxels) or three floats
+/// The source of a grid: an array of three int32 (voxels) or three floats
 /// (points of the world). Points that are NaN, infinite, or have a zero in an
 /// array of int32, which may be empty, are left out.
 struct GridPoints {
@@ -117,7 +117,7 @@ struct GridPoints {
   bool areVoxels = true;
   ArrayDescriptor mask;
   int device = -1;
-  /// What errors call them.
+  /// The name in error messages.
   std::string name = "points";
 };
 
@@ -153,7 +153,7 @@ WARP_API GridBytes makeDense(const GridRecipe &recipe,
 WARP_API std::vector<int32_t> tilesOfBox(const int64_t (&low)[3],
                                          const int64_t (&high)[3]);
 
-/// What a grid says about itself.
+/// The header of a grid.
 struct GridInfo {
   std::string name;
   VoxelType type = VoxelType::Float;

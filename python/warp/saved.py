@@ -1,4 +1,4 @@
-"""What is in saved code, for tools that read objects, PTX and cubins.
+"""The contents of saved code, for tools that read objects, PTX and cubins.
 
     python -m warp.saved FILE... [--extract FOLDER]
 

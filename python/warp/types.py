@@ -10,7 +10,7 @@ from warp._src.types.structs import StructInstance as StructInstance
 
 
 def is_struct(x) -> bool:
-    """Whether `x` is an instance of a struct."""
+    """True if `x` is an instance of a struct."""
     return isinstance(x, StructInstance)
 
 

@@ -1,4 +1,4 @@
-//===- EmitMain.cpp - What the library emits, as text ---------------------===//
+//===- EmitMain.cpp - Text output of the library's emitters ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- EmitMain.h - What the library emits, as text -------------*- C++ -*-===//
+//===- EmitMain.h - Text output of the library's emitters -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

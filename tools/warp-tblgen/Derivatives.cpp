@@ -156,7 +156,7 @@ static void emitTangent(const Builtin &builtin, const Rule &rule, size_t i,
   os << "}\n\n";
 }
 
-/// Whether the derivative is infinite or undefined somewhere. Only such a
+/// True if the derivative is infinite or undefined somewhere. Only such a
 /// builtin makes infinities of finite numbers, apart from overflowing products.
 static bool isSingular(const Rule &rule, size_t overload) {
   return any_of(rule.adjoints[overload],
@@ -166,7 +166,7 @@ static bool isSingular(const Rule &rule, size_t overload) {
                 });
 }
 
-/// Whether an adjoint or a tangent uses the result, in itself or in what it is
+/// True if an adjoint or a tangent uses the result, in itself or in what it is
 /// defined by.
 static bool usesResult(const Rule &rule, size_t overload) {
   auto uses = [&](const std::optional<Formula> &formula) {

@@ -34,14 +34,14 @@ struct FormulaNode {
 struct Formula {
   FormulaNode value;
   std::optional<FormulaNode> unless, requirement;
-  /// What is said where the requirement does not hold.
+  /// The message where the requirement does not hold.
   llvm::StringRef message;
 
   bool uses(llvm::StringRef name) const;
   /// The condition asks about the cotangent alone: no point is singular, but
   /// the value might be zero times an infinity.
   bool isGuarded() const;
-  /// Of a guarded product of the cotangent and an operand, that operand.
+  /// For a guarded product of the cotangent and an operand, that operand.
   llvm::StringRef getFactor() const;
 };
 

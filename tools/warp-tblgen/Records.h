@@ -26,7 +26,7 @@ struct Builtin {
   std::vector<Signature> signatures;
   /// Name of the operation and of its C++ class; empty for a special name.
   std::string opName, className;
-  /// Of the derivative, its kind and how the documentation calls it.
+  /// The kind of the derivative and its name in the documentation.
   llvm::StringRef derivativeKind = "None", derivative;
   std::vector<llvm::StringRef> domain, smoothDomain;
 

@@ -1,4 +1,4 @@
-"""What the records of a sweep say: curves, orders, the time to reach an error, what got worse."""
+"""Results of a sweep's records: curves, orders, the time to reach an error, regressions."""
 
 import itertools
 import math
@@ -11,7 +11,7 @@ GOALS = (1e-2, 1e-3, 1e-6)
 
 
 def curve_key(record, axis):
-    """What is the same along a curve: device, dtype and the parameters besides the sweep's."""
+    """The constants of a curve: device, dtype and the parameters besides the sweep's."""
     rest = {name: value for name, value in record["parameters"].items() if name != axis}
     return (record["device"], record["dtype"], tuple(rest.items()))
 
@@ -101,7 +101,7 @@ def table_of_times(records, axis, name):
 
 
 def point_key(record):
-    """What makes two records of different runs the same point."""
+    """The key by which two records of different runs are the same point."""
     parameters = tuple(sorted(record["parameters"].items()))
     return (record["scene"], record["device"], record["dtype"], parameters)
 

@@ -1,4 +1,4 @@
-"""What the command lines of the reports share: their options, and scenes by name."""
+"""Shared parts of the command lines of the reports: their options, and scenes by name."""
 
 import argparse
 from pathlib import Path

@@ -11,14 +11,14 @@ import warp as wp
 from warp.report._reference import MARGIN, relative_error
 from warp.report._scene import Case, Error, Program, Series
 
-#: What the error quantiles of repeated runs may differ by before a difference means something.
+#: The error quantiles of repeated runs may differ by this before a difference means something.
 NOISE = 0.05
 #: Points of a series that a record keeps.
 KEPT = 400
 
 
 def quantities_of(scene, case):
-    """What a scene gives for a case, untimed; for references."""
+    """The untimed results of a scene for a case; for references."""
     program = _build(scene, case)
     if program.reset:
         program.reset()

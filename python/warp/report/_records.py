@@ -18,7 +18,7 @@ SCHEMA = 1
 
 
 def provenance(devices):
-    """What a run's figures depend on besides the scene."""
+    """The circumstances of a run's figures besides the scene."""
     names = {}
     for device in devices:
         if wp.is_device_available(device):

@@ -1,4 +1,4 @@
-"""What a scene is: a program with parameters to sweep, quantities and a reference."""
+"""Scenes: a program with parameters to sweep, quantities and a reference."""
 
 import contextlib
 import itertools
@@ -109,7 +109,7 @@ class Error:
 
 @dataclass
 class Program:
-    """What a scene's function returns: the parts of one run.
+    """The result of a scene's function: the parts of one run.
 
     Args:
         run: does the work that is timed; launches need not be waited for.

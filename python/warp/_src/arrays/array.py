@@ -71,7 +71,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         ValueError: shapes do not fit together.
     """
 
-    # What the array was made with, to be read: storing another one changes nothing.
+    # The arguments the array was made with, to be read: storing another one changes nothing.
     deleter = None
 
     def __new__(cls, data=None, dtype=typing.Any, shape=None, *args, ptr=None, length=None, **kw):
@@ -174,7 +174,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
     def numpy(self):
         """The elements as a NumPy array; shares memory with a `cpu` array, else a copy.
 
-        Those of bfloat16 are of the type that the package ml_dtypes has, or bits without it.
+        Arrays of bfloat16 are of the type that the package ml_dtypes has, or bits without it.
         Waits for work on CUDA streams that may still write them.
 
         Raises:
@@ -230,7 +230,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
         return [self.dtype.from_buffer_copy(data[start : start + step]) for start in starts]
 
     def ipc_handle(self) -> bytes:
-        """What another process needs to use the memory, see `wp.from_ipc_handle`.
+        """The bytes with which another process uses the memory, see `wp.from_ipc_handle`.
 
         Raises:
             RuntimeError: the memory comes from a pool, or is not on a CUDA device.
@@ -239,7 +239,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
 
     @property
     def memory_kind(self):
-        """What kind of memory backs the array."""
+        """The kind of memory that backs the array."""
         return memory.memory_kind(self)
 
     @checked()
@@ -253,7 +253,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
     def assign(self, src) -> None:
         """Copies from an array, an indexed one, a NumPy array or lists of the same shape.
 
-        Of two packed arrays, elements go to as many first elements of this one.
+        For two packed arrays, elements go to as many first elements of this one.
 
         Raises:
             ValueError: the shapes differ, or there are too many elements.

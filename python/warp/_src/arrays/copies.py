@@ -61,7 +61,7 @@ def clone(src, device=None, requires_grad=None, pinned=None, retain_grad=False):
 def assign(dest, src, whole=True) -> None:
     """Copies to an array, indexed or not, from one of the same shape or what can be made one.
 
-    Of two packed arrays it is enough that they have as many elements, or, unless `whole`, that
+    For two packed arrays it is enough that they have as many elements, or, unless `whole`, that
     `dest` has as many; what is left of it stays.
 
     Raises:

@@ -26,7 +26,7 @@ from warp._src.types.native import IndexedArrayType
 class FabricArrayType(IndexedArrayType):
     """Type of an array in buckets: `dtype` and `ndim`, which is 2 where elements are arrays."""
 
-    # What programs write, for messages.
+    # The names that programs write, for messages.
     shown = "fabricarray"
 
     def __repr__(self):
@@ -101,7 +101,7 @@ class fabricarray(indexedarray):
         if described.ndim == 2:
             self._of_rows(described.dtype, indexedarray(*described.lengths()))
 
-    # Of arrays, the type of their elements and how many there are of each.
+    # For arrays, the type of their elements and how many there are of each.
     _row_dtype = None
     _lengths = None
 

@@ -17,7 +17,7 @@ _QUATERNIONS = ("quat", "quaternion")
 
 
 class Described:
-    """What a dictionary says of an attribute.
+    """The description of an attribute in a dictionary.
 
     Attributes:
         dtype, ndim: type of the numbers, and 2 if elements are arrays of them.

@@ -40,11 +40,12 @@ class ArrayGradients:
     __slots__ = ()
     _grad = None
     _grad_source = None
-    # Whether components of 16 bits are to have a gradient of 32 when it is made.
+    # True if components of 16 bits are to have a gradient of 32 when it is made.
     _wide_grad = False
     _requires_grad = False
     _retain_grad = False
-    # What takes the gradient away at the end of another library's backward pass, if anything.
+    # The function that takes the gradient away at the end of another library's backward pass, if
+    # any.
     passing = None
     # True if the memory is another library's to keep: derivatives use up gradients, and so it is
     # copied once the array becomes one.
@@ -52,7 +53,7 @@ class ArrayGradients:
 
     @property
     def requires_grad(self) -> bool:
-        """Whether derivatives are wanted; `grad` is allocated when it is first used."""
+        """True if derivatives are wanted; `grad` is allocated when it is first used."""
         return self._requires_grad
 
     @requires_grad.setter
@@ -65,7 +66,7 @@ class ArrayGradients:
 
     @property
     def retain_grad(self) -> bool:
-        """Whether `backward` leaves the gradient by the last contents in `grad`.
+        """True if `backward` leaves the gradient by the last contents in `grad`.
 
         Raises:
             ValueError: it is set for an array without gradient.
@@ -106,7 +107,7 @@ class ArrayGradients:
     def grad_in_use(self):
         """The gradient, or None if there is none or nothing can be in it but zeros.
 
-        What a graph captures runs again when there may be something in it.
+        A captured conversion runs again when there may be something in it.
         """
         if self._grad is None and self._requires_grad:
             base, _ = self._grad_source or (None, None)
@@ -149,7 +150,7 @@ def gradient_type(dtype):
 
 @functools.cache
 def has_gradient(dtype) -> bool:
-    """Whether elements of this type have components with derivatives."""
+    """True if elements of this type have components with derivatives."""
     if dtypes.is_struct(dtype):
         return any(
             not isinstance(field, ArrayType) and has_gradient(field)
@@ -159,7 +160,7 @@ def has_gradient(dtype) -> bool:
 
 
 def wants_wide_gradient(dtype, wanted) -> bool:
-    """Whether the option `grad_dtype` asks for a wider type than that of the elements.
+    """True if the option `grad_dtype` asks for a wider type than that of the elements.
 
     Raises:
         TypeError: gradients cannot have elements of that type.

@@ -1,4 +1,4 @@
-"""What arrays can do that is written with kernels, or with indexed arrays, and so above them.
+"""Functions of arrays that are written with kernels, or with indexed arrays, and so above them.
 
 `arrays.array`, `arrays.indexed` and `kernels.maps` put them here. Both are part of `import warp`.
 """

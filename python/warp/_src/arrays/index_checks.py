@@ -20,7 +20,7 @@ def check_indices_lie_in(data, indices) -> None:
     if data.device_index != devices.CPU or _native.is_capturing(devices.CPU):
         return
     for axis, given in enumerate(indices[: data.ndim]):
-        # What a GPU may still write in pinned memory is not looked at.
+        # Pinned memory that a GPU may still write is not looked at.
         if given is None or not given.size or given.pinned:
             continue
         found, extent = given._host_view(), data.shape[axis]

@@ -68,7 +68,7 @@ def record_class(dtype, ndim):
     name = repr(annotation)
     about = {"__module__": __name__, "__qualname__": name, "__doc__": "An indexed array."}
     made = make_struct(name, fields, IndexedRecord, about)
-    # What programs see as the type of a field.
+    # The type of a field, as programs see it.
     made._wp_annotation_ = annotation
     return made
 
@@ -201,12 +201,12 @@ class indexedarray(ArrayArithmetic):
 
     @property
     def pinned(self) -> bool:
-        """Whether the memory is pinned, for copies to and from CUDA devices."""
+        """True if the memory is pinned, for copies to and from CUDA devices."""
         return self._data.pinned
 
     @property
     def requires_grad(self) -> bool:
-        """Whether derivatives are wanted; they are those of `data`."""
+        """True if derivatives are wanted; they are those of `data`."""
         return self._data.requires_grad
 
     @requires_grad.setter
@@ -251,7 +251,7 @@ class indexedarray(ArrayArithmetic):
         return self._record[1]
 
     def _stand_in(self, axis) -> array:
-        """What kernels read, and do not use, as indices of a dimension that has none."""
+        """The unused indices of a dimension that has none."""
         return self._readable._view(0, (self._data.shape[axis],), (0,))
 
     def _check_writable(self, what=None) -> None:
@@ -335,7 +335,7 @@ def _one_element(dtype, neighbour, pattern) -> array:
 
 
 def select(source, key) -> indexedarray:
-    """What `source[key]` is if there are arrays in the key."""
+    """The value of `source[key]` if there are arrays in the key."""
     keys = source._keys(key)
     data = source[tuple([slice(None) if isinstance(one, array) else one for one in keys])]
     # Dimensions with one index are gone.

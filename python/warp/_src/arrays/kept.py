@@ -13,7 +13,7 @@ from warp._src.arrays.layout import bytes_spanned
 from warp._src.devices import allocators
 from warp._src.types.scalars import uint8
 
-# Whether elements are what the runtime copies, so that it may make the copies that are kept.
+# True if elements are what the runtime copies, so that it may make the copies that are kept.
 natively = True
 
 
@@ -58,7 +58,7 @@ class Budget:
         self.costs.clear()
 
     def report(self) -> str:
-        """What has cost most."""
+        """The regions that have cost most."""
         dearest = sorted(self.costs.items(), key=lambda item: -item[1][0])[:3]
         named = ", ".join(f"the {by} ({size} bytes in {count})" for by, (size, count) in dearest)
         return f"copies may have {self.max_bytes} bytes and {self.refused} more were needed; " + (
@@ -67,7 +67,7 @@ class Budget:
 
 
 class Piece(_native.Finalized):
-    """What a region held.
+    """The contents of a region.
 
     Attributes:
         region: where it was.
@@ -127,7 +127,7 @@ class Images:
         copy: copies elements.
     """
 
-    # Of so many regions the image is taken further back when an older version is asked for.
+    # The image of so many regions is taken further back when an older version is asked for.
     MOST = 4
 
     def __init__(self, copy):

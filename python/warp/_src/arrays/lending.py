@@ -1,4 +1,4 @@
-"""What other libraries write to arrays on the CPU while a tape records.
+"""Writes of other libraries to arrays on the CPU while a tape records.
 
 A tape does not see it. Memory that it knows and that others get to see is looked at again before
 the next operation of ours, which tells whether they wrote there, and between which records.
@@ -12,7 +12,7 @@ import zlib
 from warp._src.arrays.versions import Event, event
 
 lent: list = []
-"""What others have seen since our last operation."""
+"""The memory that others have seen since our last operation."""
 
 
 class Loan(typing.NamedTuple):

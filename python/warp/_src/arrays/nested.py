@@ -11,7 +11,7 @@ from warp._src.types.composites import Composite, scalars_of
 from warp._src.types.numpy_types import element_layout
 from warp._src.types.scalars import scalar_base
 
-# Those of an array and of its elements.
+# The numbers of an array and of its elements.
 _MOST_DIMENSIONS = 6
 # Deeper lists contain themselves.
 _DEEPEST = 32

@@ -59,7 +59,7 @@ class Observers:
     # Weak references to those that have records, by their ids.
     _owners: typing.ClassVar[dict] = {}
     _listeners: typing.ClassVar[list] = []
-    # What all listeners were told.
+    # The calls that all listeners were told of.
     _told = False
 
     @classmethod

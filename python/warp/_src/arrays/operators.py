@@ -11,7 +11,7 @@ from warp._src.types import dtypes, scalars
 from warp._src.types.composites import Composite, canonical_class
 from warp._src.types.numpy_types import dtype_from_numpy
 
-# What arrays of other libraries have.
+# Attributes of arrays of other libraries.
 _FOREIGN = ("__array_interface__", "__cuda_array_interface__", "__array__", "__dlpack__")
 
 

@@ -4,7 +4,7 @@ A recorded launch asks for the current version of the region it touches of each 
 writes to memory says so beforehand, and thereby ends the versions of all regions that share bytes
 with it, or has the shared part kept (`kept`). A version that has ended knows who did it.
 
-What was kept of a region is a chain: a version has the pieces that were overwritten before the
+The versions of a region form a chain: a version has the pieces that were overwritten before the
 next version of the same region was asked for, and that one the rest, until all is kept or memory
 itself has it. So each byte that is overwritten is copied once, however many versions it was in.
 
@@ -51,7 +51,7 @@ def event_of(place) -> Event:
 
 
 class Version(_native.Version):
-    """What a region of memory held between two writes.
+    """The contents of a region of memory between two writes.
 
     Attributes:
         array: has the memory.
@@ -67,7 +67,7 @@ class Version(_native.Version):
 
     @property
     def ended(self) -> Event | None:
-        """What overwrote something that was not kept, or None."""
+        """The write that overwrote an unkept part, or None."""
         found = self._ended
         if type(found) is _native.Place:
             found = self._ended = event_of(found)
@@ -90,7 +90,7 @@ class Version(_native.Version):
             known: pieces that the same write has made.
 
         Returns:
-            Whether later writes are of no concern.
+            True if later writes are of no concern.
         """
         if self.complete or self.ended is not None:
             return True
@@ -110,7 +110,7 @@ class Version(_native.Version):
         """Called when others get to see the memory."""
         if self.lent is not None or self.complete:
             return
-        # What was overwritten in part is to have no new readers.
+        # A version that was overwritten in part is to have no new readers.
         checksum = None if self.pieces else self._checksum()
         self.lent = event("writer of what was lent to NumPy"), checksum
         self._keep(self.region, self.lent[0], [])
@@ -148,7 +148,7 @@ class Version(_native.Version):
 
     @property
     def changed(self) -> bool:
-        """Whether the memory may hold something else now."""
+        """True if the memory may hold something else now."""
         if self.lent is not None:
             return self.lent[1] != self._checksum()
         return bool(self.pieces) or self.ended is not None

@@ -90,7 +90,7 @@ class ArrayViews:
             target.fill_(value)
 
     def _part(self, key):
-        """What a key names, also an element, as an array."""
+        """The element or elements of a key, as an array."""
         offset, shape, strides = self._select(key)
         part = self._view(offset, shape or (1,), strides or (self.item_size,))
 
@@ -188,7 +188,7 @@ class ArrayViews:
 
     @property
     def is_transposed(self) -> bool:
-        """Whether the transposed view is contiguous and this one is not."""
+        """True if the transposed view is contiguous and this one is not."""
         return not self.is_contiguous and self.transpose().is_contiguous
 
     def view(self, dtype):
@@ -253,7 +253,7 @@ class ArrayViews:
         )
 
     def _inner_packed(self, inner) -> bool:
-        """Whether the last dimensions have these extents and lie packed."""
+        """True if the last dimensions have these extents and lie packed."""
         if self.shape[-len(inner) :] != tuple(inner):
             return False
         step = self.item_size
@@ -271,7 +271,7 @@ class ArrayViews:
 
 
 def _has_arrays(key) -> bool:
-    """Whether there are arrays of indices in a key."""
+    """True if there are arrays of indices in a key."""
     keys = key if type(key) is tuple else (key,)
     return any(isinstance(one, ArrayViews) for one in keys)
 

@@ -32,7 +32,8 @@ def checkpoint(
         step: launches what step number k does. All it depends on are its number, the state and
             arrays that do not change.
         steps: how often.
-        state: arrays that a step reads and changes. What a step fills anew before it reads it need
+        state: arrays that a step reads and changes. Arrays that a step fills anew before it reads
+        them need
             not be listed.
         snapshots: most copies of the state that exist at a time, at least 1.
 

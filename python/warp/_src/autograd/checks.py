@@ -61,7 +61,7 @@ def gradcheck(
         restore_inputs: give the arrays their contents back.
 
     Returns:
-        Whether all agree.
+        True if all agree.
 
     Raises:
         WarpGradientMismatch: they don't.
@@ -181,7 +181,7 @@ def gradcheck_tape(
         skip_to_launch_index: launches to leave out at the beginning.
 
     Returns:
-        Whether all agree.
+        True if all agree.
 
     Raises:
         WarpGradientMismatch: a launch does not.

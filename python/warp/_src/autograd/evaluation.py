@@ -221,7 +221,7 @@ def _variables(names, values) -> list[Variable]:
 
 
 def is_real(dtype) -> bool:
-    """Whether elements are made of floating-point numbers that NumPy has."""
+    """True if elements are made of floating-point numbers that NumPy has."""
     if dtypes.is_struct(dtype):
         return False
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)

@@ -83,7 +83,7 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
 def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list[array]:
     """The Hessian of a function times a vector, or several, by forward mode over reverse mode.
 
-    Several vectors share the evaluation of values and gradients, as tangents do in `jvp`. Of a
+    Several vectors share the evaluation of values and gradients, as tangents do in `jvp`. For a
     function with a derivative of its own, the second one is that of its pullback.
 
     Args:

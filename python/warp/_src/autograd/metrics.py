@@ -18,7 +18,7 @@ NAMES = (
 
 @checked(inputs=LIST)
 def adjoint_metrics(kernel: Kernel, inputs=None) -> dict[str, int]:
-    """What the adjoint of a kernel costs.
+    """Costs of a kernel's adjoint.
 
     Args:
         kernel: the kernel; counted is the adjoint that was made last or, if there is none, that

@@ -59,7 +59,7 @@ class Tangents:
         # By address: the allocation's array, bytes from one direction's twin to the next one's, the
         # bytes of all of them and those of their gradients.
         self._twins: dict[int, tuple[array, int, array, array | None]] = {}
-        # Of arrays, by identity: the array, its gradient, its tangents along each direction.
+        # By the identity of arrays: the array, its gradient, its tangents along each direction.
         self._views: dict[int, tuple[array, array | None, list[array]]] = {}
         # By address: the allocation's array and what it held before the first write; and the same
         # of the previous evaluation.
@@ -74,7 +74,7 @@ class Tangents:
     # Twins.
 
     def has(self, one: array) -> bool:
-        """Whether an array has tangents; if not, they are all zero."""
+        """True if an array has tangents; if not, they are all zero."""
         return (_base(one).ptr or 0) in self._twins
 
     def find(self, one: array, direction=0) -> array | None:
@@ -119,7 +119,7 @@ class Tangents:
             result.grad = self.twin(one.grad, direction)
         return result
 
-    # What is overwritten.
+    # The overwritten arrays.
 
     def _access(self, arrays, written) -> None:
         """Called before arrays are read or written."""

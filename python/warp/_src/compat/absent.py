@@ -23,7 +23,7 @@ class _Absent(type):
         return cls
 
     def struct_with(cls, name, field):
-        """What stands for a struct that has a field of this class."""
+        """A stand-in for a struct that has a field of this class."""
         about = {"_wp_missing_": f"{cls._wp_missing_}, field '{field}' of struct '{name}',"}
         return _Absent(name, (), about)
 
@@ -40,7 +40,7 @@ def absent_class(name, parent=""):
 
 
 def find(name):
-    """What stands for a name that is not there; None if nobody knows the name."""
+    """The stand-in for a missing name; None if nobody knows the name."""
     if name not in _CLASSES:
         return None
     return _made.setdefault(name, absent_class(name))

@@ -16,7 +16,7 @@ from warp._src.types.structs import StructInstance as StructInstance
 
 
 def adjoint_of(kernel) -> SimpleNamespace:
-    """What stands for the object that the peer generates code of: its parameters, each with `label`
+    """A stand-in for the object that the peer generates code of: its parameters, each with `label`
     and `type`."""
     types = annotations_of(kernel.func)
     names = kernel.func.__code__.co_varnames[: kernel.func.__code__.co_argcount]

@@ -32,7 +32,7 @@ user_modules = modules_by_name
 
 
 class _Runtime:
-    """What packages read of the peer's runtime object: its devices and versions."""
+    """The peer's runtime object as packages read it: its devices and versions."""
 
     core = Core()
 

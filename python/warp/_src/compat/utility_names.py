@@ -12,7 +12,7 @@ from warp._src.kernels.maps import map as map
 
 
 def check_p2p() -> bool:
-    """Whether copies between GPUs arrive: the driver says so, nothing is tried."""
+    """True if copies between GPUs arrive: the driver says so, nothing is tried."""
     from warp._src.devices.memory import is_peer_access_supported
 
     found = devices.get_cuda_devices()

@@ -187,7 +187,7 @@ def _with_gradient(value, given, dtype=None, late=None):
 def _differs_in_layout(value, given) -> bool:
     """True if only its strides keep an array from being the gradient of another one.
 
-    What is lent is copied anyway.
+    Lent arrays are copied anyway.
     """
     if given.lent:
         return False

@@ -17,7 +17,7 @@ from warp._src.devices import devices
 from warp._src.devices.graphs import _captures
 from warp._src.types import dtypes
 
-# Of backward passes.
+# The state of backward passes.
 _numbers = itertools.count(1)
 
 
@@ -43,7 +43,7 @@ class BackwardPass:
         self.check_finite = check_finite
         self.first = first
         self.position = 0
-        # Of what has been overwritten.
+        # The overwritten memory.
         self.images = Images(copy_elements)
 
     def run(self) -> None:
@@ -87,7 +87,7 @@ class BackwardPass:
                 record.reverse(self)
         return retained
 
-    # What belongs to which record.
+    # The owner of each record.
 
     @functools.cached_property
     def _first_use(self) -> dict:
@@ -99,7 +99,7 @@ class BackwardPass:
         return first
 
     def seen_before(self, one: array) -> bool:
-        """Whether a record before the one that is being reversed uses the array's allocation."""
+        """True if a record before the one that is being reversed uses the array's allocation."""
         if not self.first:
             return True
         return self._first_use.get(_root(one), self.position) < self.position
@@ -117,7 +117,7 @@ class BackwardPass:
     def _set_aside(self) -> list:
         """Clears what the last pass has left in gradients of results; (gradient, contents).
 
-        What the caller has written since is a seed and stays.
+        A gradient that the caller has written since is a seed and stays.
         """
         seeded = {id(one.grad) for one in self.seeds}
         kept: list = []
@@ -155,7 +155,7 @@ class BackwardPass:
 
 
 def _is_zero(grad) -> bool:
-    """Whether a gradient is known to be zero, where looking costs little."""
+    """True if a gradient is known to be zero, where looking costs little."""
     if grad.device_index != devices.CPU or grad.pinned or _captures or dtypes.is_struct(grad.dtype):
         return False
     return not grad._host_view().any()

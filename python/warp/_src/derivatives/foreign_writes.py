@@ -51,13 +51,13 @@ def _read(record) -> list:
     if isinstance(record, LaunchRecord):
         call = record.call
         pairs = zip(call.leaves, call.accesses, strict=False)
-        # What is added to contents depends on them, too.
+        # The result of an addition to contents depends on them, too.
         return [leaf for (_, leaf), use in pairs if (use[0] or use[2]) and leaf is not None]
     return [record.src] if isinstance(record, CopyRecord) else record.arrays()
 
 
 def _overwritten(record) -> list:
-    """What a record overwrites as a whole; a launch may leave parts as they are."""
+    """The arrays that a record overwrites as a whole; a launch may leave parts as they are."""
     return [] if isinstance(record, (LaunchRecord, FunctionRecord)) else record.written()
 
 

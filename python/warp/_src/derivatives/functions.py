@@ -22,7 +22,7 @@ def _only_in_kernels(name):
 class _Adjoint:
     """`wp.adjoint[x]` in a `@wp.func_grad` function: the cotangent of a parameter, to be added to.
 
-    Of an array, it is the array of its gradients.
+    For an array, it is the array of its gradients.
     """
 
     def __getitem__(self, name):
@@ -67,7 +67,7 @@ def func_grad(forward_fn):
 def func_replay(forward_fn):
     """Makes the decorated function run where an adjoint needs the results of another one again.
 
-    Of a function that counts with an atomic, for example, it looks up what the launch got. It has
+    In a function that counts with an atomic, for example, it looks up the launch's result. It has
     the parameters and results of `forward_fn`, or of one of its overloads.
 
     Raises:
@@ -96,7 +96,7 @@ def _check_registered(forward_fn, function, name):
 
 
 class FunctionDerivative:
-    """What `wp.grad` and `wp.hessian` return."""
+    """The function that `wp.grad` and `wp.hessian` return."""
 
     def __init__(self, func, name):
         if not isinstance(func, (Function, Builtin)) and type(func).__name__ != "BuiltinRef":
@@ -127,8 +127,8 @@ def grad(func) -> Gradient:
     """The gradient of a function, to be called in kernels with the function's arguments.
 
     Gives one cotangent per argument, as a tuple if there are several; of results, all components
-    have the cotangent 1. Arguments that have no derivative get a zero. What `func` writes is not
-    written. Gradients may be differentiated again.
+    have the cotangent 1. Arguments that have no derivative get a zero. Writes of `func` are
+    dropped. Gradients may be differentiated again.
 
     Example:
         >>> import warp as wp
@@ -265,7 +265,7 @@ def fixed_point(step, start, *parameters):
     raise _only_in_kernels("wp.fixed_point")
 
 
-# What makes functions at compile time where a kernel calls it.
+# Makes functions at compile time where a kernel calls it.
 FACTORIES = (grad, hessian, custom_vjp, custom_jvp)
 
 
@@ -283,6 +283,6 @@ def check_no_struct_of_arrays(native, what, place) -> None:
 
 
 def is_differentiable(native) -> bool:
-    """Whether a type of the compiler has cotangents: floats and composites of floats."""
+    """True if a type of the compiler has cotangents: floats and composites of floats."""
     scalar = native.element or native
     return native.kind != "array" and scalar.kind == "float"

@@ -34,7 +34,7 @@ class Gathered:
             self.rest = kernel.compile_module(made.rest)
 
     def fits(self, dim) -> bool:
-        """Whether it is right for a launch of these extents, see `GatheredAdjoint`."""
+        """True if it is right for a launch of these extents, see `GatheredAdjoint`."""
         extents = _extents(dim)
         return len(extents) == len(self._halo) and max(extents) < 2**29
 

@@ -40,7 +40,7 @@ def allocate(made, call, values, known) -> dict[tuple[str, int], list]:
             line=call.event.line,
         )
     found, totals = _count(made, call, values, known)
-    # What loads have logged is there already.
+    # Logged loads are there already.
     logged = {one.leaf for one in made.hidden_of_recording if one.kind == "tape"}
     tapes = [one for one in made.hidden if one.kind == "tape" and one.leaf not in logged]
     return found | allocate_tapes(tapes, totals, call)

@@ -53,12 +53,12 @@ class Behind:
 
 
 def _address(pointer, start) -> int:
-    """What a slot says of an array of gradients at an address."""
+    """The words of a slot for an array of gradients at an address."""
     return (pointer - start) % 2**64 if pointer else 0
 
 
 def handles_alive() -> bool:
-    """Whether there is geometry whose numbers may have gradients."""
+    """True if there is geometry whose numbers may have gradients."""
     return bool(_alive)
 
 

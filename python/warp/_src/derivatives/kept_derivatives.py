@@ -28,7 +28,7 @@ class Hidden(typing.NamedTuple):
 
 
 class KeptDerivative:
-    """What `differentiate` returns, with translations in place of modules."""
+    """The result of `differentiate`, with translations in place of modules."""
 
     def __init__(self, module, parts, facts, *hidden):
         self.module = module

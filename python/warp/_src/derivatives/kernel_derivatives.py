@@ -2,8 +2,8 @@
 
 The compiler turns the module of a native kernel into that of its adjoint (or of its tangent) for a
 given set of arrays that have gradients. `KernelDerivatives` belongs to a kernel and has all that
-were made; `launch` and `run_adjoint` choose one of them. What comes with a derivative (which arrays
-it reads, arguments that the primal does not have) is in `KernelDerivative`.
+were made; `launch` and `run_adjoint` choose one of them. Facts that come with a derivative (which
+arrays it reads, arguments that the primal does not have) is in `KernelDerivative`.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ class KernelDerivatives:
         """
         made = self.adjoint(call.native, call.active, apart=apart, same=same)
         made.check_threads(call)
-        # Whether threads with different indices may meet at a gradient, also by handles.
+        # True if threads with different indices may meet at a gradient, also by handles.
         if _native.shares_elements([*gradients_of(call, values, same), *show_gradients()]):
             tape = "checkpoints" if made.counting is None else "global"
             made = self.adjoint(call.native, call.active, False, tape, apart, same)
@@ -241,7 +241,7 @@ class KernelDerivative:
 
     @property
     def counts(self) -> bool:
-        """Whether it counts singular points."""
+        """True if it counts singular points."""
         return any(hidden.kind == "counters" for hidden in self.hidden)
 
     @property
@@ -278,7 +278,7 @@ class KernelDerivative:
             )
 
     def is_right_for(self, call: Call) -> bool:
-        """Whether the launch has no more threads and dimensions than the derivative allows."""
+        """True if the launch has no more threads and dimensions than the derivative allows."""
         return _rank(call) <= self.max_rank and not (self.one_thread and thread_count(call.dim) > 1)
 
     def check_threads(self, call: Call) -> None:
@@ -409,7 +409,7 @@ def thread_count(dim) -> int:
 def gradients_of(call, values, same=()) -> list[array]:
     """The gradients of a launch's arrays; they are there from then on, also in structs.
 
-    Of arguments that are one array (`same_arrays`) there is one.
+    Arguments that are one array (`same_arrays`) share one.
     """
     if not call.signature.flat:
         for value in values:

@@ -1,4 +1,4 @@
-"""What loops of a kernel have read from arrays that it overwrites, kept before its adjoint.
+"""Values that loops of a kernel have read from arrays that it overwrites, kept before its adjoint.
 
 The compiler makes a kernel that runs a launch again, on copies of the arrays that it updates, made
 before the launch (lib/Transforms/Autodiff/Loops/MemoryLog.cpp). It runs twice: first it counts how

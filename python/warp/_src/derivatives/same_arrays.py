@@ -37,7 +37,7 @@ def check_overlap(call: Call, active, what: str) -> tuple[int, ...]:
     """Rejects a launch that writes elements of one array by another one, if one is active.
 
     Returns:
-        What `same_arrays` says of arguments that are one array.
+        The facts of `same_arrays` about arguments that are one array.
 
     Raises:
         WarpGradientError: there are such arrays.
@@ -75,7 +75,7 @@ def same_arrays(call: Call, pairs) -> tuple[int, ...]:
 
 
 def notes_of(call: Call, same) -> tuple[str, ...]:
-    """What an error about a derivative says of arguments that are one array."""
+    """The part of an error about a derivative for arguments that are one array."""
     names = [name for name, _ in call.leaves]
     groups: dict = {}
     for i, first in enumerate(same):

@@ -35,7 +35,7 @@ def parts(derivative) -> dict:
 
 
 def wants_adjoints(kernel, enable_backward) -> bool:
-    """Whether the adjoints of a kernel are to be saved.
+    """True if the adjoints of a kernel are to be saved.
 
     Args:
         enable_backward: what the caller asked for; None leaves it to the option of that name if

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from warp import _native
 
-# What is said of places: by default of first derivatives.
+# The order of derivative that messages name: by default the first.
 SINGULAR = "singular point met {times}, its derivative counts as 0"
 REPEATED = (
     "singular values or eigenvalues that are the same met {times}; second derivatives by what "

@@ -45,8 +45,8 @@ class Tape(_native.Scope):
     Args:
         preserve: "auto" keeps what a gradient depends on when it is overwritten; "never" makes
             that an error of `backward`, but for what a launch itself overwrites.
-        max_bytes: how much "auto" may keep; by default a quarter of the device's memory. What
-            does not fit is an error of `backward` that says what most of it was kept for.
+        max_bytes: how much "auto" may keep; by default a quarter of the device's memory. More is an
+            error of `backward` that says what most of it was kept for.
 
     Example:
         >>> import warp as wp
@@ -80,10 +80,10 @@ class Tape(_native.Scope):
         self._records: list = []
         # Versions of the gradients as the last backward pass left them.
         self._left: list = []
-        # What it knew before it was reset.
+        # The state before it was reset.
         self._former: list = []
         self._seeded: list = []
-        # What other libraries wrote in between.
+        # Writes of other libraries in between.
         self.foreign_writes: list = []
 
     # Recording.
@@ -244,7 +244,7 @@ class Tape(_native.Scope):
     def backward(self, loss=None, grads=None, check_finite: bool = False) -> None:
         """Runs the records in reverse; gradients are added to those that are there.
 
-        What `loss` and `grads` say replaces the gradients of those arrays; the arrays of seeds
+        The values of `loss` and `grads` replace the gradients of those arrays; the arrays of seeds
         themselves are only read. Two passes in a row compute the same: what the first has left in
         gradients of intermediate results is no seed of the second.
 

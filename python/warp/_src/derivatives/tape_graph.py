@@ -146,7 +146,7 @@ def _quoted(text) -> str:
 
 
 def _reads(record, one) -> bool:
-    """Whether a launch may read an array."""
+    """True if a launch may read an array."""
     return any(
         leaf is one and (access[0] or access[2])
         for (_, leaf), access in zip(record.call.leaves, record.call.accesses, strict=True)

@@ -1,4 +1,4 @@
-"""What a tape records, and how each kind of record runs backwards.
+"""Records of a tape, and how each kind of record runs backwards.
 
 A record has `event` (what and where), `arrays()` (what takes part in gradients), `written()` (what
 it may change, as far as is known) and `reverse(state)`. `state` belongs to one backward pass; its
@@ -82,7 +82,7 @@ class LaunchRecord(_native.Record):
 
     @property
     def saved(self) -> list[array]:
-        """What the augmented kernel has noted, in the order of the hidden arguments."""
+        """The notes of the augmented kernel, in the order of the hidden arguments."""
         return self._saved or []
 
     @property
@@ -121,7 +121,7 @@ class LaunchRecord(_native.Record):
 
     @property
     def _regions(self):
-        """What the launch touches of each array; all of them if some are one array, of which each
+        """The access regions of the launch; all of them if some are one array, of which each
         name tells a part."""
         return None if self.same else self.call.regions
 
@@ -162,7 +162,8 @@ class LaunchRecord(_native.Record):
     def run(self) -> None:
         """Runs the launch, with notes for the adjoint if that needs any."""
         made = self._made
-        # What notes must do what the kernel does; an adjoint that is not right here is an error.
+        # The kernel that notes must do the same as the kernel; an adjoint that is not right here is
+        # an error.
         if made is not None and made.augmented is not None and made.is_right_for(self.call):
             self._saved = made.run_augmented(self.call)
         else:
@@ -177,7 +178,7 @@ class LaunchRecord(_native.Record):
             for i, (_, leaf) in enumerate(call.leaves):
                 version = None
                 if leaf is not None and leaf.size:
-                    # What is written elsewhere is of no concern to the adjoint.
+                    # Writes elsewhere are of no concern to the adjoint.
                     reads = bool(self.apart) and self.apart[i]
                     version = observe(leaf, regions, i, reads)
                     if self.budget is not None:
@@ -190,7 +191,7 @@ class LaunchRecord(_native.Record):
         call.done()
 
     def needs(self, version) -> bool:
-        """Whether the adjoint reads what this version is of."""
+        """True if the adjoint reads what this version is of."""
         return self._needed_name(version) is not None
 
     def _needed_name(self, version) -> str | None:
@@ -335,9 +336,9 @@ class LaunchRecord(_native.Record):
 
 
 def _needs(kernel, native, active, apart):
-    """What the adjoint of an ordinary launch reads: numbers of arrays, those that it reads as they
-    were before the launch, or None if the launch has to note more, and whether it reads all as they
-    are after the launch. None if there is no adjoint.
+    """The reads of the adjoint of an ordinary launch: numbers of arrays, those that it reads as
+    they were before the launch, or None if the launch has to note more, and whether it reads all as
+    they are after the launch. None if there is no adjoint.
     """
     try:
         made = kernel.derivatives.adjoint(native, active, True, None, apart)
@@ -425,7 +426,7 @@ class FillRecord:
 
 
 class FunctionRecord:
-    """What `Tape.record_func` was given."""
+    """The arguments of `Tape.record_func`."""
 
     def __init__(self, backward, arrays, event: Event):
         self.backward, self.event = backward, event

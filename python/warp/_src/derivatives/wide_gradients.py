@@ -82,7 +82,7 @@ class WideGradients:
 
 
 def is_narrow(one: array) -> bool:
-    """Whether the gradient of an array has elements of 16 bits."""
+    """True if the gradient of an array has elements of 16 bits."""
     return gradient_type(one.dtype) is not one.dtype and one.grad.item_size == one.item_size
 
 

@@ -17,7 +17,7 @@ from warp._src.devices.call_sites import call_site
 
 @typing.runtime_checkable
 class Allocator(typing.Protocol):
-    """What a custom allocator needs; `memory_kind` is an optional attribute."""
+    """The protocol of a custom allocator; `memory_kind` is an optional attribute."""
 
     def allocate(self, size_in_bytes: int) -> int:
         """The address of new memory on the device whose context is current."""

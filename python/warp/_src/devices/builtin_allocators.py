@@ -1,4 +1,4 @@
-"""What serves a device: the custom allocator that a user set, or the runtime's own."""
+"""The allocator of a device: the custom one that a user set, or the runtime's own."""
 
 from __future__ import annotations
 
@@ -42,5 +42,5 @@ class DeviceAllocator:
 
 @functools.cache
 def get_builtin_allocator(index: int, pinned: bool) -> DeviceAllocator:
-    """What serves a device that has no custom allocator."""
+    """The allocator of a device that has no custom one."""
     return DeviceAllocator(index, pinned)

@@ -35,7 +35,7 @@ class Device:
 
     @property
     def info(self) -> dict:
-        """What the runtime knows of the device, by name."""
+        """The runtime's facts about the device, by name."""
         if self._info is None:
             self._info = _native.device_info(self.index)
         return self._info
@@ -62,22 +62,22 @@ class Device:
 
     @property
     def is_uva(self) -> bool:
-        """Whether host and device share one space of addresses."""
+        """True if host and device share one space of addresses."""
         return self.info["is_uva"]
 
     @property
     def is_mempool_supported(self) -> bool:
-        """Whether memory can be allocated in the order of a stream."""
+        """True if memory can be allocated in the order of a stream."""
         return self.info["has_memory_pool"]
 
     @property
     def is_mempool_enabled(self) -> bool:
-        """Whether new arrays come from the device's memory pool."""
+        """True if new arrays come from the device's memory pool."""
         return _native.is_pool_enabled(self.index)
 
     @property
     def default_allocator(self):
-        """What gives arrays memory while no custom allocator serves this device."""
+        """The allocator of arrays while no custom allocator serves this device."""
         return get_builtin_allocator(self.index, False)
 
     @property
@@ -87,18 +87,18 @@ class Device:
 
     @checked()
     def get_allocator(self, pinned: bool = False):
-        """What gives new arrays memory; `pinned` asks for that of pinned ones of the CPU."""
+        """The allocator of new arrays; `pinned` asks for that of pinned ones of the CPU."""
         builtin = get_builtin_allocator(self.index, pinned and self.is_cpu)
         return custom_allocators.get(self.index, builtin)
 
     @property
     def is_managed_memory_supported(self) -> bool:
-        """Whether memory can move between the device and the host on its own."""
+        """True if memory can move between the device and the host on its own."""
         return self.info["has_managed_memory"]
 
     @property
     def is_ipc_supported(self) -> bool:
-        """Whether other processes can open the device's memory."""
+        """True if other processes can open the device's memory."""
         return self.is_cuda and sys.platform == "linux"
 
     @property
@@ -132,7 +132,7 @@ class Device:
 
     @property
     def has_context(self) -> bool:
-        """Whether there is a CUDA context: on CUDA devices."""
+        """True if there is a CUDA context: on CUDA devices."""
         return self.is_cuda
 
     def get_cuda_output_format(self, preferred_cuda_output: str | None = None) -> str | None:
@@ -145,17 +145,17 @@ class Device:
 
     @property
     def is_primary(self) -> bool:
-        """Whether this is the primary context of a CUDA device."""
+        """True if this is the primary context of a CUDA device."""
         return self.index not in _mapped
 
     @property
     def is_capturing(self) -> bool:
-        """Whether a graph is being recorded, on the CPU by this thread."""
+        """True if a graph is being recorded, on the CPU by this thread."""
         return _native.is_capturing(self.index)
 
     @property
     def has_stream(self) -> bool:
-        """Whether work is queued on streams: on CUDA."""
+        """True if work is queued on streams: on CUDA."""
         return self.is_cuda
 
     @property
@@ -191,7 +191,7 @@ class Device:
         set_stream(stream, self, sync)
 
     def can_access(self, other) -> bool:
-        """Whether kernels on this device can read memory of the other one."""
+        """True if kernels on this device can read memory of the other one."""
         other = get_device(other)
         if other is self or (self.is_cuda and other.is_cuda and other.context == self.context):
             return True
@@ -240,7 +240,7 @@ index_of: dict = {"cpu": CPU, _cpu: CPU}
 
 
 def is_initialized() -> bool:
-    """Whether the devices have been looked for."""
+    """True if the devices have been looked for."""
     return _state["initialized"]
 
 
@@ -298,7 +298,7 @@ _own = _Own()
 class OwnDefault(_native.Scope):
     """Makes a device the default of this thread alone, for a block."""
 
-    # Those that are entered, by their ids.
+    # The entered contexts, by their ids.
     blocks: typing.ClassVar[dict] = {}
     _lock = shared_lock()
     _saved: tuple = ()
@@ -439,18 +439,18 @@ def get_preferred_device() -> Device:
 
 
 def is_cpu_available() -> bool:
-    """Whether there is the device `cpu`: always."""
+    """True if there is the device `cpu`: always."""
     return True
 
 
 def is_cuda_available() -> bool:
-    """Whether there is a CUDA device."""
+    """True if there is a CUDA device."""
     initialize()
     return bool(_cuda)
 
 
 def is_device_available(device) -> bool:
-    """Whether `device` is one of this machine's."""
+    """True if `device` is one of this machine's."""
     return device in get_devices()
 
 

@@ -39,9 +39,9 @@ class CaptureMode(enum.IntEnum):
 
 
 class Graph:
-    """What `capture_end` returns; run it with `capture_launch`.
+    """The result of `capture_end`; run it with `capture_launch`.
 
-    Those from `capture_load` also give access to the arrays that were named when it was saved.
+    Graphs from `capture_load` also give access to the arrays that were named when they were saved.
 
     Attributes:
         device: where it runs.
@@ -63,17 +63,17 @@ class Graph:
 
     @property
     def apic(self) -> bool:
-        """Whether the capture noted what `capture_save` needs."""
+        """True if the capture noted what `capture_save` needs."""
         return not self.is_loaded and self.native.traced
 
     @property
     def is_loaded(self) -> bool:
-        """Whether the graph comes from a file."""
+        """True if the graph comes from a file."""
         return isinstance(self.native, _native.LoadedGraph)
 
     @property
     def params(self) -> dict[str, dict[str, int]]:
-        """What can be set and read of a loaded graph: `{"size": bytes}` by name."""
+        """The settable parameters of a loaded graph: `{"size": bytes}` by name."""
         if not self.is_loaded:
             return {}
         return {name: {"size": size} for name, size in self.native.sizes.items()}
@@ -192,7 +192,7 @@ def capture_begin(
     if config.verify_cuda and device.is_cuda:
         raise errors.WarpError("cannot capture a graph while `wp.config.verify_cuda` is on")
     if device.is_cuda and not external:
-        # What geometry says of gradients cannot change while kernels are recorded.
+        # Gradients of geometry cannot change while kernels are recorded.
         handles.show_gradients()
     _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external, bool(apic))
 
@@ -266,7 +266,7 @@ def capture_debug_dot_print(graph, path, verbose=True) -> None:
 
 
 def is_conditional_graph_supported() -> bool:
-    """Whether the CUDA driver has branches and loops in graphs. Graphs on the CPU always do."""
+    """True if the CUDA driver has branches and loops in graphs. Graphs on the CPU always do."""
     return _native.supports_conditional_graphs()
 
 

@@ -12,7 +12,7 @@ from warp._src.devices.devices import get_device, resolve_index
 
 
 class MemoryKind(enum.IntEnum):
-    """What kind of memory backs an array."""
+    """The kind of memory that backs an array."""
 
     UNKNOWN = 0
     HOST = 1
@@ -35,12 +35,12 @@ def _with_pool(device):
 
 
 def is_mempool_supported(device) -> bool:
-    """Whether a device has a stream-ordered memory pool."""
+    """True if a device has a stream-ordered memory pool."""
     return get_device(device).is_mempool_supported
 
 
 def is_mempool_enabled(device) -> bool:
-    """Whether new arrays of a device come from its pool."""
+    """True if new arrays of a device come from its pool."""
     return get_device(device).is_mempool_enabled
 
 
@@ -92,7 +92,7 @@ def get_mempool_used_mem_high(device=None) -> int:
 
 
 def is_peer_access_supported(target_device, peer_device) -> bool:
-    """Whether the hardware lets `peer_device` reach the memory of `target_device`."""
+    """True if the hardware lets `peer_device` reach the memory of `target_device`."""
     target, peer = get_device(target_device), get_device(peer_device)
     if not target.is_cuda or not peer.is_cuda:
         return False
@@ -100,7 +100,7 @@ def is_peer_access_supported(target_device, peer_device) -> bool:
 
 
 def is_peer_access_enabled(target_device, peer_device) -> bool:
-    """Whether `peer_device` may reach memory of `target_device` that comes from no pool."""
+    """True if `peer_device` may reach memory of `target_device` that comes from no pool."""
     target, peer = get_device(target_device), get_device(peer_device)
     if not target.is_cuda or not peer.is_cuda:
         return False
@@ -124,13 +124,13 @@ def set_peer_access_enabled(target_device, peer_device, enable: bool) -> None:
 
 
 def is_mempool_access_supported(target_device, peer_device) -> bool:
-    """Whether `peer_device` can be given access to the memory pool of `target_device`."""
+    """True if `peer_device` can be given access to the memory pool of `target_device`."""
     target = get_device(target_device)
     return target.is_mempool_supported and is_peer_access_supported(target, peer_device)
 
 
 def is_mempool_access_enabled(target_device, peer_device) -> bool:
-    """Whether `peer_device` may reach the memory pool of `target_device`."""
+    """True if `peer_device` may reach the memory pool of `target_device`."""
     target, peer = get_device(target_device), get_device(peer_device)
     if not target.is_cuda or not peer.is_cuda:
         return False
@@ -155,7 +155,7 @@ def set_mempool_access_enabled(target_device, peer_device, enable: bool) -> None
 
 @checked(resource=ARRAY | DEVICE)
 def can_access(device, resource) -> bool:
-    """Whether kernels on a device can use an array.
+    """True if kernels on a device can use an array.
 
     Raises:
         TypeError: `resource` is no array, or the annotation of one.
@@ -173,7 +173,7 @@ def can_access(device, resource) -> bool:
 
 
 def memory_kind(array) -> MemoryKind:
-    """What kind of memory backs an array."""
+    """The kind of memory that backs an array."""
     # `isinstance` takes an annotation for an array.
     if not issubclass(type(array), _native.Array):
         return MemoryKind.UNKNOWN
@@ -245,7 +245,7 @@ HANDLE_BYTES = 64
 
 
 def ipc_handle(array) -> bytes:
-    """What another process needs to use the memory of an array, see `from_ipc_handle`."""
+    """The bytes with which another process uses the memory of an array, see `from_ipc_handle`."""
     if array.device_index == devices.CPU:
         raise RuntimeError("expects an array on a CUDA device to share with another process")
     handle, offset = _native.export_memory(array.device_index, array.ptr or 0)

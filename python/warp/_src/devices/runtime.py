@@ -31,7 +31,7 @@ def _notice(message: str) -> None:
 
 
 def _type_text(cls):
-    """What the runtime asks when it meets a value of a new class in a launch."""
+    """The runtime's question about a value of a new class in a launch."""
     try:
         return dtypes.native_text(cls)
     except TypeError:

@@ -39,7 +39,7 @@ def dlpack_device(array) -> tuple[int, int]:
 
 
 def export(array, stream=None, max_version=None, dl_device=None, copy=None):
-    """What `array.__dlpack__` does.
+    """The capsule of `array.__dlpack__`.
 
     Raises:
         BufferError: the elements are structs, or a copy is needed but not allowed.

@@ -1,4 +1,4 @@
-"""What all exchanges with other libraries share: element types, layouts, streams, ownership.
+"""Parts that all exchanges with other libraries share: element types, layouts, streams, ownership.
 
 An array made from foreign memory holds the foreign object as its owner. Nothing is copied. Streams
 are ordered on the device, by events: the side that will use the memory waits for the side that
@@ -32,7 +32,7 @@ def packed_strides(extents, item_size) -> tuple:
 
 
 def same_bits(source, target) -> bool:
-    """Whether memory of scalars of one type may be read as the other: integers of any sign."""
+    """True if memory of scalars of one type may be read as the other: integers of any sign."""
     if source is target:
         return True
     integers = issubclass(source, scalars.int_base) and issubclass(target, scalars.int_base)
@@ -105,7 +105,7 @@ def current_handle(index: int) -> int:
 
 
 def _is_recording(index: int) -> bool:
-    """Whether a graph is being recorded: it runs later, and cannot wait for other streams."""
+    """True if a graph is being recorded: it runs later, and cannot wait for other streams."""
     return devices.by_index(index).is_capturing
 
 

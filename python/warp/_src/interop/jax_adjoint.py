@@ -52,7 +52,7 @@ def differentiable(owner, parameters, plan, dims, call):
 
 
 class _Adjoint:
-    """What XLA calls for the derivative of a call."""
+    """The XLA call for the derivative of a call."""
 
     def __init__(self, kernel, parameters, plan, dims, block_dim):
         self.kernel, self.dims, self.block_dim = kernel, dims, block_dim

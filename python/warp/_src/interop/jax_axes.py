@@ -42,7 +42,7 @@ def _vary(jax, value, axes):
 
 
 def describe(jax, shape, dtype, like):
-    """What JAX is told of a result of a call.
+    """The shape and type of a call's result for JAX.
 
     Args:
         like: the inputs of the call.

@@ -30,7 +30,7 @@ _all = WeakObjects()
 
 
 class JaxCallableGraphMode(enum.IntEnum):
-    """Whether the launches of a `jax_callable` become a CUDA graph."""
+    """True if the launches of a `jax_callable` become a CUDA graph."""
 
     NONE = 0
     """They are made one by one."""

@@ -1,4 +1,4 @@
-"""What kernels and Python functions have in common as functions of JAX: parameters and results.
+"""Common parts of kernels and Python functions as functions of JAX: parameters and results.
 
 `Parameters` holds the names and types of the parameters and which of them are inputs, outputs or
 both; a `Plan` is one traced call: its buffers, results, and which of them each parameter is.
@@ -33,11 +33,11 @@ class Parameter:
 
     @property
     def has_derivative(self) -> bool:
-        """Whether it is an array of floats."""
+        """True if it is an array of floats."""
         return self.is_array and self.scalar in dtypes.FLOAT_TYPES
 
     def result(self, jax, shape, message, buffers):
-        """What JAX is told of an array that a call gives for some buffers."""
+        """The description for JAX of an array that a call gives for some buffers."""
         dtype = jax.numpy.dtype(dtype_to_jax(self.scalar))
         if jax.dtypes.canonicalize_dtype(dtype) != dtype:
             raise TypeError(
@@ -251,5 +251,5 @@ class Plan:
         self.buffers = jax_axes.vary_alike(jax, self.buffers)
 
     def results_for(self, jax, shapes, message) -> list:
-        """What JAX is told of the results; they vary over the axes of meshes as the inputs do."""
+        """The results for JAX; they vary over the axes of meshes as the inputs do."""
         return [one.result(jax, shapes[one.name], message, self.buffers) for one in self.results]

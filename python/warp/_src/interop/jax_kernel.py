@@ -167,7 +167,7 @@ class JaxKernel:
         wanted = output_dims if output_dims is not None else self.output_dims
         arguments.add_outputs(shapes, parameters, wanted, dims)
         plan = Plan(parameters, values, shapes, arguments)
-        # What blocks are depends on the device, which is not known yet.
+        # The size of blocks depends on the device, which is not known yet.
         has_blocks = type(self.kernel) is not Kernel
         call = jax.ffi.ffi_call(
             jax_arrays.RECORDABLE_TARGET if has_blocks else TARGET,
@@ -211,7 +211,7 @@ class JaxKernel:
 
 
 def _parameter(name, kind, type_text, offset, size, rank, element) -> Parameter:
-    """What the native kernel says about one parameter."""
+    """The native kernel's record of one parameter."""
     if kind == "array":
         return Parameter(name, dtypes.dtype_of(element), rank)
     found = Parameter(name)

@@ -7,7 +7,7 @@ from warp._src.kernels.launch import launch
 
 
 class Launch:
-    """What XLA calls for a launch of a kernel with tiles, which depends on the device.
+    """The XLA call for a launch of a kernel with tiles, which depends on the device.
 
     Attributes:
         text: what the launch consists of.

@@ -1,4 +1,4 @@
-"""What is special inside `forward` and `backward` of a `paddle.autograd.PyLayer`.
+"""The context inside `forward` and `backward` of a `paddle.autograd.PyLayer`.
 
 The same as in PyTorch's functions (`torch_functions`): Paddle adds what `backward` returns to the
 gradients of tensors by itself, and keeps what `backward` gets.

@@ -152,8 +152,8 @@ def _gradient(t):
 def to_torch(a, requires_grad=None):
     """A tensor over the memory of an array; nothing is copied, and writes are seen on both sides.
 
-    Vector and matrix elements become trailing dimensions. What PyTorch queues on its current stream
-    is ordered after work on the array.
+    Vector and matrix elements become trailing dimensions. Work that PyTorch queues on its current
+    stream is ordered after work on the array.
 
     Args:
         a: an array of anything but structs.

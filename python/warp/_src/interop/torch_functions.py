@@ -1,9 +1,9 @@
-"""What is special inside `forward` and `backward` of a `torch.autograd.Function`.
+"""The context inside `forward` and `backward` of a `torch.autograd.Function`.
 
 PyTorch adds what `backward` returns to the gradients of leaves by itself. An array made there of an
 input therefore has a gradient of its own: with that of the tensor the sum would contain it twice.
-What `backward` gets belongs to PyTorch, which may pass it to others too, so it is copied before a
-launch of a derivative changes it.
+The gradients that `backward` gets belong to PyTorch, which may pass them to others too, so they are
+copied before a launch of a derivative changes it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def _codes(torch) -> set:
     function = torch.autograd.Function
     node = torch.autograd.function.BackwardCFunction
     found = {function.apply.__func__.__code__, node.apply.__code__}
-    # Of newer versions, for functions that free the gradients they get.
+    # For newer versions, whose functions free the gradients they get.
     boxed = getattr(node, "apply_boxed", None)
     return found | ({boxed.__code__} if boxed else set())
 

@@ -1,4 +1,4 @@
-"""What a module adds to the native code of its kernels: `wp.ModuleBuildOptions`."""
+"""Additions of a module to the native code of its kernels: `wp.ModuleBuildOptions`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class ModuleBuildOptions:
     """Folders, texts and files that native functions need, as a module option.
 
     Kernels of a module whose option `extra_build_options` this is compile their functions of
-    `wp.func_native` with it. What is changed after a kernel's first launch takes effect with the
+    `wp.func_native` with it. A change after a kernel's first launch takes effect with the
     next `wp.set_module_options`.
 
     Args:
@@ -79,7 +79,7 @@ class ModuleBuildOptions:
 
 
 class Build:
-    """What compilers are told, with everything read: later changes of the options do nothing.
+    """The options of compilers, with everything read: later changes of the options do nothing.
 
     Attributes:
         text: C++ that comes before functions; its comments change with the files.

@@ -18,7 +18,7 @@ from warp._src.types.structs import StructInstance
 
 
 class Signature:
-    """What is known of a native kernel's arrays, numbered with those in structs.
+    """The array arguments of a native kernel, numbered with those in structs.
 
     Attributes:
         parameters: (name, kind, ...) of each parameter.
@@ -117,7 +117,7 @@ class Call:
 
     @property
     def regions(self):
-        """What the launch may read and write of each of them; forgotten by `done`.
+        """The access regions of the launch for each of them; forgotten by `done`.
 
         None if the kernel has no source to tell, or arrays are given as descriptors of ctypes.
         """
@@ -233,7 +233,7 @@ def leaves_of(parameters, values) -> list[tuple[str, array | None]]:
 
 
 def signature_of(kernel, native, values) -> Signature:
-    """What is known of a native kernel."""
+    """The facts about a native kernel."""
     known = kernel.signatures
     found = known.get(native)
     if found is None:

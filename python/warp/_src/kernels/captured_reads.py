@@ -1,8 +1,8 @@
 """Reading on the host what a graph that is being captured is going to write.
 
-Captured work runs when the graph is launched. What else runs while it is captured, on the host or
-by another library, finds the contents from before. On a CUDA device all reading is an error then;
-on the CPU that of memory which captured work writes is.
+Captured work runs when the graph is launched. Other work that runs while it is captured, on the
+host or by another library, finds the contents from before. On a CUDA device all reading is an error
+then; on the CPU that of memory which captured work writes is.
 """
 
 from __future__ import annotations

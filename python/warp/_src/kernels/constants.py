@@ -32,7 +32,7 @@ _OPERATION = re.compile(r"^ +(?:%\S+(?:, %\S+)* = )?(?!arith\.constant)\w+\.[\w.
 
 @dataclasses.dataclass
 class ConstantSet:
-    """What is known of one set of values.
+    """The facts about one set of values.
 
     Attributes:
         values: number, or composite, by name.
@@ -75,7 +75,7 @@ _NATIVE = instance(_native.Kernel, "a native kernel")
 
 
 class ConstantKernel(Kernel):
-    """What a kernel with launch constants is."""
+    """The state of a kernel with launch constants."""
 
     def read_constants(self) -> None:
         """Checks the names that the option lists, and prepares for reading their values.
@@ -111,7 +111,7 @@ class ConstantKernel(Kernel):
 
     @property
     def constant_sets(self) -> ConstantSets:
-        """What is known of the values that launches had so far."""
+        """The facts about the values that launches had so far."""
         return ConstantSets(one for key, one in self._sets.items() if key[0] is Epoch.current)
 
     def place(self, native, dim, index, block_dim, values, recorded=False):
@@ -177,7 +177,7 @@ class ConstantKernel(Kernel):
         try:
             made = self._translate(types, constants=named)
         except errors.WarpCodegenError:
-            # What is an error for these values may stand where they never lead.
+            # An error for these values may stand where they never lead.
             return ConstantSet(named, None, 0.0)
         before, after = _count(native), _count(made)
         change = (after - before) / max(before, 1)

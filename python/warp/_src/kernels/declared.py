@@ -1,4 +1,4 @@
-"""What `wp.static` gives where a function is decorated.
+"""The values of `wp.static` where a function is decorated.
 
 A kernel is translated at its first launch, and what its static expressions name may be something
 else by then, as the variable of a loop that declares kernels is. So those that can be evaluated
@@ -14,7 +14,7 @@ from warp._src.kernels import texts
 from warp._src.language.checks import static
 
 _CALL = re.compile(r"(?<![\w.])((?:\w+\.)*static)\s*\(")
-# What a parenthesis may stand in without counting: strings and comments.
+# Text in which a parenthesis does not count: strings and comments.
 _SKIPPED = re.compile(
     r"'''.*?'''|\"\"\".*?\"\"\"|'(?:\\.|[^'\\\n])*'|\"(?:\\.|[^\"\\\n])*\"|#[^\n]*", re.DOTALL
 )
@@ -47,7 +47,8 @@ _calls = texts.ByCode()
 
 def keep(function, transformed=False) -> None:
     """Keeps what a program's function is when it is declared: its text and, unless the text will
-    be `transformed`, what its static expressions give. What has no module was made from text."""
+    be `transformed`, and the values of its static expressions. A function without a module was made
+    from text."""
     if (function.__module__ or "").startswith("warp._src."):
         return
     texts.keep(function)
@@ -82,7 +83,7 @@ def evaluate(function) -> None:
 
 
 def names_of(function) -> dict:
-    """What names mean in a function, but for its own variables."""
+    """The meaning of names in a function, but for its own variables."""
     space = dict(function.__globals__)
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=False):
         try:
@@ -116,7 +117,7 @@ def _find(function) -> list:
     except Exception:
         return []
     code = function.__code__
-    # Of the same length, without what only looks like code.
+    # Text of the same length, without what only looks like code.
     plain = _SKIPPED.sub(lambda found: re.sub(r"[^\n]", " ", found[0]), text)
     found = []
     for match in _CALL.finditer(plain):

@@ -32,12 +32,12 @@ class Function:
 
     # How other modules know a function of kernels without importing this one.
     _wp_function_ = True
-    # What `wp.custom_vjp` and `wp.custom_jvp` were given as derivatives.
+    # The derivatives that `wp.custom_vjp` and `wp.custom_jvp` were given.
     pullback = None
     pushforward = None
     # Kind of geometry whose handle is the first argument (geometry.handles), or None.
     handle = None
-    # What `_particular` says of its function, once it has been called from Python.
+    # The result of `_particular` for its function, once it has been called from Python.
     particular = None
 
     @checked(func=FUNCTION)
@@ -57,7 +57,7 @@ class Function:
 
     @property
     def has_derivative(self) -> bool:
-        """Whether a derivative of its own belongs to the function."""
+        """True if a derivative of its own belongs to the function."""
         return bool(self.pullbacks or self.replays or self.pullback or self.pushforward)
 
     @checked(func=FUNCTION)
@@ -144,7 +144,7 @@ def _particular(func) -> list:
 
 
 def _refuses(particular, args) -> bool:
-    """Whether an argument is a number of Python for a parameter of another kind, or no function."""
+    """True if an argument is a number of Python for a parameter of another kind, or no function."""
     for position, takes_functions in particular:
         if position >= len(args):
             return False
@@ -259,7 +259,7 @@ class NativeFunction(Function):
 
     @property
     def is_block_barrier(self) -> bool:
-        """Whether all it does is to let the threads of a block wait for each other.
+        """True if all it does is to let the threads of a block wait for each other.
 
         That needs no compiler, and is nothing where a block is one thread.
         """
@@ -284,7 +284,7 @@ def func_native(snippet, adj_snippet=None, replay_snippet=None):
     on GPUs by NVRTC, which is a part of CUDA and of the package nvidia-cuda-nvrtc, or named by
     WARP_NVRTC. Without a compiler, the launch is an error with the place of the call.
 
-    What a function of numbers alone computes may depend on its arguments alone, unless its text
+    The result of a function of numbers alone may depend on its arguments alone, unless its text
     names what threads do together (`__syncwarp`, `__shfl_xor_sync`, `atomicAdd`, ...): such a call
     stays where it stands, and the kernel is launched in blocks, as one with tiles. A text that is
     `WP_TILE_SYNC();` or `__syncthreads();` is a barrier and needs no compiler. A function may
@@ -297,7 +297,7 @@ def func_native(snippet, adj_snippet=None, replay_snippet=None):
     and vectors (`wp::vec3`) and matrices with a few operators. Nothing is checked.
 
     The adjoint finds the cotangent of a parameter `x` in `adj_x` and that of the result in
-    `adj_ret`, and changes them; it has to be linear in them. Of an array that is the array of its
+    `adj_ret`, and changes them; it has to be linear in them. For an array it is the array of its
     gradients, or of zeros that are thrown away where there are none. With arrays it runs once, else
     once for each output and each parameter. Without one, a kernel that calls the function has no
     gradient through it.

@@ -1,4 +1,4 @@
-"""What a kernel is made from, as a name that other processes find it by.
+"""The lasting name of a kernel, by which other processes find it.
 
 The name is a hash of all that a translation may read: the text of the function and of those that it
 may call, what their words mean (captured variables, globals, attributes of modules and classes),
@@ -53,7 +53,7 @@ def _installation() -> str:
 
 
 class Identity(Names):
-    """What is known of one kernel, or value.
+    """The facts about one kernel, or value.
 
     Attributes:
         functions: the Python functions that may be translated, in a fixed order.
@@ -154,7 +154,7 @@ class Identity(Names):
 
 
 def of_value(value) -> tuple:
-    """What stands for a value in other processes, too, or None; and the functions that it is of."""
+    """The lasting name of a value, or None; and the functions that it belongs to."""
     if is_plain(value):
         return f"{type(value).__name__} {value!r}", ()
     found = Identity()

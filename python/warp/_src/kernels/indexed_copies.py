@@ -51,7 +51,7 @@ def copy_elements(dest, src, stream=None) -> None:
         if isinstance(one, indexedarray):
             check_indices_lie_in(one.data, one.indices)
     if dest.device_index != src.device_index:
-        # What is indexed is gathered and scattered where it lives.
+        # Indexed arrays are gathered and scattered where they live.
         if isinstance(src, indexedarray):
             src = src.contiguous()
         if isinstance(dest, indexedarray):

@@ -42,9 +42,9 @@ class Kernel:
             after the other, before it is translated.
     """
 
-    # Whether it is known which elements of arrays a launch touches.
+    # True if it is known which elements of arrays a launch touches.
     has_regions = True
-    # What a kernel with a module of its own is known by, to be given again (kernels.unique).
+    # The name by which a kernel with a module of its own is given again (kernels.unique).
     unique_key = None
 
     @checked(func=FUNCTION)
@@ -71,7 +71,7 @@ class Kernel:
         # The epoch of these two, and what was made in others.
         self._made_in = None
         self._elsewhere: dict = {}
-        # What launches need to know of native kernels while somebody observes.
+        # Facts that launches need about native kernels while somebody observes.
         self.signatures: dict = {}
         # Made by `wp.overload`, by the types of the parameters.
         self.declared_overloads: dict = {}
@@ -87,7 +87,7 @@ class Kernel:
 
     @property
     def is_generic(self) -> bool:
-        """Whether a parameter's type is left open."""
+        """True if a parameter's type is left open."""
         if self._generic is None:
             with translating:
                 self._generic = self._find_generic()
@@ -103,7 +103,7 @@ class Kernel:
 
     @property
     def overloads(self) -> dict:
-        """Of a generic kernel, what there is by the types of the parameters."""
+        """The instances of a generic kernel, by the types of the parameters."""
         launched = {", ".join(map(str, types)): one for types, one in self._specialized.items()}
         return {**launched, **self.declared_overloads}
 
@@ -262,7 +262,7 @@ class Kernel:
 
     @property
     def is_deterministic(self) -> bool:
-        """Whether sums have to have the same bits in every run."""
+        """True if sums have to have the same bits in every run."""
         return self.option("deterministic") not in (False, None, "", "not_guaranteed")
 
     @checked(module=TRANSLATION)
@@ -299,7 +299,7 @@ class Kernel:
         return KernelDerivatives(self)
 
     def tagged_specializations(self) -> list:
-        """What was made for the arguments of a generic kernel, as (tag, native kernel)."""
+        """The instance for the arguments of a generic kernel, as (tag, native kernel)."""
         if self._made_in is not Epoch.current:
             return []
         return [(type_tag(types), native) for types, native in self._specialized.items()]
@@ -335,7 +335,7 @@ class Kernel:
         return shown.text_of(self, stage, device, rank, arch, derivative, inputs)
 
     def code_for(self, native, arch):
-        """What is compiled for an architecture; 0 is the CPU."""
+        """The code for an architecture; 0 is the CPU."""
         return native
 
     def launched_on(self, native, arch) -> list:
@@ -381,7 +381,7 @@ class Kernel:
 
 
 def once(known, key, make):
-    """What `known` has for a key: the first of several threads makes it, the others find it."""
+    """The entry of `known` for a key: the first of several threads makes it, the others find it."""
     found = known.get(key)
     if found is None:
         with translating:

@@ -1,4 +1,4 @@
-"""What `@wp.kernel` accepts as options of a kernel."""
+"""The options of a kernel that `@wp.kernel` accepts."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from warp._src.logger import get_logger
 
 
 class Checked:
-    """Whether a setting asks for something to be done at each launch, or somebody observes."""
+    """True if a setting asks for something to be done at each launch, or somebody observes."""
 
     active = False
     # By a setting.
@@ -181,7 +181,7 @@ def _launch_checked(
 
 
 def _is_empty(dim) -> bool:
-    """Whether a grid has no threads, and nothing is wrong with its extents."""
+    """True if a grid has no threads, and nothing is wrong with its extents."""
     if type(dim) is int:
         return dim == 0
     if type(dim) not in (tuple, list) or not 1 <= len(dim) <= 4:

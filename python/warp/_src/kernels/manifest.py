@@ -19,7 +19,7 @@ _INSTRUCTION = re.compile(r"^\t(?![.#/])\s*[a-z@]", re.MULTILINE)
 
 @dataclasses.dataclass(frozen=True)
 class KernelManifest:
-    """What one piece of native code uses.
+    """The features that one piece of native code uses.
 
     Attributes:
         kernel: its name.
@@ -54,7 +54,7 @@ class Manifest(tuple):
 
     @property
     def unused(self) -> list[str]:
-        """What is present but unused, a line each; nothing in a lean program."""
+        """The present but unused parts, a line each; none in a lean program."""
         return [
             f"kernel '{entry.kernel}': {what}"
             for entry in self
@@ -82,7 +82,7 @@ class Manifest(tuple):
 def manifest(
     code: bool = False, arch: int | None = None, module: str | types.ModuleType | None = None
 ) -> Manifest:
-    """What the kernels that were translated in this process use.
+    """The features that the kernels translated in this process use.
 
     Kernels that were only declared cost nothing and are not listed.
 

@@ -141,7 +141,7 @@ def _from_lambda(func):
 
 
 def _same_code(text, code) -> bool:
-    """Whether an expression is what a lambda was compiled from."""
+    """True if an expression is what a lambda was compiled from."""
     parameters = ", ".join(code.co_varnames[: code.co_argcount])
     outer = f"def outer({', '.join(code.co_freevars)}):\n    return lambda {parameters}: {text}\n"
     names: dict = {}

@@ -1,8 +1,8 @@
 """`wp.map`, and the operators of arrays: a function applied to the elements of arrays.
 
 Each combination of function and argument types gets a kernel, made from a few lines of generated
-source and kept. What the function returns is found by translating it once without outputs. Arrays
-broadcast as in NumPy: a dimension of extent 1 is repeated by a view whose stride is 0.
+source and kept. The result type of the function is found by translating it once without outputs.
+Arrays broadcast as in NumPy: a dimension of extent 1 is repeated by a view whose stride is 0.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ INERT_OPTIONS = {
 }
 
 
-# What options of no effect are where nobody has set them.
+# The values of options without effect where nobody has set them.
 DEFAULTS = {"fuse_fp": True, "deterministic_max_records": 0}
 
 
@@ -67,7 +67,7 @@ class Options(dict):
 
 
 class Module:
-    """What one Python module has declared."""
+    """The declarations of one Python module."""
 
     @checked()
     def __init__(self, name: str):
@@ -76,7 +76,7 @@ class Module:
         # Generic ones stay when their name is used for what declares an overload.
         self.generic_kernels: dict = {}
         self.options = Options(self)
-        # What `load_aot_module` has read.
+        # The files that `load_aot_module` has read.
         self.saved: list = []
         # Changes with each call that makes compiled kernels stale.
         self.version = 0
@@ -159,7 +159,7 @@ def _check_count(name, value) -> None:
 
 
 modules_by_name: dict[str, Module] = {}
-# Those of one kernel each, as long as somebody has it.
+# Modules of one kernel each, as long as somebody has it.
 _unique = WeakObjects()
 
 

@@ -1,4 +1,4 @@
-"""What stands for the values that a kernel's text refers to, in every process.
+"""Lasting names of the values that a kernel's text refers to, in every process.
 
 Values count by what they are where that can be told: numbers, strings, tuples, types, enumerations,
 functions of kernels. Others (objects, arrays, functions of Python) have no name that lasts.
@@ -42,7 +42,7 @@ class UnnamedError(Exception):
 
 @functools.cache
 def _is_ours(name) -> bool:
-    """Whether a module is what it is in a release; programs may add others below `warp`."""
+    """True if a module is what it is in a release; programs may add others below `warp`."""
     if name == "warp":
         return True
     if not name.startswith("warp."):
@@ -52,7 +52,7 @@ def _is_ours(name) -> bool:
 
 
 def _is_packaged(function) -> bool:
-    """Whether a function is of this package's files and was not made by another function, so that
+    """True if a function is of this package's files and was not made by another function, so that
     its name says what it is."""
     home = function.__code__.co_filename.startswith(PACKAGE)
     return home and "<locals>" not in function.__qualname__
@@ -68,14 +68,14 @@ class Names:
     def __init__(self, threads=None):
         self.threads = threads
         self._parts: list[str] = []
-        # What has a number already, by its address; `_held` keeps addresses from being used again.
+        # The numbered objects, by address; `_held` keeps addresses from being used again.
         self._numbers: dict = {}
         self._held: list = []
         # Modules and classes, with the words that were looked for in them.
         self._owners: list = []
 
     def function(self, function) -> str:
-        """What stands for a Python function that may be translated."""
+        """The lasting name of a Python function that may be translated."""
         raise NotImplementedError
 
     def _number(self, value) -> tuple:
@@ -88,7 +88,7 @@ class Names:
         return len(self._held), True
 
     def token(self, value) -> str:
-        """What stands for a value.
+        """The lasting name of a value.
 
         Raises:
             UnnamedError: it has no name that lasts.
@@ -168,7 +168,7 @@ class Names:
 
     def _function_of_kernels(self, value) -> str:
         if isinstance(value, NativeFunction) and value.is_block_barrier:
-            # Of other native code a module has the address in this process.
+            # A module has the address of other native code in this process.
             return "barrier"
         if type(value) is not Function:
             raise UnnamedError
@@ -184,7 +184,7 @@ class Names:
         self._parts.append(f"func {number}: {'; '.join(parts)}")
         return f"func {number}"
 
-    # What has attributes.
+    # Values that have attributes.
 
     def _module(self, module) -> str:
         name = module.__name__
@@ -235,7 +235,7 @@ class Names:
 
 
 def is_plain(value) -> bool:
-    """Whether a value is what its text says, and short."""
+    """True if a value is what its text says, and short."""
     return type(value) in _PLAIN and not (isinstance(value, (str, bytes)) and len(value) > 64)
 
 

@@ -29,14 +29,14 @@ _ATOMIC = re.compile(r"atomic|__sync_|__atomic_")
 
 
 def _prefix(snippet, memory: bool) -> str:
-    """What the names of pieces of code begin with, as include/warp/NativeCode.h has it."""
+    """The prefix of names of pieces of code, as include/warp/NativeCode.h has it."""
     if not memory:
         return "warp_native_"
     return f"warp_native_memory_{'turn_' if _ATOMIC.search(snippet) else ''}"
 
 
 def is_together(snippet) -> bool:
-    """Whether the text may be one that the threads of a block do together."""
+    """True if the text may be one that the threads of a block do together."""
     return _TOGETHER.search(snippet) is not None
 
 
@@ -59,7 +59,7 @@ def _tell_folders():
 
 
 def place_of(context, node) -> str:
-    """What a compiler's message about a call says, with '%' in the place of its words."""
+    """A compiler's message about a call, with '%' in the place of its words."""
     problem = context.error(node, "%")
     problem.notes = context.session.notes_of_calls()
     return str(problem)

@@ -1,4 +1,4 @@
-"""What C++ snippets of users find declared: numbers, arrays, and what can be done with them.
+"""Declarations for C++ snippets of users: numbers, arrays, and their operations.
 
 The names and the order of arguments are those of NVIDIA Warp's headers, as far as snippets use
 them; the text is our own.
@@ -16,7 +16,7 @@ _MESHES = re.compile(r"\b(mesh|bvh)_\w+|\bMesh\b")
 
 
 def header(body: str, arrays: bool = False) -> str:
-    """What stands before a function of the user.
+    """The text before a function of the user.
 
     Args:
         body: the user's text.

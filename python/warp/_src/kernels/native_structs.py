@@ -1,4 +1,4 @@
-"""What C++ calls the types of parameters of functions that users write in C++, structs among them.
+"""C++ names of the types of parameters of functions that users write in C++, structs among them.
 
 A struct has the user's name and its fields, in memory as kernels have it: an array of structs can
 be read and written as one of the C++ structs.
@@ -44,7 +44,7 @@ class Field(typing.NamedTuple):
 
 
 def element_name(native: str) -> str | None:
-    """What C++ calls values by the text of their native type; None if nothing."""
+    """The C++ name of values by the text of their native type; None if there is none."""
     if native.startswith("!warp.struct"):
         return struct_name(dtypes.dtype_of(native))
     found = _COMPOSITE.fullmatch(native)
@@ -58,12 +58,12 @@ def element_name(native: str) -> str | None:
 
 
 def scalar_name(native: str) -> str:
-    """What C++ calls the numbers of a vector, matrix, quaternion or transform."""
+    """The C++ name of the numbers of a vector, matrix, quaternion or transform."""
     return SCALARS[_COMPOSITE.fullmatch(native)[3]]
 
 
 def type_name(annotation) -> str | None:
-    """What C++ calls the type of a parameter or of a field; None if nothing."""
+    """The C++ name of the type of a parameter or of a field; None if there is none."""
     if isinstance(annotation, ArrayType):
         element = element_name(native_text(annotation.dtype))
         return element and f"wp::array_t<{element}>"

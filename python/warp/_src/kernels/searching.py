@@ -11,7 +11,7 @@ _NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh", 4: "Volume"}
 
 
 class SearchingKernel(Kernel):
-    """What a kernel becomes when its translation meets a query of one of its arguments.
+    """Kernels that query one of their arguments.
 
     Attributes:
         handles: kinds of geometry, by the names of arguments.

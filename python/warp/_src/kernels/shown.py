@@ -11,13 +11,13 @@ from warp._src.devices.devices import get_device
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
 DERIVATIVES = ("adjoint", "tangent")
 _SUFFIX = {"llvm": "ll", "ptx": "ptx", "asm": "s"}
-# What code for GPUs is shown for where no device is named: the newest architecture with a
+# The architecture of shown code for GPUs where no device is named: the newest one with a
 # stable ISA.
 DEFAULT_GPU = 90
 
 
 def text_of(kernel, stage, device, rank, arch, derivative, inputs) -> str:
-    """What `Kernel.ir` gives; its arguments."""
+    """The result of `Kernel.ir`; its arguments."""
     if stage in DERIVATIVES:
         stage, derivative = "warp", stage
     if derivative is not None:

@@ -1,4 +1,4 @@
-"""What `wp.static` gave when a kernel was translated, to be compared where it is found again.
+"""Values of `wp.static` when a kernel was translated, to be compared where it is found again.
 
 A static expression may call any Python function, so the text of the kernel does not tell its value.
 Where a translation comes from the cache, all of them are evaluated again: one that gives something
@@ -43,7 +43,7 @@ class Evaluated:
 
 
 class Notes:
-    """What a translation has to be compared with.
+    """The values that a translation has to be compared with.
 
     Attributes:
         entries: (position of the function, text, local values, digest) of each expression.
@@ -88,7 +88,7 @@ def _together(functions, values) -> tuple:
 
 
 def evaluate(entries, functions) -> tuple:
-    """What stands for the values of all expressions now, None for one that fails; and for all of
+    """The values of all expressions now, None for one that fails; and a name for all of
     them together with the kernel. That is what no translation was kept with if it has no name."""
     known, found, values = list(functions), [], []
     for position, text, local, _ in entries:
@@ -142,7 +142,7 @@ def words_outside(tree, function) -> tuple[set, set]:
 
 
 def _is_static(callee, function) -> bool:
-    """Whether a callee is the builtin `static`, by its name or as an attribute of a module."""
+    """True if a callee is the builtin `static`, by its name or as an attribute of a module."""
     import ast
 
     name = callee.value if isinstance(callee, ast.Attribute) else callee

@@ -15,7 +15,7 @@ _IDENTIFIER = re.compile(r"[^\W\d]\w*")
 
 
 class ByCode:
-    """What is known of code objects, of each for itself: Python counts them as equal if they differ
+    """The facts about code objects, of each for itself: Python counts them as equal if they differ
     in nothing but annotations of local variables, which say something here."""
 
     def __init__(self):

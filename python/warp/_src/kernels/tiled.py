@@ -34,7 +34,7 @@ class RaggedBlock(int):
 
 
 class TiledKernel(Kernel):
-    """What a kernel becomes when its translation meets a tile."""
+    """Kernels whose translation meets a tile."""
 
     has_regions = False
 
@@ -54,7 +54,8 @@ class TiledKernel(Kernel):
         self.__dict__.pop("_refused", None)
 
     def for_rows(self, device, threads):
-        """What launches of that many threads per index need, if one has been made on that GPU.
+        """The shared memory that launches of that many threads per index need, if known on that
+        GPU.
 
         Returns:
             (native kernel, index of the device), None if more is to be looked at.

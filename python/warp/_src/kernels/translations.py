@@ -2,7 +2,7 @@
 
 To translate a function takes many times longer than to load its code. So the result is kept under a
 name that is found without it (`identity`): what launches need to know, and the text of the module
-for whatever asks for more later. What the front end tells the kernel on the way is in the notes.
+for whatever asks for more later. The front end's remarks to the kernel on the way are in the notes.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def _tell(kernel, has_tiles, handles, sums_winding) -> None:
 
 
 def _is_named(found) -> bool:
-    """Whether no function uses what has no name, other than in static expressions."""
+    """True if no function uses what has no name, other than in static expressions."""
     from warp._src.frontend.source import source_of
 
     for function, unnamed in zip(found.functions, found.unnamed, strict=True):

@@ -33,7 +33,7 @@ def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
 
 @checked()
 def get_cuda_kernel_properties(kernel, device=None, block_dim=None) -> dict:
-    """What a kernel's machine code uses on a CUDA device.
+    """Resources of a kernel's machine code on a CUDA device.
 
     Returns:
         Per thread `register_count` and `local_memory_size` (bytes); `shared_memory_size` and

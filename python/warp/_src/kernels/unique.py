@@ -1,7 +1,7 @@
 """`@wp.kernel(module="unique")`: a module of its own for each kernel, one kernel for equal ones.
 
 Factories make the same kernel again and again. Two are the same if their text, what it captures and
-their options are: then the first one is given, with its compiled code. What is captured counts by
+their options are: then the first one is given, with its compiled code. Captured values count by
 value where that is cheap to see (numbers, strings, functions by their own text and captures) and by
 identity where it cannot change (classes, modules, builtins). A kernel that captures anything else
 is never given twice.
@@ -55,7 +55,7 @@ def unique(make, func, name, options, module_options):
     """
     key = _key(func, name, options, module_options)
     found = None if key is None else _known.get(key)
-    # What it captures may have changed before it was translated.
+    # Its captured values may have changed before it was translated.
     if found is not None and _key(found.func, name, options, module_options) == key:
         return found
     module = modules.make_unique(func.__module__, name or func.__name__, next(_numbers))
@@ -76,7 +76,7 @@ def check(kernel) -> None:
 
 
 def _token(func):
-    """What a function is, or None where it captures what may change unseen."""
+    """The identity of a function, or None where it captures values that may change unseen."""
     try:
         return _function(func, set())
     except (_UnknownError, errors.WarpCodegenError):
@@ -94,7 +94,7 @@ def _key(func, name, options, module_options):
 
 
 def _function(func, active) -> tuple:
-    """What a Python function is: its text and what it captures."""
+    """The identity of a Python function: its text and its captured values."""
     code = func.__code__
     if code in active:
         return ("again", code.co_name)
@@ -137,7 +137,7 @@ def _names(code) -> set:
 
 
 def _value(value, names, active):
-    """What stands for a captured value in a key."""
+    """The part of a key for a captured value."""
     kind = type(value)
     if kind in _VALUES:
         return kind, repr(value)

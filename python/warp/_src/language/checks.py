@@ -1,4 +1,4 @@
-"""What kernels write as checks and compile-time values, at Python scope."""
+"""Checks and compile-time values that kernels write, at Python scope."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ for _overload in (_rounding_of_float, _rounding_of_double):
 
 
 def _is_done(count: int, change: Float, last: Float, scale: Float):
-    """Whether x stopped changing, or only rounding errors still change it."""
+    """True if x stopped changing, or only rounding errors still change it."""
     if not change > rounding(change) * scale or count >= _LIMIT:
         return True
     return count > 1 and change >= last and change <= wp.sqrt(rounding(change)) * scale

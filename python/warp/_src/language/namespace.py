@@ -1,4 +1,4 @@
-"""What `wp` stands for in the functions of the kernel language that are part of the package.
+"""The meaning of `wp` in the functions of the kernel language that are part of the package.
 
 They are imported by `warp`, so they cannot import it. This has the types and the builtins.
 """

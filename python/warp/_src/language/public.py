@@ -12,7 +12,7 @@ _SUBMODULES = (
     *("autograd", "build_experimental", "fem", "geometry", "optim", "render", "sparse", "types"),
     "utils",
 )
-# What few programs use, by the module that holds it.
+# Names that few programs use, by the module that holds each.
 _RARE = {
     name: home
     for home, held in (
@@ -64,7 +64,7 @@ LIBRARY_NAMES = (
     *("spatial_cross", "spatial_cross_dual", "spatial_dot", "spatial_top", "transform_twist"),
     *("transform_wrench", "velocity_at_point"),
 )
-# What kernels ask geometry, by the module of warp._src.geometry that is loaded for it.
+# Geometry queries of kernels, by the module of warp._src.geometry that is loaded for each.
 _GEOMETRY_QUERIES = {
     name: module
     for module, names in {
@@ -114,7 +114,7 @@ _VOLUME_QUERIES = frozenset(
 
 
 def _find_geometry(name: str):
-    """What kernels ask geometry, or None."""
+    """The geometry query of a name, or None."""
     if name == "MarchingCubes":
         return importlib.import_module("warp.geometry").IsoSurfaceMarchingCubes
     if module := _GEOMETRY_QUERIES.get(name):
@@ -126,7 +126,7 @@ def _find_geometry(name: str):
 
 
 def find(name: str):
-    """What `warp.<name>` is, for names that the package does not hold itself.
+    """The value of `warp.<name>`, for names that the package does not hold itself.
 
     Raises:
         AttributeError: there is no such name.

@@ -212,7 +212,7 @@ class LBFGS:
         return Point(step, loss, slope, gradient), most, total
 
     def _number(self, loss) -> float:
-        """What a closure returned as a number; notes how exact it is."""
+        """The result of a closure as a number; notes how exact it is."""
         self._loss_epsilon = self.vectors.precision
         if isinstance(loss, array):
             if loss.size != 1:

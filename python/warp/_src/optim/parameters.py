@@ -1,4 +1,4 @@
-"""What the optimisers share: parameters seen as lists of numbers, their state, checks.
+"""Shared parts of the optimisers: parameters seen as lists of numbers, their state, checks.
 
 A parameter is an array of floating-point scalars or of composites of them. Updates go component by
 component, so kernels see a parameter as a flat array of scalars. State (momentum, moments) has at

@@ -1,4 +1,4 @@
-"""What stands for the peer's window."""
+"""A stand-in for the peer's window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What shapes of a USD stage have in common: solids, colours, and arrays for attributes."""
+"""Common parts of shapes of a USD stage: solids, colours, and arrays for attributes."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ def load():
         ) from problem
 
     class Modules:
-        """Those that are used, by name."""
+        """The used names, with their values."""
 
     found = {"Gf": Gf, "Sdf": Sdf, "Tf": Tf, "Usd": Usd, "UsdGeom": UsdGeom, "Vt": Vt}
     for name, module in found.items():
@@ -152,7 +152,7 @@ class UsdRenderer(Shapes):
             self._color(self.usd.UsdGeom.Gprim(target), color1)
         return path
 
-    # What shapes are made of.
+    # The parts of shapes.
 
     def _name(self, name) -> str:
         return self.usd.Tf.MakeValidIdentifier(str(name))

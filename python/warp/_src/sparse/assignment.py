@@ -94,7 +94,7 @@ def bsr_assign(
     else:
         source_rows = rows
     if src is dest or columns.ptr == dest.columns.ptr:
-        # What is read must not be what is written.
+        # The source must not be the destination.
         columns = source_columns = wp.clone(columns)
     values, source_values = src.scalar_values, src.values
     entries = collect(dest, rows, columns, topology)

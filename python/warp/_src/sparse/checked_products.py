@@ -13,7 +13,7 @@ from warp._src.sparse.checks import check_contents, check_storage
 
 
 class Outside:
-    """What kernels note: that a row or column leads out of a matrix.
+    """Kernels that note a row or column that leads out of a matrix.
 
     Attributes:
         array: one number for kernels to set.
@@ -89,7 +89,7 @@ def number_kernel(scalar):
                 leads_out = True
         if leads_out:
             outside[0] = 1
-        # What is not wanted need not be a number.
+        # An unwanted entry need not be a number.
         if beta == scalar(0.0):
             y[row] = alpha * total
         else:

@@ -2,8 +2,8 @@
 
 An operation lists what goes where: row, column and number of each contribution. `collect` sorts
 them by place (stably, so that sums are made in the order of the list), gives the destination its
-blocks, and notes for each block which contributions it is the sum of. What the operation then has
-to say is how the number of a contribution becomes a value: one kernel over blocks.
+blocks, and notes for each block which contributions it is the sum of. The operation then only
+says how the number of a contribution becomes a value: one kernel over blocks.
 
 Topologies: "compact" makes the blocks that there are contributions to; "padded" does so in the
 room that each row has, and sets the status of the matrix where it does not suffice; "masked" keeps
@@ -22,7 +22,7 @@ TOPOLOGIES = ("compact", "masked", "padded")
 
 @dataclass
 class Entries:
-    """What blocks are sums of.
+    """The contributions of blocks.
 
     Attributes:
         order: numbers of contributions, by block.

@@ -12,7 +12,7 @@ from warp._src.types.scalars import scalar_base
 
 
 def _reciprocal(y):
-    """What a matrix divided by a number is multiplied by.
+    """The factor of a matrix that is divided by a number.
 
     Raises:
         ZeroDivisionError: the number is zero.
@@ -29,7 +29,7 @@ def _reciprocal(y):
 
 
 class Operations:
-    """What operators do, which is made of matrices: put here by `sparse.operations`."""
+    """The operators of matrices: put here by `sparse.operations`."""
 
     axpy = copy = product = scale = vector_product = transposed = None
 

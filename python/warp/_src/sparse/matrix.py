@@ -40,7 +40,7 @@ def as_blocks(values):
 class BsrMatrix(InPlaceOperators, Operators):
     """A matrix of blocks of one shape, most of which are zero; made by `bsr_zeros` and others.
 
-    Row r has the blocks `offsets[r]` to `offsets[r + 1]`, in ascending order of their columns. Of
+    Row r has the blocks `offsets[r]` to `offsets[r + 1]`, in ascending order of their columns. In
     a padded matrix (`row_counts` is not None) only the first `row_counts[r]` of them are in use.
 
     Attributes:
@@ -109,7 +109,7 @@ class BsrMatrix(InPlaceOperators, Operators):
 
     @property
     def requires_grad(self) -> bool:
-        """Whether the blocks have gradients."""
+        """True if the blocks have gradients."""
         return self.values.requires_grad
 
     @property
@@ -159,7 +159,7 @@ class BsrMatrix(InPlaceOperators, Operators):
     def nnz_sync(self) -> int:
         """Waits for the number of blocks, puts it in `nnz` and returns it.
 
-        Of padded matrices it is the number of blocks there is room for.
+        For padded matrices it is the number of blocks there is room for.
 
         Raises:
             RuntimeError: a graph is being captured.
@@ -216,7 +216,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         return int(self._status.numpy()[0])
 
     def status_message(self) -> str:
-        """What `status_sync` says, in words."""
+        """The meaning of `status_sync`, in words."""
         status = self.status_sync()
         return _MESSAGES.get(status, f"unknown status {status}")
 

@@ -37,7 +37,7 @@ def _row_kernel(scalar):
         total = scalar(0.0)
         for entry in range(offsets[row], offsets[row + 1]):
             total += values[entry] * x[columns[entry]]
-        # What is not wanted need not be a number.
+        # An unwanted entry need not be a number.
         if beta == scalar(0.0):
             y[row] = alpha * total
         else:
@@ -47,7 +47,7 @@ def _row_kernel(scalar):
 
 
 def fits(A, x, y) -> bool:
-    """Whether a matrix has numbers side by side, and both vectors of its type are other memory."""
+    """True if a matrix has numbers side by side, and both vectors of its type are other memory."""
     values = A.values
     dtype = values.dtype
     return (

@@ -20,7 +20,7 @@ from warp._src.sparse.matrix import BsrMatrix, new_matrix
 
 
 class bsr_mm_work_arrays:
-    """What `bsr_mm` keeps of a product for `reuse_topology`."""
+    """The parts of a product that `bsr_mm` keeps for `reuse_topology`."""
 
     def __init__(self):
         self.plan = None

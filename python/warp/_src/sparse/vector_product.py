@@ -14,13 +14,13 @@ from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types
 
 @functools.cache
 def _put(scalar):
-    """What a row of the product gives becomes part of the result."""
+    """Adds a row of the product to the result."""
 
     @wp.func(name=f"sparse_mv_put_{scalar.__name__}")
     def put(
         y: wp.array2d(dtype=scalar), row: int, i: int, alpha: scalar, total: scalar, beta: scalar
     ):
-        # What is not wanted need not be a number.
+        # An unwanted entry need not be a number.
         if beta == scalar(0.0):
             y[row, i] = alpha * total
         else:
@@ -259,7 +259,7 @@ def bsr_mv(
 
 
 def multiply(A, x, y, alpha, beta, transpose=False, work_buffer=None, trusted=False):
-    """What `bsr_mv` does; `trusted`: somebody has looked at the contents of `A`."""
+    """The product of `bsr_mv`; `trusted`: the contents of `A` have been checked."""
     A, factor = unchecked(A)
     alpha = alpha * factor
     rows, cols = A.block_shape

@@ -38,17 +38,17 @@ class TextureModes:
 
     @property
     def address_mode_u(self) -> TextureAddressMode:
-        """What lies outside along the first coordinate."""
+        """The texels outside along the first coordinate."""
         return TextureAddressMode(self.address_u)
 
     @property
     def address_mode_v(self) -> TextureAddressMode:
-        """What lies outside along the second coordinate."""
+        """The texels outside along the second coordinate."""
         return TextureAddressMode(self.address_v)
 
     @property
     def address_mode_w(self) -> TextureAddressMode:
-        """What lies outside along the third coordinate."""
+        """The texels outside along the third coordinate."""
         return TextureAddressMode(self.address_w)
 
     @property

@@ -19,7 +19,7 @@ from warp._src.types.scalars import float32
 # Kernels have no `in`.
 # ruff: noqa: SIM109
 
-# Of TextureAddressMode and TextureFilterMode.
+# The values of TextureAddressMode and TextureFilterMode.
 WRAP, CLAMP, MIRROR = 0, 1, 2
 LINEAR = 1
 NAN = float("nan")
@@ -215,7 +215,7 @@ def _readers(texture, coordinates, closest, linear, placeless):
             return of_level(t, at, c, int(wp.floor(place + 0.5)))
         fine = wp.min(int(wp.floor(place)), top - 1)
         share = place - float(fine)
-        # What texels have in common is taken off before levels are compared.
+        # The common part of texels is taken off before levels are compared.
         zero = closest(t, at, c, fine)
         if t.filter == LINEAR:
             low = linear(t, at, c, fine, zero)

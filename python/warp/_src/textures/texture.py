@@ -3,7 +3,7 @@
 To a kernel a texture is a struct of an array of float32 texels and of how it is read; the functions
 that read it are in `sampling`. So devices, graphs, structs and arrays of textures need nothing of
 their own, and a GPU computes what the CPU does; its texture units are not used. Levels of a mip
-chain (`mips`) lie one behind the other, the finest first. Of 32-bit integers, which float32 does
+chain (`mips`) lie one behind the other, the finest first. For 32-bit integers, which float32 does
 not hold, there is a second array with the numbers themselves.
 """
 
@@ -56,7 +56,7 @@ class Texture(TextureCopies, TextureModes, StructInstance):
         TypeError, ValueError: data or modes do not fit.
     """
 
-    # Of 32-bit integers, the numbers.
+    # For 32-bit integers, the numbers.
     _whole = None
 
     def __init__(self, *args, **options):
@@ -64,7 +64,7 @@ class Texture(TextureCopies, TextureModes, StructInstance):
             raise TypeError("make a `wp.Texture1D`, `wp.Texture2D` or `wp.Texture3D`")
         super().__init__()
         if not args and not options:
-            # What a field of a struct holds before it is set: nothing, which reads as zero.
+            # The value of a struct's field before it is set: nothing, which reads as zero.
             return
         beyond = [f"address_mode_{axis}" for axis in "uvw"[self.ndim :]]
         order = [
@@ -122,7 +122,7 @@ class Texture(TextureCopies, TextureModes, StructInstance):
         self._set_modes(**options)
 
     def _is_whole(self) -> bool:
-        """Whether texels are integers that float32 does not hold."""
+        """True if texels are integers that float32 does not hold."""
         return self.dtype in (scalars.int32, scalars.uint32)
 
     def _split(self, shape):
@@ -230,7 +230,7 @@ class Texture(TextureCopies, TextureModes, StructInstance):
     def numpy(self):
         """The texels as a NumPy array of their type, with a last dimension for several channels.
 
-        Of a mip chain these are those of the finest level.
+        For a mip chain these are those of the finest level.
         """
         dtype, most = texels.KINDS[self.kind]
         if self._is_whole():

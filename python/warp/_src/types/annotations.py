@@ -42,7 +42,7 @@ class Reference:
 
 
 class FixedArrayType:
-    """What `wp.fixedarray(shape, dtype)` gives: the type of an array of one thread."""
+    """The result of `wp.fixedarray(shape, dtype)`: the type of an array of one thread."""
 
     __slots__ = ("dtype", "shape")
     _wp_array_annotation_ = True
@@ -93,7 +93,7 @@ class fixedarray:
 class ref:
     """`wp.ref[T]`: annotates a parameter of a `@wp.func` that is passed by reference.
 
-    What the function assigns to it, or to a part of it, the caller finds in the variable or the
+    An assignment of the function to it, or to a part of it, changes the caller's variable or the
     element of an array that it has passed. The place is read before the call and written after it,
     without atomics. Derivatives take it into account.
 
@@ -213,7 +213,7 @@ def caller_namespaces(cls, depth=2):
 
 
 def is_generic(annotation) -> bool:
-    """Whether an annotation leaves the type open."""
+    """True if an annotation leaves the type open."""
     if isinstance(annotation, ArrayType):
         if annotation.ndim is typing.Any:
             return True

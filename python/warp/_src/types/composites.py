@@ -1,4 +1,4 @@
-"""What vectors, matrices, quaternions and transforms share at Python scope.
+"""Shared parts of vectors, matrices, quaternions and transforms at Python scope.
 
 Each composite type is a `ctypes.Array` of its scalars in row-major order, so it has C layout, the
 buffer protocol, and can be read by NumPy without a copy. The mixins here give it construction,
@@ -91,7 +91,7 @@ class Composite:
 
     @classmethod
     def scalar_export(cls, number):
-        """What an element access returns for a stored number.
+        """The result of an element access for a stored number.
 
         A number of Python for the types that are Python's own, else one of the scalar type; with
         `wp.config.legacy_scalar_return_types` always a number of Python.
@@ -118,7 +118,7 @@ class Composite:
 
     @classmethod
     def scalar_import(cls, number):
-        """What is stored for a number or scalar.
+        """The stored value for a number or scalar.
 
         Raises:
             WarpTypeError: it is none, which a type whose numbers are stored as they are notices
@@ -187,7 +187,7 @@ class Composite:
             ) from None
 
     def _numbers_of(self, value, count) -> list:
-        """What is assigned to `count` components: a number for all of them, or one for each."""
+        """The values assigned to `count` components: a number for all of them, or one for each."""
         if is_number(value):
             return [value] * count
         wanted = self._wp_scalar_type_.__name__
@@ -245,7 +245,7 @@ class Composite:
         return self._from_numbers(scalars_of(self))
 
     def _like(self, result):
-        """What a builtin returns, as a value of this class if it is of its type."""
+        """The result of a builtin, as a value of this class if it is of its type."""
         cls = type(self)
         if type(result) is cls or canonical_class(cls) is not type(result):
             return result
@@ -314,7 +314,7 @@ def _no_numbers(value):
 
 
 def is_number(value):
-    """Whether `value` is one number: Python's, a Warp scalar or a NumPy scalar."""
+    """True if `value` is one number: Python's, a Warp scalar or a NumPy scalar."""
     return isinstance(value, (int, float, scalar_base)) or (
         hasattr(value, "dtype")
         and getattr(value, "shape", None) == ()

@@ -36,7 +36,7 @@ nan = NAN
 
 
 def is_constant(value) -> builtins.bool:
-    """Whether kernels can capture `value` as a constant."""
+    """True if kernels can capture `value` as a constant."""
     return isinstance(value, (int, float, enum.Enum, scalar_base, Composite))
 
 

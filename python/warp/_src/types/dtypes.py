@@ -113,7 +113,7 @@ float_types = tuple(FLOAT_TYPES)
 scalar_types = tuple(SCALAR_TYPES)
 scalar_and_bool_types = (*scalar_types, scalars.bool)
 
-# What users write for generic vectors: `wp.vec[3, float]`.
+# The notation of users for generic vectors: `wp.vec[3, float]`.
 vec = Vector
 mat = Matrix
 
@@ -126,69 +126,69 @@ def _class_of(x):
 
 
 def is_array(x) -> builtins.bool:
-    """Whether `x` is an array, indexed or not, or an annotation of one."""
+    """True if `x` is an array, indexed or not, or an annotation of one."""
     return type_is_array(type(x)) or hasattr(type(x), "_wp_array_annotation_")
 
 
 def is_value(x) -> builtins.bool:
-    """Whether `x` is a number, scalar or composite."""
+    """True if `x` is a number, scalar or composite."""
     return is_scalar(x) or is_composite(x)
 
 
 def is_int(x) -> builtins.bool:
-    """Whether `x` is a scalar of a type of integers, or a Python `int`."""
+    """True if `x` is a scalar of a type of integers, or a Python `int`."""
     return type_is_int(_class_of(x))
 
 
 def is_float(x) -> builtins.bool:
-    """Whether `x` is a scalar of a type of floats, or a Python `float`."""
+    """True if `x` is a scalar of a type of floats, or a Python `float`."""
     return type_is_float(_class_of(x))
 
 
 def is_scalar(x) -> builtins.bool:
-    """Whether `x` is a number or a truth value."""
+    """True if `x` is a number or a truth value."""
     return type_is_scalar(_class_of(x))
 
 
 def is_composite(x) -> builtins.bool:
-    """Whether `x` is a vector, matrix, quaternion or transform."""
+    """True if `x` is a vector, matrix, quaternion or transform."""
     return type_is_composite(_class_of(x))
 
 
 def is_vector(x) -> builtins.bool:
-    """Whether `x` is a vector."""
+    """True if `x` is a vector."""
     return type_is_vector(_class_of(x))
 
 
 def is_matrix(x) -> builtins.bool:
-    """Whether `x` is a matrix."""
+    """True if `x` is a matrix."""
     return type_is_matrix(_class_of(x))
 
 
 def is_quaternion(x) -> builtins.bool:
-    """Whether `x` is a quaternion."""
+    """True if `x` is a quaternion."""
     return type_is_quaternion(_class_of(x))
 
 
 def is_transformation(x) -> builtins.bool:
-    """Whether `x` is a transform."""
+    """True if `x` is a transform."""
     return type_is_transformation(_class_of(x))
 
 
 def type_is_int(t) -> builtins.bool:
-    """Whether `t` is a scalar type of integers, or Python's `int`."""
+    """True if `t` is a scalar type of integers, or Python's `int`."""
     return t is int or (
         isinstance(t, ScalarType) and issubclass(t, scalars.int_base) and t is not scalars.bool
     )
 
 
 def type_is_float(t) -> builtins.bool:
-    """Whether `t` is a scalar type of floats, or Python's `float`."""
+    """True if `t` is a scalar type of floats, or Python's `float`."""
     return t is float or (isinstance(t, ScalarType) and issubclass(t, scalars.float_base))
 
 
 def type_is_scalar(t) -> builtins.bool:
-    """Whether `t` is a type of numbers or of truth values."""
+    """True if `t` is a type of numbers or of truth values."""
     return type_is_int(t) or type_is_float(t) or t is scalars.bool or t is builtins.bool
 
 
@@ -197,42 +197,42 @@ def _is_family(t, family) -> builtins.bool:
 
 
 def type_is_composite(t) -> builtins.bool:
-    """Whether `t` is a type of vectors, matrices, quaternions or transforms."""
+    """True if `t` is a type of vectors, matrices, quaternions or transforms."""
     return _is_family(t, Composite)
 
 
 def type_is_vector(t) -> builtins.bool:
-    """Whether `t` is a type of vectors."""
+    """True if `t` is a type of vectors."""
     return _is_family(t, Vector) and not _is_family(t, (Quaternion, Transformation))
 
 
 def type_is_matrix(t) -> builtins.bool:
-    """Whether `t` is a type of matrices."""
+    """True if `t` is a type of matrices."""
     return _is_family(t, Matrix)
 
 
 def type_is_quaternion(t) -> builtins.bool:
-    """Whether `t` is a type of quaternions."""
+    """True if `t` is a type of quaternions."""
     return _is_family(t, Quaternion)
 
 
 def type_is_transformation(t) -> builtins.bool:
-    """Whether `t` is a type of transforms."""
+    """True if `t` is a type of transforms."""
     return _is_family(t, Transformation)
 
 
 def type_is_array(t) -> builtins.bool:
-    """Whether `t` is a class of arrays, indexed or not, such as `wp.array`."""
+    """True if `t` is a class of arrays, indexed or not, such as `wp.array`."""
     return has_arrays(t)
 
 
 def type_is_tile(t) -> builtins.bool:
-    """Whether `t` is what tiles are made by, `wp.tile`."""
+    """True if `t` is what tiles are made by, `wp.tile`."""
     return getattr(t, "key", None) == "tile" and not isinstance(t, type)
 
 
 def is_tile(t) -> builtins.bool:
-    """Whether `t` is an annotation of a tile, such as `wp.tile[float, 16]`.
+    """True if `t` is an annotation of a tile, such as `wp.tile[float, 16]`.
 
     Outside of kernels there are no others.
     """
@@ -240,12 +240,12 @@ def is_tile(t) -> builtins.bool:
 
 
 def type_is_struct(t) -> builtins.bool:
-    """Whether `t` is a class that `wp.struct` has made."""
+    """True if `t` is a class that `wp.struct` has made."""
     return isinstance(t, type) and is_struct(t)
 
 
 def type_is_value(t) -> builtins.bool:
-    """Whether `t` is a scalar type or one of composites."""
+    """True if `t` is a scalar type or one of composites."""
     return type_is_scalar(t) or type_is_composite(t)
 
 

@@ -85,7 +85,7 @@ def native_type(dtype):
     try:
         found = _native_types.get(dtype)
     except TypeError:
-        # What has no hash is no type: this says so.
+        # An object without a hash is no type: this says so.
         canonical(dtype)
         raise
     if found is None:
@@ -132,7 +132,7 @@ def _parse(text: str):
 
 
 def has_arrays(kind) -> bool:
-    """Whether a class is one of arrays, indexed or not."""
+    """True if a class is one of arrays, indexed or not."""
     return isinstance(kind, type) and hasattr(kind, "_wp_array_")
 
 
@@ -148,7 +148,7 @@ def type_repr(t) -> str:
 
 
 def types_equal(a, b) -> bool:
-    """Whether two types or annotations mean the same."""
+    """True if two types or annotations mean the same."""
     try:
         return native_text(a) == native_text(b)
     except TypeError:
@@ -161,7 +161,7 @@ def types_equal(a, b) -> bool:
 
 
 def _element_type(dtype):
-    # What is not in this package yet is named in annotations, and refused when it is used.
+    # A missing type is named in annotations, and refused when it is used.
     if isinstance(dtype, GenericAnnotation) or getattr(dtype, "_wp_absent_", False):
         return dtype
     try:
@@ -185,7 +185,7 @@ class ArrayType:
     """
 
     _wp_array_annotation_ = True
-    # What kernels see of an array; `struct_fields`, which has it, sets this.
+    # The descriptor of an array for kernels; `struct_fields`, which has it, sets this.
     make_descriptor: typing.ClassVar[typing.Callable]
     # `wp.array`; `arrays.array`, which has it, sets this.
     array_class: typing.ClassVar[type]
@@ -199,7 +199,8 @@ class ArrayType:
         if name == "shape":
             return (0,) * (1 if self.ndim is typing.Any else self.ndim)
         if name == "vars":
-            # What packages find the members of an array by: none are fields of a struct.
+            # Attributes by which packages find the members of an array: none are fields of a
+            # struct.
             self.vars = {}
             return self.vars
         if name == "memory_kind" and type(self) is ArrayType:
@@ -225,7 +226,7 @@ class ArrayType:
         return f"!warp.array<{self.ndim} x {native_text(self.dtype)}>"
 
     def __reduce__(self):
-        # What pickle does by itself asks for `__class__`.
+        # Pickle by itself asks for `__class__`.
         return type(self), (self.dtype, self.ndim), vars(self)
 
     def __eq__(self, other):

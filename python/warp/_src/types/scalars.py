@@ -45,7 +45,7 @@ class ScalarType(type):
 
     @property
     def dtype(cls):
-        """What NumPy before 2.4 looks for.
+        """The attribute that NumPy before 2.4 looks for.
 
         Raises:
             AttributeError: NumPy is newer, which looks for something else.
@@ -168,7 +168,7 @@ class scalar_base(metaclass=ScalarType):
 
 
 class int_base(scalar_base):
-    """What integers of all widths have in common."""
+    """Common parts of integers of all widths."""
 
     __slots__ = ()
 
@@ -230,7 +230,7 @@ class int_base(scalar_base):
 
 
 class float_base(scalar_base):
-    """What floats of all widths have in common."""
+    """Common parts of floats of all widths."""
 
     __slots__ = ()
 

@@ -99,7 +99,7 @@ class StructInstance(ctypes.Structure):
 
     @property
     def _given(self):
-        """What was assigned to fields that show it as something else, by name, with its bytes."""
+        """The values of fields that show them as something else, by name, with their bytes."""
         given = self.__dict__.get("_objects_given")
         if given is None:
             given = self.__dict__["_objects_given"] = {}
@@ -134,7 +134,7 @@ class StructInstance(ctypes.Structure):
         return value if type(value) is cls else None
 
     def _shown(self):
-        """What users see of a field of this type."""
+        """The value of a field of this type for users."""
         return self
 
     def _inner(self, name):
@@ -368,7 +368,7 @@ def _field_type(struct_name, field, annotation, namespaces):
     return dtype
 
 
-# What a class cannot say for itself: instances are memory with checked fields.
+# The code that a class cannot hold itself: instances are memory with checked fields.
 _MADE_HERE = {
     *("__init__", "__new__", "__setattr__", "__delattr__", "__getattribute__"),
     *("__dict__", "__weakref__", "__slots__"),

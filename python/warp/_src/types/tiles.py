@@ -43,7 +43,7 @@ class TileType:
 
     @property
     def is_open(self) -> bool:
-        """Whether something of it is left to the call."""
+        """True if something of it is left to the call."""
         return self.shape is typing.Any or typing.Any in (self.dtype, *self.shape)
 
     @property
@@ -52,7 +52,7 @@ class TileType:
         return f"!warp.tile<{extents} x {native.native_text(self.dtype)}>"
 
     def fits(self, found) -> bool:
-        """Whether a type of the compiler is one that an open annotation asks for."""
+        """True if a type of the compiler is one that an open annotation asks for."""
         if found.kind == "tile" and self.shape is typing.Any:
             return self.dtype in (typing.Any, native.dtype_of(found.element))
         return (
@@ -118,7 +118,7 @@ class TileStackType:
         self.dtype = native.canonical(dtype)
 
     def fits(self, found) -> bool:
-        """Whether a type of the compiler is this one: it has none for stacks."""
+        """True if a type of the compiler is this one: it has none for stacks."""
         return False
 
     def __eq__(self, other):

@@ -173,7 +173,7 @@ def generic_annotation(family, params):
     if not params:
         raise TypeError(f"{family.__name__}[...] expects parameters of a type, but got none")
     if all(isinstance(one, typing.TypeVar) for one in params) and params[-1].__bound__ is int:
-        # Of a generic class, for type checkers.
+        # The parameters of a generic class, for type checkers.
         return types.GenericAlias(family, params)
     if family is Vector and len(params) != 2:
         raise TypeError(
@@ -196,7 +196,7 @@ def generic_annotation(family, params):
 
 
 def is_open(param) -> bool:
-    """Whether a parameter of a type is left to the call: `typing.Any`, `wp.Float`."""
+    """True if a parameter of a type is left to the call: `typing.Any`, `wp.Float`."""
     return param is typing.Any or isinstance(param, typing.TypeVar)
 
 
@@ -227,7 +227,7 @@ for _count in (2, 3, 4):
 _NO_COMPONENTS = {name: _no_component(name) for name in "xyzw"}
 _COMPONENTS = [_component(index) for index in range(4)]
 _cache: dict = {}
-# What sizes in bytes of 32 bits leave room for.
+# The largest sizes in bytes of 32 bits.
 MOST_COMPONENTS = 2**28
 
 

@@ -1,4 +1,4 @@
-"""What `warp.utils` offers, by topic."""
+"""The functions of `warp.utils`, by topic."""
 
 
 def __getattr__(name):

@@ -40,7 +40,7 @@ def _segment_kernels(kind):
         key = wp.uint32(0)
         bits = wp.cast(keys[i], wp.uint32)
         sign = wp.uint32(0x80000000)
-        # What lies in no segment keeps its order: equal keys.
+        # Elements outside of all segments keep their order: equal keys.
         if marks[i][1] > 0:
             key = bits ^ sign
             if wp.static(kind is wp.float32):

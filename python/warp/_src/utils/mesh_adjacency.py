@@ -29,7 +29,7 @@ class MeshAdjacency:
         num_tris: accepted for compatibility.
 
     Attributes:
-        edges: a `MeshEdge` by `(smaller vertex, larger vertex)`. Of an edge with more than two
+        edges: a `MeshEdge` by `(smaller vertex, larger vertex)`. For an edge with more than two
             triangles the first two count, and a line is printed.
     """
 

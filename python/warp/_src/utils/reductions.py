@@ -107,7 +107,7 @@ def _without_axis(out, axis):
 
 
 class _Reduction:
-    """What a sum and an inner product check in the same way."""
+    """The common checks of a sum and an inner product."""
 
     def __init__(self, name, first, out, out_dtype, count, axis):
         if axis is not None:

@@ -18,7 +18,7 @@ from warp.report._worker import load
 
 @dataclasses.dataclass
 class Lean:
-    """What one run of a scene used.
+    """The parts that one run of a scene used.
 
     Attributes:
         scene: its name.

@@ -10,7 +10,7 @@ import warp.report as report
 ROWS, COLUMNS, STEPS = 8, 8, 10
 # [s], [m/s^2], [m/N], [kg]
 DT, GRAVITY, COMPLIANCE, MASS = 1.0 / 120.0, 9.81, 1e-6, 0.01
-# What a step adds to velocities, and what XPBD makes of the compliance.
+# The step's change of velocities, and XPBD's form of the compliance.
 FALL, SOFTNESS, REST = GRAVITY * DT, COMPLIANCE / DT**2, 1.0 / (ROWS - 1)
 
 

@@ -157,7 +157,7 @@ class Judge:
         self.unit = mp.mpf(float(limits.eps)) / 2
 
     def scales(self, wanted, sizes):
-        """What errors of numbers are relative to; `sizes` says how many a composite has."""
+        """The scale of errors of numbers; `sizes` says how many a composite has."""
         found = []
         for size in sizes:
             part = [abs(x) for x in wanted[len(found) : len(found) + size]]
@@ -165,7 +165,7 @@ class Judge:
         return found
 
     def is_lost(self, x, scale):
-        """Whether a number that is exactly zero is none, or large beside the others."""
+        """True if a number that is exactly zero is none, or large beside the others."""
         return not np.isfinite(x) or (scale > self.tiny and abs(x) > scale)
 
     def row(self, exact, function, sizes, numbers, got, strategy):

@@ -4,7 +4,7 @@ import mpmath as mp
 
 from warp.report.search._judge import NoReferenceError
 
-#: Of the size of the operands, how far from the point; of the results, what may differ.
+#: The distance from the point, in sizes of the operands; the tolerance, in sizes of the results.
 NEAR, SAME, ZERO = mp.mpf(10) ** -15, mp.mpf(10) ** -6, mp.mpf(10) ** -12
 PATHS = 6
 

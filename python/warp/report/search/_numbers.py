@@ -7,7 +7,7 @@ import mpmath as mp
 
 import warp as wp
 
-#: What generic extents stand for.
+#: The values of generic extents.
 EXTENTS = {"n": 3, "r": 2, "c": 3, "k": 2}
 
 

@@ -1,4 +1,4 @@
-"""What builtins are, in formulas on mpmath's numbers.
+"""Builtins as formulas on mpmath's numbers.
 
 A formula gets operands as `Type.pack` makes them, and returns a value or a tuple of values. It is
 given for the whole domain of the builtin; where it raises or gives a complex number, there is no
@@ -25,7 +25,7 @@ from warp.report.search._numbers import (
 
 REFERENCES = {}
 
-#: What is lost by decision, by builtin and part.
+#: The loss by decision, by builtin and part.
 KNOWN = {
     ("pow", "gradient"): "x^(y - 1) overflows where x and y are both subnormal",
     ("mod", "value"): "the remainder of a division by zero is not a number",

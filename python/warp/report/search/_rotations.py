@@ -1,4 +1,4 @@
-"""What builtins that take rotations and matrices apart are, in formulas on mpmath's numbers."""
+"""Decompositions of rotations and matrices, as formulas on mpmath's numbers."""
 
 import mpmath as mp
 
@@ -41,7 +41,7 @@ def _quat_to_rpy(q):
 
 
 def _chosen(q):
-    """Of q and -q the one that matrices give; where that is nearly a tie, there is no reference."""
+    """The one of q and -q that matrices give; where that is nearly a tie, there is no reference."""
     q = scaled(q, 1 / norm(q))
     small, large = sorted(q, key=abs)[-2:]
     if abs(abs(q[3]) - 0.5) < 1e-3 or (abs(large) - abs(small) < 1e-3 and small * large < 0):

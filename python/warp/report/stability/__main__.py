@@ -43,7 +43,8 @@ def run(names=(), *, device="cpu", limit=60.0, output=None):
         names: such as 'R', 'R1' or 'D1-D9'; all by default.
         limit: seconds a case may take; each runs in a process that may be ended. None runs them
             in this one.
-        output: folder of `stability.jsonl` and `stability.md`, if any. What cannot be written
+        output: folder of `stability.jsonl` and `stability.md`, if any. A file that cannot be
+        written
             there is said and kept in memory.
 
     Raises:

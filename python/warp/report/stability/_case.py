@@ -1,4 +1,4 @@
-"""What a case of the catalogue is: it measures errors against limits and keeps the worst input."""
+"""Cases of the catalogue: each measures errors against limits and keeps the worst input."""
 
 import functools
 import itertools
@@ -57,7 +57,7 @@ def case(name, summary, dtypes=("float64",)):
 
 @dataclass
 class Probe:
-    """What a case measures with.
+    """The measure of a case.
 
     Attributes:
         device: such as 'cpu'.
@@ -113,7 +113,7 @@ class Probe:
     def check(self, what, error, limit, **operands):
         """An error, or one for each row of the operands, may not pass a limit.
 
-        What is no number passes every limit. The operands at the largest error are kept.
+        A value that is no number passes every limit. The operands at the largest error are kept.
         """
         error = np.atleast_1d(np.asarray(error, np.float64))
         error = np.where(np.isnan(error), np.inf, np.abs(error))
@@ -144,7 +144,7 @@ class Probe:
         self._say(what, "diagnosed", text)
 
     def absent(self, name):
-        """Whether the package does not have a name, whose use then is an error that says so."""
+        """True if the package does not have a name, whose use then is an error that says so."""
         try:
             getattr(wp, name)()
         except TypeError:

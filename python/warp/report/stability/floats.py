@@ -127,7 +127,7 @@ def number_limits(a, b):
 
 
 def differing(found, exact):
-    """Whether a number, or the sign of a zero, is another."""
+    """True if a number, or the sign of a zero, is another."""
     same = (found == exact) & (np.signbit(found) == np.signbit(exact))
     return np.where(same | (np.isnan(found) & np.isnan(exact)), 0.0, 1.0)
 

@@ -156,7 +156,7 @@ def make_triangles(real):
 
 
 def crossing(first, second):
-    """Whether an edge of the first triangles passes through the second, and how clearly."""
+    """True if an edge of the first triangles passes through the second, and how clearly."""
     a, b, c = (second[:, k] for k in range(3))
     hit, clear = np.zeros(len(first), bool), np.full(len(first), np.inf)
     for k in range(3):

@@ -1,8 +1,8 @@
 """Gradients of solutions.
 
-Of x with A x = b: with g the gradient of x, the transposed system A^T l = g gives the gradient of
-b, l, and that of A, -l x^T at the numbers that A stores. It does not depend on how x was found, and
-holds as far as both systems are solved.
+The adjoint of A x = b: with g the gradient of x, the transposed system A^T l = g gives the gradient
+of b, l, and that of A, -l x^T at the numbers that A stores. It does not depend on how x was found,
+and holds as far as both systems are solved.
 """
 
 import functools

@@ -92,7 +92,7 @@ class BiCGSTAB(LinearSolverState):
     """The stabilised method of biconjugate gradients, for any matrix.
 
     Arguments as for `LinearSolverState`, and `is_left_preconditioner`: measure the second half of
-    a step as `M` sees it. Whether there is an `M` is settled by the first call.
+    a step as `M` sees it. True if there is an `M` is settled by the first call.
     """
 
     name = "bicgstab"

@@ -214,7 +214,7 @@ class _Restartable(LinearSolverState):
         self.alpha, self.beta, self.before = (
             wp.zeros(self.batches, dtype=wp.float64, device=self.device) for _ in range(3)
         )
-        # Of the denominators and numerators of steps, for methods that need one sign.
+        # Signs of the denominators and numerators of steps, for methods that need one sign.
         self.signs = wp.zeros((2, self.batches), dtype=wp.float64, device=self.device)
 
     def prepare(self):

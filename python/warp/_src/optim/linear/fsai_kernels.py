@@ -170,7 +170,7 @@ def refit_kernel(scalar, wide, stored):
                 values[offsets[row] + rank] = value
         if not good:
             wp.atomic_add(status, 2, 1)
-            # What is left is the diagonal, or a one where that is of no use.
+            # The rest is the diagonal, or a one where that is of no use.
             for k in range(count):
                 values[offsets[row] + k] = stored(0.0)
             last = stored(scale[row])

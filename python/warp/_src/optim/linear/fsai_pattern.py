@@ -52,7 +52,7 @@ def fill_rows(
 
 @wp.func
 def refused(status: wp.array(dtype=int), fatal: int) -> bool:
-    """Whether one of the first `fatal` counts says that the numbers are not to be used."""
+    """True if one of the first `fatal` counts says that the numbers are not to be used."""
     result = bool(False)
     for i in range(fatal):
         if status[i] != 0:
@@ -180,7 +180,7 @@ def product_kernel(stored, given, wide, result):
     ):
         row = wp.tid()
         total = wide(0.0)
-        # Of a vector that counts for nothing nothing is read.
+        # A vector with weight zero is not read.
         if alpha != wp.float64(0.0):
             begin = starts[row]
             end = starts[row + 1]

@@ -1,4 +1,4 @@
-"""What a sparse approximate inverse does on the device: finds supports, computes, publishes."""
+"""Sparse approximate inverses on the device: finds supports, computes, publishes."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ class LinearOperator:
         matvec: `matvec(x, y, z, alpha, beta)` sets `z` to `alpha * A x + beta * y`; `y` may be
             `z`, and is not to be read if `beta` is zero.
         batch_offsets: int32, where each of several independent systems begins and the last one
-            ends, in numbers. What lies behind belongs to none and is ignored.
+            ends, in numbers. The rest belongs to none and is ignored.
         max_batch_length: upper bound of the numbers of one system.
 
     Raises:
@@ -161,7 +161,7 @@ def _diagonal_kernel(scalar):
 
 
 def dense_matvec(A, transposed=False):
-    """What a dense matrix, or its transposed, does."""
+    """The action of a dense matrix, or of its transposed."""
     kernel = _dense_kernel(A.dtype)
 
     def matvec(x, y, z, alpha, beta):
@@ -173,7 +173,7 @@ def dense_matvec(A, transposed=False):
 
 
 def diagonal_matvec(A):
-    """What a diagonal matrix does, given by its elements."""
+    """The action of a diagonal matrix, given by its elements."""
     A = numbers(A)
     kernel = _diagonal_kernel(A.dtype)
 
@@ -186,7 +186,7 @@ def diagonal_matvec(A):
 
 
 def sparse_matvec(A, trusted=False):
-    """What a sparse matrix does; `trusted`: somebody has looked at its contents."""
+    """The action of a sparse matrix; `trusted`: its contents have been checked."""
 
     def matvec(x, y, z, alpha, beta):
         if beta != 0.0 and y.ptr != z.ptr:

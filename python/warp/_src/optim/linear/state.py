@@ -1,4 +1,4 @@
-"""What all solvers share: arguments, tolerances, the loop, and what it tells about the result.
+"""Shared parts of all solvers: arguments, tolerances, the loop, and reports of the result.
 
 A solver is a `start`, which computes the residual for the vector at hand, and a `cycle` of one or
 more iterations. Convergence is judged by each system's own tolerance. When the residual that the
@@ -119,7 +119,7 @@ class LinearSolverState(Loops):
     """
 
     name = "solver"
-    # Whether the transposed system is solved by the same method with the same matrix.
+    # True if the transposed system is solved by the same method with the same matrix.
     symmetric = False
     cycle_size = 1
 
@@ -173,7 +173,7 @@ class LinearSolverState(Loops):
             raise ValueError(f"expects vectors of floats, got {b.dtype}")
 
     def _plan(self) -> None:
-        """What the batches need: where they begin, and the batch of each number."""
+        """The batches: where they begin, and the batch of each number."""
         offsets = self.A.batch_offsets
         self.count = self.A.shape[0]
         length = self.A.max_batch_length or self.count
@@ -190,7 +190,7 @@ class LinearSolverState(Loops):
         self.r_norm_sq, self.atol_sq = (
             wp.zeros(self.batches, dtype=wp.float64, device=self.device) for _ in range(2)
         )
-        # What is told of these.
+        # The reported systems.
         self.told = (self.r_norm_sq, self.atol_sq)
         if self.scalar is not wp.float64:
             self.told = tuple(
