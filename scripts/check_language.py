@@ -25,7 +25,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-OPENINGS = ("What", "Whether", "Of", "Those", "Where")
+OPENINGS = ("What", "Whether", "Of", "Those")
 PRIVATE = {
     r"copy engine": "TMA (the copy engine is the unit behind cudaMemcpyAsync)",
     r"memory of (?:the|a|its) block|block's memory|block memory": "shared memory",
