@@ -20,9 +20,9 @@ constexpr llvm::StringLiteral argNames = "warp.arg_names";
 /// On a derivative: the kernel that it is of, for messages.
 constexpr llvm::StringLiteral primal = "warp.primal";
 /// The kind of launch, a `#warp.variant`, from warp-specialize on; how to make
-/// it, a `#warp.recipe`. See KernelFunction.h of lib/Transforms.
+/// it, a `#warp.schedule`. See KernelFunction.h of lib/Transforms.
 constexpr llvm::StringLiteral variant = "warp.variant";
-constexpr llvm::StringLiteral recipe = "warp.recipe";
+constexpr llvm::StringLiteral schedule = "warp.schedule";
 /// On an operation: the integer that it gives is not negative.
 constexpr llvm::StringLiteral nonNegative = "warp.non_negative";
 /// On an argument of a kernel in phase `launch`: an array without gaps in

@@ -355,17 +355,17 @@ def PlanUpdates : WarpPass<"warp-plan-updates"> {
     lanes of a vector or warp together, in a ring of lanes, or once for a whole
     group; and whether its sum is exact, as those of floats are in a
     deterministic launch where the kernel sees nothing else of an array. The
-    recipe then lists arrays with such sums, and all others that are accessed.
+    schedule then lists arrays with such sums, and all others that are accessed.
 
     Where atomics remain on the CPU, and so few threads would share the launch
     that one thread without atomic instructions is faster, the kernel gets an
-    exclusive recipe: it runs on one thread and updates elements plainly. In a
+    exclusive schedule: it runs on one thread and updates elements plainly. In a
     deterministic launch so does every kernel with atomics whose order would
-    show, sums that are exact aside; on a GPU that is a launch of one block, with
+    show, sums that are exact aside; on a GPU the launch has a single block, of
     one thread if its updates cannot be combined.
 
     Where all atomics that remain add numbers to arrays, or gradients, that the
-    kernel does nothing else to, and arrays are disjoint, the recipe lists those
+    kernel does nothing else to, and arrays are disjoint, the schedule lists those
     arrays: the code runs on several threads if each has copies of them.
 
     Short loops over elements that all threads share are unrolled.

@@ -56,9 +56,9 @@ def JoinBlocks : WarpTilePass<"warp-join-blocks"> {
     For kernels on compute capability 9.0 that add products in a loop and do
     nothing with the number of a block in the launch's last dimension of blocks
     but to load and store tiles side by side: if the launch has blocks enough
-    (`joinable` of the variant), tiles become two or four times as wide, as long
+    (`max_block_coarsening` of the variant), tiles become two or four times as wide, as long
     as threads can hold the sums. The runtime launches so many blocks less
-    (`joined` of the recipe). Not in debug and deterministic kernels.
+    (`block_coarsening` of the schedule). Not in debug and deterministic kernels.
 
     ```mlir
     %t = warp.mul(%j, %c64) : ...

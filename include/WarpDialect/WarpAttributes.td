@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A kernel function carries a variant: the kind of launch that it is compiled
-// for. Its entry also carries a recipe: how such a launch is to be made. Both
+// for. Its entry also carries a schedule: how such a launch is to be made. Both
 // cross the border to the runtime, see `CompileOptions` and `Code` of
 // warp/Compile.h. Arguments that a derivative has and its primal has not are
 // described by an attribute each.
@@ -79,20 +79,21 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
     GPU one that begins at a multiple of its elements' size or of 16 bytes), or
     an integer that is not negative. `index32`: no array and no launch has 2^31
     elements or more. `flat`: one linear grid axis for all dimensions of a GPU
-    launch. `large`: the launch fills the GPU many times over; `under`: it has
-    too few threads to fill it, or on a CPU fewer than 16 (scalar code, compiled
-    with less effort, where no loop may be long); `narrow`: squares of indices of
-    its last two dimensions would not fill; `joinable`: so many blocks in a row
-    may be one, and there are enough. `disjoint`: no memory that the launch writes
+    launch. `large`: the launch fills the GPU many times over; `underfilled`:
+    it has fewer threads than fill the GPU, or on a CPU fewer than 16 (scalar
+    code, compiled with less effort, where no loop may be long); `skinny`:
+    32 x 32 tiles of the last two dimensions would be mostly empty;
+    `max_block_coarsening`: so many neighbouring blocks may be merged without
+    leaving multiprocessors idle. `disjoint`: no memory that the launch writes
     overlaps another one. `block`: threads of a GPU block. `threads`: those that
     would share a CPU launch. `min_blocks`:
     fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:
     threads that are to be lanes of a vector on a CPU; 1 keeps them scalar, 0
-    leaves it open. `row`: rows of a CPU launch, of its last dimension, have at
-    most so many threads, which lanes are; 0 says nothing.
+    leaves it open. `inner_extent`: upper bound of the extent of the last
+    dimension of a CPU launch, whose threads are lanes; 0 leaves it open.
 
     (C1) `rank` is 1 to 4. (C2) `block` and `threads` are 1 or more. (C3) `lanes`
-    and `row` are 0 or a power of two up to 64. (C4) `joinable` is 1, 2 or 4.
+    and `inner_extent` are 0 or a power of two up to 64. (C4) `max_block_coarsening` is 1, 2 or 4.
 
     ```mlir
     #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, debug = true>
@@ -101,12 +102,12 @@ def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
   let parameters = (ins "::warp::TargetAttr":$target, Warp_Number<"1">:$rank,
                         DefaultValuedParameter<"uint64_t", "0">:$contiguous,
                         Warp_Flag<"true">:$index32, Warp_Flag<>:$flat,
-                        Warp_Flag<>:$large, Warp_Flag<>:$under,
-                        Warp_Flag<>:$narrow, Warp_Number<"1">:$joinable,
+                        Warp_Flag<>:$large, Warp_Flag<>:$underfilled,
+                        Warp_Flag<>:$skinny, Warp_Number<"1">:$max_block_coarsening,
                         Warp_Flag<>:$disjoint,
                         Warp_Number<"256">:$block, Warp_Number<"16">:$threads,
                         Warp_Number<"0">:$min_blocks, Warp_Number<"0">:$lanes,
-                        Warp_Number<"0">:$row, Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
+                        Warp_Number<"0">:$inner_extent, Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
                         DefaultValuedParameter<"::warp::Determinism",
                             "::warp::Determinism::none">:$deterministic);
   let genVerifyDecl = 1;
@@ -163,47 +164,52 @@ def Warp_CopiedAttr : Warp_Attr<"Copied", "copied"> {
                         Warp_Number<"0">:$atomic_time);
 }
 
-def Warp_RecipeAttr : Warp_Attr<"Recipe", "recipe"> {
+def Warp_ScheduleAttr : Warp_Attr<"Schedule", "schedule"> {
   let summary = "how the runtime is to launch an entry";
   let description = [{
-    `items`: launch indices that one GPU thread takes; of an exclusive launch,
-    the threads of its only block. `rows`: those of them that follow each other
-    in the dimension before the last. `tile`: indices of each of the last two
-    dimensions that a GPU block takes as a square, 0 without squares. `split`:
-    threads of a GPU block that share one index. `joined`: GPU blocks in a row of
-    the launch's last dimension of blocks that are one. `facts`: what of the size of a
-    launch the code depends on, `SizeFact` of warp/SizeFacts.h as a mask.
-    `alternates`: every other launch may run its GPU blocks from the last to the
-    first. `exclusive`: one thread runs a CPU launch, one block a GPU launch; `copied`:
-    or several workers with copies of these arrays. `cost`: rough operations of
+    `coarsening`: launch indices per GPU thread; `row_coarsening`: those of them
+    that follow each other in the dimension before the last. `transpose_tile`:
+    side of the square tile, in the last two dimensions, that a GPU block stages
+    in shared memory; 0 without. `split_reduction`: threads of a GPU block that
+    share one launch index. `block_coarsening`: neighbouring GPU blocks, in the
+    dimension before the last, that are merged. `size_facts`: the facts of a
+    launch's size that the code depends on, a mask of `SizeFact`
+    (warp/SizeFacts.h). `reverse_order`: every other launch may run its GPU
+    blocks last to first. `single_block`: threads of the only block of a GPU
+    launch, 0 if it has several. `exclusive`: one thread runs a CPU launch;
+    `copied`: or several workers with copies of these arrays. `cost`: rough operations of
     one thread. `lanes`: threads that are lanes of a vector on a CPU, from
     warp-widen-threads on. `sums`: the arrays with exact sums, then the others;
     their descriptors follow the arguments in the parameter block.
   }];
-  let parameters = (ins Warp_Number<"1">:$items, Warp_Number<"1">:$rows,
-                        Warp_Number<"0">:$tile, Warp_Number<"1">:$split,
-                        Warp_Number<"1">:$joined,
-                        Warp_Number<"0">:$facts, Warp_Flag<>:$alternates,
-                        Warp_Flag<>:$exclusive,
+  let parameters = (ins Warp_Number<"1">:$coarsening,
+                        Warp_Number<"1">:$row_coarsening,
+                        Warp_Number<"0">:$transpose_tile,
+                        Warp_Number<"1">:$split_reduction,
+                        Warp_Number<"1">:$block_coarsening,
+                        Warp_Number<"0">:$size_facts,
+                        Warp_Flag<>:$reverse_order, Warp_Flag<>:$exclusive,
+                        Warp_Number<"0">:$single_block,
                         OptionalParameter<"::warp::CopiedAttr">:$copied,
                         Warp_Number<"0">:$cost, Warp_Number<"1">:$lanes,
                         OptionalParameter<"::mlir::ArrayAttr">:$sums);
   let extraClassDeclaration = [{
     /// A launch of which nothing is known.
-    static RecipeAttr getUnknown(::mlir::MLIRContext *context);
-    RecipeAttr withItems(int64_t items) const;
-    RecipeAttr withRows(int64_t rows) const;
-    RecipeAttr withTile(int64_t tile) const;
-    RecipeAttr withSplit(int64_t split) const;
-    RecipeAttr withJoined(int64_t joined) const;
+    static ScheduleAttr getUnknown(::mlir::MLIRContext *context);
+    ScheduleAttr withCoarsening(int64_t coarsening) const;
+    ScheduleAttr withRowCoarsening(int64_t coarsening) const;
+    ScheduleAttr withTransposeTile(int64_t side) const;
+    ScheduleAttr withSplitReduction(int64_t parts) const;
+    ScheduleAttr withBlockCoarsening(int64_t coarsening) const;
     /// In addition to those that it has.
-    RecipeAttr withFacts(int64_t facts) const;
-    RecipeAttr withAlternates() const;
-    RecipeAttr withExclusive() const;
-    RecipeAttr withCopied(::warp::CopiedAttr copied) const;
-    RecipeAttr withCost(int64_t cost) const;
-    RecipeAttr withLanes(int64_t lanes) const;
-    RecipeAttr withSums(::mlir::ArrayAttr sums) const;
+    ScheduleAttr withSizeFacts(int64_t facts) const;
+    ScheduleAttr withReverseOrder(bool value) const;
+    ScheduleAttr withExclusive(bool value) const;
+    ScheduleAttr withSingleBlock(int64_t threads) const;
+    ScheduleAttr withCopied(::warp::CopiedAttr copied) const;
+    ScheduleAttr withCost(int64_t cost) const;
+    ScheduleAttr withLanes(int64_t lanes) const;
+    ScheduleAttr withSums(::mlir::ArrayAttr sums) const;
     ::llvm::SmallVector<::warp::SummedArrayAttr> getSummedArrays() const;
     /// Descriptors of sums in the parameter block.
     int64_t countSums() const;

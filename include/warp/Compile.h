@@ -58,9 +58,11 @@ struct CompileOptions {
   /// Sums have the same bits in every run.
   bool deterministic = false;
   /// Deterministic: sums are made in one order, because that is quicker or the
-  /// arrays of the launch overlap. Otherwise they are exact. Not deterministic:
-  /// on a CPU, threads make updates that tell who came first in their order.
+  /// arrays of the launch overlap. Otherwise they are exact.
   bool ordered = false;
+  /// CPU, not deterministic: atomic updates whose result is used are made in
+  /// the order of the threads.
+  bool threadOrder = false;
   bool lineinfo = false;
   int optLevel = 2;
   /// Threads of a GPU block.
@@ -77,15 +79,16 @@ struct CompileOptions {
   /// CPU: threads that are lanes of a vector together, a power of two; 0 leaves
   /// it to the compiler, 1 keeps threads scalar.
   int lanes = 0;
-  /// CPU: rows of the launch have at most so many threads, a power of two; 0
-  /// says nothing.
-  int row = 0;
-  /// The launch has too few threads to fill the card, or a vector of a CPU.
-  bool under = false;
-  /// GPU: squares of indices of the last two dimensions would not fill.
-  bool narrow = false;
-  /// GPU: blocks in a row of the launch that may be one: 1, 2 or 4.
-  int joinable = 1;
+  /// CPU: upper bound of the extent of the last dimension, a power of two; 0
+  /// leaves it open.
+  int innerExtent = 0;
+  /// The launch has fewer threads than fill the GPU, or a vector of a CPU.
+  bool underfilled = false;
+  /// GPU: 32 x 32 tiles of the last two dimensions would be mostly empty.
+  bool skinny = false;
+  /// GPU: so many neighbouring blocks may be merged without leaving
+  /// multiprocessors idle: 1, 2 or 4.
+  int maxBlockCoarsening = 1;
   /// GPU: long functions of the device library stay calls. Their machine code
   /// is linked when the kernel is loaded (FirstCode.h).
   bool linked = false;
@@ -108,13 +111,14 @@ struct Code {
   /// Rough operations of one thread; loops count 32 times their body.
   double cost = 0;
   bool usesPrintf = false;
-  /// GPU: launch indices that one thread takes; of exclusive code, the threads
-  /// of its only block.
-  int items = 1;
+  /// GPU: launch indices per thread.
+  int coarsening = 1;
+  /// GPU: threads of the only block of a launch; 0 if it has several.
+  int singleBlock = 0;
   /// CPU: the code updates elements without atomic instructions, because so
   /// few threads would lose more by those than they gain. It must have the
   /// arrays to itself and run on one thread, or have copies of those in
-  /// `copied` for each. GPU: the launch is one block.
+  /// `copied` for each.
   bool exclusive = false;
   /// CPU: what exclusive code may add to in private copies.
   CopiedArrays copied;
@@ -143,25 +147,26 @@ struct Code {
   /// GPU: bytes of block memory that a launch asks for, because blocks have
   /// less without being asked.
   int dynamicBytes = 0;
-  /// GPU: maps of arrays that the parameter block has behind everything else.
-  std::vector<TensorMap> maps;
-  /// GPU: those of them that follow each other in the dimension before the
-  /// last; the others do in the first.
-  int rows = 1;
-  /// GPU: a block takes a square of that many indices of the last two
-  /// dimensions on each side; 0 without squares. Blocks are numbered along one
-  /// axis.
-  int tile = 0;
-  /// GPU: threads of a block that share the work of one index.
-  int split = 1;
+  /// GPU: tensor maps, for TMA, that the parameter block has behind everything
+  /// else.
+  std::vector<TensorMap> tensorMaps;
+  /// GPU: those of `coarsening` that follow each other in the dimension before
+  /// the last; the others do in the first.
+  int rowCoarsening = 1;
+  /// GPU: side of the square tile, in the last two dimensions, that a block
+  /// stages in shared memory; 0 without. Blocks are numbered along one axis.
+  int transposeTile = 0;
+  /// GPU: threads of a block that share one launch index.
+  int splitReduction = 1;
   /// GPU: what of the size of a launch the code depends on, a mask of
   /// `SizeFact`. A launch that differs in another way may run it, too.
   int sizeFacts = 0;
-  /// GPU: blocks in a row, of the dimension before the last, that are one.
-  int joined = 1;
-  /// GPU: every other launch may run its blocks from the last to the first,
-  /// with a 1 in place of the header's error record.
-  bool alternates = false;
+  /// GPU: neighbouring blocks, in the dimension before the last, that are
+  /// merged.
+  int blockCoarsening = 1;
+  /// GPU: every other launch may run its blocks last to first, so that it finds
+  /// in the cache what the launch before left there.
+  bool reverseOrder = false;
 };
 
 /// Compiles one variant. Throws `Error` of kind `Compile`.

@@ -8,7 +8,8 @@
 //
 // A kernel gets one pointer (GPU: one by-value struct), the parameter block:
 //
-//   offset  0  LaunchHeader: extents of the launch, error record or order
+//   offset  0  LaunchHeader: extents of the launch, error record or block
+//             order
 //          24  the arguments in order, each at its natural alignment;
 //              arrays as ArrayDescriptor, structs in C layout
 //
@@ -55,10 +56,13 @@ constexpr int64_t packedAlignment(int64_t elementSize) {
 
 struct LaunchHeader {
   int32_t dim[maxRank] = {1, 1, 1, 1};
-  /// Address of the record that checks write to, in code that has them. In
-  /// other code for GPUs that alternates: 1 if blocks are counted from the last
-  /// on.
-  uint64_t errorRecord = 0;
+  union {
+    /// Address of the record that checks write to, in code that has checks.
+    uint64_t errorRecord = 0;
+    /// GPU code without checks whose schedule has `reverseOrder`: 1 if this
+    /// launch runs its blocks last to first.
+    uint64_t reversed;
+  };
 };
 static_assert(sizeof(LaunchHeader) == 24 && offsetof(LaunchHeader, dim) == 0 &&
               offsetof(LaunchHeader, errorRecord) == 16);

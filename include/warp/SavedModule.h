@@ -50,7 +50,7 @@ struct SavedVariant {
   bool disjoint = false;
   /// CPU: the code keeps the order of threads where updates tell who came
   /// first. Launches that do not ask for it may run that as well.
-  bool inTurn = false;
+  bool threadOrder = false;
   /// GPU: threads per block.
   int blockDim = 0;
   Code code;

@@ -12,12 +12,11 @@ namespace warp {
 /// Bits of a mask; `CompileOptions` explains each.
 enum SizeFact : int {
   largeFact = 1,
-  underFact = 2,
-  narrowFact = 4,
-  rowFact = 8,
-  joinableFact = 16,
-  /// `CompileOptions::ordered`, where nothing is deterministic.
-  turnFact = 32,
+  underfilledFact = 2,
+  skinnyFact = 4,
+  innerExtentFact = 8,
+  maxBlockCoarseningFact = 16,
+  threadOrderFact = 32,
   allFacts = 63
 };
 

@@ -59,14 +59,15 @@ public:
   /// for no other.
   bool isBrief = false;
   bool exclusive = false, atomics = false, isLong = false;
-  int items = 1;
+  int coarsening = 1, singleBlock = 0;
   bool fixedBlock = false, cooperative = false, ragged = false;
   int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
-  int rows = 1, tile = 0, split = 1, joined = 1;
-  bool alternates = false;
+  int rowCoarsening = 1, transposeTile = 0, splitReduction = 1;
+  int blockCoarsening = 1;
+  bool reverseOrder = false;
   CopiedArrays copied;
   std::vector<SummedArray> sums;
-  std::vector<TensorMap> maps;
+  std::vector<TensorMap> tensorMaps;
   /// What passes noted about the schedule.
   std::vector<Choice> choices;
   std::map<std::string, double> phaseMs;

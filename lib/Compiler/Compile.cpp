@@ -133,7 +133,7 @@ Compilation::Compilation(const Module &source, const CompileOptions &options)
     : options(options), source(source.getImpl()) {
   if (!this->source || !this->source->op)
     throw Error(Error::Kind::Compile, "the module is empty");
-  if (isGpu(options) || !options.under)
+  if (isGpu(options) || !options.underfilled)
     return;
   ContextLock lock;
   isBrief = !mayTakeLong(*this->source->op);
@@ -179,8 +179,8 @@ LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {
     return success();
   cost = estimateCost(module);
   for (auto kernel : module.getOps<FunctionOpInterface>())
-    setRecipe(kernel,
-              getRecipe(kernel).withCost(int64_t(std::min(cost, 1e12))));
+    setSchedule(kernel,
+                getSchedule(kernel).withCost(int64_t(std::min(cost, 1e12))));
   return success();
 }
 

@@ -11,9 +11,9 @@
 #include "AssembledLibrary.h"
 #include "Compilation.h"
 
+#include "Transforms/Choices.h"
 #include "Transforms/Emit/LowerLibraryCalls.h"
 #include "Transforms/KernelFunction.h"
-#include "Transforms/Schedule.h"
 #include "Transforms/Tiles/TensorMapAttributes.h"
 #include "Transforms/Updates/CopiedArrays.h"
 #include "Transforms/Variant.h"
@@ -99,21 +99,22 @@ void Compilation::collectFacts(ModuleOp module) {
     if (!function->hasAttr(attr::entry))
       continue;
     entry = function.getName().str();
-    RecipeAttr recipe = getRecipe(function);
-    exclusive = recipe.getExclusive();
-    items = int(recipe.getItems());
-    rows = int(recipe.getRows());
-    tile = int(recipe.getTile());
-    split = int(recipe.getSplit());
-    joined = int(recipe.getJoined());
-    alternates = recipe.getAlternates();
-    sizeFacts = int(recipe.getFacts()) | (isBrief ? underFact : 0);
-    hasLanes = recipe.getLanes() > 1;
-    for (SummedArrayAttr array : recipe.getSummedArrays())
+    ScheduleAttr schedule = getSchedule(function);
+    exclusive = schedule.getExclusive();
+    coarsening = int(schedule.getCoarsening());
+    singleBlock = int(schedule.getSingleBlock());
+    rowCoarsening = int(schedule.getRowCoarsening());
+    transposeTile = int(schedule.getTransposeTile());
+    splitReduction = int(schedule.getSplitReduction());
+    blockCoarsening = int(schedule.getBlockCoarsening());
+    reverseOrder = schedule.getReverseOrder();
+    sizeFacts = int(schedule.getSizeFacts()) | (isBrief ? underfilledFact : 0);
+    hasLanes = schedule.getLanes() > 1;
+    for (SummedArrayAttr array : schedule.getSummedArrays())
       sums.push_back({array.getWidth(), array.getDescriptor(),
                       array.getGradient(), array.getElementSize(),
                       array.getStrideScale()});
-    copied = readCopied(recipe);
+    copied = readCopied(schedule);
     atomics = function
                   .walk([](Operation *op) {
                     return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
@@ -130,7 +131,7 @@ void Compilation::collectFacts(ModuleOp module) {
       mostRegisters = int(most.getInt());
     if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
       for (auto map : list.getAsRange<DenseI64ArrayAttr>())
-        maps.push_back({map[0], map[1], map[2], map[3], map[4], map[5]});
+        tensorMaps.push_back({map[0], map[1], map[2], map[3], map[4], map[5]});
     dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
     fixedBlock = cooperative || function
                                     .walk([](Operation *op) {

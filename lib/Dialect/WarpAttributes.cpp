@@ -72,9 +72,9 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 
 LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
                                         int64_t rank, uint64_t, bool, bool,
-                                        bool, bool, bool, int64_t joinable,
+                                        bool, bool, bool, int64_t coarsening,
                                         bool, int64_t block, int64_t threads,
-                                        int64_t, int64_t lanes, int64_t row,
+                                        int64_t, int64_t lanes, int64_t inner,
                                         bool, bool, Determinism) {
   if (rank < 1 || rank > 4)
     return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
@@ -82,25 +82,25 @@ LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
   if (block < 1 || threads < 1)
     return emitError() << "(C2) expects 1 thread or more, but got "
                        << std::min(block, threads);
-  for (auto [number, what] : {std::pair(lanes, "lanes"), {row, "in a row"}})
+  for (auto [number, what] : {std::pair(lanes, "lanes"), {inner, "in a row"}})
     if (number < 0 || number > 64 ||
         (number > 0 && !llvm::isPowerOf2_64(number)))
       return emitError() << "(C3) expects 1 to 64 " << what
                          << ", a power of two, or 0, but got " << number;
-  if (joinable != 1 && joinable != 2 && joinable != 4)
+  if (coarsening != 1 && coarsening != 2 && coarsening != 4)
     return emitError()
-           << "(C4) expects 1, 2 or 4 blocks that may be one, but got "
-           << joinable;
+           << "(C4) expects a block coarsening of 1, 2 or 4 at most, but got "
+           << coarsening;
   return success();
 }
 
 warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
   return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
-             /*flat=*/false, /*large=*/false, /*under=*/false,
-             /*narrow=*/false, /*joinable=*/1, /*disjoint=*/false,
+             /*flat=*/false, /*large=*/false, /*underfilled=*/false,
+             /*skinny=*/false, /*max_block_coarsening=*/1, /*disjoint=*/false,
              /*block=*/256,
-             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0, /*row=*/0,
+             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0, /*inner_extent=*/0,
              /*debug=*/false, /*fast_math=*/false, Determinism::none);
 }
 
@@ -110,122 +110,137 @@ bool warp::VariantAttr::hasWholeWarps() const {
 }
 
 //===----------------------------------------------------------------------===//
-// Recipe
+// Schedule
 //===----------------------------------------------------------------------===//
 
 namespace {
-/// The fields of a recipe, so that one of them can be changed.
+/// The fields of a schedule, so that one of them can be changed.
 struct Fields {
-  explicit Fields(warp::RecipeAttr recipe)
-      : context(recipe.getContext()), items(recipe.getItems()),
-        rows(recipe.getRows()), tile(recipe.getTile()),
-        split(recipe.getSplit()), joined(recipe.getJoined()),
-        facts(recipe.getFacts()), cost(recipe.getCost()),
-        lanes(recipe.getLanes()), alternates(recipe.getAlternates()),
-        exclusive(recipe.getExclusive()), copied(recipe.getCopied()),
-        sums(recipe.getSums()) {}
+  explicit Fields(warp::ScheduleAttr schedule)
+      : context(schedule.getContext()), coarsening(schedule.getCoarsening()),
+        rowCoarsening(schedule.getRowCoarsening()),
+        transposeTile(schedule.getTransposeTile()),
+        splitReduction(schedule.getSplitReduction()),
+        blockCoarsening(schedule.getBlockCoarsening()),
+        sizeFacts(schedule.getSizeFacts()), cost(schedule.getCost()),
+        lanes(schedule.getLanes()), reverseOrder(schedule.getReverseOrder()),
+        exclusive(schedule.getExclusive()),
+        singleBlock(schedule.getSingleBlock()), copied(schedule.getCopied()),
+        sums(schedule.getSums()) {}
 
-  operator warp::RecipeAttr() const {
-    return warp::RecipeAttr::get(context, items, rows, tile, split, joined,
-                                 facts, alternates, exclusive, copied, cost,
-                                 lanes, sums);
+  operator warp::ScheduleAttr() const {
+    return warp::ScheduleAttr::get(
+        context, coarsening, rowCoarsening, transposeTile, splitReduction,
+        blockCoarsening, sizeFacts, reverseOrder, exclusive, singleBlock,
+        copied, cost, lanes, sums);
   }
 
   MLIRContext *context;
-  int64_t items, rows, tile, split, joined, facts, cost, lanes;
-  bool alternates, exclusive;
+  int64_t coarsening, rowCoarsening, transposeTile, splitReduction,
+      blockCoarsening, sizeFacts, singleBlock, cost, lanes;
+  bool reverseOrder, exclusive;
   warp::CopiedAttr copied;
   ArrayAttr sums;
 };
 } // namespace
 
-warp::RecipeAttr warp::RecipeAttr::getUnknown(MLIRContext *context) {
-  return get(context, /*items=*/1, /*rows=*/1, /*tile=*/0, /*split=*/1,
-             /*joined=*/1, /*facts=*/0, /*alternates=*/false,
-             /*exclusive=*/false, CopiedAttr(), /*cost=*/0,
+warp::ScheduleAttr warp::ScheduleAttr::getUnknown(MLIRContext *context) {
+  return get(context, /*coarsening=*/1, /*rowCoarsening=*/1,
+             /*transposeTile=*/0, /*splitReduction=*/1, /*blockCoarsening=*/1,
+             /*sizeFacts=*/0, /*reverseOrder=*/false, /*exclusive=*/false,
+             /*singleBlock=*/0, CopiedAttr(), /*cost=*/0,
              /*lanes=*/1, ArrayAttr());
 }
 
-warp::RecipeAttr warp::RecipeAttr::withItems(int64_t items) const {
+warp::ScheduleAttr
+warp::ScheduleAttr::withCoarsening(int64_t coarsening) const {
   Fields fields(*this);
-  fields.items = items;
+  fields.coarsening = coarsening;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withRows(int64_t rows) const {
+warp::ScheduleAttr
+warp::ScheduleAttr::withRowCoarsening(int64_t coarsening) const {
   Fields fields(*this);
-  fields.rows = rows;
+  fields.rowCoarsening = coarsening;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withTile(int64_t tile) const {
+warp::ScheduleAttr warp::ScheduleAttr::withTransposeTile(int64_t side) const {
   Fields fields(*this);
-  fields.tile = tile;
+  fields.transposeTile = side;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withSplit(int64_t split) const {
+warp::ScheduleAttr warp::ScheduleAttr::withSplitReduction(int64_t parts) const {
   Fields fields(*this);
-  fields.split = split;
+  fields.splitReduction = parts;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withJoined(int64_t joined) const {
+warp::ScheduleAttr
+warp::ScheduleAttr::withBlockCoarsening(int64_t coarsening) const {
   Fields fields(*this);
-  fields.joined = joined;
+  fields.blockCoarsening = coarsening;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withFacts(int64_t facts) const {
+warp::ScheduleAttr warp::ScheduleAttr::withSizeFacts(int64_t facts) const {
   Fields fields(*this);
-  fields.facts |= facts;
+  fields.sizeFacts |= facts;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withCopied(CopiedAttr copied) const {
+warp::ScheduleAttr warp::ScheduleAttr::withCopied(CopiedAttr copied) const {
   Fields fields(*this);
   fields.copied = copied;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withCost(int64_t cost) const {
+warp::ScheduleAttr warp::ScheduleAttr::withCost(int64_t cost) const {
   Fields fields(*this);
   fields.cost = cost;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withLanes(int64_t lanes) const {
+warp::ScheduleAttr warp::ScheduleAttr::withLanes(int64_t lanes) const {
   Fields fields(*this);
   fields.lanes = lanes;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withSums(ArrayAttr sums) const {
+warp::ScheduleAttr warp::ScheduleAttr::withSums(ArrayAttr sums) const {
   Fields fields(*this);
   fields.sums = sums;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withAlternates() const {
+warp::ScheduleAttr warp::ScheduleAttr::withReverseOrder(bool value) const {
   Fields fields(*this);
-  fields.alternates = true;
+  fields.reverseOrder = value;
   return fields;
 }
 
-warp::RecipeAttr warp::RecipeAttr::withExclusive() const {
+warp::ScheduleAttr warp::ScheduleAttr::withExclusive(bool value) const {
   Fields fields(*this);
-  fields.exclusive = true;
+  fields.exclusive = value;
   return fields;
 }
 
-SmallVector<warp::SummedArrayAttr> warp::RecipeAttr::getSummedArrays() const {
+warp::ScheduleAttr warp::ScheduleAttr::withSingleBlock(int64_t threads) const {
+  Fields fields(*this);
+  fields.singleBlock = threads;
+  return fields;
+}
+
+SmallVector<warp::SummedArrayAttr> warp::ScheduleAttr::getSummedArrays() const {
   SmallVector<SummedArrayAttr> arrays;
   if (getSums())
     llvm::append_range(arrays, getSums().getAsRange<SummedArrayAttr>());
   return arrays;
 }
 
-int64_t warp::RecipeAttr::countSums() const {
+int64_t warp::ScheduleAttr::countSums() const {
   return llvm::count_if(getSummedArrays(), [](SummedArrayAttr array) {
     return array.getWidth() != 0;
   });

@@ -134,19 +134,20 @@ void warp::writeCode(Writer &out, const Code &code) {
     out.number(array);
   out.number(code.copied.plainTime);
   out.number(code.copied.atomicTime);
-  out.number<int32_t>(code.items);
+  out.number<int32_t>(code.coarsening);
+  out.number<int32_t>(code.singleBlock);
   out.number<uint8_t>(code.fixedBlock);
   out.number<uint8_t>(code.cooperative);
   out.number<uint8_t>(code.ragged);
   out.number<int32_t>(code.dynamicBytes);
-  out.number<int32_t>(code.maps.size());
-  for (const TensorMap &map : code.maps)
+  out.number<int32_t>(code.tensorMaps.size());
+  for (const TensorMap &map : code.tensorMaps)
     out.number(map);
-  out.number<int32_t>(code.rows);
-  out.number<int32_t>(code.tile);
-  out.number<int32_t>(code.split);
-  out.number<int32_t>(code.joined);
-  out.number<uint8_t>(code.alternates);
+  out.number<int32_t>(code.rowCoarsening);
+  out.number<int32_t>(code.transposeTile);
+  out.number<int32_t>(code.splitReduction);
+  out.number<int32_t>(code.blockCoarsening);
+  out.number<uint8_t>(code.reverseOrder);
   out.number<uint8_t>(code.sizeFacts);
   out.number<int32_t>(code.sums.size());
   for (const SummedArray &array : code.sums)
@@ -179,7 +180,9 @@ Code warp::readCode(Reader &in) {
     code.copied.list.push_back(in.number<CopiedArray>());
   code.copied.plainTime = in.amount("the time of a thread");
   code.copied.atomicTime = in.amount("the time of a thread");
-  code.items = in.number<int32_t>(1, mostItems, "the indices of a thread");
+  code.coarsening = in.number<int32_t>(1, mostItems, "the indices of a thread");
+  code.singleBlock =
+      in.number<int32_t>(0, 1024, "the threads of the only block");
   code.fixedBlock = in.flag();
   code.cooperative = in.flag();
   code.ragged = in.flag();
@@ -187,12 +190,14 @@ Code warp::readCode(Reader &in) {
       in.number<int32_t>(0, mostBlockBytes, "the memory of a block");
   auto maps = in.number<int32_t>(0, mostItems, "the number of maps");
   for (int32_t i = 0; i < maps && in.ok(); ++i)
-    code.maps.push_back(in.number<TensorMap>());
-  code.rows = in.number<int32_t>(1, code.items, "the rows of a thread");
-  code.tile = in.number<int32_t>(0, mostItems, "the side of a square");
-  code.split = in.number<int32_t>(1, 1024, "the threads of an index");
-  code.joined = in.number<int32_t>(1, 1024, "the number of joined blocks");
-  code.alternates = in.flag();
+    code.tensorMaps.push_back(in.number<TensorMap>());
+  code.rowCoarsening =
+      in.number<int32_t>(1, code.coarsening, "the rows of a thread");
+  code.transposeTile = in.number<int32_t>(0, mostItems, "the side of a square");
+  code.splitReduction = in.number<int32_t>(1, 1024, "the threads of an index");
+  code.blockCoarsening =
+      in.number<int32_t>(1, 1024, "the number of joined blocks");
+  code.reverseOrder = in.flag();
   code.sizeFacts = in.number<uint8_t>(0, allFacts, "the facts of a size");
   auto sums = in.number<int32_t>(0, mostItems, "the number of sums");
   for (int32_t i = 0; i < sums && in.ok(); ++i)

@@ -94,11 +94,11 @@ std::string warp::problemOf(const Code &code, const std::vector<Param> &params,
   };
   if (!std::all_of(code.copied.list.begin(), code.copied.list.end(), fits) ||
       !std::all_of(code.sums.begin(), code.sums.end(), fits) ||
-      !std::all_of(code.maps.begin(), code.maps.end(), fits))
+      !std::all_of(code.tensorMaps.begin(), code.tensorMaps.end(), fits))
     return "the code of '" + code.entry + "' is about arrays that it lacks";
   // The block ends behind the last map.
   int64_t least = int64_t(paramSize);
-  for (const TensorMap &map : code.maps) {
+  for (const TensorMap &map : code.tensorMaps) {
     if (map.place % int64_t(tensorMapAlignment) != 0 ||
         !isWithin(map.place, least, mostParameterBytes))
       return "the code of '" + code.entry + "' has maps where arguments are";

@@ -137,8 +137,8 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
     key.ordered = true;
     choose();
   }
-  if (plan.variant && !plan.variant->code.maps.empty() &&
-      !canMap(plan.variant->code.maps, params)) {
+  if (plan.variant && !plan.variant->code.tensorMaps.empty() &&
+      !canMap(plan.variant->code.tensorMaps, params)) {
     key.unmapped = true;
     choose();
   }
@@ -214,10 +214,10 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
     // Maps, and other extents, are for this launch alone.
-    if (variant.code.maps.empty() && variant.code.joined == 1)
+    if (variant.code.tensorMaps.empty() && variant.code.blockCoarsening == 1)
       return launchOnCuda(variant, name, params, stream, plan.openBlock,
                           plan.bytes);
-    MappedParameters mapped(variant.code.maps, params, paramSize);
+    MappedParameters mapped(variant.code.tensorMaps, params, paramSize);
     return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock,
                         plan.bytes);
   }

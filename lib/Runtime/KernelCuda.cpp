@@ -204,8 +204,8 @@ static cuda::Result queue(const Kernel::Variant &variant,
   return queueKernel(entry.function, config, arguments, entry.programmatic);
 }
 
-/// Whether a launch that alternates runs its blocks from the last to the first:
-/// every other one of those whose arrays do not fit into the cache.
+/// Whether a launch in reverse order may run its blocks last to first: every
+/// other one of those whose arrays do not fit into the cache.
 static bool isReversed(int device, int64_t bytes) {
   if (bytes <= deviceInfo(device).cacheBytes)
     return false;
@@ -221,23 +221,25 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
   const VariantKey &key = variant.key;
   const CudaEntry &entry = *variant.cuda.load(std::memory_order_acquire);
   auto &given = *static_cast<LaunchHeader *>(params);
-  int joined = variant.code.joined;
+  int joined = variant.code.blockCoarsening;
   if (joined > 1)
     given.dim[key.rank - 2] /= joined;
   LaunchHeader header = given;
   Shape shape;
-  if (variant.code.exclusive) {
-    shape.block.x = variant.code.items;
-  } else if (variant.code.tile != 0) {
-    shape = tiledShape(header.dim, key.rank, variant.code.tile, key.blockDim);
+  if (variant.code.singleBlock) {
+    shape.block.x = variant.code.singleBlock;
+  } else if (variant.code.transposeTile != 0) {
+    shape = tiledShape(header.dim, key.rank, variant.code.transposeTile,
+                       key.blockDim);
   } else {
     // A thread takes several indices of the first dimension, or several threads
     // share one.
     const Code &code = variant.code;
-    header.dim[0] = int32_t(ceilDivide(header.dim[0], code.items / code.rows));
-    if (code.rows > 1)
+    header.dim[0] = int32_t(
+        ceilDivide(header.dim[0], code.coarsening / code.rowCoarsening));
+    if (code.rowCoarsening > 1)
       header.dim[key.rank - 2] =
-          int32_t(ceilDivide(header.dim[key.rank - 2], code.rows));
+          int32_t(ceilDivide(header.dim[key.rank - 2], code.rowCoarsening));
     int blockDim = key.blockDim;
     if (openBlock)
       blockDim =
@@ -246,8 +248,8 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
     if (code.cooperative && !code.ragged)
       checkRows(header.dim, key, name);
     shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
-                    blockDim / code.split, code.items);
-    shape.block.y *= code.split;
+                    blockDim / code.splitReduction, code.coarsening);
+    shape.block.y *= code.splitReduction;
   }
   if (shape.grid.x > maxGridX)
     throw Error(Error::Kind::LaunchValue,
@@ -255,8 +257,8 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                     std::to_string(key.blockDim) + " threads, but got " +
                     std::to_string(shape.grid.x));
   QueuedWork work(key.device, stream);
-  if (variant.code.alternates)
-    given.errorRecord = isReversed(key.device, bytes);
+  if (variant.code.reverseOrder)
+    given.reversed = isReversed(key.device, bytes);
   cuda::Result result = queue(variant, entry, shape, work.stream(), params);
   if (result == cuda::success) {
     if (variant.isQuick.load(std::memory_order_relaxed))

@@ -7,10 +7,10 @@
 #ifndef WARP_LIB_RUNTIME_KERNELIMPL_H
 #define WARP_LIB_RUNTIME_KERNELIMPL_H
 
-#include "cuda/Code.h"
-#include "cuda/Driver.h"
-#include "cuda/Device.h"
 #include "WidthPolicy.h"
+#include "cuda/Code.h"
+#include "cuda/Device.h"
+#include "cuda/Driver.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
 #include "warp/Kernel.h"
@@ -29,30 +29,31 @@ struct VariantKey {
   bool index32 = true;
   bool flat = false;
   bool large = false;
-  bool under = false;
-  bool narrow = false;
-  /// `CompileOptions::joinable`.
-  int joinable = 1;
+  bool underfilled = false;
+  bool skinny = false;
+  /// `CompileOptions::maxBlockCoarsening`.
+  int maxBlockCoarsening = 1;
   bool disjoint = false;
   bool ordered = false;
   /// On a CPU: the launch has so few threads that updates that tell who came
   /// first are in the order of threads.
-  bool inTurn = false;
+  bool threadOrder = false;
   /// TMA cannot load boxes of the arrays: their rows are not aligned.
   bool unmapped = false;
   int blockDim = 0;
-  /// `CompileOptions::row`.
-  int row = 0;
+  /// `CompileOptions::innerExtent`.
+  int innerExtent = 0;
   uint64_t contiguous = 0;
 
   bool operator==(const VariantKey &other) const {
     return device == other.device && rank == other.rank &&
            index32 == other.index32 && flat == other.flat &&
-           large == other.large && under == other.under &&
-           narrow == other.narrow && joinable == other.joinable &&
+           large == other.large && underfilled == other.underfilled &&
+           skinny == other.skinny &&
+           maxBlockCoarsening == other.maxBlockCoarsening &&
            disjoint == other.disjoint && ordered == other.ordered &&
-           inTurn == other.inTurn && unmapped == other.unmapped &&
-           blockDim == other.blockDim && row == other.row &&
+           threadOrder == other.threadOrder && unmapped == other.unmapped &&
+           blockDim == other.blockDim && innerExtent == other.innerExtent &&
            contiguous == other.contiguous;
   }
 
@@ -61,16 +62,16 @@ struct VariantKey {
   bool matches(VariantKey other, int facts) const {
     if (!(facts & largeFact))
       other.large = large;
-    if (!(facts & underFact))
-      other.under = under;
-    if (!(facts & narrowFact))
-      other.narrow = narrow;
-    if (!(facts & rowFact))
-      other.row = row;
-    if (!(facts & joinableFact))
-      other.joinable = joinable;
-    if (!(facts & turnFact))
-      other.inTurn = inTurn;
+    if (!(facts & underfilledFact))
+      other.underfilled = underfilled;
+    if (!(facts & skinnyFact))
+      other.skinny = skinny;
+    if (!(facts & innerExtentFact))
+      other.innerExtent = innerExtent;
+    if (!(facts & maxBlockCoarseningFact))
+      other.maxBlockCoarsening = maxBlockCoarsening;
+    if (!(facts & threadOrderFact))
+      other.threadOrder = threadOrder;
     return *this == other;
   }
 };

@@ -148,7 +148,7 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
   variant.flat = key.flat;
   variant.large = key.large;
   variant.disjoint = key.disjoint;
-  variant.inTurn = key.inTurn;
+  variant.threadOrder = key.threadOrder;
   variant.blockDim = arch == 0 ? 0 : compile.blockDim;
   variant.code = obtain(compile, times);
   if (key.device != cpuDevice)
@@ -164,12 +164,12 @@ SavedKernel Kernel::save(int arch, int device) {
     key.device = device;
     // One for arrays wherever they lie.
     key.unmapped = true;
-    key.inTurn = arch == 0 && impl->isInTurn(1);
+    key.threadOrder = arch == 0 && impl->isInTurn(1);
     SavedVariant variant = impl->compileSaved(key, arch);
     // Launches that do not keep the order have code of their own.
-    if ((variant.code.sizeFacts & turnFact) && key.inTurn &&
+    if ((variant.code.sizeFacts & threadOrderFact) && key.threadOrder &&
         !impl->isInTurn(INT64_MAX)) {
-      key.inTurn = false;
+      key.threadOrder = false;
       saved.variants.push_back(impl->compileSaved(key, arch));
     }
     saved.variants.push_back(std::move(variant));
@@ -221,8 +221,8 @@ static bool fits(const SavedVariant &variant, const VariantKey &key) {
          (variant.contiguous & ~key.contiguous) == 0 &&
          (!variant.index32 || key.index32) && (!variant.large || key.large) &&
          (!variant.disjoint || key.disjoint) &&
-         (variant.inTurn || !key.inTurn ||
-          !(variant.code.sizeFacts & turnFact)) &&
+         (variant.threadOrder || !key.threadOrder ||
+          !(variant.code.sizeFacts & threadOrderFact)) &&
          (!key.ordered || variant.code.sums.empty()) &&
          (key.device == cpuDevice ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));

@@ -26,10 +26,10 @@ static std::string describeKind(const VariantKey &key, int arch) {
           (key.rank == 1 ? " dimension" : " dimensions");
   if (key.large)
     text += ", many threads";
-  if (key.under)
+  if (key.underfilled)
     text += ", few threads";
-  if (key.row)
-    text += ", rows of at most " + std::to_string(key.row);
+  if (key.innerExtent)
+    text += ", rows of at most " + std::to_string(key.innerExtent);
   if (!key.index32)
     text += ", 64-bit indices";
   if (key.flat)
@@ -66,11 +66,11 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
                                       const Variant *variant) {
   VariantKey served = key;
   if (variant && arch == 0) {
-    served.under &= (variant->code.sizeFacts & underFact) != 0;
-    if (!(variant->code.sizeFacts & rowFact))
-      served.row = 0;
-    served.large |=
-        (variant->code.sizeFacts & turnFact) != 0 && isInTurn(1) && !key.inTurn;
+    served.underfilled &= (variant->code.sizeFacts & underfilledFact) != 0;
+    if (!(variant->code.sizeFacts & innerExtentFact))
+      served.innerExtent = 0;
+    served.large |= (variant->code.sizeFacts & threadOrderFact) != 0 &&
+                    isInTurn(1) && !key.threadOrder;
   }
   LaunchSchedule result{describeKind(served, arch), {}};
   if (!hasSource()) {
@@ -117,7 +117,7 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
     items *= dim->extent[i];
   if (dim && arch == 0) {
     impl->setRows(key, *dim);
-    key.inTurn = impl->isInTurn(items);
+    key.threadOrder = impl->isInTurn(items);
   }
   if (dim && arch != 0)
     Impl::setSize(key, *dim, items,

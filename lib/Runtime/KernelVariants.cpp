@@ -90,10 +90,10 @@ void Kernel::Impl::setSize(VariantKey &key, const LaunchDim &dim, int64_t items,
                            int smCount) {
   key.large =
       items >= largeLaunch && (dim.rank == 1 || dim.extent[0] >= fewPlanes);
-  key.under = items < fewThreads * smCount;
-  key.narrow = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
+  key.underfilled = items < fewThreads * smCount;
+  key.skinny = dim.rank > 1 && (dim.extent[dim.rank - 1] < wideExtent ||
                                 dim.extent[dim.rank - 2] < wideExtent);
-  key.joinable = countJoinable(key, dim, items, smCount);
+  key.maxBlockCoarsening = countJoinable(key, dim, items, smCount);
 }
 
 void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
@@ -105,9 +105,9 @@ void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
     --key.rank;
   if (key.rank == 1 || options.lanes != 0)
     return;
-  for (int row = leastRow; row <= mostRow && key.row == 0; row *= 2)
+  for (int row = leastRow; row <= mostRow && key.innerExtent == 0; row *= 2)
     if (dim.extent[key.rank - 1] <= row)
-      key.row = row;
+      key.innerExtent = row;
 }
 
 /// Elements of a packed array are then aligned, too.
@@ -153,9 +153,9 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   }
   if (device == cpuDevice) {
     // Sums keep their order in launches of any size where that is asked for.
-    key.under = items < fewLanes && options.lanes == 0 && !options.debug &&
-                !options.deterministic;
-    key.inTurn = isInTurn(items);
+    key.underfilled = items < fewLanes && options.lanes == 0 &&
+                      !options.debug && !options.deterministic;
+    key.threadOrder = isInTurn(items);
     setRows(key, dim);
     return key;
   }
@@ -199,7 +199,7 @@ Kernel::Variant *Kernel::Impl::find(const VariantKey &key) const {
 Kernel::Variant *Kernel::Impl::findForAnyRows(VariantKey key, int rank,
                                               int64_t items) const {
   key.rank = rank;
-  key.row = 0;
+  key.innerExtent = 0;
   Variant *variant = find(key);
   bool isSmall =
       variant && variant->code.cost * static_cast<double>(items) <= smallWork;
@@ -215,9 +215,9 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.index32 = key.index32;
   result.flat = key.flat;
   result.large = key.large;
-  result.under = key.under;
-  result.narrow = key.narrow;
-  result.joinable = key.joinable;
+  result.underfilled = key.underfilled;
+  result.skinny = key.skinny;
+  result.maxBlockCoarsening = key.maxBlockCoarsening;
   result.disjoint = key.disjoint;
   // For such devices alone, so with what later architectures do not have.
   if (arch == 90 && !key.unmapped)
@@ -227,9 +227,9 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;
-  result.ordered = options.deterministic
-                       ? key.ordered || (arch == 0 && !options.sameOnDevices)
-                       : arch == 0 && key.inTurn;
+  result.ordered = options.deterministic &&
+                   (key.ordered || (arch == 0 && !options.sameOnDevices));
+  result.threadOrder = arch == 0 && key.threadOrder;
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
@@ -239,7 +239,7 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.maxRegisters = options.maxRegisters;
   result.minBlocks = options.minBlocks;
   result.lanes = arch == 0 ? options.lanes : 0;
-  result.row = key.row;
+  result.innerExtent = key.innerExtent;
   return result;
 }
 
@@ -250,6 +250,6 @@ VariantKey Kernel::Impl::usualKey(int rank) const {
     if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
       key.contiguous |= uint64_t(1) << i;
   key.disjoint = true;
-  key.inTurn = isInTurn(1);
+  key.threadOrder = isInTurn(1);
   return key;
 }

@@ -68,7 +68,7 @@ static void writeVariant(Writer &out, const SavedVariant &variant) {
   out.number<uint8_t>(variant.flat);
   out.number<uint8_t>(variant.large);
   out.number<uint8_t>(variant.disjoint);
-  out.number<uint8_t>(variant.inTurn);
+  out.number<uint8_t>(variant.threadOrder);
   out.number<int32_t>(variant.blockDim);
   writeCode(out, variant.code);
 }
@@ -81,7 +81,7 @@ static SavedVariant readVariant(Reader &in) {
   variant.flat = in.flag();
   variant.large = in.flag();
   variant.disjoint = in.flag();
-  variant.inTurn = in.flag();
+  variant.threadOrder = in.flag();
   variant.blockDim = in.number<int32_t>(0, 1024, "the threads of a block");
   variant.code = readCode(in);
   return variant;
@@ -123,7 +123,7 @@ static std::string problemOf(const SavedKernel &kernel) {
   for (const SavedVariant &variant : kernel.variants) {
     if (problem.empty())
       problem = warp::problemOf(variant.code, kernel.params, bytes);
-    bool hasBlock = variant.blockDim >= variant.code.split;
+    bool hasBlock = variant.blockDim >= variant.code.splitReduction;
     if (problem.empty() && hasBlock == (kernel.target == "cpu"))
       problem = "it has no possible block of threads";
   }

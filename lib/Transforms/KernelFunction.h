@@ -47,13 +47,13 @@ inline VariantAttr getVariant(mlir::Operation *func) {
 inline bool isGpu(mlir::Operation *func) { return getVariant(func).isGpu(); }
 
 /// What passes found out about how a function is to be launched.
-inline RecipeAttr getRecipe(mlir::Operation *func) {
-  auto recipe = func->getAttrOfType<RecipeAttr>(attr::recipe);
-  return recipe ? recipe : RecipeAttr::getUnknown(func->getContext());
+inline ScheduleAttr getSchedule(mlir::Operation *func) {
+  auto schedule = func->getAttrOfType<ScheduleAttr>(attr::schedule);
+  return schedule ? schedule : ScheduleAttr::getUnknown(func->getContext());
 }
 
-inline void setRecipe(mlir::Operation *func, RecipeAttr recipe) {
-  func->setAttr(attr::recipe, recipe);
+inline void setSchedule(mlir::Operation *func, ScheduleAttr schedule) {
+  func->setAttr(attr::schedule, schedule);
 }
 
 /// The threads of a kernel in phase `launch`; null in other phases.

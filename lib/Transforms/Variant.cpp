@@ -6,7 +6,7 @@
 
 #include "Variant.h"
 
-#include "Schedule.h"
+#include "Choices.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/Passes.h"
 
@@ -30,14 +30,15 @@ static void visitOptions(Options &options, Visitor visit) {
   visit("index32", options.index32);
   visit("flat", options.flat);
   visit("large", options.large);
-  visit("under", options.under);
-  visit("narrow", options.narrow);
-  visit("joinable", options.joinable);
+  visit("underfilled", options.underfilled);
+  visit("skinny", options.skinny);
+  visit("max-block-coarsening", options.maxBlockCoarsening);
   visit("disjoint", options.disjoint);
   visit("debug", options.debug);
   visit("fast-math", options.fastMath);
   visit("deterministic", options.deterministic);
   visit("ordered", options.ordered);
+  visit("thread-order", options.threadOrder);
   visit("lineinfo", options.lineinfo);
   visit("opt-level", options.optLevel);
   visit("block-dim", options.blockDim);
@@ -46,7 +47,7 @@ static void visitOptions(Options &options, Visitor visit) {
   visit("max-registers", options.maxRegisters);
   visit("min-blocks", options.minBlocks);
   visit("lanes", options.lanes);
-  visit("row", options.row);
+  visit("inner-extent", options.innerExtent);
   visit("linked", options.linked);
 }
 
@@ -157,11 +158,12 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
                                               : Determinism::exact;
   return VariantAttr::getChecked(
       emitError, context, target, int64_t(options.rank), options.contiguous,
-      options.index32, options.flat, options.large, options.under,
-      options.narrow, int64_t(options.joinable), options.disjoint,
+      options.index32, options.flat, options.large, options.underfilled,
+      options.skinny, int64_t(options.maxBlockCoarsening), options.disjoint,
       int64_t(options.blockDim), int64_t(options.threads),
-      int64_t(options.minBlocks), int64_t(options.lanes), int64_t(options.row),
-      options.debug, options.fastMath, deterministic);
+      int64_t(options.minBlocks), int64_t(options.lanes),
+      int64_t(options.innerExtent), options.debug, options.fastMath,
+      deterministic);
 }
 
 bool warp::setVariant(FunctionOpInterface kernel,
@@ -171,7 +173,7 @@ bool warp::setVariant(FunctionOpInterface kernel,
   if (!variant)
     return false;
   kernel->setAttr(attr::variant, variant);
-  if (options.ordered && !options.deterministic && !variant.isGpu())
+  if (options.threadOrder && !variant.isGpu())
     kernel->setAttr(attr::inTurn, UnitAttr::get(kernel->getContext()));
   else
     kernel->removeAttr(attr::inTurn);

@@ -47,7 +47,7 @@ func.func private @lanes() attributes {warp.variant =
 
 // expected-error @+2 {{(C3) expects 1 to 64 in a row, a power of two, or 0, but got 5}}
 func.func private @row() attributes {warp.variant =
-    #warp.variant<target = <platform = cpu, bits = 256>, row = 5>}
+    #warp.variant<target = <platform = cpu, bits = 256>, inner_extent = 5>}
 
 // -----
 

@@ -8,7 +8,7 @@
 // What is as usual is not printed; a variant that a kernel has stays unless
 // options are given, and those can ask for all that the runtime can.
 // CHECK: func.func @f()
-// CHECK-SAME: warp.recipe = #warp.recipe<items = 4, exclusive = true, cost = 7, sums = [#warp.summed_array<width = 32, descriptor = 24, element_size = 4>, #warp.summed_array<descriptor = 80, gradient = true, element_size = 12, stride_scale = 2>]>
+// CHECK-SAME: warp.schedule = #warp.schedule<coarsening = 4, exclusive = true, cost = 7, sums = [#warp.summed_array<width = 32, descriptor = 24, element_size = 4>, #warp.summed_array<descriptor = 80, gradient = true, element_size = 12, stride_scale = 2>]>
 // CHECK-SAME: warp.variant = #warp.variant<target = <platform = cpu, processor = "znver5", bits = 512>, rank = 3, deterministic = ordered>
 // ALL: warp.variant = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, contiguous = 3, index32 = false, flat = true, large = true, disjoint = true, block = 64, threads = 4, min_blocks = 2, debug = true, fast_math = true, deterministic = exact>
 // V3: warp.variant = #warp.variant<target = <platform = cpu, processor = "x86-64-v3", bits = 256>, lanes = 8, deterministic = ordered>
@@ -20,7 +20,7 @@ func.func @f() attributes {
     warp.variant = #warp.variant<rank = 3, deterministic = ordered,
         target = <platform = cpu, processor = "znver5", bits = 512>,
         threads = 16>,
-    warp.recipe = #warp.recipe<items = 4, exclusive = true, cost = 7, sums = [
+    warp.schedule = #warp.schedule<coarsening = 4, exclusive = true, cost = 7, sums = [
         #warp.summed_array<width = 32, descriptor = 24, element_size = 4>,
         #warp.summed_array<descriptor = 80, gradient = true, element_size = 12,
                            stride_scale = 2>]>} {

@@ -3,7 +3,7 @@
 // Sixteen blocks load their systems, one call solves them, sixteen blocks store. The factor stays
 // where the library has it: nothing else asks for it.
 // CHECK-LABEL: llvm.func @solve(
-// CHECK-SAME: warp.schedule = {{.*}}["blocks", "16", "their small systems are lanes of vectors", 0]
+// CHECK-SAME: warp.choices = {{.*}}["blocks", "16", "their small systems are lanes of vectors", 0]
 // CHECK: scf.for %[[FIRST:.*]] = %arg1 to %arg2 step %[[WIDTH:.*]] : i64
 // CHECK: %[[LEFT:.*]] = arith.subi %arg2, %[[FIRST]]
 // CHECK: %[[COUNT:.*]] = arith.minsi %[[LEFT]], %[[WIDTH]]

@@ -7,7 +7,7 @@
 
 // Blocks count from the last on if the header says so.
 // CHECK-LABEL: gpu.func @stream
-// CHECK-SAME: alternates = true
+// CHECK-SAME: reverse_order = true
 // CHECK: %[[ID:.*]] = gpu.block_id x
 // CHECK: %[[FIRST:.*]] = arith.index_cast %[[ID]]
 // CHECK: %[[GRID:.*]] = gpu.grid_dim x
@@ -19,7 +19,7 @@
 // CHECK: %[[IS_LAST:.*]] = arith.cmpi ne, %[[ORDER]],
 // CHECK: arith.select %[[IS_LAST]], %[[LAST]], %[[FIRST]]
 // SMALL-LABEL: gpu.func @stream
-// SMALL-NOT: alternates
+// SMALL-NOT: reverse_order
 // SMALL-NOT: gpu.grid_dim
 // SMALL-LABEL: gpu.func @scatter
 func.func @stream(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
@@ -33,7 +33,7 @@ func.func @stream(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>) attributes
 
 // Sums of floats are rounded in the order of threads.
 // CHECK-LABEL: gpu.func @scatter
-// CHECK-NOT: alternates
+// CHECK-NOT: reverse_order
 // CHECK-NOT: gpu.grid_dim
 func.func @scatter(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -47,7 +47,7 @@ func.func @scatter(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attribut
 
 // Updates of integers, and the least of some floats, are not.
 // CHECK-LABEL: gpu.func @count
-// CHECK-SAME: alternates = true
+// CHECK-SAME: reverse_order = true
 func.func @count(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
   %one = warp.constant 1 : si32
@@ -62,7 +62,7 @@ func.func @count(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes
 
 // The result of a counter numbers things.
 // CHECK-LABEL: gpu.func @number
-// CHECK-NOT: alternates
+// CHECK-NOT: reverse_order
 // CHECK-NOT: gpu.grid_dim
 func.func @number(%n: !warp.array<1 x si32>, %y: !warp.array<1 x si32>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -77,7 +77,7 @@ func.func @number(%n: !warp.array<1 x si32>, %y: !warp.array<1 x si32>) attribut
 
 // Threads with more to do may be the first ones.
 // CHECK-LABEL: gpu.func @uneven
-// CHECK-NOT: alternates
+// CHECK-NOT: reverse_order
 // CHECK-NOT: gpu.grid_dim
 func.func @uneven(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -100,7 +100,7 @@ func.func @uneven(%n: !warp.array<1 x si32>, %y: !warp.array<1 x f32>) attribute
 
 // All go through the same number of elements.
 // CHECK-LABEL: gpu.func @even
-// CHECK-SAME: alternates = true
+// CHECK-SAME: reverse_order = true
 func.func @even(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32) attributes {warp.kernel} {
   %i = warp.tid : si32
   %c0 = arith.constant 0 : i32

@@ -20,7 +20,7 @@
 // CHECK: warp.atomic_components add
 func.func @block(%x: !warp.array<2 x f32>, %s: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.variant = #gpu,
-      warp.recipe = #warp.recipe<items = 256, exclusive = true>} {
+      warp.schedule = #warp.schedule<single_block = 256>} {
   warp.group {
     %sum = warp.threads attributes {kinds = array<i32: 0>, types = [f32]} {
     ^bb0(%j: i32, %i: i32):

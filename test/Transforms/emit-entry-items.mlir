@@ -5,7 +5,7 @@
 // the first store; the last block goes item by item.
 // CHECK-LABEL: llvm.func @stream(
 // CHECK-SAME: nvvm.kernel
-// CHECK-SAME: #warp.recipe<items = 4
+// CHECK-SAME: #warp.schedule<coarsening = 4
 // CHECK-COUNT-4: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-4: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
@@ -13,7 +13,7 @@
 // CHECK-NOT: llvm.store
 // SMALL-LABEL: llvm.func @stream(
 // SMALL-SAME: nvvm.kernel
-// SMALL-NOT: #warp.recipe<items
+// SMALL-NOT: #warp.schedule<coarsening
 // SMALL-COUNT-1: llvm.store
 // SMALL-NOT: llvm.store
 // SMALL: llvm.return
@@ -31,7 +31,7 @@ func.func @stream(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // A thread that moves 48 bytes keeps the card busy by itself.
 // CHECK-LABEL: llvm.func @wide(
 // CHECK-SAME: nvvm.kernel
-// CHECK-NOT: #warp.recipe<items
+// CHECK-NOT: #warp.schedule<coarsening
 func.func @wide(%x: !warp.array<1 x !warp.vec<6 x f32>>,
                 %y: !warp.array<1 x !warp.vec<6 x f32>>)
     attributes {warp.kernel} {
@@ -48,7 +48,7 @@ func.func @wide(%x: !warp.array<1 x !warp.vec<6 x f32>>,
 // Control flow may differ between items.
 // CHECK-LABEL: llvm.func @branch(
 // CHECK-SAME: nvvm.kernel
-// CHECK-NOT: #warp.recipe<items
+// CHECK-NOT: #warp.schedule<coarsening
 func.func @branch(%x: !warp.array<1 x f32>, %c: i1)
     attributes {warp.kernel} {
   %i = warp.tid : si32

@@ -4,7 +4,7 @@
 // items each, eight at a time, so that a block combines once for all of them.
 // The last block takes what is left one by one.
 // CHECK-LABEL: llvm.func ptx_kernelcc @sum
-// CHECK-SAME: #warp.recipe<items = 32
+// CHECK-SAME: #warp.schedule<coarsening = 32
 // CHECK: scf.if
 // CHECK: scf.for
 // CHECK-COUNT-8: warp.load_components

@@ -5,7 +5,7 @@
 // body, one with all loads before the first store.
 // CHECK-LABEL: llvm.func @guarded(
 // CHECK-SAME: nvvm.kernel
-// CHECK-SAME: #warp.recipe<items = 8
+// CHECK-SAME: #warp.schedule<coarsening = 8
 // CHECK-COUNT-8: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-8: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
@@ -31,7 +31,7 @@ func.func @guarded(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 // A store before a guard would happen twice where guards differ.
 // CHECK-LABEL: llvm.func @store_first(
 // CHECK-SAME: nvvm.kernel
-// CHECK-NOT: #warp.recipe<items
+// CHECK-NOT: #warp.schedule<coarsening
 func.func @store_first(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
     attributes {warp.kernel} {
   %i, %j = warp.tid : si32, si32

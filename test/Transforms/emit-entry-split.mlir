@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 contiguous=3 under=true" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 contiguous=3 underfilled" | FileCheck %s
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 contiguous=3" | FileCheck %s --check-prefix=MANY
 
 // The eight warps of a block have the same 32 indices and an eighth of the loop

@@ -1,12 +1,12 @@
 // RUN: warp-opt %s --split-input-file --warp-join-blocks | FileCheck %s
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 4>
+#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 4>
 
 // The second factor, the sums and what is stored become wider, the first factor
 // stays; sums that go to other functions need memory, so that two blocks are one
 // where four may be.
 // CHECK-LABEL: func @product(
-// CHECK-SAME: warp.recipe = #warp.recipe<joined = 2, facts = 16>
+// CHECK-SAME: warp.schedule = #warp.schedule<block_coarsening = 2, size_facts = 16>
 // CHECK: %[[SIXTY_FOUR:.*]] = warp.constant 64 : si32
 // CHECK: %[[PLACE:.*]]:2 = warp.tid
 // CHECK: %[[ROW:.*]] = warp.mul(%[[PLACE]]#0, %[[SIXTY_FOUR]])
@@ -60,7 +60,7 @@ func.func @product(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 4>
+#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 4>
 
 // A thread has 64 floats at most; rows of a factor that is turned are columns.
 // CHECK-LABEL: func @turned(
@@ -101,7 +101,7 @@ func.func @turned(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 1>
+#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 1>
 
 // Launches of few blocks keep them, and code says that it depends on that.
 // CHECK-LABEL: func @few(
@@ -118,7 +118,7 @@ func.func @few(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
   %place:2 = warp.tid : si32, si32
   %row = warp.mul(%place#0, %c64) : (si32, si32) -> si32
   %column = warp.mul(%place#1, %c64) : (si32, si32) -> si32
-  // CHECK-SAME: warp.recipe = #warp.recipe<facts = 16>
+  // CHECK-SAME: warp.schedule = #warp.schedule<size_facts = 16>
   // CHECK: warp.tile_matmul {{.*}} -> !warp.tile<64x64 x f32>
   %sums = warp.tile_splat %none : f32 -> !warp.tile<64x64 x f32>
   %made = scf.for %i = %i0 to %i8 step %i1 iter_args(%s = %sums)
@@ -141,7 +141,7 @@ func.func @few(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 4>
+#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 4>
 
 // Uses of the block index are done by each joined block.
 // CHECK-LABEL: func @elsewhere(
@@ -182,7 +182,7 @@ func.func @elsewhere(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 4>
+#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 4>
 
 // Blocks that store the same tile do so each.
 // CHECK-LABEL: func @repeated(
@@ -223,7 +223,7 @@ func.func @repeated(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, joinable = 4>
+#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 4>
 
 // Tiles that are wider than the step between blocks overlap.
 // CHECK-LABEL: func @part(

@@ -3,7 +3,7 @@
 // A loop may take long in some threads: each of them has one item, however few
 // bytes it moves.
 // CHECK-LABEL: llvm.func {{.*}}@loop
-// CHECK-NOT: #warp.recipe<items
+// CHECK-NOT: #warp.schedule<coarsening
 // CHECK: llvm.return
 func.func @loop(%y: !warp.array<1 x f32>, %n: si32) attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -22,7 +22,7 @@ func.func @loop(%y: !warp.array<1 x f32>, %n: si32) attributes {warp.kernel} {
 // -----
 
 // CHECK-LABEL: llvm.func {{.*}}@straight
-// CHECK-SAME: #warp.recipe<items
+// CHECK-SAME: #warp.schedule<coarsening
 func.func @straight(%y: !warp.array<1 x f32>, %n: si32)
     attributes {warp.kernel} {
   %i = warp.tid : si32

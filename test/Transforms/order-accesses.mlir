@@ -103,7 +103,7 @@ func.func @own(%x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true, disjoint = true>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true, disjoint = true>
 
 // Nothing passes an update whose old value is used: it may be a lock.
 // CHECK-LABEL: llvm.func {{.*}}@lock
@@ -125,7 +125,7 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, under = true, disjoint = true>
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true, disjoint = true>
 
 // A store passes a loop that loads from other arrays; the load after the loop
 // stays there, but in front of the store.

@@ -1,6 +1,6 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm ordered threads=16" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm thread-order threads=16" | FileCheck %s
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm threads=16" | FileCheck %s --check-prefix=ANY
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm ordered target=sm_90" | FileCheck %s --check-prefix=GPU
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm thread-order target=sm_90" | FileCheck %s --check-prefix=GPU
 
 // One thread hands out slots, without atomic instructions; on a GPU all do. The
 // code is for launches that keep the order, or for those that do not.

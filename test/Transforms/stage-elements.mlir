@@ -1,5 +1,5 @@
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=255" | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 rank=2 contiguous=255 narrow" | FileCheck %s --check-prefix=GRID
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 rank=2 contiguous=255 skinny" | FileCheck %s --check-prefix=GRID
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=NONE
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=255 debug" | FileCheck %s --check-prefix=NONE
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=255 block-dim=1024" | FileCheck %s --check-prefix=BLOCK

@@ -101,7 +101,7 @@ func.func @one_place(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 // CHECK: return
 func.func @neighbours(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.variant = #cpu,
-      warp.recipe = #warp.recipe<exclusive = true>} {
+      warp.schedule = #warp.schedule<exclusive = true>} {
   %i = warp.tid : i32
   %c1 = arith.constant 1 : i32
   %c2 = arith.constant 2 : i32

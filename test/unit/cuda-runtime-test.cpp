@@ -395,21 +395,21 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launchOnCuda(variant, "shape", &header, nullptr, /*openBlock=*/true);
-    if (code.joined > 1)
-      dim[rank - 2] /= code.joined;
+    if (code.blockCoarsening > 1)
+      dim[rank - 2] /= code.blockCoarsening;
     EXPECT_TRUE(std::equal(dim.begin(), dim.end(), header.dim));
     return std::string(lastLaunch());
   };
   Code split, tiles, patches, joined;
-  split.split = 8;
+  split.splitReduction = 8;
   EXPECT_EQ(shape(split, 1, {1000, 1, 1, 1}), "(32, 1, 1) x (32, 8, 1)");
-  tiles.tile = 32;
+  tiles.transposeTile = 32;
   EXPECT_EQ(shape(tiles, 2, {100, 70, 1, 1}), "(12, 1, 1) x (32, 8, 1)");
   EXPECT_EQ(shape(tiles, 3, {5, 32, 33, 1}), "(10, 1, 1) x (32, 8, 1)");
-  patches.items = 8;
-  patches.rows = 2;
+  patches.coarsening = 8;
+  patches.rowCoarsening = 2;
   EXPECT_EQ(shape(patches, 3, {64, 10, 40, 1}), "(1, 2, 16) x (64, 4, 1)");
-  joined.joined = 4;
+  joined.blockCoarsening = 4;
   joined.cooperative = joined.fixedBlock = true;
   EXPECT_EQ(shape(joined, 3, {5, 8, 256, 1}), "(10, 1, 1) x (256, 1, 1)");
   EXPECT_EQ(shape(joined, 2, {8, 256, 1, 1}), "(2, 1, 1) x (256, 1, 1)");
@@ -426,10 +426,10 @@ TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
     LaunchHeader header;
     header.dim[0] = 1000;
     launchOnCuda(variant, "order", &header, nullptr, /*openBlock=*/true, bytes);
-    return header.errorRecord;
+    return header.reversed;
   };
   EXPECT_EQ(order(2 * cache), 0u);
-  variant.code.alternates = true;
+  variant.code.reverseOrder = true;
   uint64_t first = order(2 * cache);
   EXPECT_EQ(order(cache + 1), 1 - first);
   EXPECT_EQ(order(cache), 0u);

@@ -134,9 +134,9 @@ TEST_F(SavedModuleTest, HasCodeForSlotsInOrderAndInAnyOrder) {
     EXPECT_EQ(module.kernels[0].options.orderedSlots, limit);
     Turns turns;
     for (const SavedVariant &variant : module.kernels[0].variants) {
-      EXPECT_NE(variant.code.sizeFacts & turnFact, 0);
-      EXPECT_TRUE(variant.code.exclusive || !variant.inTurn);
-      turns.push_back(variant.inTurn);
+      EXPECT_NE(variant.code.sizeFacts & threadOrderFact, 0);
+      EXPECT_TRUE(variant.code.exclusive || !variant.threadOrder);
+      turns.push_back(variant.threadOrder);
     }
     return turns;
   };

@@ -56,7 +56,7 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
       b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
       index32(getVariant(entry).getIndex32()),
       debug(getVariant(entry).getDebug()),
-      exclusive(!gpu && getRecipe(entry).getExclusive()) {
+      exclusive(!gpu && getSchedule(entry).getExclusive()) {
   MLIRContext *context = b.getContext();
   i8 = b.getI8Type();
   i32 = b.getI32Type();

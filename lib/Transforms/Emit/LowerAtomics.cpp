@@ -8,8 +8,8 @@
 // and maxima of floats are such loops here, which end where nothing is to be
 // stored. Sums of floats on newer GPUs take two at once (PairedUpdates.cpp).
 //
-// An entry with an exclusive recipe runs alone; its updates are plain loads and
-// stores.
+// An entry with an exclusive schedule runs alone; its updates are plain loads
+// and stores.
 //
 //===----------------------------------------------------------------------===//
 

@@ -128,7 +128,7 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   if (!plan.reason.empty())
     return plan;
   LaneCost cost =
-      costOfLanes(threads, variance, getRecipe(kernel).getExclusive());
+      costOfLanes(threads, variance, getSchedule(kernel).getExclusive());
   VariantAttr variant = getVariant(kernel);
   if (variant.getLanes() != 0) {
     plan.lanes = variant.getLanes();
@@ -137,8 +137,8 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   }
   int64_t all = cost.chooseLanes(variant.getTarget().getBits()), lanes = all;
   plan.dependsOnRows = variant.getRank() > 1 && cost.isWorthIt(all, all);
-  if (variant.getRow() != 0)
-    lanes = std::min(all, variant.getRow());
+  if (variant.getInnerExtent() != 0)
+    lanes = std::min(all, variant.getInnerExtent());
   if (!cost.isWorthIt(lanes, all)) {
     plan.reason = "most is done lane by lane";
     return plan;

@@ -224,7 +224,7 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   if (plan.getRun() >= lanes)
     return updateMaybeTogether(op);
   int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
-  if (!warp::getRecipe(kernel).getExclusive() || stride == 0)
+  if (!warp::getSchedule(kernel).getExclusive() || stride == 0)
     return updateOneByOne(op);
   // Lanes do not meet, and no other thread is there.
   SmallVector<Type> types;

@@ -24,9 +24,9 @@
 #include "Widening.h"
 
 #include "Analysis/Effects.h"
+#include "Choices.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
-#include "Schedule.h"
 #include "ShareRuns.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LaneOps.h"
@@ -385,8 +385,8 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     if (plan.dependsOnRows)
-      warp::setRecipe(kernel,
-                      warp::getRecipe(kernel).withFacts(warp::rowFact));
+      warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(
+                                    warp::innerExtentFact));
     if (plan.lanes == 1)
       return;
     if (warp::shareRuns(kernel, variance)) {
@@ -396,7 +396,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     } else {
       Widening(kernel, threads, variance, plan.lanes).run();
     }
-    warp::setRecipe(kernel, warp::getRecipe(kernel).withLanes(plan.lanes));
+    warp::setSchedule(kernel, warp::getSchedule(kernel).withLanes(plan.lanes));
   }
 };
 

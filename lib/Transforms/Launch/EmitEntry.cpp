@@ -72,7 +72,7 @@ void EntryBuilder::createEntry() {
   block = first->getArgument(0);
 
   int64_t size = warp::layOutParameters(getArgumentTypes(kernel)).size;
-  size += sizeof(warp::SumDescriptor) * warp::getRecipe(kernel).countSums();
+  size += sizeof(warp::SumDescriptor) * warp::getSchedule(kernel).countSums();
   if (!warp::isGpu(kernel)) {
     entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
     entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());

@@ -12,8 +12,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "Batches.h"
+#include "Choices.h"
 #include "EntryBuilder.h"
-#include "Schedule.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/TilePasses.h"
@@ -173,8 +173,8 @@ void EntryBuilder::describeBatches(const Batches &batches) {
   entry->setAttr(warp::attr::blockBytes, b.getI64IntegerAttr(batches.bytes));
   // A range has whole batches where a worker gets as much work as this.
   constexpr int64_t mostCost = 16384;
-  RecipeAttr recipe = getRecipe(entry);
-  setRecipe(entry, recipe.withCost(std::min(recipe.getCost(), mostCost)));
+  ScheduleAttr schedule = getSchedule(entry);
+  setSchedule(entry, schedule.withCost(std::min(schedule.getCost(), mostCost)));
   noteChoice(entry, "blocks", Twine(Batches::width),
              "their small systems are lanes of vectors");
 }

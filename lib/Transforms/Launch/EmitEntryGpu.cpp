@@ -9,8 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Choices.h"
 #include "EntryBuilder.h"
-#include "Schedule.h"
 #include "Updates/BlockReduce.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/TilePasses.h"
@@ -133,7 +133,7 @@ EntryBuilder::Values EntryBuilder::buildOneBlock() {
 
 /// Notes what of the size of the launch the code depends on.
 void EntryBuilder::dependOn(int facts) {
-  warp::setRecipe(kernel, warp::getRecipe(kernel).withFacts(facts));
+  warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(facts));
 }
 
 /// NVIDIA's assembler gives threads as few registers as let a multiprocessor
@@ -151,14 +151,14 @@ void EntryBuilder::planGpu() {
   alternates = canAlternate();
   if (!alternates)
     return;
-  warp::setRecipe(kernel, warp::getRecipe(kernel).withAlternates());
+  warp::setSchedule(kernel, warp::getSchedule(kernel).withReverseOrder(true));
   warp::noteChoice(kernel, "order", "from either end",
                    "a launch over more than the cache holds begins with what "
                    "the last one left there");
 }
 
 void EntryBuilder::planForm() {
-  if (warp::getRecipe(kernel).getExclusive()) {
+  if (warp::getSchedule(kernel).getSingleBlock() != 0) {
     form = Form::Block;
     return warp::noteChoice(kernel, "blocks", "1", "sums are in one order");
   }
@@ -167,8 +167,8 @@ void EntryBuilder::planForm() {
                             "the threads of a block work together");
   int facts = 0;
   if (planTiles()) {
-    facts |= warp::narrowFact;
-    if (!variant.getNarrow()) {
+    facts |= warp::skinnyFact;
+    if (!variant.getSkinny()) {
       form = Form::Tiles;
       dependOn(facts);
       return warp::noteChoice(kernel, "tiles", "32 x 32",
@@ -176,7 +176,7 @@ void EntryBuilder::planForm() {
                               *turned.begin());
     }
   }
-  bool large = variant.getLarge(), under = variant.getUnder();
+  bool large = variant.getLarge(), under = variant.getUnderfilled();
   int64_t most = countItems();
   bool sums = sumsManyItems();
   scf::ForOp shared = findSharedLoop(), split = findSplitLoop();
@@ -184,9 +184,9 @@ void EntryBuilder::planForm() {
   if (hasItems)
     facts |= warp::largeFact;
   if ((shared || split) && !(large && hasItems))
-    facts |= warp::underFact;
+    facts |= warp::underfilledFact;
   dependOn(facts);
-  if ((large && sums) || ((facts & warp::underFact) && (under || shared)))
+  if ((large && sums) || ((facts & warp::underfilledFact) && (under || shared)))
     takeRegisters(kernel);
   if (large && sums) {
     form = Form::Sums;

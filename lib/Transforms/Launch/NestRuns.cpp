@@ -15,8 +15,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "NestRuns.h"
+#include "Choices.h"
 #include "RunLoop.h"
-#include "Schedule.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/Builders.h"

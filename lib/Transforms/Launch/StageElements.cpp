@@ -32,10 +32,10 @@
 #include "StageElements.h"
 
 #include "Analysis/ThreadVariance.h"
+#include "Choices.h"
 #include "Emit/ArrayLowering.h"
 #include "GpuBlock.h"
 #include "KernelFunction.h"
-#include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -180,17 +180,17 @@ template <typename Op> bool Finder::canStage(Op access) {
 
 void Finder::visitLoad(warp::LoadComponentsOp load) {
   bool joins = first && llvm::all_of(load->getOperands(), [&](Value operand) {
-    Operation *op = operand.getDefiningOp();
-    return !op || op->getBlock() != first->getBlock() ||
-           op->isBeforeInBlock(first);
-  });
+                 Operation *op = operand.getDefiningOp();
+                 return !op || op->getBlock() != first->getBlock() ||
+                        op->isBeforeInBlock(first);
+               });
   if (!canStage(load)) {
     if (joins)
       load->moveBefore(first);
     return;
   }
-  int64_t registers = llvm::divideCeil(
-      warp::getByteSize(getElement(load.getArray())), 4);
+  int64_t registers =
+      llvm::divideCeil(warp::getByteSize(getElement(load.getArray())), 4);
   if (!joins || inFlight + registers > mostInFlight) {
     first = load;
     inFlight = 0;
@@ -250,8 +250,8 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
     thread = threadInBlock(b, loc);
     Value rest = arith::AndIOp::create(
         b, loc, readGrid(b, loc, GridValue::blockDim), last);
-    staged.inRow = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
-                                         rest, constant(0));
+    staged.inRow = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, rest,
+                                         constant(0));
   }
   staged.lane = arith::AndIOp::create(b, loc, x, last);
   Value warp = arith::ShRUIOp::create(b, loc, thread, constant(5));

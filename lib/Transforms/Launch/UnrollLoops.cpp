@@ -27,9 +27,9 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Choices.h"
 #include "KernelFunction.h"
 #include "NestRuns.h"
-#include "Schedule.h"
 #include "UnrollLoop.h"
 
 #include "WarpDialect/WarpOps.h"

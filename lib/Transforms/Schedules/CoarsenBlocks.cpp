@@ -20,9 +20,9 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Choices.h"
 #include "KernelFunction.h"
 #include "Tiles/LowerTiles.h"
-#include "Schedule.h"
 #include "Tiles/TileProducts.h"
 
 #include "Analysis/Forms.h"
@@ -395,14 +395,15 @@ struct JoinBlocks : warp::impl::JoinBlocksBase<JoinBlocks> {
       return;
     if (joiner.chooseFactor(mostBlocks, threads.getInt()) == 1)
       return;
-    setRecipe(kernel, getRecipe(kernel).withFacts(joinableFact));
+    setSchedule(kernel,
+                getSchedule(kernel).withSizeFacts(maxBlockCoarseningFact));
     int64_t factor =
-        joiner.chooseFactor(variant.getJoinable(), threads.getInt());
+        joiner.chooseFactor(variant.getMaxBlockCoarsening(), threads.getInt());
     if (factor == 1)
       return noteChoice(kernel, "blocks", "1",
                         "joined with others they would not fill the card");
     joiner.join(factor);
-    setRecipe(kernel, getRecipe(kernel).withJoined(factor));
+    setSchedule(kernel, getSchedule(kernel).withBlockCoarsening(factor));
     noteChoice(kernel, "blocks", Twine(factor) + " joined",
                "products read less of memory for each sum");
   }

@@ -20,8 +20,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/Ranges.h"
+#include "Choices.h"
 #include "Launch/EntryBuilder.h"
-#include "Schedule.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
@@ -203,8 +203,8 @@ EntryBuilder::buildItems(ArrayRef<Values> indices, Value allExist,
   auto alone = scf::IfOp::create(b, loc, left, /*withElseRegion=*/false);
   b.setInsertionPointToStart(alone.thenBlock());
   buildAlone();
-  warp::setRecipe(entry, warp::getRecipe(entry).withItems(
-                             int64_t(indices.size())));
+  warp::setSchedule(
+      entry, warp::getSchedule(entry).withCoarsening(int64_t(indices.size())));
   return {};
 }
 
@@ -246,7 +246,8 @@ EntryBuilder::Values EntryBuilder::buildSums() {
   Values none = identities(/*inLanes=*/false);
   auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(none)), whole,
                                   /*withElseRegion=*/true);
-  warp::setRecipe(entry, warp::getRecipe(entry).withItems(summedItems));
+  warp::setSchedule(entry,
+                    warp::getSchedule(entry).withCoarsening(summedItems));
   OpBuilder::InsertionGuard guard(b);
   auto addUp = [&](Value limit, int64_t together, bool isLast) {
     Value step = mul(width, constant(i32, together));
@@ -303,7 +304,7 @@ EntryBuilder::Values EntryBuilder::buildPlanes() {
     item.push_back(x);
     indices.push_back(item);
   }
-  warp::setRecipe(entry, warp::getRecipe(entry).withRows(rows));
+  warp::setSchedule(entry, warp::getSchedule(entry).withRowCoarsening(rows));
   return buildItems(indices, whole, [&] {
     Values item{buildLoop(start, end, dims[0], one)};
     if (rows > 1)

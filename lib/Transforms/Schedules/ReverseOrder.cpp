@@ -92,8 +92,9 @@ bool EntryBuilder::canAlternate() {
       (form == Form::One || form == Form::Items || form == Form::Tiles) &&
       threads.getNumResults() == 0;
   // Small launches have code of their own, and arrays that fit.
-  bool isSmall = !variant.getLarge() &&
-                 (warp::getRecipe(kernel).getFacts() & warp::largeFact) != 0;
+  bool isSmall =
+      !variant.getLarge() &&
+      (warp::getSchedule(kernel).getSizeFacts() & warp::largeFact) != 0;
   if (!isStream || isSmall || variant.getDebug() || variant.isDeterministic())
     return false;
   warp::ThreadVariance variance(kernel);
@@ -114,7 +115,7 @@ Value EntryBuilder::blockIndex(Axis axis) {
   Type i32 = b.getI32Type();
   Value count = warp::readGrid(b, loc, warp::GridValue::gridDim, axis);
   Value last = sub(sub(count, constant(i32, 1)), first);
-  Value order = parameter(i32, offsetof(warp::LaunchHeader, errorRecord));
+  Value order = parameter(i32, offsetof(warp::LaunchHeader, reversed));
   Value isLast = cmp(arith::CmpIPredicate::ne, order, constant(i32, 0));
   return arith::SelectOp::create(b, loc, isLast, last, first);
 }

@@ -24,10 +24,10 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Choices.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "Rotation.h"
-#include "Schedule.h"
 #include "Updates/Atomics.h"
 
 namespace warp {

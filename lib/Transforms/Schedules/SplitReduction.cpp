@@ -18,9 +18,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
+#include "Choices.h"
 #include "Launch/EntryBuilder.h"
 #include "Launch/LoopSums.h"
-#include "Schedule.h"
 #include "Updates/Atomics.h"
 
 #include "mlir/IR/IRMapping.h"
@@ -183,7 +183,7 @@ EntryBuilder::Values EntryBuilder::buildSplit() {
   Value isPartZero =
       cmp(arith::CmpIPredicate::eq, part, constant(i32, 0));
   Value isFirst = arith::AndIOp::create(b, loc, isPartZero, exists);
-  warp::setRecipe(entry, warp::getRecipe(entry).withSplit(parts));
+  warp::setSchedule(entry, warp::getSchedule(entry).withSplitReduction(parts));
 
   IRMapping map;
   map.map(threads.getIndices()[0],

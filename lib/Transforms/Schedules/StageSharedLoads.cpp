@@ -26,9 +26,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
-#include "Launch/GpuBlock.h"
+#include "Choices.h"
 #include "KernelFunction.h"
-#include "Schedule.h"
+#include "Launch/GpuBlock.h"
 #include "Launch/UnrollLoop.h"
 
 #include "WarpDialect/TilePasses.h"

@@ -26,8 +26,8 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/ThreadVariance.h"
+#include "Choices.h"
 #include "Launch/EntryBuilder.h"
-#include "Schedule.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -345,7 +345,7 @@ EntryBuilder::Values EntryBuilder::buildTiles() {
   Value memory = warp::makeShared(b, loc, kernel->getParentOfType<ModuleOp>(),
                                   type, "squares");
   auto branch = scf::IfOp::create(b, loc, whole, /*withElseRegion=*/true);
-  warp::setRecipe(entry, warp::getRecipe(entry).withTile(side));
+  warp::setSchedule(entry, warp::getSchedule(entry).withTransposeTile(side));
 
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(branch.thenBlock());

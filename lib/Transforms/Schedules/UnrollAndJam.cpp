@@ -18,8 +18,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/ThreadVariance.h"
+#include "Choices.h"
 #include "Launch/EntryBuilder.h"
-#include "Schedule.h"
 
 #include "mlir/IR/IRMapping.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -158,7 +158,7 @@ EntryBuilder::Values EntryBuilder::buildJammed() {
     return cmp(arith::CmpIPredicate::slt, index, dims[0]);
   };
   auto any = scf::IfOp::create(b, loc, exists(first), /*withElse=*/false);
-  warp::setRecipe(entry, warp::getRecipe(entry).withItems(items));
+  warp::setSchedule(entry, warp::getSchedule(entry).withCoarsening(items));
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(any.thenBlock());
   Value both = exists(second);

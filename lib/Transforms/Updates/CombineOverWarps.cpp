@@ -20,9 +20,9 @@
 
 #include "Analysis/ThreadVariance.h"
 #include "Atomics.h"
+#include "Choices.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
-#include "Schedule.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"

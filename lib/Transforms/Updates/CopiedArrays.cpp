@@ -37,9 +37,8 @@ static Type typeOfSum(warp::AccessOp op) {
     return {};
   auto types = op.getWritten().getTypes();
   Type type = types.front();
-  if (!llvm::all_equal(types) ||
-      !(type.isF32() || type.isF64() || type.isInteger(32) ||
-        type.isInteger(64)))
+  if (!llvm::all_equal(types) || !(type.isF32() || type.isF64() ||
+                                   type.isInteger(32) || type.isInteger(64)))
     return {};
   return type;
 }
@@ -81,9 +80,8 @@ private:
 /// False if the operation rules out copies.
 bool Finder::visit(Operation *op) {
   if (isa<CallOpInterface>(op))
-    return llvm::none_of(op->getOperandTypes(), [](Type type) {
-      return isa<warp::ArrayType>(type);
-    });
+    return llvm::none_of(op->getOperandTypes(),
+                         [](Type type) { return isa<warp::ArrayType>(type); });
   auto access = dyn_cast<warp::AccessOp>(op);
   if (!access)
     return true;
@@ -136,17 +134,17 @@ std::optional<warp::CopiedArray> Finder::describe(warp::ArrayMemory memory,
   });
   if (!fits || count * width / 8 != warp::getByteSize(element))
     return std::nullopt;
-  return warp::CopiedArray{leaf.offset, memory.isGradient, size, count, width,
-                           isa<FloatType>(number)};
+  return warp::CopiedArray{leaf.offset, memory.isGradient,     size, count,
+                           width,       isa<FloatType>(number)};
 }
 
 std::vector<warp::CopiedArray> Finder::run() {
-  bool allowed = !kernel
-                      ->walk([&](Operation *op) {
-                        return visit(op) ? WalkResult::advance()
-                                         : WalkResult::interrupt();
-                      })
-                      .wasInterrupted();
+  bool allowed =
+      !kernel
+           ->walk([&](Operation *op) {
+             return visit(op) ? WalkResult::advance() : WalkResult::interrupt();
+           })
+           .wasInterrupted();
   std::vector<warp::CopiedArray> found;
   if (!allowed)
     return found;
@@ -176,16 +174,15 @@ bool warp::offerCopies(FunctionOpInterface kernel, const UpdateCosts &costs) {
         array.numbers, array.width, array.floating));
   if (list.empty())
     return false;
-  auto copied =
-      CopiedAttr::get(context, ArrayAttr::get(context, list),
-                      toTime(costs.plain), toTime(costs.atomic));
-  setRecipe(kernel, getRecipe(kernel).withCopied(copied));
+  auto copied = CopiedAttr::get(context, ArrayAttr::get(context, list),
+                                toTime(costs.plain), toTime(costs.atomic));
+  setSchedule(kernel, getSchedule(kernel).withCopied(copied));
   return true;
 }
 
-warp::CopiedArrays warp::readCopied(RecipeAttr recipe) {
+warp::CopiedArrays warp::readCopied(ScheduleAttr schedule) {
   CopiedArrays copied;
-  CopiedAttr found = recipe.getCopied();
+  CopiedAttr found = schedule.getCopied();
   if (!found)
     return copied;
   for (auto array : found.getArrays().getAsRange<CopiedArrayAttr>())

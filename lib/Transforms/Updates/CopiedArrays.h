@@ -15,11 +15,11 @@
 
 namespace warp {
 
-/// Lists in the recipe the arrays whose copies would spare atomic instructions,
-/// if those would spare all; whether there are any.
+/// Lists in the schedule the arrays whose copies would spare atomic
+/// instructions, if those would spare all; whether there are any.
 bool offerCopies(mlir::FunctionOpInterface kernel, const UpdateCosts &costs);
 
-CopiedArrays readCopied(RecipeAttr recipe);
+CopiedArrays readCopied(ScheduleAttr schedule);
 
 } // namespace warp
 

@@ -57,8 +57,8 @@ public:
 
 private:
   void visit(BlockArgument array, int64_t descriptor);
-  void record(const Uses &uses, int64_t descriptor, bool gradient,
-              Type element, int64_t scale);
+  void record(const Uses &uses, int64_t descriptor, bool gradient, Type element,
+              int64_t scale);
 
   MLIRContext *context() { return kernel->getContext(); }
 
@@ -87,11 +87,10 @@ void Uses::collect(Value array) {
 }
 
 void ExactUpdates::record(const Uses &uses, int64_t descriptor, bool gradient,
-                        Type element, int64_t scale) {
+                          Type element, int64_t scale) {
   auto entry = [&](int64_t width) {
-    return warp::SummedArrayAttr::get(context(), width, descriptor,
-                                      gradient, warp::getByteSize(element),
-                                      scale);
+    return warp::SummedArrayAttr::get(context(), width, descriptor, gradient,
+                                      warp::getByteSize(element), scale);
   };
   if (uses.others) {
     accessed.push_back(entry(0));
@@ -148,8 +147,8 @@ void ExactUpdates::run() {
     return;
   Builder b(context());
   llvm::append_range(sums, accessed);
-  warp::setRecipe(kernel,
-                  warp::getRecipe(kernel).withSums(b.getArrayAttr(sums)));
+  warp::setSchedule(kernel,
+                    warp::getSchedule(kernel).withSums(b.getArrayAttr(sums)));
 }
 
 void warp::markExactUpdates(FunctionOpInterface kernel) {

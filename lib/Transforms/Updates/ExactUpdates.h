@@ -12,7 +12,7 @@
 namespace warp {
 
 /// In a deterministic launch: marks the updates of a kernel whose sums are made
-/// exactly, and lists the arrays of those in its recipe.
+/// exactly, and lists the arrays of those in its schedule.
 void markExactUpdates(mlir::FunctionOpInterface kernel);
 
 } // namespace warp

@@ -47,11 +47,11 @@ namespace {
 class SumLowering {
 public:
   SumLowering(LLVM::LLVMFuncOp entry)
-      : entry(entry), first(&entry.getBody().front()),
-        b(entry->getContext()),
+      : entry(entry), first(&entry.getBody().front()), b(entry->getContext()),
         functions(entry->getParentOfType<ModuleOp>(), warp::isGpu(entry)),
         debug(warp::getVariant(entry).getDebug()),
-        shared(warp::isGpu(entry) || !warp::getRecipe(entry).getExclusive()) {}
+        shared(warp::isGpu(entry) || !warp::getSchedule(entry).getExclusive()) {
+  }
 
   void lower(warp::AtomicComponentsOp op);
 
@@ -105,8 +105,8 @@ Value SumLowering::read(Type type, int64_t offset) {
 warp::SumPlace SumLowering::sums(int64_t descriptor) {
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(first);
-  auto pointer = LLVM::LLVMPointerType::get(b.getContext(),
-                                            warp::isGpu(entry) ? 1 : 0);
+  auto pointer =
+      LLVM::LLVMPointerType::get(b.getContext(), warp::isGpu(entry) ? 1 : 0);
   warp::SumPlace place;
   place.digits = read(pointer, descriptor);
   place.touched =
@@ -124,13 +124,12 @@ SmallVector<Value> SumLowering::numbers(warp::AtomicComponentsOp op,
   {
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPointToStart(first);
-    base = read(b.getI64Type(),
-                descriptor + offsetof(warp::SumDescriptor, base));
+    base =
+        read(b.getI64Type(), descriptor + offsetof(warp::SumDescriptor, base));
   }
   unsigned bits = op.getResultTypes()[0].isF32() ? 2 : 3;
   Value distance = arith::SubIOp::create(b, loc, address, base);
-  Value number =
-      arith::ShRUIOp::create(b, loc, distance, constant(bits));
+  Value number = arith::ShRUIOp::create(b, loc, distance, constant(bits));
   SmallVector<Value> list;
   for (warp::Leaf leaf : warp::leavesOf(op))
     list.push_back(
@@ -158,8 +157,8 @@ SmallVector<Value> SumLowering::numbersAtEnd(warp::AtomicComponentsOp op) {
 void SumLowering::lowerShared(warp::AtomicComponentsOp op) {
   Location loc = op.getLoc();
   b.setInsertionPoint(op);
-  Value address = warp::AddressOp::create(b, loc, op.getArray(),
-                                          op.getIndices());
+  Value address =
+      warp::AddressOp::create(b, loc, op.getArray(), op.getIndices());
   if (debug) {
     Value inside = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne,
                                          address, constant(0));
@@ -191,11 +190,10 @@ void SumLowering::callLibrary(StringRef name, ValueRange operands) {
   auto function = module.lookupSymbol<LLVM::LLVMFuncOp>(name);
   if (!function) {
     OpBuilder inModule = OpBuilder::atBlockBegin(module.getBody());
-    auto type = LLVM::LLVMFunctionType::get(
-        LLVM::LLVMVoidType::get(b.getContext()),
-        llvm::to_vector(operands.getTypes()));
-    function =
-        LLVM::LLVMFuncOp::create(inModule, entry.getLoc(), name, type);
+    auto type =
+        LLVM::LLVMFunctionType::get(LLVM::LLVMVoidType::get(b.getContext()),
+                                    llvm::to_vector(operands.getTypes()));
+    function = LLVM::LLVMFuncOp::create(inModule, entry.getLoc(), name, type);
   }
   LLVM::CallOp::create(b, entry.getLoc(), function, operands);
 }
@@ -224,9 +222,9 @@ void SumLowering::lowerInRange(warp::AtomicComponentsOp op) {
     own.push_back(makeRangeSum(type));
   b.setInsertionPoint(op);
   for (auto [sum, component] : llvm::zip_equal(own, op.getComponents()))
-    callLibrary("warp_append_to_sum" + suffix,
-                {sum.terms, sum.count, sum.digits, sum.touched,
-                 term(op, component)});
+    callLibrary(
+        "warp_append_to_sum" + suffix,
+        {sum.terms, sum.count, sum.digits, sum.touched, term(op, component)});
 
   warp::SumPlace place = sums(getDescriptor(op));
   for (auto [number, sum] : llvm::zip_equal(numbersAtEnd(op), own)) {

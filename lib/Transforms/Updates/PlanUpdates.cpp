@@ -27,11 +27,11 @@
 // The remaining updates on the CPU are of elements that differ from thread to
 // thread. An atomic instruction costs ten times a plain update, so it is
 // quicker to do without, by one thread if only few would share the launch, or
-// by all if each has copies of the arrays (CopiedArrays.h). The recipe is then
-// exclusive. So it is in a deterministic launch if the order of updates would
-// show, by one thread; on a GPU that is a launch of one block. And so it is in
-// any launch on a CPU of a kernel that uses old values, unless the caller lets
-// threads come in any order: slots of a counter follow the threads.
+// by all if each has copies of the arrays (CopiedArrays.h). The schedule is
+// then exclusive. So it is in a deterministic launch if the order of updates
+// would show, by one thread; on a GPU that is a launch of one block. And so it
+// is in any launch on a CPU of a kernel that uses old values, unless the caller
+// lets threads come in any order: slots of a counter follow the threads.
 //
 //===----------------------------------------------------------------------===//
 
@@ -39,12 +39,12 @@
 #include "Analysis/ThreadVariance.h"
 #include "Atomics.h"
 #include "CarryOut.h"
+#include "Choices.h"
 #include "CopiedArrays.h"
 #include "ExactUpdates.h"
 #include "KernelFunction.h"
 #include "Lanes/LanePlan.h"
 #include "Schedules/RingLoop.h"
-#include "Schedule.h"
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"
 #include "WarpDialect/TilePasses.h"
@@ -264,8 +264,8 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     // One variant is in order, the other for launches that do not ask for it.
     if (!warp::isGpu(kernel) && !warp::getVariant(kernel).isDeterministic() &&
         warp::mayTellTurns(kernel))
-      warp::setRecipe(kernel,
-                      warp::getRecipe(kernel).withFacts(warp::turnFact));
+      warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(
+                                    warp::threadOrderFact));
     // Threads that work together on tiles have settled who makes an update.
     if (kernel->hasAttr(warp::attr::blockThreads)) {
       if (failed(orderBlocks(kernel)))
@@ -299,7 +299,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
           "bits in an array that the launch does not read or store to");
     warp::noteChoice(kernel, "updates", "by one thread",
                      inTurn ? turnReason : "sums are in one order");
-    warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());
+    warp::setSchedule(kernel, warp::getSchedule(kernel).withExclusive(true));
     return success();
   }
 
@@ -320,7 +320,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
         exclusive |= planPlainUpdates(kernel, threads, planner.variance);
     }
     if (exclusive)
-      warp::setRecipe(kernel, warp::getRecipe(kernel).withExclusive());
+      warp::setSchedule(kernel, warp::getSchedule(kernel).withExclusive(true));
   }
 
   /// True if updates are made without atomic instructions, as that is quicker.
@@ -328,7 +328,8 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
                         const warp::ThreadVariance &variance) {
     warp::VariantAttr variant = warp::getVariant(kernel);
     int64_t lanes = warp::planLanes(kernel, threads, variance).lanes;
-    warp::UpdateCosts costs(threads, warp::getRecipe(kernel).getCost(), lanes);
+    warp::UpdateCosts costs(threads, warp::getSchedule(kernel).getCost(),
+                            lanes);
     if (!costs.any())
       return false;
     bool alone = costs.plain < costs.atomic / double(variant.getThreads());
@@ -367,8 +368,8 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       threads = 1;
       planner.dropGroups();
     }
-    warp::RecipeAttr recipe = warp::getRecipe(kernel).withExclusive();
-    warp::setRecipe(kernel, recipe.withItems(threads));
+    warp::setSchedule(kernel,
+                      warp::getSchedule(kernel).withSingleBlock(threads));
   }
 
   bool debug = false;

@@ -1,4 +1,4 @@
-//===- Schedule.h - What was decided about launches -------------*- C++ -*-===//
+//===- Choices.h - What was decided about launches -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -8,8 +8,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_TRANSFORMS_SCHEDULE_H
-#define WARP_LIB_TRANSFORMS_SCHEDULE_H
+#ifndef WARP_LIB_TRANSFORMS_CHOICES_H
+#define WARP_LIB_TRANSFORMS_CHOICES_H
 
 #include "mlir/IR/Operation.h"
 
@@ -19,7 +19,7 @@ struct Choice;
 
 namespace attr {
 /// The notes, in order.
-constexpr llvm::StringLiteral schedule = "warp.schedule";
+constexpr llvm::StringLiteral choices = "warp.choices";
 } // namespace attr
 
 /// Adds a note to a kernel function. `place` is what the decision is about, if
@@ -33,4 +33,4 @@ std::vector<Choice> readChoices(mlir::Operation *function);
 
 } // namespace warp
 
-#endif // WARP_LIB_TRANSFORMS_SCHEDULE_H
+#endif // WARP_LIB_TRANSFORMS_CHOICES_H

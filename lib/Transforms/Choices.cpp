@@ -1,10 +1,10 @@
-//===- Schedule.cpp - What was decided about launches ---------------------===//
+//===- Choices.cpp - What was decided about launches ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Schedule.h"
+#include "Choices.h"
 
 #include "warp/Compile.h"
 
@@ -27,17 +27,17 @@ void warp::noteChoice(Operation *function, StringRef what, const Twine &value,
                       const Twine &reason, Operation *place) {
   mlir::Builder b(function->getContext());
   SmallVector<Attribute> notes;
-  if (auto before = function->getAttrOfType<ArrayAttr>(attr::schedule))
+  if (auto before = function->getAttrOfType<ArrayAttr>(attr::choices))
     llvm::append_range(notes, before);
-  notes.push_back(b.getArrayAttr(
-      {b.getStringAttr(what), b.getStringAttr(value), b.getStringAttr(reason),
-       b.getI64IntegerAttr(getLine(place))}));
-  function->setAttr(attr::schedule, b.getArrayAttr(notes));
+  notes.push_back(b.getArrayAttr({b.getStringAttr(what), b.getStringAttr(value),
+                                  b.getStringAttr(reason),
+                                  b.getI64IntegerAttr(getLine(place))}));
+  function->setAttr(attr::choices, b.getArrayAttr(notes));
 }
 
 std::vector<warp::Choice> warp::readChoices(Operation *function) {
   std::vector<Choice> choices;
-  if (auto notes = function->getAttrOfType<ArrayAttr>(attr::schedule))
+  if (auto notes = function->getAttrOfType<ArrayAttr>(attr::choices))
     for (auto note : notes.getAsRange<ArrayAttr>())
       choices.push_back({cast<StringAttr>(note[0]).str(),
                          cast<StringAttr>(note[1]).str(),
