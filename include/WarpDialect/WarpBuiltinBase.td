@@ -142,4 +142,16 @@ class Warp_Special<string name, string groupOf, list<string> overloadsOf,
   string summary = summaryOf;
 }
 
+/// A function under `warp` that is written in the kernel language. `module` of
+/// warp._src is imported when the name is first asked for, and has the function
+/// in its `FUNCTIONS`.
+class Warp_LibraryFunction<string name, list<string> overloadsOf,
+                           string summaryOf> {
+  string pythonName = name;
+  string module = ?;
+  string group = ?;
+  list<string> overloads = overloadsOf;
+  string summary = summaryOf;
+}
+
 #endif // WARP_BUILTIN_BASE_TD

@@ -17,5 +17,7 @@ include "WarpDecompositions.td"
 include "WarpRandom.td"
 include "WarpSpecials.td"
 include "WarpTileSpecials.td"
+include "WarpLibraryFunctions.td"
+include "WarpGeometryFunctions.td"
 
 #endif // WARP_BUILTINS_TD

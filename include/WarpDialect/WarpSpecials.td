@@ -113,37 +113,6 @@ def Warp_LowerBoundName : Warp_Special<"lower_bound", "Arrays",
      "(arr: array, begin: int, end: int, value: Any) -> int"],
     "index of the first element of a sorted array that is not less than "
     "`value`, or of the last one if all are">;
-class Warp_SpatialName<string name, list<string> overloads, string summaryOf>
-    : Warp_Special<name, "Spatial vectors", overloads, summaryOf>;
-
-def Warp_SpatialTopName : Warp_SpatialName<"spatial_top", ["(a: Any) -> Any"],
-    "the angular part of a spatial vector">;
-def Warp_SpatialBottomName : Warp_SpatialName<"spatial_bottom",
-    ["(a: Any) -> Any"], "the linear part of a spatial vector">;
-def Warp_SpatialDotName : Warp_SpatialName<"spatial_dot",
-    ["(a: Any, b: Any) -> Any"], "the inner product of two spatial vectors">;
-def Warp_SpatialCrossName : Warp_SpatialName<"spatial_cross",
-    ["(a: Any, b: Any) -> Any"], "the cross product of two motions">;
-def Warp_SpatialCrossDualName : Warp_SpatialName<"spatial_cross_dual",
-    ["(a: Any, b: Any) -> Any"], "the cross product of a motion and a force">;
-def Warp_SpatialAdjointName : Warp_SpatialName<"spatial_adjoint",
-    ["(r: Any, s: Any) -> Any"],
-    "the 6x6 matrix of blocks r, 0 above s, r, which carries motions to "
-    "another frame">;
-def Warp_VelocityAtPointName : Warp_SpatialName<"velocity_at_point",
-    ["(qd: Any, r: Any) -> Any"],
-    "the velocity of the point at r of a body that moves by qd">;
-def Warp_TransformTwistName : Warp_SpatialName<"transform_twist",
-    ["(t: Any, x: Any) -> Any"], "a motion, carried by a transform">;
-def Warp_TransformWrenchName : Warp_SpatialName<"transform_wrench",
-    ["(t: Any, x: Any) -> Any"], "a force, carried by a transform">;
-def Warp_QuatFromEulerName : Warp_Special<"quat_from_euler", "Quaternions",
-    ["(e: Any, i: int, j: int, k: int) -> Any"],
-    "rotation by e[i] about axis i, then e[j] about j, then e[k] about k">;
-def Warp_QuatToEulerName : Warp_Special<"quat_to_euler", "Quaternions",
-    ["(q: Any, i: int, j: int, k: int) -> Any"],
-    "angles of quat_from_euler, for three different axes; the one about axis j "
-    "is in [-pi/2, pi/2]">;
 class Warp_RandomName<string name, list<string> overloads, string summaryOf>
     : Warp_Special<name, "Random numbers", overloads, summaryOf>;
 def Warp_PoissonName : Warp_RandomName<"poisson",
@@ -152,12 +121,6 @@ def Warp_PoissonName : Warp_RandomName<"poisson",
 def Warp_SampleCdfName : Warp_RandomName<"sample_cdf",
     ["(state: Any, cdf: array) -> int"],
     "random index, by a sorted array of cumulative probabilities">;
-def Warp_CurlnoiseName : Warp_RandomName<"curlnoise",
-    ["(state: Any, x: Any, octaves: Any = ..., lacunarity: float = 2.0, "
-     "gain: float = 0.5) -> Any"],
-    "random velocity without divergence at a point: the curl of noise, summed "
-    "over octaves, each at `lacunarity` times the frequency and `gain` times "
-    "the amplitude of the one before">;
 def Warp_StaticName : Warp_ThreadName<"static", ["(value: Any) -> Any"],
     "value that Python computes when the kernel is compiled">;
 

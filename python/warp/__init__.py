@@ -11,9 +11,12 @@
     wp.launch(scale, dim=1000, inputs=[x, 2.0])
     print(x.numpy())
 
-This file lists the public names; the implementation is in `warp._src`. Builtins of the kernel
-language (`wp.sin`, `wp.dot`, ...) are made when they are first asked for.
+This file lists the public names; the implementation is in `warp._src`. Imports under
+`TYPE_CHECKING` and builtins of the kernel language (`wp.sin`, `wp.dot`, ...) happen when they are
+first asked for.
 """
+
+import typing as _typing
 
 from warp import config as config
 from warp._src.arrays.array import array as array
@@ -260,6 +263,66 @@ from warp._src.types.numpy_types import dtype_from_numpy as dtype_from_numpy
 from warp._src.types.numpy_types import dtype_to_numpy as dtype_to_numpy
 from warp._src.types.structs import struct as struct
 from warp._src.version import VERSION as VERSION
+
+if _typing.TYPE_CHECKING:
+    from warp import autograd as autograd
+    from warp import build_experimental as build_experimental
+    from warp import fem as fem
+    from warp import geometry as geometry
+    from warp import optim as optim
+    from warp import render as render
+    from warp import sparse as sparse
+    from warp import types as types
+    from warp import utils as utils
+    from warp._src.arrays.fabric import fabricarray as fabricarray
+    from warp._src.arrays.fabric import fabricarrayarray as fabricarrayarray
+    from warp._src.arrays.fabric import indexedfabricarray as indexedfabricarray
+    from warp._src.arrays.fabric import indexedfabricarrayarray as indexedfabricarrayarray
+    from warp._src.devices.diagnostics import print_diagnostics as print_diagnostics
+    from warp._src.devices.timing import TIMING_ALL as TIMING_ALL
+    from warp._src.devices.timing import TIMING_GRAPH as TIMING_GRAPH
+    from warp._src.devices.timing import TIMING_KERNEL as TIMING_KERNEL
+    from warp._src.devices.timing import TIMING_KERNEL_BUILTIN as TIMING_KERNEL_BUILTIN
+    from warp._src.devices.timing import TIMING_MEMCPY as TIMING_MEMCPY
+    from warp._src.devices.timing import TIMING_MEMSET as TIMING_MEMSET
+    from warp._src.devices.timing import ScopedCudaProfiler as ScopedCudaProfiler
+    from warp._src.devices.timing import TimingResult as TimingResult
+    from warp._src.devices.timing import cuda_profiler_start as cuda_profiler_start
+    from warp._src.devices.timing import cuda_profiler_stop as cuda_profiler_stop
+    from warp._src.devices.timing import timing_begin as timing_begin
+    from warp._src.devices.timing import timing_end as timing_end
+    from warp._src.devices.timing import timing_print as timing_print
+    from warp._src.geometry.bvh import Bvh as Bvh
+    from warp._src.geometry.bvh import is_cubql_available as is_cubql_available
+    from warp._src.geometry.grid import HashGrid as HashGrid
+    from warp._src.geometry.grid_queries import HashGridQuery as HashGridQuery
+    from warp._src.geometry.mesh import Mesh as Mesh
+    from warp._src.geometry.mesh_queries import MeshQueryPoint as MeshQueryPoint
+    from warp._src.geometry.mesh_queries import MeshQueryRay as MeshQueryRay
+    from warp._src.geometry.surfaces.marching_cubes import IsoSurfaceMarchingCubes as MarchingCubes
+    from warp._src.geometry.tile_queries import BvhQueryTiled as BvhQueryTiled
+    from warp._src.geometry.tile_queries import MeshQueryAABBTiled as MeshQueryAABBTiled
+    from warp._src.geometry.tree_queries import BvhQuery as BvhQuery
+    from warp._src.geometry.tree_queries import MeshQuery as MeshQuery
+    from warp._src.geometry.tree_queries import MeshQueryAABB as MeshQueryAABB
+    from warp._src.geometry.volumes.volume import Volume as Volume
+    from warp._src.kernels.manifest import KernelManifest as KernelManifest
+    from warp._src.kernels.manifest import Manifest as Manifest
+    from warp._src.kernels.manifest import manifest as manifest
+    from warp._src.kernels.tiled import launch_tiled as launch_tiled
+    from warp._src.language.symmetric import sym_fn3 as sym_fn3
+    from warp._src.logger import Logger as Logger
+    from warp._src.logger import ScopedLogger as ScopedLogger
+    from warp._src.logger import ScopedLogLevel as ScopedLogLevel
+    from warp._src.logger import get_logger as get_logger
+    from warp._src.logger import set_logger as set_logger
+    from warp._src.textures.texture import Texture as Texture
+    from warp._src.textures.texture import Texture1D as Texture1D
+    from warp._src.textures.texture import Texture2D as Texture2D
+    from warp._src.textures.texture import Texture3D as Texture3D
+    from warp._src.textures.texture import TextureAddressMode as TextureAddressMode
+    from warp._src.textures.texture import TextureFilterMode as TextureFilterMode
+    from warp._src.utils.transforms import transform_expand as transform_expand
 
 __version__ = VERSION
 globals().update(_types.NAMED_TYPES)

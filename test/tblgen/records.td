@@ -21,6 +21,8 @@ def Warp_ApplyOp : Warp_Builtin<"apply", "Functions",
 }
 def Warp_TellName : Warp_Special<"tell", "Functions",
     ["(text: str, *args: Any) -> None"], "tells">;
+let module = "places", group = "Functions" in
+def : Warp_LibraryFunction<"within", ["(a: float) -> bool"], "looks">;
 
 // The table is sorted by name.
 // TABLE-LABEL: builtinTable[] = {
@@ -31,10 +33,16 @@ def Warp_TellName : Warp_Special<"tell", "Functions",
 // TABLE-NEXT: "puts \"both\" together",
 // TABLE-NEXT: overloadsOf_zip, warp::DerivativeKind::Zero, false},
 
+// C++ knows nothing of library functions.
+// TABLE-NOT: within
+
 // LOWER: WARP_BY_FUNCTION(Apply)
 // LOWER: WARP_ELEMENTWISE(ZipOp, ::mlir::arith::AddFOp, ::mlir::arith::AddIOp, ::mlir::arith::AddIOp)
 
+// PYTHON-LABEL: LIBRARY = {
+// PYTHON-NEXT: "within": "warp._src.places",
 // PYTHON-LABEL: BUILTINS = {
+// PYTHON-NOT: "within"
 // PYTHON: "tell": (
 // PYTHON-NEXT: "Functions",
 // PYTHON-NEXT: "tells",
@@ -56,6 +64,7 @@ def Warp_TellName : Warp_Special<"tell", "Functions",
 // STUBS: def apply(m: _Mat[_r, _c, _F], v: _Vec[_c, _F]) -> None:
 // STUBS-NEXT: "applies"
 // STUBS: def tell(text: str, *args: Any) -> None:
+// STUBS: def within(a: float) -> builtins.bool:
 // STUBS: @overload
 // STUBS-NEXT: def zip(a: _S, b: _S = ...) -> _S:
 // STUBS: @overload
@@ -63,7 +72,7 @@ def Warp_TellName : Warp_Special<"tell", "Functions",
 
 // Groups come in the order of their first record.
 // DOCS: - [Pairs](#pairs): `zip`
-// DOCS-NEXT: - [Functions](#functions): `apply`, `tell`
+// DOCS-NEXT: - [Functions](#functions): `apply`, `tell`, `within`
 // DOCS-LABEL: ## Pairs
 // DOCS: ### zip `~~`
 // DOCS: puts "both" together. Derivative: zero almost everywhere.

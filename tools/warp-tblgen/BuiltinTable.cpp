@@ -16,6 +16,7 @@ using namespace warp::tblgen;
 static void emitBuiltinTable(const RecordKeeper &records, raw_ostream &os) {
   emitSourceFileHeader("Builtins, sorted by Python name", os, records);
   std::vector<Builtin> builtins = readBuiltins(records);
+  llvm::erase_if(builtins, std::mem_fn(&Builtin::isLibraryFunction));
   for (const Builtin &builtin : builtins) {
     os << "static constexpr llvm::StringLiteral overloadsOf_"
        << builtin.pythonName << "[] = {\n";
@@ -28,8 +29,8 @@ static void emitBuiltinTable(const RecordKeeper &records, raw_ostream &os) {
     os << "    {" << quote(builtin.pythonName) << ", " << quote(builtin.symbol)
        << ", " << quote(builtin.opName) << ", " << quote(builtin.group)
        << ",\n     " << quote(builtin.summary) << ",\n     overloadsOf_"
-       << builtin.pythonName << ", warp::DerivativeKind::"
-       << builtin.derivativeKind << ", "
+       << builtin.pythonName
+       << ", warp::DerivativeKind::" << builtin.derivativeKind << ", "
        << (builtin.isSpecial() ? "true" : "false") << "},\n";
   os << "};\n";
 }

@@ -127,6 +127,11 @@ std::vector<Builtin> warp::tblgen::readBuiltins(const RecordKeeper &records) {
     builtins.push_back(readOperation(record));
   for (const Record *record : records.getAllDerivedDefinitions("Warp_Special"))
     builtins.push_back(readCommon(record));
+  for (const Record *record :
+       records.getAllDerivedDefinitions("Warp_LibraryFunction")) {
+    builtins.push_back(readCommon(record));
+    builtins.back().module = record->getValueAsString("module");
+  }
   llvm::sort(builtins, [](const Builtin &a, const Builtin &b) {
     return a.pythonName < b.pythonName;
   });
@@ -139,7 +144,8 @@ std::vector<Builtin> warp::tblgen::readBuiltins(const RecordKeeper &records) {
 
 std::vector<StringRef> warp::tblgen::getGroups(const RecordKeeper &records) {
   std::vector<const Record *> ordered;
-  for (StringRef base : {"Warp_Builtin", "Warp_Special"})
+  for (StringRef base :
+       {"Warp_Builtin", "Warp_Special", "Warp_LibraryFunction"})
     llvm::append_range(ordered, records.getAllDerivedDefinitions(base));
   llvm::sort(ordered, [](const Record *a, const Record *b) {
     return a->getID() < b->getID();

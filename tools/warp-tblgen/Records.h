@@ -26,15 +26,32 @@ struct Builtin {
   std::vector<Signature> signatures;
   /// Name of the operation and of its C++ class; empty for a special name.
   std::string opName, className;
+  /// The module of warp._src with the function, if it is a library function.
+  llvm::StringRef module;
   /// The kind of the derivative and its name in the documentation.
   llvm::StringRef derivativeKind = "None", derivative;
   std::vector<llvm::StringRef> domain, smoothDomain;
 
   bool isSpecial() const { return opName.empty(); }
+  bool isLibraryFunction() const { return !module.empty(); }
   bool isDifferentiable() const { return derivativeKind == "Function"; }
 };
 
 std::vector<Builtin> readBuiltins(const llvm::RecordKeeper &records);
+
+/// A name that the package imports.
+struct PublicName {
+  std::string name, module, attribute;
+  /// Imported when it is first asked for: for type checkers only it stands in
+  /// the package's file.
+  bool isLazy;
+
+  /// True for `from warp import name`.
+  bool isModule() const { return module == "warp"; }
+};
+
+/// The names that the file of option --public-names imports, in its order.
+std::vector<PublicName> readPublicNames();
 
 /// Groups in the order of their first record, which is the reading order.
 std::vector<llvm::StringRef> getGroups(const llvm::RecordKeeper &records);

@@ -48,7 +48,7 @@ def with_parents(names) -> set[str]:
 
 
 def import_graph(in_functions=True) -> dict[str, set[str]]:
-    """The modules that each module imports.
+    """The modules that each module imports, for more than type checkers.
 
     Args:
         in_functions: what functions import when they are called, too.
@@ -62,6 +62,8 @@ def import_graph(in_functions=True) -> dict[str, set[str]]:
             for node in ast.iter_child_nodes(pending.pop()):
                 if isinstance(node, (ast.Import, ast.ImportFrom)):
                     found |= imported(node, known)
+                elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+                    pending.extend(node.orelse)
                 elif in_functions or not isinstance(node, ast.FunctionDef):
                     pending.append(node)
         graph[name] = with_parents(found) - {name}

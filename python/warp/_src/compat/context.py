@@ -6,7 +6,9 @@ nvalchemi-toolkit-ops; the classes stand in annotations of many packages.
 
 from __future__ import annotations
 
-from warp._src.builtin_table import BUILTINS
+from collections.abc import Mapping
+
+from warp._src.builtin_table import BUILTINS, LIBRARY
 
 from warp._src.compat.core import Core
 from warp._src.devices import devices
@@ -26,6 +28,7 @@ from warp._src.kernels.modules import Module as Module
 from warp._src.kernels.modules import get_module as get_module
 from warp._src.kernels.modules import modules_by_name
 from warp._src.language.builtins import lookup
+from warp._src.language.public import library_function
 
 # Modules by name: nvalchemi-toolkit-ops renames kernels in it, Newton's tests look modules up.
 user_modules = modules_by_name
@@ -85,28 +88,19 @@ def __getattr__(name):
     raise AttributeError(f"module 'warp._src.context' has no attribute '{name}'")
 
 
-class _BuiltinFunctions:
-    """Builtins by name, as a read-only dictionary: Newton looks for names in it."""
-
-    def __contains__(self, name) -> bool:
-        return name in BUILTINS
+class _BuiltinFunctions(Mapping):
+    """Builtins and library functions by name: Newton looks for names in it."""
 
     def __getitem__(self, name):
-        if name not in BUILTINS:
+        if name not in BUILTINS and name not in LIBRARY:
             raise KeyError(name)
-        return lookup(name)
-
-    def get(self, name, default=None):
-        return lookup(name) or default
+        return library_function(name) or lookup(name)
 
     def __iter__(self):
-        return iter(BUILTINS)
+        return iter((*BUILTINS, *LIBRARY))
 
     def __len__(self):
-        return len(BUILTINS)
-
-    def keys(self):
-        return BUILTINS.keys()
+        return len(BUILTINS) + len(LIBRARY)
 
 
 builtin_functions = _BuiltinFunctions()

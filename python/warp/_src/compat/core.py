@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import functools
 
-from warp._src.builtin_table import BUILTINS
+from warp._src.builtin_table import BUILTINS, LIBRARY
 
 _BUILTIN = "wp_builtin_"
 _SUMS = {"wp_array_inner_float": "float32", "wp_array_inner_double": "float64"}
@@ -53,7 +53,7 @@ def _builtin(name):
     words = name.removeprefix(_BUILTIN).split("_")
     for count in range(len(words), 0, -1):
         key = "_".join(words[:count])
-        if key in BUILTINS and hasattr(warp, key):
+        if key in BUILTINS or key in LIBRARY:
             return functools.partial(_call, getattr(warp, key))
     return None
 

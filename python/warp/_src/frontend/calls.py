@@ -21,7 +21,6 @@ from warp._src.frontend.updates import references_of
 from warp._src.kernels import declared, statics
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import lookup
-from warp._src.language.public import LIBRARY_NAMES
 from warp._src.types import dtypes
 
 _PYTHON_FUNCTIONS = {
@@ -151,10 +150,6 @@ class Calls(Part):
         if special is not None:
             return special(node)
         arguments, keywords = self.context.constructors.arguments(node)
-        if name in LIBRARY_NAMES:
-            from warp._src.language.library import LIBRARY
-
-            return self.context.user_calls.call_function(LIBRARY[name], arguments, keywords, node)
         places = list(node.args)
         if keywords:
             order = self.keyword_order(name, len(arguments), keywords, node)

@@ -9,6 +9,7 @@ import difflib
 from warp import _native
 from warp._src import errors
 from warp._src.language import namespace
+from warp._src.language.public import library_function
 from warp._src.types import dtypes
 
 # Python's own functions and types that mean something in a kernel.
@@ -108,6 +109,8 @@ def resolve(context, name, node):
         return getattr(builtins, name)
     if name in SPECIAL_BUILTINS or _native.Builder.has_builtin(name):
         return BuiltinRef(name)
+    if found := library_function(name):
+        return found
     # Names of types may be used bare, as `vec3(...)`.
     found = getattr(dtypes, name, None)
     if isinstance(found, type):

@@ -222,7 +222,6 @@ for _form in (_query_half, _query_double, _group_single, _group_half, _group_dou
     FUNCTIONS["hash_grid_query"].add_overload(_form)
 FUNCTIONS["hash_grid_query_next"].add_overload(_next_of_group)
 publish(FUNCTIONS)
-TYPES = {"HashGridQuery": HashGridQuery}
 NEXT = (
     (dtypes.native_type(HashGridQuery), ADVANCE),
     (dtypes.native_type(HashGridGroupQuery), ADVANCE_GROUP),

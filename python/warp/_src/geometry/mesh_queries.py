@@ -246,4 +246,3 @@ FUNCTIONS["mesh_query_point"].add_overload(_point_into)
 FUNCTIONS["mesh_query_point_no_sign"].add_overload(_no_sign_into)
 FUNCTIONS["mesh_query_ray"].add_overload(_ray_into)
 publish(FUNCTIONS)
-TYPES = {"MeshQueryPoint": MeshQueryPoint, "MeshQueryRay": MeshQueryRay}

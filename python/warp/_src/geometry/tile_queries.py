@@ -121,4 +121,3 @@ FORMER = {
 }
 FUNCTIONS.update({former: FUNCTIONS[name] for former, name in FORMER.items()})
 publish(FUNCTIONS)
-TYPES = {"BvhQueryTiled": BvhQueryTiled, "MeshQueryAABBTiled": MeshQueryAABBTiled}

@@ -165,7 +165,7 @@ FUNCTIONS = {
 }
 FUNCTIONS["mesh_query_aabb_next"] = FUNCTIONS["mesh_query_next"]
 publish(FUNCTIONS)
-TYPES = {"BvhQuery": BvhQuery, "MeshQuery": MeshQuery, "MeshQueryAABB": MeshQuery}
+MeshQueryAABB = MeshQuery
 NEXT = (
     (dtypes.native_type(BvhQuery), ADVANCE_BVH),
     (dtypes.native_type(MeshQuery), ADVANCE_MESH),

@@ -219,8 +219,3 @@ def lookup(name: str) -> Builtin | None:
 
 
 Products.multiply = lookup("mul")
-
-
-def names() -> list[str]:
-    """Names of all builtins."""
-    return list(BUILTINS)

@@ -126,7 +126,7 @@ def _public(function) -> Function:
     return made
 
 
-DENSE = {
+FUNCTIONS = {
     function.__name__: _public(function)
     for function in (
         *(dense_gemm, dense_gemm_batched, dense_chol, dense_chol_batched),

@@ -4,12 +4,9 @@ The front end calls them under their public names; in Python they run as they ar
 """
 
 import math
-import typing
 
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
-from warp._src.language.dense import DENSE
-from warp._src.language.random_functions import CURLNOISE
 from warp._src.types.dtypes import Float, Scalar, matrix, quaternion, transformation, vec3f, vector
 from warp._src.types.native import ArrayType
 
@@ -169,19 +166,17 @@ def quat_between_vectors(a: vec3f, b: vec3f):
     return wp.normalize(wp.quat(axis[0], axis[1], axis[2], 1.0 + cosine))
 
 
-LIBRARY: dict[str, typing.Any] = {
-    **DENSE,
-    "curlnoise": CURLNOISE,
-    "quat_between_vectors": _public(quat_between_vectors),
-    "quat_from_euler": _public(quat_from_euler),
-    "quat_to_euler": _public(quat_to_euler),
-    "spatial_adjoint": _public(spatial_adjoint),
-    "spatial_top": top,
-    "spatial_bottom": bottom,
-    "spatial_dot": _public(spatial_dot),
-    "spatial_cross": _public(spatial_cross),
-    "spatial_cross_dual": _public(spatial_cross_dual),
-    "transform_twist": _public(transform_twist),
-    "transform_wrench": _public(transform_wrench),
-    "velocity_at_point": _public(velocity_at_point),
+FUNCTIONS = {
+    function.__name__: function
+    for function in (
+        *(top, bottom),
+        *map(
+            _public,
+            (
+                *(quat_between_vectors, quat_from_euler, quat_to_euler),
+                *(spatial_adjoint, spatial_dot, spatial_cross, spatial_cross_dual),
+                *(transform_twist, transform_wrench, velocity_at_point),
+            ),
+        ),
+    )
 }

@@ -128,7 +128,7 @@ log_factorial = Function(_log_factorial, "log_factorial")
 poisson_by_products = Function(_poisson_by_products, "poisson_by_products")
 poisson_by_rejection = Function(_poisson_by_rejection, "poisson_by_rejection")
 POISSON = Function(_poisson, "poisson")
-CURLNOISE = Function(curlnoise)
-CURLNOISE.__module__ = "warp"
-CURLNOISE.add_overload(_curlnoise_xyz)
-CURLNOISE.add_overload(_curlnoise_xyzt)
+FUNCTIONS = {"curlnoise": Function(curlnoise)}
+FUNCTIONS["curlnoise"].__module__ = "warp"
+FUNCTIONS["curlnoise"].add_overload(_curlnoise_xyz)
+FUNCTIONS["curlnoise"].add_overload(_curlnoise_xyzt)

@@ -304,3 +304,4 @@ texture_sample = Function(_first, "texture_sample")
 for _overload in _others:
     texture_sample.add_overload(_overload)
 texture_sample.__module__ = "warp"
+FUNCTIONS = {"texture_sample": texture_sample}

@@ -9,6 +9,8 @@ not hold, there is a second array with the numbers themselves.
 
 from __future__ import annotations
 
+import typing
+
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.textures import mips, texels
@@ -267,4 +269,13 @@ def _make_class(ndim):
     return make_struct(name, _FIELDS, Texture, about)
 
 
-Texture1D, Texture2D, Texture3D = map(_make_class, (1, 2, 3))
+if typing.TYPE_CHECKING:
+
+    class Texture1D(Texture): ...
+
+    class Texture2D(Texture): ...
+
+    class Texture3D(Texture): ...
+
+else:
+    Texture1D, Texture2D, Texture3D = map(_make_class, (1, 2, 3))
