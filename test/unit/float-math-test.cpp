@@ -1,4 +1,4 @@
-//===- FloatMathTest.cpp - Accuracy of our functions of floats ------------===//
+//===- float-math-test.cpp - Accuracy of our functions of floats ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

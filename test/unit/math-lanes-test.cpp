@@ -1,4 +1,4 @@
-//===- MathLanesTest.cpp - Functions of several lanes ---------------------===//
+//===- math-lanes-test.cpp - Functions of several lanes -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- DoubleMathTest.cpp - Accuracy of the CPU's functions of doubles ----===//
+//===- double-math-test.cpp - Accuracy of the CPU's functions of doubles --===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

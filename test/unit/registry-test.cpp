@@ -1,4 +1,4 @@
-//===- RegistryTest.cpp - Every record of the registry --------------------===//
+//===- registry-test.cpp - Every record of the registry -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

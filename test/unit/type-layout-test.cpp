@@ -1,4 +1,4 @@
-//===- TypeLayoutTest.cpp - How values lie in memory ----------------------===//
+//===- type-layout-test.cpp - How values lie in memory --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
