@@ -1,4 +1,4 @@
-//===- VersionTest.cpp ----------------------------------------------------===//
+//===- version-test.cpp - Version of the library ---------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
