@@ -74,7 +74,7 @@ function(warp_compile_device_bitcode name)
     set(flags -fPIC -mno-red-zone)
   elseif(arg_TARGET STREQUAL "nvptx")
     set(triple nvptx64-nvidia-cuda)
-    set(flags -nogpulib -Xclang -target-feature -Xclang +ptx80)
+    set(flags -DWARP_GPU -nogpulib -Xclang -target-feature -Xclang +ptx80)
   else()
     message(FATAL_ERROR "unknown device target '${arg_TARGET}', "
       "expected 'x86-64' or 'nvptx'")

@@ -36,7 +36,7 @@ WARP_GEOMETRY_PART warp_grid_cells_f64(f64 inverse, i32 nx, i32 ny, i32 nz,
   *result = findCells(inverse, nx, ny, nz, x, y, z, distance);
 }
 
-#ifndef __NVPTX__
+#ifndef WARP_GPU
 
 /// Results are as many numbers as lanes for each member of a box.
 template <class F>

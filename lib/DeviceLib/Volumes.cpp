@@ -8,7 +8,7 @@
 
 #include "geometry/Exports.h"
 #include "geometry/Handles.h"
-#ifndef __NVPTX__
+#ifndef WARP_GPU
 #include "geometry/wide/VolumeCells.h"
 #endif
 
@@ -53,7 +53,7 @@ WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
   });
 }
 
-#ifndef __NVPTX__
+#ifndef WARP_GPU
 
 WARP_GEOMETRY warp_volume_voxel_lanes(u64 id, const i32 *i, const i32 *j,
                                       const i32 *k, i32 lanes, u64 *result) {

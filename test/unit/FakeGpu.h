@@ -2,14 +2,14 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Takes the place of lib/DeviceLib/cuda/Gpu.h: the threads of a block are
+// Takes the place of lib/DeviceLib/gpu/Gpu.h: the threads of a block are
 // contexts that take turns and wait for each other where the kernel says so,
 // the blocks run one after the other.
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_DEVICELIB_CUDA_GPU_H
-#define WARP_DEVICELIB_CUDA_GPU_H
+#ifndef WARP_DEVICELIB_GPU_GPU_H
+#define WARP_DEVICELIB_GPU_GPU_H
 
 #include <ucontext.h>
 
@@ -24,12 +24,12 @@
 #define WARP_KERNEL(threads, blocks) static
 #define WARP_SHARED static
 
-inline float __nvvm_fmin_f(float a, float b) { return std::fmin(a, b); }
-inline float __nvvm_fmax_f(float a, float b) { return std::fmax(a, b); }
-
 namespace gpu {
 
 constexpr int warpSize = 32;
+
+inline float minimum(float a, float b) { return std::fmin(a, b); }
+inline float maximum(float a, float b) { return std::fmax(a, b); }
 
 /// Threads that wait for each other.
 struct Barrier {
@@ -68,28 +68,28 @@ inline void waitAt(Barrier &barrier) {
   while (barrier.round == round)
     swapcontext(&fake.threads[fake.current].context, &fake.scheduler);
 }
-inline void meet() { waitAt(fake.all); }
-inline void meetWarp() { waitAt(fake.warps[fake.current / warpSize]); }
+inline void syncThreads() { waitAt(fake.all); }
+inline void syncWarp() { waitAt(fake.warps[fake.current / warpSize]); }
 
 /// The sum of the values of this lane and those before it.
 inline uint32_t sumOfLanes(uint32_t value) {
   fake.threads[fake.current].given = value;
-  meetWarp();
+  syncWarp();
   uint32_t sum = 0;
   for (int i = fake.current / warpSize * warpSize; i <= fake.current; ++i)
     sum += fake.threads[i].given;
-  meetWarp();
+  syncWarp();
   return sum;
 }
-inline uint32_t fromAcross(uint32_t value, int mask) {
+inline uint32_t shuffleXor(uint32_t value, int mask) {
   fake.threads[fake.current].given = value;
-  meetWarp();
+  syncWarp();
   uint32_t other = fake.threads[fake.current ^ mask].given;
-  meetWarp();
+  syncWarp();
   return other;
 }
-inline float fromAcross(float value, int mask) {
-  return std::bit_cast<float>(fromAcross(std::bit_cast<uint32_t>(value), mask));
+inline float shuffleXor(float value, int mask) {
+  return std::bit_cast<float>(shuffleXor(std::bit_cast<uint32_t>(value), mask));
 }
 
 inline void leave(Barrier &barrier) {
@@ -141,4 +141,4 @@ inline void launch(int blocks, int threads, std::function<void()> body) {
 
 } // namespace gpu
 
-#endif // WARP_DEVICELIB_CUDA_GPU_H
+#endif // WARP_DEVICELIB_GPU_GPU_H

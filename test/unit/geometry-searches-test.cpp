@@ -99,15 +99,15 @@ struct FakeOctet {
     });
   }
   u32 with(bool says) const { return where(says) >> (lane() & ~7) & 0xff; }
-  void meet() const {}
+  void sync() const {}
 
 private:
   static u32 givenBy(int lane) { return gpu::fake.threads[lane].given; }
   template <class Take> static u32 exchange(u32 value, Take take) {
     gpu::fake.threads[gpu::thread()].given = value;
-    gpu::meet();
+    gpu::syncThreads();
     value = take();
-    gpu::meet();
+    gpu::syncThreads();
     return value;
   }
 };

@@ -7,7 +7,7 @@
 #ifndef WARP_DEVICELIB_CUDA_PUBLISHED_H
 #define WARP_DEVICELIB_CUDA_PUBLISHED_H
 
-#include "Gpu.h"
+#include "../gpu/Gpu.h"
 
 namespace gpu {
 
@@ -58,12 +58,12 @@ template <int warps, typename T> static T sumOfBlock(T value) {
   T own = sumOfLanes(value);
   if (lane() == warpSize - 1)
     sums[thread() / warpSize] = own;
-  meet();
+  syncThreads();
   T total = 0;
 #pragma unroll
   for (int i = 0; i < warps; ++i)
     total += sums[i];
-  meet();
+  syncThreads();
   return total;
 }
 

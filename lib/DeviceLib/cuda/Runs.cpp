@@ -10,7 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Gpu.h"
+#include "../gpu/Gpu.h"
 
 using namespace gpu;
 
@@ -76,7 +76,7 @@ static Found lookBack(const uint64_t *states, int tile) {
   }
 #pragma unroll
   for (int mask = 1; mask < warpSize; mask *= 2)
-    all = all.with({fromAcross(all.count, mask), fromAcross(all.last, mask)});
+    all = all.with({shuffleXor(all.count, mask), shuffleXor(all.last, mask)});
   return all;
 }
 
@@ -122,9 +122,9 @@ static void findRuns(const T *numbers, int64_t count, T *runNumbers,
 #pragma unroll
   for (int i = 0; i < rounds; ++i) {
     int64_t at = first + mine + i * warpSize * perThread;
-    T previous = fromBefore(quads[i].at[perThread - 1], 1);
+    T previous = shuffleUp(quads[i].at[perThread - 1], 1);
     if (i > 0) {
-      T last = fromLane(quads[i - 1].at[perThread - 1], warpSize - 1);
+      T last = shuffle(quads[i - 1].at[perThread - 1], warpSize - 1);
       previous = lane() == 0 ? last : previous;
     } else if (lane() == 0) {
       previous = at > 0 && at < count ? numbers[at - 1] : T(0);
@@ -146,7 +146,7 @@ static void findRuns(const T *numbers, int64_t count, T *runNumbers,
   }
   if (lane() == 0)
     counts[warp] = ofWarp;
-  meet();
+  syncThreads();
   uint32_t beforeWarp = 0, total = 0;
 #pragma unroll
   for (int i = 0; i < warps; ++i) {
@@ -164,7 +164,7 @@ static void findRuns(const T *numbers, int64_t count, T *runNumbers,
         starts[to++] = mine + i * warpSize * perThread + j;
       }
   }
-  meet();
+  syncThreads();
 
   auto startOf = [&](uint32_t run) {
     return static_cast<uint32_t>(first) + starts[run];
@@ -181,7 +181,7 @@ static void findRuns(const T *numbers, int64_t count, T *runNumbers,
       lastBefore = earlier.last;
     }
   }
-  meet();
+  syncThreads();
   uint32_t base = countBefore;
   for (uint32_t i = thread(); i < total; i += threads) {
     runNumbers[base + i] = found[i];

@@ -161,7 +161,7 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
     for (int j = 0; j < perThread<T>; ++j)
       own += packets[i].at[j];
     T with = sumOfLanes(own);
-    T before = fromBefore(with, 1);
+    T before = shuffleUp(with, 1);
     T sum = ofWarp + (lane() == 0 ? T(0) : before);
 #pragma unroll
     for (int j = 0; j < perThread<T>; ++j) {
@@ -169,11 +169,11 @@ static void scan(const void *in, int64_t inStride, void *out, int64_t outStride,
       packets[i].at[j] = inclusive ? next : sum;
       sum = next;
     }
-    ofWarp += fromLane(with, warpSize - 1);
+    ofWarp += shuffle(with, warpSize - 1);
   }
   if (lane() == 0)
     sums[warp] = ofWarp;
-  meet();
+  syncThreads();
   T before = 0, total = 0;
 #pragma unroll
   for (int i = 0; i < warps; ++i) {

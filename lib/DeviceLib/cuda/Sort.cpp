@@ -35,7 +35,7 @@ static void countDigits(const Key *keys, int64_t count, Order order, int begin,
   WARP_SHARED uint32_t own[most * digits];
   for (int i = 0; i < most; ++i)
     own[i * digits + thread()] = 0;
-  meet();
+  syncThreads();
   auto add = [&](Key key) {
     Key bits = order.ordered(key);
     int pass = 0;
@@ -61,7 +61,7 @@ static void countDigits(const Key *keys, int64_t count, Order order, int begin,
   }
   for (; i < count; i += step)
     add(keys[i]);
-  meet();
+  syncThreads();
   for (int i = 0; i < most; ++i) {
     uint32_t value = own[i * digits + thread()];
     if (value)
@@ -164,7 +164,7 @@ movePairs(const Pass<Order, Value> &pass) {
 #pragma unroll
   for (int i = 0; i < warps; ++i)
     counts[i * digits + thread()] = 0;
-  meet();
+  syncThreads();
   int tile = static_cast<int>(taken);
   int64_t first = static_cast<int64_t>(tile) * tileLength;
   int valid = pass.count - first < tileLength
@@ -184,7 +184,7 @@ movePairs(const Pass<Order, Value> &pass) {
   for (int i = 0; i < perThread; ++i)
     __scoped_atomic_fetch_add(own + pass.digitOf(keys[i]), 1u, __ATOMIC_RELAXED,
                               __MEMORY_SCOPE_WRKGRP);
-  meet();
+  syncThreads();
 
   // A thread per digit. Other tiles can count on these long before they move.
   DigitCounts ofDigit(counts);
@@ -192,13 +192,13 @@ movePairs(const Pass<Order, Value> &pass) {
   publish(pass.states, tile, tile == 0 ? summed : published, total);
   uint32_t firstOfDigit = sumBefore(total);
   ofDigit.place(firstOfDigit);
-  meet();
+  syncThreads();
 
   // The place of each pair in the order of the tile.
   Packed<perThread, 16> ranks;
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
-    forget(keys[i]);
+    launder(keys[i]);
     uint32_t rank = takePlace(own, pass.digitOf(keys[i]));
     ranks.set(i, rank);
     sortedKeys[rank] = keys[i];
@@ -213,7 +213,7 @@ movePairs(const Pass<Order, Value> &pass) {
   if (tile != 0)
     publish(pass.states, tile, summed, before + total);
   places[thread()] = pass.starts[thread()] + before - firstOfDigit;
-  meet();
+  syncThreads();
   Packed<perThread, digitBits> digitsOf;
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
@@ -224,11 +224,11 @@ movePairs(const Pass<Order, Value> &pass) {
     if (at < valid)
       pass.outKeys[at + places[digit]] = key;
   }
-  meet();
+  syncThreads();
 #pragma unroll
   for (int i = 0; i < perThread; ++i)
     sortedValues[ranks.get(i)] = values[i];
-  meet();
+  syncThreads();
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = i * threads + thread();

@@ -9,7 +9,7 @@
 #ifndef WARP_DEVICELIB_CUDA_SORTKEYS_H
 #define WARP_DEVICELIB_CUDA_SORTKEYS_H
 
-#include "Gpu.h"
+#include "../gpu/Gpu.h"
 
 using namespace gpu;
 
@@ -52,7 +52,7 @@ inline uint32_t sumBefore(uint32_t value) {
   int warp = thread() / warpSize;
   if (lane() == warpSize - 1)
     sums[warp] = own;
-  meet();
+  syncThreads();
   uint32_t before = 0;
   for (int i = 0; i < warp; ++i)
     before += sums[i];
@@ -92,10 +92,10 @@ inline uint32_t lanesWith(int digit) {
 inline uint32_t takePlace(uint32_t *own, int digit) {
   uint32_t lanes = lanesWith(digit), before = own[digit];
   uint32_t place = before + __builtin_popcount(lanes & lanesBefore());
-  meetWarp();
+  syncWarp();
   if (!(lanes & lanesBefore()))
     own[digit] = before + __builtin_popcount(lanes);
-  meetWarp();
+  syncWarp();
   return place;
 }
 

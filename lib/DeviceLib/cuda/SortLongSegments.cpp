@@ -51,7 +51,7 @@ static void moveSegment(Half from, Half into, int length, Digit digitOf,
 #pragma unroll
     for (int i = 0; i < warps; ++i)
       counts[i * digits + thread()] = 0;
-    meet();
+    syncThreads();
     uint32_t keys[perThread], values[perThread];
 #pragma unroll
     for (int i = 0; i < perThread; ++i) {
@@ -67,13 +67,13 @@ static void moveSegment(Half from, Half into, int length, Digit digitOf,
     for (int i = 0; i < perThread; ++i)
       if (i < rounds)
         count(own, digitOf(keys[i]));
-    meet();
+    syncThreads();
     DigitCounts digit(counts);
     uint32_t before = sumBefore(digit.total);
     places[thread()] = to - before;
     to += digit.total;
     digit.place(before);
-    meet();
+    syncThreads();
     Packed<perThread, 16> ranks;
 #pragma unroll
     for (int i = 0; i < perThread; ++i) {
@@ -83,7 +83,7 @@ static void moveSegment(Half from, Half into, int length, Digit digitOf,
       ranks.set(i, rank);
       sorted[rank] = keys[i];
     }
-    meet();
+    syncThreads();
     uint32_t targets[perThread];
 #pragma unroll
     for (int i = 0; i < perThread; ++i) {
@@ -93,19 +93,19 @@ static void moveSegment(Half from, Half into, int length, Digit digitOf,
       targets[i] = at + places[digitOf(sorted[at])];
       into.keys[targets[i]] = sorted[at];
     }
-    meet();
+    syncThreads();
 #pragma unroll
     for (int i = 0; i < perThread; ++i)
       if (i < rounds)
         sorted[ranks.get(i)] = values[i];
-    meet();
+    syncThreads();
 #pragma unroll
     for (int i = 0; i < perThread; ++i) {
       int at = i * threads + thread();
       if (at < valid)
         into.values[targets[i]] = sorted[at];
     }
-    meet();
+    syncThreads();
   }
 }
 
@@ -115,14 +115,14 @@ static void sortLong(const Segments &all, Order order, List listed,
   WARP_SHARED uint32_t counts[passes * digits];
   WARP_SHARED uint32_t taken;
   while (true) {
-    meet();
+    syncThreads();
     if (thread() == 0)
       taken = __scoped_atomic_fetch_add(next, 1u, __ATOMIC_RELAXED,
                                         __MEMORY_SCOPE_DEVICE);
 #pragma unroll
     for (int i = 0; i < passes; ++i)
       counts[i * digits + thread()] = 0;
-    meet();
+    syncThreads();
     if (taken >= *listed.size)
       return;
     uint32_t segment = listed.items[taken];
@@ -135,12 +135,12 @@ static void sortLong(const Segments &all, Order order, List listed,
       for (int pass = 0; pass < passes; ++pass)
         count(counts + pass * digits, bits >> (pass * digitBits) & digits - 1);
     }
-    meet();
+    syncThreads();
     bool moved = false;
     for (int pass = 0; pass < passes; ++pass) {
       uint32_t own = counts[pass * digits + thread()];
       // A digit that all share moves nothing.
-      if (meetAny(own == static_cast<uint32_t>(length)))
+      if (syncThreadsOr(own == static_cast<uint32_t>(length)))
         continue;
       moveSegment(from, into, length, Digit{order, pass * digitBits},
                   sumBefore(own));

@@ -23,7 +23,7 @@ template <int lanes, int each, int size, int distance>
 #pragma unroll
   for (int i = 0; i < each; ++i) {
     if constexpr (distance >= each) {
-      uint64_t other = fromAcross(x[i], distance / each);
+      uint64_t other = shuffleXor(x[i], distance / each);
       x[i] = (other < x[i]) == smaller ? other : x[i];
     } else if (!(i & distance)) {
       uint64_t a = x[i], b = x[i | distance];
@@ -75,7 +75,7 @@ sortGroups(uint32_t *keys, uint32_t *values, int length, Order order,
 #pragma unroll
   for (int i = 0; i < each; ++i)
     places[own * each + i] = static_cast<unsigned short>(x[i]);
-  meetWarp();
+  syncWarp();
 #pragma unroll
   for (int i = 0; i < each; ++i) {
     int at = i * lanes + own;
@@ -84,7 +84,7 @@ sortGroups(uint32_t *keys, uint32_t *values, int length, Order order,
     if (at < length)
       values[at] = moved[from];
   }
-  meetWarp();
+  syncWarp();
 #pragma unroll
   for (int i = 0; i < each; ++i) {
     int at = i * lanes + own;

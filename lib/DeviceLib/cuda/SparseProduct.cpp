@@ -118,7 +118,7 @@ static T addByWarps(const Tile<T> &tile, Put put) {
       sum += tile.product(i);
 #pragma unroll
     for (int mask = 1; mask < warpSize; mask *= 2)
-      sum += fromAcross(sum, mask);
+      sum += shuffleXor(sum, mask);
     if (row == tile.rows)
       rest = sum;
     else if (lane() == 0)
@@ -133,8 +133,8 @@ template <typename T> static T tailBefore(Tail<T> own, T &ofBlock) {
   WARP_SHARED bool begins[warps];
 #pragma unroll
   for (int distance = 1; distance < warpSize; distance *= 2) {
-    Tail<T> other = {fromBefore(uint32_t(own.begins), distance) != 0,
-                     fromBefore(own.sum, distance)};
+    Tail<T> other = {shuffleUp(uint32_t(own.begins), distance) != 0,
+                     shuffleUp(own.sum, distance)};
     if (lane() >= distance)
       own = own.after(other);
   }
@@ -143,11 +143,11 @@ template <typename T> static T tailBefore(Tail<T> own, T &ofBlock) {
     sums[warp] = own.sum;
     begins[warp] = own.begins;
   }
-  Tail<T> before = {fromBefore(uint32_t(own.begins), 1) != 0,
-                    fromBefore(own.sum, 1)};
+  Tail<T> before = {shuffleUp(uint32_t(own.begins), 1) != 0,
+                    shuffleUp(own.sum, 1)};
   if (lane() == 0)
     before = {false, T(0)};
-  meet();
+  syncThreads();
   Tail<T> all = {false, T(0)};
 #pragma unroll
   for (int i = 0; i < warps; ++i) {
@@ -217,7 +217,7 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
     if (lane() == 0)
       bounds[warp] = found;
   }
-  meet();
+  syncThreads();
   int firstRow = bounds[0];
   int firstEntry = int(begin - firstRow);
   Tile<T> tile = {bounds[1] - firstRow, 0, words};
@@ -245,7 +245,7 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
   for (int i = 0; i < perThread; ++i)
     if (i * threads + thread() < tile.count)
       tile.product(i * threads + thread()) = product[i];
-  meet();
+  syncThreads();
 
   // The first row may have begun in tiles before this one. Blocks begin in
   // their order, so what they publish is on its way.
@@ -278,7 +278,7 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
       before += ofTile(i).get();
     before = sumOfBlock<warps>(before);
   } else {
-    meet();
+    syncThreads();
   }
   if (thread() == 0)
     target.put(firstRow, before + firstSum);

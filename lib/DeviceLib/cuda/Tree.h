@@ -13,7 +13,7 @@
 #ifndef WARP_DEVICELIB_CUDA_TREE_H
 #define WARP_DEVICELIB_CUDA_TREE_H
 
-#include "Gpu.h"
+#include "../gpu/Gpu.h"
 
 namespace tree {
 
@@ -21,8 +21,8 @@ using Quad = float __attribute__((ext_vector_type(4)));
 
 constexpr float infinity = __builtin_inff();
 
-inline float lower(float a, float b) { return __nvvm_fmin_f(a, b); }
-inline float upper(float a, float b) { return __nvvm_fmax_f(a, b); }
+inline float lower(float a, float b) { return gpu::minimum(a, b); }
+inline float upper(float a, float b) { return gpu::maximum(a, b); }
 
 inline bool isFinite(float x) {
   return (__builtin_bit_cast(uint32_t, x) & 0x7f800000u) != 0x7f800000u;
@@ -47,8 +47,8 @@ struct Box {
   void uniteLanes(int from, int lanes) {
     for (int mask = from; mask < lanes; mask *= 2)
       for (int axis = 0; axis < 3; ++axis) {
-        low[axis] = lower(low[axis], gpu::fromAcross(low[axis], mask));
-        high[axis] = upper(high[axis], gpu::fromAcross(high[axis], mask));
+        low[axis] = lower(low[axis], gpu::shuffleXor(low[axis], mask));
+        high[axis] = upper(high[axis], gpu::shuffleXor(high[axis], mask));
       }
   }
 };

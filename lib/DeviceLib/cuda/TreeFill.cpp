@@ -96,7 +96,7 @@ void tree_fill(Primitives all, const int *order, const float *scale,
     levels.link(nodes, bottom, parent);
   if (bottom == 0)
     return;
-  meet();
+  syncThreads();
   if (thread() >= warpSize)
     return;
   // The boxes of two warps are one node's.
@@ -136,6 +136,6 @@ WARP_KERNEL(1024, 1) void tree_top(Levels levels, float *nodes) {
         nodes[int64_t(levels.starts[level - 1] + node / 8) * nodeWords +
               8 * plane + node % 8] = bound;
     }
-    meet();
+    syncThreads();
   }
 }

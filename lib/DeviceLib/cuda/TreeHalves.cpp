@@ -89,13 +89,13 @@ static uint32_t sumBefore(uint32_t value, uint32_t &total) {
   WARP_SHARED uint32_t sums[warps];
   uint32_t own = sumOfLanes(value);
   int warp = thread() / warpSize;
-  meet();
+  syncThreads();
   if (lane() == warpSize - 1)
     sums[warp] = own;
-  meet();
+  syncThreads();
   if (warp == 0)
     sums[lane()] = sumOfLanes(sums[lane()]);
-  meet();
+  syncThreads();
   total = sums[warps - 1];
   return own - value + (warp ? sums[warp - 1] : 0);
 }
@@ -129,7 +129,7 @@ struct Halving {
 WARP_KERNEL(threads, 1) void tree_count(Halving all) {
   WARP_SHARED uint32_t counts[bins];
   counts[thread()] = 0;
-  meet();
+  syncThreads();
   int segment = all.segmentOf(block());
   Ruler ruler = all.ruler(segment);
 #pragma unroll
@@ -139,7 +139,7 @@ WARP_KERNEL(threads, 1) void tree_count(Halving all) {
       __scoped_atomic_fetch_add(&counts[ruler(all.from[at])], 1u,
                                 __ATOMIC_RELAXED, __MEMORY_SCOPE_WRKGRP);
   }
-  meet();
+  syncThreads();
   if (uint32_t value = counts[thread()])
     __scoped_atomic_fetch_add(&all.counts[int64_t(segment) * bins + thread()],
                               value, __ATOMIC_RELAXED, __MEMORY_SCOPE_DEVICE);
@@ -153,10 +153,10 @@ static Cut findCut(const uint32_t *counts, int half) {
   int before = int(sumBefore(own, total));
   if (thread() == 0)
     cut = {bins, int(total), 0};
-  meet();
+  syncThreads();
   if (before <= half && half < before + int(own))
     cut = {thread(), before, int(own)};
-  meet();
+  syncThreads();
   return cut;
 }
 
@@ -169,7 +169,7 @@ static Before lookBack(uint32_t *states, int first, int tile, uint32_t own) {
   if (thread() == 0)
     __scoped_atomic_store_n(&states[tile], own + 1, __ATOMIC_RELAXED,
                             __MEMORY_SCOPE_DEVICE);
-  meet();
+  syncThreads();
   for (int at = first + thread(); at < tile; at += threads) {
     uint32_t seen = 0;
     while (!seen)
@@ -181,7 +181,7 @@ static Before lookBack(uint32_t *states, int first, int tile, uint32_t own) {
     __scoped_atomic_fetch_add(&sums[1], uint32_t(of.equal), __ATOMIC_RELAXED,
                               __MEMORY_SCOPE_WRKGRP);
   }
-  meet();
+  syncThreads();
   return {int(sums[0]), int(sums[1])};
 }
 
@@ -194,7 +194,7 @@ WARP_KERNEL(threads, 1) void tree_part(Halving all) {
                                       __MEMORY_SCOPE_DEVICE);
   if (thread() < 2 * boundsWords)
     bounds[thread()] = 0;
-  meet();
+  syncThreads();
   int tile = int(taken), segment = all.segmentOf(tile), half = all.size / 2;
   Ruler ruler = all.ruler(segment);
   Cut cut = findCut(all.counts + int64_t(segment) * bins, half);
@@ -241,7 +241,7 @@ WARP_KERNEL(threads, 1) void tree_part(Halving all) {
     if (lane() == 0)
       raiseBounds(bounds + side * boundsWords, box[side], raiseShared);
   }
-  meet();
+  syncThreads();
   if (thread() < 2 * boundsWords && bounds[thread()])
     raiseGlobal(&all.halves[2 * segment * boundsWords + thread()],
                 bounds[thread()]);
@@ -271,7 +271,7 @@ struct Chunk {
   void read(Quad (&center)[each], uint32_t (&place)[each], int size) const {
     for (int i = thread(); i < chunk / size * boundsWords; i += threads)
       bounds[i] = 0;
-    meet();
+    syncThreads();
     Box box = nothing();
 #pragma unroll
     for (int i = 0; i < each; ++i) {
@@ -285,7 +285,7 @@ struct Chunk {
     box.uniteLanes(1, lanes);
     if (lane() % lanes == 0)
       raiseBounds(boundsOf(size), box, raiseShared);
-    meet();
+    syncThreads();
   }
   uint32_t *boundsOf(int size) const {
     return bounds + each * thread() / size * boundsWords;
@@ -311,7 +311,7 @@ static void halveByBins(const Chunk &all, uint32_t *counts, int size) {
     __scoped_atomic_fetch_add(&counts[start + bin[i]], 1u, __ATOMIC_RELAXED,
                               __MEMORY_SCOPE_WRKGRP);
   }
-  meet();
+  syncThreads();
   uint32_t count[each], own = 0, total;
 #pragma unroll
   for (int i = 0; i < each; ++i) {
@@ -325,7 +325,7 @@ static void halveByBins(const Chunk &all, uint32_t *counts, int size) {
       cuts[segment] = {mine + i - start, before, int(count[i])};
     before += int(count[i]);
   }
-  meet();
+  syncThreads();
   Cut cut = cuts[segment];
   own = 0;
 #pragma unroll
@@ -334,7 +334,7 @@ static void halveByBins(const Chunk &all, uint32_t *counts, int size) {
   uint32_t sum = sumBefore(own, total);
   if (mine == start)
     starts[segment] = sum;
-  meet();
+  syncThreads();
   Before rank = unpacked(sum - starts[segment]);
 #pragma unroll
   for (int i = 0; i < each; ++i) {
@@ -344,7 +344,7 @@ static void halveByBins(const Chunk &all, uint32_t *counts, int size) {
     rank.less += one.less;
     rank.equal += one.equal;
   }
-  meet();
+  syncThreads();
 }
 
 /// Sorts segments.
@@ -361,7 +361,7 @@ static void halveBySorting(const Chunk &all, uint32_t *words, int size) {
     word[i] = uint32_t(ruler(center[i])) * chunk + (mine + i);
     words[mine + i] = word[i];
   }
-  meet();
+  syncThreads();
   int rank[each] = {};
   for (int k = 0; k < size; ++k) {
     // Threads of a warp that are in several segments read of several banks.
@@ -373,7 +373,7 @@ static void halveBySorting(const Chunk &all, uint32_t *words, int size) {
 #pragma unroll
   for (int i = 0; i < each; ++i)
     all.places[start + rank[i]] = place[i];
-  meet();
+  syncThreads();
 }
 
 /// Orders the primitives of a chunk, down to the eight of a block.
@@ -387,7 +387,7 @@ void tree_halve(const Quad *from, int *order, int count) {
   Chunk all{from + first, valid, places, bounds};
   for (int i = thread(); i < chunk; i += threads)
     places[i] = i;
-  meet();
+  syncThreads();
   for (int size = chunk; size > 8; size /= 2) {
     // All of them are in the first half.
     if (valid <= size / 2)

@@ -29,7 +29,7 @@ void tree_see(Primitives all, Quad *centers, uint32_t *head) {
   WARP_SHARED uint32_t whole[6];
   if (thread() < 6)
     whole[thread()] = 0;
-  meet();
+  syncThreads();
   Box box = nothing();
   uint32_t skipped = 0;
   for (int64_t i = int64_t(block()) * threads + thread(); i < all.count;
@@ -56,7 +56,7 @@ void tree_see(Primitives all, Quad *centers, uint32_t *head) {
   if (skipped)
     __scoped_atomic_fetch_add(&head[skippedAt], skipped, __ATOMIC_RELAXED,
                               __MEMORY_SCOPE_DEVICE);
-  meet();
+  syncThreads();
   if (thread() < 6 && whole[thread()])
     raiseGlobal(&head[thread()], whole[thread()]);
 }
@@ -133,7 +133,7 @@ void tree_key(const Quad *centers, int count, int bits, uint32_t *keys,
   WARP_SHARED uint32_t counts[4 * digits];
   for (int i = 0; i < 4; ++i)
     counts[i * digits + thread()] = 0;
-  meet();
+  syncThreads();
   float low[3], high[3], extent = 0;
   readBounds(head, low, high);
   for (int axis = 0; axis < 3; ++axis)
@@ -160,7 +160,7 @@ void tree_key(const Quad *centers, int count, int bits, uint32_t *keys,
           &counts[pass * digits + (key >> 8 * pass & 255)], 1u,
           __ATOMIC_RELAXED, __MEMORY_SCOPE_WRKGRP);
   }
-  meet();
+  syncThreads();
   for (int i = 0; i < 4; ++i)
     if (uint32_t value = counts[i * digits + thread()])
       __scoped_atomic_fetch_add(&head[headWords + i * digits + thread()], value,

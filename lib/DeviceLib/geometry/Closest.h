@@ -121,7 +121,7 @@ closestOnTriangle(Point<V> a, Point<V> b, Point<V> c) {
 }
 
 /// That of a thin triangle, apart: most searches end without.
-#ifndef __NVPTX__
+#ifndef WARP_GPU
 __attribute__((noinline, cold))
 #endif
 inline OnTriangle<f64> closestOnThin(const Point<f64> (&corner)[3]) {

@@ -14,7 +14,7 @@
 
 /// Inlined into kernels on GPUs, where results of a call would go
 /// through memory.
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 #define WARP_GEOMETRY_PART                                                     \
   extern "C" __attribute__((used, always_inline, visibility("default"))) void
 #else
@@ -23,7 +23,7 @@
 
 /// Inlined into a GPU kernel that calls it once: a call would take
 /// registers as long as it lasts, and arguments are often constants.
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 #define WARP_GEOMETRY_ONCE                                                     \
   extern "C" __attribute__((used, visibility("default"))) void
 #else

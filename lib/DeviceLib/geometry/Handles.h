@@ -56,7 +56,7 @@ constexpr VolumeSlot noVolume{0, nothing, nothing, nothing, 0,  0, 0, 0,
 /// The slot of a live handle of a kind that is for this device, or null.
 const void *slotOf(u64 id, u64 kind) {
   u64 address = id & ((u64(1) << generationShift) - 1);
-#ifdef __NVPTX__
+#ifdef WARP_GPU
   bool isHere = (id >> deviceShift & 31) != 0;
 #else
   bool isHere = (id >> deviceShift & 31) == 0;

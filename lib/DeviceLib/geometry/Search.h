@@ -10,7 +10,7 @@
 #ifndef WARP_DEVICELIB_GEOMETRY_SEARCH_H
 #define WARP_DEVICELIB_GEOMETRY_SEARCH_H
 
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 #include "scalar/ClosestSearch.h"
 #include "scalar/RaySearch.h"
 #else
@@ -20,7 +20,7 @@
 
 namespace warp::geometry {
 
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 using scalar::ClosestSearch;
 using scalar::RaySearch;
 #else

@@ -54,7 +54,7 @@ inline Ints both(Ints a, Ints b) { return a & b; }
 
 /// A bit per lane of a comparison.
 inline u32 bitsOf(Ints where) {
-#ifdef __NVPTX__
+#ifdef WARP_GPU
   u32 bits = 0;
 #pragma unroll
   for (int lane = 0; lane < width; ++lane)

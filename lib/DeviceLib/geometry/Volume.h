@@ -216,7 +216,7 @@ struct CellPlaces {
 
 /// The walk from the root is called by kernels on GPUs; the table lookup is
 /// inlined into them.
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 #define WARP_WALK __attribute__((noinline)) static
 #else
 #define WARP_WALK inline
@@ -237,7 +237,7 @@ WARP_WALK u64 walkValue(const VolumeSlot &volume, Voxel v) {
 template <class Put>
 void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
   u32 shift = numberShift(type), leaves[8];
-#ifndef __NVPTX__
+#ifndef WARP_GPU
   // Two of three cells are in one leaf. Threads of a GPU would wait for the
   // others.
   const u8 *leaf = crossedBy(v) == 0 ? findLeaf(volume, v) : nullptr;

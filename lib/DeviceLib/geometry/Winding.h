@@ -106,11 +106,11 @@ HalfAngles<V> halfAngles(const TriangleBlock &block, Point<f32> p, int lane) {
 }
 
 inline void addAngles(const TriangleBlock &block, Point<f32> p, AngleSum &sum) {
-#ifndef __NVPTX__
+#ifndef WARP_GPU
   HalfAngles<Doubles> all = halfAngles<Doubles>(block, p, 0);
 #endif
   for (int lane = 0; lane < width; ++lane) {
-#ifdef __NVPTX__
+#ifdef WARP_GPU
     auto [re, im] = halfAngles<f64>(block, p, lane);
 #else
     f64 re = all.re[lane], im = all.im[lane];

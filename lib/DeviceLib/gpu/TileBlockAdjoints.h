@@ -18,15 +18,10 @@ namespace {
 
 /// What follows is loaded when these are computed, not before: registers are
 /// few.
-WARP_INLINE void settle(float *x) {
-  asm volatile(""
-               : "+f"(x[0]), "+f"(x[1]), "+f"(x[2]), "+f"(x[3]), "+f"(x[4]),
-                 "+f"(x[5]), "+f"(x[6]), "+f"(x[7]));
-}
-template <int width> WARP_INLINE void settleAll(float (&x)[width]) {
+template <int width> WARP_INLINE void launderAll(float (&x)[width]) {
 #pragma unroll
   for (int i = 0; i < width; i += 8)
-    settle(x + i);
+    launderEight(x + i);
 }
 
 template <int width> struct BlockAdjoint : Panels<width> {
@@ -70,17 +65,17 @@ template <int width> struct BlockAdjoint : Panels<width> {
             x[k + q] = __builtin_fmaf(-row[q], x[i], x[k + q]);
       }
       if (i % 2 == 0)
-        settleAll(x);
+        launderAll(x);
     }
   }
 
   /// A column, when all lanes have written.
   WARP_INLINE void exchange(float (&x)[width], i32 own) const {
-    meetLanes();
+    syncWarp();
 #pragma unroll
     for (int i = 0; i < width; ++i)
       x[i] = rowOf(i)[own];
-    meetLanes();
+    syncWarp();
   }
 
   /// Of the block that begins at a row, whose columns lanes have: what they
@@ -103,7 +98,7 @@ template <int width> struct BlockAdjoint : Panels<width> {
             x[k + q] = __builtin_fmaf(row[q], a[i], x[k + q]);
       }
       if (i % 2 == 1)
-        settleAll(x);
+        launderAll(x);
     }
 #pragma unroll
     for (int k = 0; k < width; ++k)

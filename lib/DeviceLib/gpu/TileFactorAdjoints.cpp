@@ -163,14 +163,14 @@ template <int width> struct FactorAdjoint : BlockAdjoint<width> {
 #pragma clang loop unroll(disable)
       for (i32 row = first + width + thread; row < n; row += threads)
         divide(first, row);
-      meet(threads);
+      syncBlock(threads);
       if (warp == 0) {
         float a[width];
         take(a, bar, first, first + own);
         subtractRows(a, first, first + own);
         this->reverseBlock(a, first, lane);
       }
-      meet(threads);
+      syncBlock(threads);
 #pragma clang loop unroll(disable)
       for (i32 task = group; task < block * (blocks - block); task += groups) {
         i32 column = u32(task) % u32(block) * width + place;
@@ -181,7 +181,7 @@ template <int width> struct FactorAdjoint : BlockAdjoint<width> {
           subtractBelow(first, row, column);
       }
       this->clearAbove(bar, first, thread, threads);
-      meet(threads);
+      syncBlock(threads);
     }
   }
 };

@@ -22,15 +22,13 @@ constexpr float leastPivot = 1.17549435e-38f;
 
 /// 1 / x of a pivot, to the last bit.
 WARP_INLINE float inverseOfPivot(float x) {
-  float y;
-  asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
+  float y = flushedReciprocal(x);
   return x >= leastPivot ? y : __builtin_nanf("");
 }
 
 /// The inverse of a pivot's root: one step of Newton's method.
 WARP_INLINE float inverseOfRoot(float x) {
-  float y;
-  asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(x));
+  float y = flushedReciprocalRoot(x);
   y = x >= leastPivot ? y : __builtin_nanf("");
   float near = x * y;
   return __builtin_fmaf(0.5f * y, __builtin_fmaf(-near, y, 1.0f), y);
@@ -57,7 +55,7 @@ WARP_INLINE void eliminate(float (&a)[width], const Panel<width> &panel,
   for (int j = 0; j < width; ++j) {
     if (gives)
       panel.column(j)[lane] = a[j];
-    meetLanes();
+    syncWarp();
     float ratio = 0;
 #pragma unroll
     for (int k = j / 4 * 4; k < width; k += 4) {
@@ -72,7 +70,7 @@ WARP_INLINE void eliminate(float (&a)[width], const Panel<width> &panel,
   }
   if (gives)
     panel.inverses()[lane] = inverseOfRoot(panel.column(lane)[lane]);
-  meetLanes();
+  syncWarp();
 #pragma unroll
   for (int k = 0; k < width; k += 4) {
     Four over = *(Shared<Four> *)(panel.inverses() + k);
@@ -165,18 +163,18 @@ template <int width> struct Factor : Panels<width> {
 #pragma clang loop unroll(disable)
     for (i32 first = 0; first < n; first += width) {
       // The first turn is that of the diagonal block.
-      i32 groups = (n - first - 1) / 32;
+      i32 groups = (n - first - 1) / warpSize;
       i32 turns = 1 + (groups + warps - 1) / warps;
 #pragma clang loop unroll(disable)
       for (i32 turn = 0; turn < turns; ++turn) {
         i32 group = turn == 0 ? warp : 1 + (turn - 1) * warps + warp;
         if (turn == 0 ? warp == 0 : group <= groups)
-          eliminateRows(first + group * 32, first, turn == 0, lane);
+          eliminateRows(first + group * warpSize, first, turn == 0, lane);
         if (turn == 0)
-          meet(threads);
+          syncBlock(threads);
       }
       this->clearAbove(to, first, thread, threads);
-      meet(threads);
+      syncBlock(threads);
     }
   }
 };

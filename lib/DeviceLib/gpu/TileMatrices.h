@@ -16,24 +16,6 @@ namespace {
 
 using Four = Vec<float, 4>;
 
-WARP_INLINE void meetLanes() { asm volatile("bar.warp.sync -1;" ::: "memory"); }
-
-/// All threads of the block.
-WARP_INLINE void meet(i32 threads) {
-  if (threads == 32)
-    meetLanes();
-  else
-    asm volatile("bar.sync 0;" ::: "memory");
-}
-
-WARP_INLINE float fromLane(float value, i32 lane) {
-  float result;
-  asm volatile("shfl.sync.idx.b32 %0, %1, %2, 31, -1;"
-               : "=f"(result)
-               : "f"(value), "r"(lane));
-  return result;
-}
-
 /// Where a thread is in its block. Branches that all lanes of a warp take alike
 /// need no second version for lanes that are apart: the assembler sees that of
 /// a warp's number which the first lane gives to the others.
@@ -41,20 +23,17 @@ struct Position {
   i32 warp, lane, warps;
 
   WARP_INLINE static Position of(i32 thread, i32 threads) {
-    if (threads == 32)
+    if (threads == warpSize)
       return {0, thread, 1};
     i32 warp = __builtin_bit_cast(
-        i32, fromLane(__builtin_bit_cast(float, i32(u32(thread) / 32)), 0));
-    return {warp, i32(u32(thread) % 32), threads / 32};
+        i32,
+        shuffle(__builtin_bit_cast(float, i32(u32(thread) / warpSize)), 0));
+    return {warp, i32(u32(thread) % warpSize), threads / warpSize};
   }
 };
 
 /// 1 / x, to the last bit.
-WARP_INLINE float inverse(float x) {
-  float result;
-  asm("rcp.approx.f32 %0, %1;" : "=f"(result) : "f"(x));
-  return result;
-}
+WARP_INLINE float inverse(float x) { return reciprocal(x); }
 
 struct Matrix {
   u64 place;

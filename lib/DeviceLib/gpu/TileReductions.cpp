@@ -13,28 +13,20 @@
 
 namespace {
 
-WARP_INLINE float exchanged(float value, int distance) {
-  float other;
-  asm volatile("shfl.sync.bfly.b32 %0, %1, %2, 31, -1;"
-               : "=f"(other)
-               : "f"(value), "r"(distance));
-  return other;
-}
-
 WARP_INLINE void combineSums(u64 own, u64 scratch, i32 threads) {
   float value = *::own<float>(own);
 #pragma unroll
-  for (int distance = 1; distance < 32; distance *= 2)
-    value += exchanged(value, distance);
-  if (threads > 32) {
+  for (int distance = 1; distance < warpSize; distance *= 2)
+    value += shuffleXor(value, distance);
+  if (threads > warpSize) {
     Shared<float> *ofWarps = shared<float>(scratch);
     i32 thread = threadNumber();
-    if (thread % 32 == 0)
-      ofWarps[thread / 32] = value;
-    asm volatile("bar.sync 0;" ::: "memory");
+    if (thread % warpSize == 0)
+      ofWarps[thread / warpSize] = value;
+    syncThreads();
     value = ofWarps[0];
 #pragma clang loop unroll(full)
-    for (i32 warp = 1; warp < threads / 32; ++warp)
+    for (i32 warp = 1; warp < threads / warpSize; ++warp)
       value += ofWarps[warp];
   }
   *::own<float>(own) = value;
@@ -59,12 +51,7 @@ template <bool isGreatest> struct Key {
     return (isGreatest ? x > y : x < y) ? x : y;
   }
   WARP_INLINE static i32 overLanes(i32 key) {
-    i32 found;
-    if (isGreatest)
-      asm volatile("redux.sync.max.s32 %0, %1, -1;" : "=r"(found) : "r"(key));
-    else
-      asm volatile("redux.sync.min.s32 %0, %1, -1;" : "=r"(found) : "r"(key));
-    return found;
+    return isGreatest ? greatestOfLanes(key) : leastOfLanes(key);
   }
 };
 
@@ -72,14 +59,14 @@ template <bool isGreatest>
 WARP_INLINE void combineKeys(u64 own, u64 scratch, i32 threads) {
   using Order = Key<isGreatest>;
   i32 key = Order::overLanes(Order::of(*::own<float>(own)));
-  if (threads > 32) {
+  if (threads > warpSize) {
     Shared<i32> *ofWarps = shared<i32>(scratch);
     i32 thread = threadNumber();
-    if (thread % 32 == 0)
-      ofWarps[thread / 32] = key;
-    asm volatile("bar.sync 0;" ::: "memory");
+    if (thread % warpSize == 0)
+      ofWarps[thread / warpSize] = key;
+    syncThreads();
 #pragma clang loop unroll(full)
-    for (i32 warp = 0; warp < threads / 32; ++warp)
+    for (i32 warp = 0; warp < threads / warpSize; ++warp)
       key = Order::best(key, ofWarps[warp]);
   }
   *::own<float>(own) = Order::back(key);
@@ -94,16 +81,16 @@ WARP_INLINE void combinePlaces(u64 own, u64 scratch, i32 threads) {
   i32 key = Order::overLanes(mine);
   i32 place = Key<false>::overLanes(mine == key ? ::own<i32>(own)[1]
                                                 : Key<false>::none);
-  if (threads > 32) {
+  if (threads > warpSize) {
     Shared<i32> *keys = shared<i32>(scratch), *places = keys + threads;
     i32 thread = threadNumber();
-    if (thread % 32 == 0) {
-      keys[thread / 32] = key;
-      places[thread / 32] = place;
+    if (thread % warpSize == 0) {
+      keys[thread / warpSize] = key;
+      places[thread / warpSize] = place;
     }
-    asm volatile("bar.sync 0;" ::: "memory");
+    syncThreads();
 #pragma clang loop unroll(full)
-    for (i32 warp = 0; warp < threads / 32; ++warp) {
+    for (i32 warp = 0; warp < threads / warpSize; ++warp) {
       i32 other = keys[warp], where = places[warp];
       place = other == key ? (where < place ? where : place)
               : Order::best(other, key) == other ? where

@@ -22,7 +22,7 @@ template <int rows, bool backwards> struct Substitution {
   WARP_INLINE void start() {
 #pragma unroll
     for (int r = 0; r < rows; ++r) {
-      i32 i = r * 32 + lane;
+      i32 i = r * warpSize + lane;
       own[r] = i < n ? i : 0;
       over[r] = inverse(*matrix.at(own[r], own[r]));
     }
@@ -36,7 +36,7 @@ template <int rows, bool backwards> struct Substitution {
   /// Number j of a block, for the others.
   WARP_INLINE void step(float (&x)[rows], const float (&m)[rows], int block,
                         i32 j) const {
-    float known = fromLane(x[block], j);
+    float known = shuffle(x[block], j);
     float next = __builtin_fmaf(m[block] * over[block], -known, x[block]);
     x[block] = (backwards ? lane < j : lane > j) ? next : x[block];
 #pragma unroll
@@ -49,7 +49,7 @@ template <int rows, bool backwards> struct Substitution {
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (r == block || counts(r, block))
-        m[r] = *matrix.at(own[r], block * 32 + j);
+        m[r] = *matrix.at(own[r], block * warpSize + j);
     step(x, m, block, j);
   }
   WARP_INLINE void stepFour(float (&x)[rows], int block, i32 j) const {
@@ -57,7 +57,7 @@ template <int rows, bool backwards> struct Substitution {
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (r == block || counts(r, block))
-        fours[r] = matrix.four(own[r], block * 32 + j);
+        fours[r] = matrix.four(own[r], block * warpSize + j);
 #pragma unroll
     for (int step = 0; step < 4; ++step) {
       int q = backwards ? 3 - step : step;
@@ -71,7 +71,9 @@ template <int rows, bool backwards> struct Substitution {
   }
 
   WARP_INLINE void solveBlock(float (&x)[rows], int block) const {
-    i32 count = n - block * 32 < 32 ? n - block * 32 : 32, fours = count / 4;
+    i32 count =
+            n - block * warpSize < warpSize ? n - block * warpSize : warpSize,
+        fours = count / 4;
     x[block] *= over[block];
     if (backwards)
 #pragma clang loop unroll(disable)
@@ -91,13 +93,13 @@ template <int rows, bool backwards> struct Substitution {
     // Where a lane has no row, another one writes the first.
 #pragma unroll
     for (int r = 0; r < rows; ++r)
-      x[r] = r * 32 + lane < n ? side[own[r] * columns] : 0;
+      x[r] = r * warpSize + lane < n ? side[own[r] * columns] : 0;
 #pragma unroll
     for (int step = 0; step < rows; ++step)
       solveBlock(x, backwards ? rows - 1 - step : step);
 #pragma unroll
     for (int r = 0; r < rows; ++r)
-      if (r * 32 + lane < n)
+      if (r * warpSize + lane < n)
         side[own[r] * columns] = x[r];
   }
 

@@ -87,13 +87,6 @@ template <int radix> struct Butterfly {
   }
 };
 
-WARP_INLINE void meet(i32 threads) {
-  if (threads == 32)
-    asm volatile("bar.warp.sync -1;" ::: "memory");
-  else
-    asm volatile("bar.sync 0;" ::: "memory");
-}
-
 /// Rows in memory, packed, or with gaps in the exchange.
 struct Row {
   Shared<Complex> *at;
@@ -181,10 +174,10 @@ template <int own> struct Rows {
         transform<own, own>(x, n, stride, place, lanes);
       // Before it is written again, all have read it.
       if (stride > 1)
-        meet(threads);
+        syncBlock(threads);
       if (exists)
         give<own, own>(x, gaps, stride, place, lanes, false);
-      meet(threads);
+      syncBlock(threads);
       if (exists)
 #pragma unroll
         for (int j = 0; j < own; ++j)
@@ -212,7 +205,7 @@ template <int own> struct Rows {
       bool exists = group < groups && row < rows;
       run(exists ? row : 0, group, place, exists);
       if (first + groups < rows)
-        meet(threads);
+        syncBlock(threads);
     }
   }
 };

@@ -13,6 +13,8 @@
 #ifndef WARP_DEVICELIB_GPU_TILES_H
 #define WARP_DEVICELIB_GPU_TILES_H
 
+#include "../nvidia/TileInstructions.h"
+
 using i32 = int;
 using u16 = unsigned short;
 using u32 = unsigned;
@@ -20,7 +22,6 @@ using i64 = long long;
 using u64 = unsigned long long;
 
 #define WARP_TILES extern "C" __attribute__((used, always_inline)) void
-#define WARP_INLINE __attribute__((always_inline)) inline
 
 namespace {
 
@@ -36,10 +37,12 @@ template <class T> WARP_INLINE Global<T> *global(u64 address) {
 }
 template <class T> WARP_INLINE T *own(u64 address) { return (T *)address; }
 
-WARP_INLINE i32 threadNumber() {
-  i32 number;
-  asm("mov.u32 %0, %%tid.x;" : "=r"(number));
-  return number;
+/// Waits for all threads of a block of so many.
+WARP_INLINE void syncBlock(i32 threads) {
+  if (threads == warpSize)
+    syncWarp();
+  else
+    syncThreads();
 }
 
 /// Of an array of two dimensions, steps in bytes, and a tile in it.

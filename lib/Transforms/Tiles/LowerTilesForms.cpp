@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Calls of lib/DeviceLib/gpu.
+// Calls of the device library.
 //
 //===----------------------------------------------------------------------===//
 

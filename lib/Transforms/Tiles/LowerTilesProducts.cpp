@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Calls of lib/DeviceLib/gpu. A loop that loads ahead (TileProducts.cpp)
+// Calls of the device library. A loop that loads ahead (TileProducts.cpp)
 // has a ring of places for each factor: before it, all but one are on their
 // way; each iteration waits for its own, and fills the one that the iteration
 // before has read.

@@ -2,9 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A loop whose factors TMA loads becomes one call, of
-// lib/DeviceLib/gpu/TileRings.h. Nothing else is in such a loop, and boxes are
-// equally far apart from step to step (PlanLoads.cpp).
+// A loop whose factors TMA loads becomes one call, of the library's
+// nvidia/TileRings.h. Nothing else is in such a loop, and boxes are equally far
+// apart from step to step (PlanLoads.cpp).
 //
 //===----------------------------------------------------------------------===//
 

@@ -5,7 +5,7 @@
 // Chooses the K-step of software-pipelined matmul loops on GPUs of compute
 // capability 9.0: rows of 128 bytes load fastest, so a loop takes as many steps
 // at a time as make such rows. TMA loads them where it can
-// (lib/DeviceLib/gpu/TileRings.h); then no thread computes addresses.
+// (lib/DeviceLib/nvidia/TileRings.h); then no thread computes addresses.
 //
 //===----------------------------------------------------------------------===//
 

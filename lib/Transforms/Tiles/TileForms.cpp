@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Which shapes lib/DeviceLib/gpu has functions for. Other ones, and other
+// Which shapes the device library has functions for. Other ones, and other
 // element types, become loops (LowerTilesAlgebra.cpp,
 // LowerTilesTransforms.cpp).
 //

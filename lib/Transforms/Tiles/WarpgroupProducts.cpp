@@ -4,7 +4,7 @@
 //
 // Matrix instructions of compute capability 9.0 read factors of 16 bits from
 // the block's memory, where loops that load ahead put them swizzled
-// (lib/DeviceLib/gpu/TileWarpgroupProducts.cpp).
+// (lib/DeviceLib/nvidia/TileWarpgroupProducts.cpp).
 //
 //===----------------------------------------------------------------------===//
 

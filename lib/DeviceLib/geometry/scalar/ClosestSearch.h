@@ -240,7 +240,7 @@ public:
   /// A face with a smaller squared distance than the bound, or -1; `lane` of
   /// `block` is its triangle.
   i32 run(i32 root) {
-#ifdef __NVPTX__
+#ifdef WARP_GPU
     if (Octet::areAllHere() && Octet().areSame(nodes))
       runWith(Octet(), root);
     else

@@ -183,7 +183,7 @@ private:
     bool isAlone = !(visitors & (visitors - 1));
 #pragma unroll 1
     while (visitors) {
-      team.meet();
+      team.sync();
       // Lanes whose turn it is, and when this one's is.
       u32 theirs = visitors;
       for (int i = 1; i < Team::teams && !isAlone; ++i)
@@ -257,7 +257,7 @@ private:
   i32 reach;
 };
 
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 using RaySearch = RaySearchBy<Octet>;
 #else
 using RaySearch = RaySearchBy<Single>;

@@ -11,12 +11,16 @@
 
 #include "../Tree.h"
 
+#ifdef WARP_GPU
+#include "../../gpu/Gpu.h"
+#endif
+
 namespace warp::geometry::scalar {
 
 using Four = f32 __attribute__((ext_vector_type(4)));
 using FourInts = i32 __attribute__((ext_vector_type(4)));
 
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 template <class T> using Global = const T __attribute__((address_space(1))) *;
 #else
 template <class T> using Global = const T *;
@@ -26,12 +30,12 @@ using Bytes = Global<u8>;
 
 template <class T> inline T load(Bytes at) { return *(Global<T>)at; }
 
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 /// NaN loses; an instruction each.
-inline f32 lower(f32 a, f32 b) { return __nvvm_fmin_f(a, b); }
-inline f32 upper(f32 a, f32 b) { return __nvvm_fmax_f(a, b); }
+inline f32 lower(f32 a, f32 b) { return gpu::minimum(a, b); }
+inline f32 upper(f32 a, f32 b) { return gpu::maximum(a, b); }
 /// Within 2^-22; infinite for what is less than the least normal number.
-inline f32 roughInverse(f32 x) { return __nvvm_rcp_approx_ftz_f(x); }
+inline f32 roughInverse(f32 x) { return gpu::flushedReciprocal(x); }
 #else
 inline f32 lower(f32 a, f32 b) { return __builtin_fminf(a, b); }
 inline f32 upper(f32 a, f32 b) { return __builtin_fmaxf(a, b); }

@@ -38,20 +38,16 @@ struct Single {
   u32 from(u32 value, int) const { return value; }
   u32 where(bool says) const { return says; }
   /// A barrier of all lanes. The code that follows is shorter for it.
-  void meet() const {}
+  void sync() const {}
 };
 
-#ifdef __NVPTX__
+#ifdef WARP_GPU
 /// Eight lanes of a warp whose lanes are all here.
 class Octet {
 public:
-  static constexpr int lanes = 8, teams = 4;
+  static constexpr int lanes = 8, teams = gpu::warpSize / lanes;
 
-  static bool areAllHere() {
-    u32 here;
-    asm volatile("activemask.b32 %0;" : "=r"(here));
-    return here == all;
-  }
+  static bool areAllHere() { return gpu::activeLanes() == gpu::allLanes; }
   /// True if all lanes of all teams have the same.
   bool areSame(Bytes place) const {
     u64 bits = (u64)place;
@@ -60,28 +56,24 @@ public:
   }
   int rank() const { return lane() & 7; }
   int number() const { return lane() >> 3; }
-  int lane() const { return __nvvm_read_ptx_sreg_laneid(); }
+  int lane() const { return gpu::lane(); }
   u32 of(u32 value, int rank) const {
-    // Ranks are those of lanes of the same eight.
-    constexpr i32 packed = (32 - lanes) << 8 | 31;
-    return u32(__nvvm_shfl_sync_idx_i32(all, i32(value), rank, packed));
+    return gpu::shuffleWithin<lanes>(value, rank);
   }
   u32 least(u32 value) const { return leastWithin<1, lanes>(value); }
-  u32 leastOfTeams(u32 value) const { return leastWithin<lanes, 32>(value); }
-  u32 with(bool says) const { return where(says) >> (lane() & ~7) & 0xff; }
-  u32 from(u32 value, int lane) const {
-    return u32(__nvvm_shfl_sync_idx_i32(all, i32(value), lane, 31));
+  u32 leastOfTeams(u32 value) const {
+    return leastWithin<lanes, gpu::warpSize>(value);
   }
-  u32 where(bool says) const { return __nvvm_vote_ballot_sync(all, says); }
-  void meet() const { __nvvm_bar_warp_sync(all); }
+  u32 with(bool says) const { return where(says) >> (lane() & ~7) & 0xff; }
+  u32 from(u32 value, int lane) const { return gpu::shuffle(value, lane); }
+  u32 where(bool says) const { return gpu::ballot(says); }
+  void sync() const { gpu::syncWarp(); }
 
 private:
-  static constexpr u32 all = 0xffffffff;
-
   template <int from, int to> u32 leastWithin(u32 value) const {
 #pragma unroll
     for (int step = from; step < to; step *= 2) {
-      u32 other = u32(__nvvm_shfl_sync_bfly_i32(all, i32(value), step, 31));
+      u32 other = gpu::shuffleXor(value, step);
       value = other < value ? other : value;
     }
     return value;

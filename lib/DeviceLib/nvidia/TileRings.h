@@ -11,8 +11,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_DEVICELIB_GPU_TILERINGS_H
-#define WARP_DEVICELIB_GPU_TILERINGS_H
+#ifndef WARP_DEVICELIB_NVIDIA_TILERINGS_H
+#define WARP_DEVICELIB_NVIDIA_TILERINGS_H
 
 #include "TileSums.h"
 
@@ -34,8 +34,6 @@ WARP_INLINE bool holdsForAll(bool condition) {
                : "r"(i32(condition)));
   return holds != 0;
 }
-
-WARP_INLINE void meet() { asm volatile("bar.sync 0;" ::: "memory"); }
 
 /// Copies that have arrived are seen by matrix instructions of threads that
 /// meet afterwards.
@@ -122,8 +120,8 @@ struct Ring {
   }
   /// A team of so many threads has read a place.
   template <int team> WARP_INLINE void leave(i32 place) const {
-    if (team == 32)
-      asm volatile("bar.warp.sync -1;" ::: "memory");
+    if (team == warpSize)
+      syncWarp();
     if (u32(threadNumber()) % team == 0)
       asm volatile(
           "mbarrier.arrive.shared::cta.b64 _, [%0];" ::"r"(empty(place))
@@ -138,16 +136,16 @@ struct Ring {
 template <class Sum, int slots, bool byWarpgroups, class Multiply>
 WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const TmaFactor &a,
                          const TmaFactor &b, i32 threads, Multiply multiply) {
-  constexpr int team = byWarpgroups ? 128 : 32;
+  constexpr int team = byWarpgroups ? 128 : warpSize;
   bool isFirst = threadNumber() == 0;
   Sum held[slots];
 #pragma unroll
   for (int i = 0; i < slots; ++i)
     held[i] = own<Sum>(sums)[i];
-  meet();
+  syncThreads();
   ring.open(threads / team);
   publishCopies();
-  meet();
+  syncThreads();
   if (isFirst)
 #pragma clang loop unroll(disable)
     for (i32 step = 0; step < steps && step < ring.places; ++step)
@@ -180,7 +178,7 @@ WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const TmaFactor &a,
   }
   if (byWarpgroups)
     awaitProducts<0>();
-  meet();
+  syncThreads();
   ring.close();
 #pragma unroll
   for (int i = 0; i < slots; ++i)
@@ -227,4 +225,4 @@ WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const TmaFactor &a,
         });                                                                    \
   }
 
-#endif // WARP_DEVICELIB_GPU_TILERINGS_H
+#endif // WARP_DEVICELIB_NVIDIA_TILERINGS_H

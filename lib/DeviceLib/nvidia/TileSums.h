@@ -8,10 +8,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_DEVICELIB_GPU_TILESUMS_H
-#define WARP_DEVICELIB_GPU_TILESUMS_H
+#ifndef WARP_DEVICELIB_NVIDIA_TILESUMS_H
+#define WARP_DEVICELIB_NVIDIA_TILESUMS_H
 
-#include "Tiles.h"
+#include "../gpu/Tiles.h"
 
 // Where kernels call these functions, sums lie in the thread's memory, and code
 // is to be short.
@@ -216,4 +216,4 @@ template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
   WARP_PRODUCT(name##_##R##x##C##_mk, function, isBrain, R, C, false, true)    \
   WARP_PRODUCT(name##_##R##x##C##_mn, function, isBrain, R, C, false, false)
 
-#endif // WARP_DEVICELIB_GPU_TILESUMS_H
+#endif // WARP_DEVICELIB_NVIDIA_TILESUMS_H
