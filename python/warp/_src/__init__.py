@@ -10,7 +10,8 @@
     language      builtins at Python scope, and what of the language is written in itself
     frontend      from a Python function to a module of the dialect
     kernels       `kernel`, `function`, `launch`, `maps`, modules and their options, saved code;
-                  `call`: a launch with everything it was given
+                  `hooks`: what launches of some kernels do besides (`blocks`, `constants`,
+                  `handle_checks`); `call`: a launch with everything it was given
     derivatives   `kernel_derivatives`: adjoints and tangents of a kernel; `tape`, its records and
                   its backward pass; `functions`: derivatives that users write
     autograd      Jacobians, forward mode, checkpoints, checks, for `wp.autograd`

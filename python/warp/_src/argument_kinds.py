@@ -5,15 +5,13 @@ Tests run after a call has failed (`arguments.checked`), so they may be slow; ea
 
 from __future__ import annotations
 
-import importlib
 import operator
 import os
+import types
 import typing
 
-
-def _part(name: str):
-    """A module of the package, all of which import this one."""
-    return importlib.import_module(f"warp._src.{name}")
+# Functions and classes of modules that import this one; each module puts its own here.
+above = types.SimpleNamespace()
 
 
 class Kind:
@@ -38,12 +36,11 @@ class Kind:
 
 
 def _is_array(value) -> bool:
-    return _part("types.dtypes").type_is_array(type(value))
+    return above.type_is_array(type(value))
 
 
 def _is_number(value) -> bool:
-    is_number = _part("types.composites").is_number
-    return is_number(value) and value == value and abs(float(value)) < float("inf")
+    return above.is_number(value) and value == value and abs(float(value)) < float("inf")
 
 
 def _is_integer(value) -> bool:
@@ -51,8 +48,8 @@ def _is_integer(value) -> bool:
 
 
 def _is_flag(value) -> bool:
-    scalar_base = _part("types.scalars").scalar_base
-    return isinstance(value, (bool, int, scalar_base)) or type(value).__name__ in ("bool_", "bool")
+    kinds = (bool, int, above.scalar_base)
+    return isinstance(value, kinds) or type(value).__name__ in ("bool_", "bool")
 
 
 def _is_path(value) -> bool:
@@ -60,15 +57,15 @@ def _is_path(value) -> bool:
 
 
 def _is_device(value) -> bool:
-    return _part("devices.devices").get_device(value) is not None
+    return above.get_device(value) is not None
 
 
 def _is_type(value) -> bool:
-    return _part("types.native").canonical(value) is not None
+    return above.canonical(value) is not None
 
 
 def _is_shape(value) -> bool:
-    return _part("arrays.layout").check_shape(value) is not None
+    return above.check_shape(value) is not None
 
 
 def _is_point(value) -> bool:
@@ -111,11 +108,9 @@ def _is_data(value) -> bool:
 
 
 def _is_value(value) -> bool:
-    composites = _part("types.composites")
-    records = _part("types.structs").StructInstance
-    return isinstance(value, (composites.Composite, records)) or bool(
-        composites.flatten_numbers(value)
-    )
+    if isinstance(value, (above.Composite, above.StructInstance)):
+        return True
+    return bool(above.flatten_numbers(value))
 
 
 def _is_dim(value) -> bool:
@@ -124,7 +119,7 @@ def _is_dim(value) -> bool:
 
 
 def _is_module(value) -> bool:
-    return _part("kernels.modules").imported_module(value) is not None
+    return above.imported_module(value) is not None
 
 
 def _is_operator(value) -> bool:

@@ -154,7 +154,7 @@ def test_freed_and_foreign_ids_are_refused(device):
 def test_code_is_for_blocks_and_checks_handles():
     """A kernel of both kinds: what tiles and what handles add to launches come together."""
     assert "warp.block_threads = 256" in touch_box.ir("gpu", arch=90)
-    assert touch_box.handles
+    assert {hook.role for hook in touch_box.hooks} == {"blocks", "handles"}
 
 
 def test_balls_of_a_mesh_by_bounds_or_by_faces(device):

@@ -265,7 +265,11 @@ def test_threads_share_one_translation(monkeypatch):
 
     def prepare():
         start.wait()
-        return halve.prepare(), halve_any.specialize((x,)), total.for_blocks(None, 64)
+        return (
+            halve.prepare(),
+            halve_any.specialize((x,)),
+            total.hook("blocks").for_blocks(total, None, 64),
+        )
 
     with ThreadPoolExecutor(workers) as pool:
         found = [one.result() for one in [pool.submit(prepare) for _ in range(workers)]]

@@ -1,11 +1,12 @@
 """Which module imports which: no cycles, and nothing heavy before it is needed."""
 
+import ast
 import subprocess
 import sys
 
 import pytest
 
-from import_graph import cycles, import_graph
+from import_graph import called, cycles, import_graph
 
 # Modules that `import warp` leaves to their users.
 LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "pathlib", "ast")
@@ -26,6 +27,22 @@ def test_cycles_are_found():
     assert {"warp._src.version", "warp._src.arrays.array"} <= set(found)
     assert "warp._src.frontend.build" in import_graph()["warp._src.kernels.translations"]
     assert "warp._src.frontend.build" not in import_graph(False)["warp._src.kernels.translations"]
+
+
+# A module that is named in a string is imported, too.
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("importlib.import_module('warp._src.errors')", {"warp._src.errors"}),
+        ("__import__('warp._src.version')", {"warp._src.version"}),
+        ("import_module(f'warp._src.{name}')", {"warp._src.errors", "warp._src.version"}),
+        ("import_module(name)", {"warp", "warp._src.errors", "warp._src.version"}),
+        ("find_module('warp._src.errors')", set()),
+    ],
+)
+def test_imports_by_name_are_seen(text, found):
+    known = ("warp", "warp._src.errors", "warp._src.version")
+    assert called(ast.parse(text, mode="eval").body, known) == found
 
 
 # Nothing but the package itself asks for names of the package.

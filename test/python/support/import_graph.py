@@ -1,11 +1,19 @@
 """Which module of the package imports which, read from its text: at the top and in functions."""
 
 import ast
+import re
 from pathlib import Path
 
 import warp
 
 ROOT = Path(warp.__file__).parent
+# Modules whose `__getattr__` finds names when somebody asks for them; the package itself does not.
+FACADES = frozenset(
+    (
+        *("warp._src", "warp._src.types", "warp._src.utils", "warp._src.language.public"),
+        *("warp._src.compat.type_names", "warp._src.compat.utility_names"),
+    )
+)
 
 
 def modules() -> dict[str, Path]:
@@ -36,6 +44,20 @@ def imported(statement, known) -> set[str]:
     return found
 
 
+def called(node, known) -> set[str]:
+    """Modules that a call of `import_module` or `__import__` may run; none of other nodes."""
+    if not isinstance(node, ast.Call):
+        return set()
+    name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+    if name not in ("import_module", "__import__") or not node.args:
+        return set()
+    parts = getattr(node.args[0], "values", [node.args[0]])
+    pattern = "".join(
+        re.escape(part.value) if isinstance(part, ast.Constant) else ".*" for part in parts
+    )
+    return {module for module in known if re.fullmatch(pattern, module)}
+
+
 def with_parents(names) -> set[str]:
     """The same with the packages that hold them, whose `__init__` runs first; not the outermost."""
     found = set()
@@ -64,9 +86,11 @@ def import_graph(in_functions=True) -> dict[str, set[str]]:
                     found |= imported(node, known)
                 elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
                     pending.extend(node.orelse)
+                elif name not in FACADES and (more := called(node, known)):
+                    found |= more
                 elif in_functions or not isinstance(node, ast.FunctionDef):
                     pending.append(node)
-        graph[name] = with_parents(found) - {name}
+        graph[name] = (with_parents(found) & known.keys()) - {name}
         # Its own package runs before it, and knows nothing of it.
         graph[name] -= {parent for parent in with_parents({name}) if parent != name}
     return graph

@@ -8,6 +8,7 @@ import operator
 
 from warp import _native
 from warp._src import errors
+from warp._src.argument_kinds import above
 from warp._src.arguments import shown, spelled
 from warp._src.types import dtypes
 
@@ -115,3 +116,6 @@ def type_id(dtype) -> int:
 
 
 _type_ids: dict = {}
+
+
+above.check_shape = check_shape

@@ -12,7 +12,7 @@ import threading
 import typing
 
 from warp import _native, config
-from warp._src.argument_kinds import DEVICE, EVENT, INTEGER, STREAM
+from warp._src.argument_kinds import DEVICE, EVENT, INTEGER, STREAM, above
 from warp._src.arguments import checked
 from warp._src.devices.builtin_allocators import custom_allocators, get_builtin_allocator
 from warp._src.forks import shared_lock
@@ -535,3 +535,6 @@ def synchronize_stream(stream_or_device=None) -> None:
 def synchronize_event(event) -> None:
     """Waits until the work before an event has been done."""
     event.synchronize()
+
+
+above.get_device = get_device

@@ -21,6 +21,7 @@ from warp._src.geometry.bvh import (
     constructor_number,
 )
 from warp._src.geometry.mesh_arrays import POINT_GRADIENTS, VELOCITY_GRADIENTS
+from warp._src.kernels import handle_checks
 from warp._src.types import dtypes
 from warp._src.types.scalars import int32
 from warp._src.types.structs import StructInstance
@@ -47,6 +48,9 @@ def support_winding(values) -> None:
         if mesh is not None and (mesh.device.is_cpu or not mesh.device.is_capturing):
             with _supporting:
                 mesh._support_winding()
+
+
+handle_checks.prepare_winding = support_winding
 
 
 class Mesh(Hierarchical, Behind):

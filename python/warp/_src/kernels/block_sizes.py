@@ -22,9 +22,9 @@ def block_threads(kernel, index, block_dim) -> int:
     Raises:
         WarpLaunchValueError: there are more than blocks have.
     """
-    threads = block_dim if block_dim and block_dim > 0 else kernel.option("block_dim") or 0
     if index < 0 and not config.enable_cpu_blocks:
         return 1
+    threads = block_dim if block_dim and block_dim > 0 else kernel.option("block_dim") or 0
     if threads > MOST_THREADS:
         raise errors.WarpLaunchValueError(
             f"launch('{kernel.key}'): block_dim={threads}, but a block has at most {MOST_THREADS} "

@@ -13,12 +13,10 @@ from __future__ import annotations
 import dataclasses
 import re
 
-from warp import _native
 from warp._src import errors
-from warp._src.argument_kinds import instance
-from warp._src.arguments import explained, misfit
 from warp._src.kernels.epoch import Epoch
-from warp._src.kernels.kernel import Kernel, argument_type, once
+from warp._src.kernels.hooks import LaunchHook
+from warp._src.kernels.specializing import argument_type, once
 from warp._src.types import dtypes
 
 # Sets of values of one kernel that get code of their own.
@@ -71,64 +69,51 @@ class ConstantSets(tuple):
         return "\n".join([*lines, f"{self.hit_rate:.0%} of the launches had code of their own"])
 
 
-_NATIVE = instance(_native.Kernel, "a native kernel")
+class ConstantCode(LaunchHook):
+    """The hook of a kernel with launch constants.
 
+    Raises:
+        ValueError: there is no parameter of a name that the option lists, or one stands there
+            twice.
+    """
 
-class ConstantKernel(Kernel):
-    """The state of a kernel with launch constants."""
+    role = "constants"
 
-    def read_constants(self) -> None:
-        """Checks the names that the option lists, and prepares for reading their values.
-
-        Raises:
-            ValueError: there is no parameter of a name, or one stands there twice.
-        """
+    def __init__(self, kernel):
         self._sets: dict = {}
         self._types: dict = {}
-        code = self.func.__code__
+        code = kernel.func.__code__
         parameters = code.co_varnames[: code.co_argcount]
         self._paths = []
-        for path in self.options.get("launch_constants") or ():
+        for path in kernel.options.get("launch_constants") or ():
             name, _, field = path.partition(".")
             if name not in parameters or path in [known for known, *_ in self._paths]:
                 problem = "is listed twice" if name in parameters else "is no parameter"
                 raise ValueError(
-                    f"launch_constants: '{path}' {problem} of kernel '{self.key}', "
+                    f"launch_constants: '{path}' {problem} of kernel '{kernel.key}', "
                     f"which has {', '.join(map(repr, parameters))}"
                 )
             self._paths.append((path, parameters.index(name), field))
 
-    def note_tiles(self) -> None:
-        raise errors.WarpCodegenError(
-            f"kernel '{self.key}' has tiles, whose code is for blocks of one size, and cannot have "
-            f"`launch_constants`; capture the constants instead"
-        )
-
     def reset(self) -> None:
-        super().reset()
         self._sets.clear()
         self._types.clear()
 
     @property
-    def constant_sets(self) -> ConstantSets:
+    def sets(self) -> ConstantSets:
         """The facts about the values that launches had so far."""
         return ConstantSets(one for key, one in self._sets.items() if key[0] is Epoch.current)
 
-    def place(self, native, dim, index, block_dim, values, recorded=False):
+    def place(self, kernel, native, dim, index, block_dim, values, recorded):
         """The native kernel for a launch: that of its constants, if they have one.
 
         Arguments of recorded launches may be changed, so these run the general code.
         """
         if recorded:
             return native, block_dim
-        try:
-            types = self._types.get(native)
-        except TypeError as error:
-            raise explained(error, "wp.Kernel.place", native=(_NATIVE, native)) from None
+        types = self._types.get(native)
         if types is None:
-            if not _NATIVE.fits(native):
-                raise misfit("wp.Kernel.place", "native", _NATIVE, native)
-            types = self._types[native] = self._types_of(native)
+            types = self._types[native] = self._types_of(kernel, native)
         try:
             constants = [
                 _held(dtype, getattr(values[position], field) if field else values[position])
@@ -140,13 +125,13 @@ class ConstantKernel(Kernel):
         key = (Epoch.current, native, *map(repr, constants))
         found = self._sets.get(key)
         if found is None:
-            if len(self.constant_sets) >= MOST_SETS:
+            if len(self.sets) >= MOST_SETS:
                 return native, block_dim
-            found = once(self._sets, key, lambda: self._make(native, constants, values))
+            found = once(self._sets, key, lambda: self._make(kernel, native, constants, values))
         found.launches += 1
         return found.native or native, block_dim
 
-    def _types_of(self, native) -> list:
+    def _types_of(self, kernel, native) -> list:
         """Types of the constants, for a native kernel.
 
         Raises:
@@ -160,22 +145,22 @@ class ConstantKernel(Kernel):
                 fields = getattr(dtype, "_wp_fields_", {})
                 if field not in fields:
                     raise errors.WarpLaunchValueError(
-                        f"launch('{self.key}'): launch constant '{path}' is no field of a struct"
+                        f"launch('{kernel.key}'): launch constant '{path}' is no field of a struct"
                     )
                 dtype = dtypes.canonical(fields[field])
             if dtypes.native_type(dtype).kind not in _KINDS:
                 raise errors.WarpLaunchTypeError(
-                    f"launch('{self.key}'): launch constant '{path}' expects a number, vector, "
+                    f"launch('{kernel.key}'): launch constant '{path}' expects a number, vector, "
                     f"matrix, quaternion or transform, but got '{dtypes.type_repr(dtype)}'"
                 )
             found.append(dtype)
         return found
 
-    def _make(self, native, constants, values) -> ConstantSet:
+    def _make(self, kernel, native, constants, values) -> ConstantSet:
         named = {path: constant for (path, *_), constant in zip(self._paths, constants)}
-        types = tuple(map(argument_type, values)) if self.is_generic else None
+        types = tuple(map(argument_type, values)) if kernel.is_generic else None
         try:
-            made = self._translate(types, constants=named)
+            made = kernel._translate(types, constants=named)
         except errors.WarpCodegenError:
             # An error for these values may stand where they never lead.
             return ConstantSet(named, None, 0.0)

@@ -8,26 +8,31 @@ setting or module option that matters to code drops the native kernel, not the P
 from __future__ import annotations
 
 import functools
-import importlib
-import re
 import types as python_types
 
 from warp import _native
 from warp._src import config as settings
 from warp._src import errors
-from warp._src.argument_kinds import DICT, DIM, FUNCTION, INTEGER, LIST, TEXT, TRANSLATION
-from warp._src.arguments import checked, spelled
-from warp._src.arrays.array import array
-from warp._src.arrays.indexed import indexedarray
+from warp._src.argument_kinds import (
+    DICT,
+    DIM,
+    FUNCTION,
+    INTEGER,
+    LIST,
+    TEXT,
+    TRANSLATION,
+    instance,
+)
+from warp._src.arguments import checked, misfit
 from warp._src.derivatives.kernel_derivatives import KernelDerivatives
 from warp._src.forks import translating
 from warp._src.kernels import declared, shown, unique
 from warp._src.kernels.epoch import Epoch
+from warp._src.kernels.hooks import LaunchHook
 from warp._src.kernels.kernel_options import ordered_threads
-from warp._src.kernels.modules import Module, get_module
-from warp._src.types import dtypes
+from warp._src.kernels.modules import Module, get_module, kernel_name
+from warp._src.kernels.specializing import argument_type, once, type_tag
 from warp._src.types.annotations import annotations_of, check_annotations, is_generic
-from warp._src.types.native import ArrayType
 
 
 class Kernel:
@@ -40,10 +45,11 @@ class Kernel:
         options: the kernel's own options, by name.
         code_transformers: `ast.NodeTransformer`s, which get the syntax tree of the function, one
             after the other, before it is translated.
+
+    Attributes:
+        hooks: what launches do besides running native code (`LaunchHook`).
     """
 
-    # True if it is known which elements of arrays a launch touches.
-    has_regions = True
     # The name by which a kernel with a module of its own is given again (kernels.unique).
     unique_key = None
 
@@ -66,6 +72,7 @@ class Kernel:
             self.module.generic_kernels[self.key] = self
         self.epoch = None
         self.native = None
+        self.hooks: tuple[LaunchHook, ...] = ()
         self._generic = None
         self._specialized: dict = {}
         # The epoch of these two, and what was made in others.
@@ -83,7 +90,9 @@ class Kernel:
         self.__doc__ = func.__doc__
         self.__wrapped__ = func
         if self.options.get("launch_constants"):
-            self.fix_constants()
+            from warp._src.kernels.constants import ConstantCode
+
+            self.add_hook(ConstantCode(self))
 
     @property
     def is_generic(self) -> bool:
@@ -110,7 +119,9 @@ class Kernel:
     @checked(arg_types=LIST | DICT)
     def add_overload(self, arg_types):
         """A kernel for given types of arguments, as `wp.overload(kernel, arg_types)` makes it."""
-        return importlib.import_module("warp._src.kernels.overloads").overload(self, arg_types)
+        from warp._src.kernels.overloads import overload
+
+        return overload(self, arg_types)
 
     get_overload = add_overload
 
@@ -122,7 +133,9 @@ class Kernel:
     @property
     def adj(self):
         """Parameters as packages read them that know the peer's generator of code."""
-        return importlib.import_module("warp._src.compat.codegen").adjoint_of(self)
+        from warp._src.compat.codegen import adjoint_of
+
+        return adjoint_of(self)
 
     @checked(name=TEXT)
     def option(self, name):
@@ -140,6 +153,8 @@ class Kernel:
             self.derivatives.clear()
         self.signatures.clear()
         self.names.clear()
+        for hook in self.hooks:
+            hook.reset()
 
     def prepare(self, threads=None):
         """Translates the kernel if that is due, and returns the native kernel.
@@ -173,46 +188,59 @@ class Kernel:
         self.native, self._specialized = self._elsewhere.pop(epoch, (None, {}))
         self.epoch, self._made_in = None, epoch
 
-    @checked(kinds=DICT)
-    def check_handles(self, kinds, sums_winding) -> None:
-        """Makes every launch check that these arguments, by name, are handles of these kinds.
+    def hook(self, role):
+        """The launch hook of a role; None if the kernel has none."""
+        return next((one for one in self.hooks if one.role == role), None)
 
-        sums_winding: the kernel asks for winding numbers; a launch prepares meshes for that.
+    def add_hook(self, hook: LaunchHook) -> None:
+        """Makes every launch call a hook, in place of one of its role if there is one.
 
         Raises:
-            WarpArgumentError: there is no parameter of such a name.
+            WarpArgumentError: `hook` is no launch hook.
         """
-        kinds = dict(kinds)
-        for name in kinds:
-            if name not in self.func.__code__.co_varnames:
-                raise errors.WarpArgumentError(
-                    f"kernel '{self.key}' has no parameter {spelled(name)}"
-                )
-        self._take(importlib.import_module("warp._src.kernels.searching").SearchingKernel)
-        self.handles, self.sums_winding = kinds, sums_winding
+        if not isinstance(hook, LaunchHook):
+            raise misfit("wp.Kernel.add_hook", "hook", instance(LaunchHook, "a launch hook"), hook)
+        self.hooks = (*(one for one in self.hooks if one.role != hook.role), hook)
 
-    def fix_constants(self) -> None:
-        """Makes every launch choose the code for its launch constants."""
-        self._take(importlib.import_module("warp._src.kernels.constants").ConstantKernel)
-        self.read_constants()
+    @property
+    def has_regions(self) -> bool:
+        """True if it is known which elements of arrays a launch accesses."""
+        return all(hook.has_regions for hook in self.hooks)
 
-    def note_tiles(self) -> None:
-        """Makes every launch choose the code for its blocks."""
-        self._take(importlib.import_module("warp._src.kernels.tiled").TiledKernel)
-
-    def _take(self, part) -> None:
-        """Adds to launches what a subclass does, beside what others do that it took before."""
-        if not isinstance(self, part):
-            self.__class__ = _with_part(part, type(self))
+    @property
+    def constant_sets(self) -> tuple:
+        """The values that launches gave to the launch constants so far; empty without any."""
+        hook = self.hook("constants")
+        return () if hook is None else hook.sets
 
     def check(self, values, device) -> None:
-        """Looks at the values of a launch, if the kernel is of a subclass."""
+        """Lets the hooks check the values of a launch on a device (an index).
+
+        Raises:
+            WarpError: a hook rejects them.
+        """
+        for hook in self.hooks:
+            hook.check(self, values, device)
 
     def place(self, native, dim, index, block_dim, values, recorded=False):
-        """The native kernel for a launch, and its threads per block; subclasses choose others.
+        """Lets the hooks choose the code of a launch.
 
-        recorded: arguments may be changed before it is run.
+        Args:
+            native: the native kernel, as `prepare` and `specialize` give it.
+            dim: extent or extents.
+            index: of the device; negative is the CPU.
+            block_dim: threads per block that the launch asks for, or None.
+            values: what the launch is given.
+            recorded: True if arguments may change before the launch runs.
+
+        Returns:
+            The native kernel for the launch, and its threads per block.
+
+        Raises:
+            WarpError: a hook rejects the launch.
         """
+        for hook in self.hooks:
+            native, block_dim = hook.place(self, native, dim, index, block_dim, values, recorded)
         return native, block_dim
 
     @checked(arguments=LIST)
@@ -244,8 +272,9 @@ class Kernel:
             except errors.WarpCodegenError as problem:
                 if threads != 1 or constants or not problem.depends_on_threads:
                     raise
-                tiled = importlib.import_module("warp._src.kernels.tiled")
-                return tiled.for_more_threads(self, problem, arguments, wished)
+                from warp._src.kernels.blocks import for_more_threads
+
+                return for_more_threads(self, problem, arguments, wished)
         shown.dump(self, native)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
@@ -336,11 +365,16 @@ class Kernel:
 
     def code_for(self, native, arch):
         """The code for an architecture; 0 is the CPU."""
+        for hook in self.hooks:
+            native = hook.code_for(self, native, arch)
         return native
 
     def launched_on(self, native, arch) -> list:
         """The native kernels that launches on an architecture have used."""
-        return [native]
+        found = [native]
+        for hook in self.hooks:
+            found = [made for one in found for made in hook.launched_on(self, one, arch)]
+        return found
 
     @checked(dim=DIM, arch=INTEGER)
     def schedule(self, device=None, dim=None, arch=None):
@@ -378,45 +412,3 @@ class Kernel:
 
     def __repr__(self):
         return f"<kernel '{self.key}'>"
-
-
-def once(known, key, make):
-    """The entry of `known` for a key: the first of several threads makes it, the others find it."""
-    found = known.get(key)
-    if found is None:
-        with translating:
-            found = known.get(key)
-            if found is None:
-                found = known[key] = make()
-    return found
-
-
-def kernel_name(func) -> str:
-    """Name of a function without the parts that Python adds for enclosing functions."""
-    return (
-        func.__qualname__.replace(".<locals>", "").replace(".", "_").replace("<lambda>", "lambda")
-    )
-
-
-def type_tag(types) -> str:
-    """Native types as part of a name: "array1xf32_f32"."""
-    texts = (str(one).replace("!warp.", "") for one in types)
-    return "_".join(re.sub(r"\W+", "", text) for text in texts)
-
-
-@functools.cache
-def _with_part(part, kind):
-    """A class of kernels that adds to another one."""
-    return part if kind is Kernel else type(part.__name__, (part, kind), {})
-
-
-def argument_type(value):
-    """The compiler's type of a launch argument; None where it cannot be told."""
-    try:
-        if isinstance(value, array):
-            return dtypes.native_type(ArrayType(value.dtype, value.ndim))
-        if isinstance(value, indexedarray):
-            return dtypes.native_type(value.annotation(value.dtype, value.ndim))
-        return dtypes.native_type(dtypes.canonical(type(value)))
-    except TypeError:
-        return None

@@ -88,22 +88,23 @@ def launch(
         index = index_of.get(device)
     except TypeError:
         index = None
-    if not (
-        index is None
-        or stream is not None
-        or type(kernel) is not Kernel
-        or kernel.epoch is not Epoch.current
-        or adjoint
-        or record_cmd
-    ):
-        if not Checked.active:
-            kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
-            return None
-        if not Checked.asked and launch_ordinary(
-            kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
-        ):
-            return None
     try:
+        if not (
+            index is None
+            or stream is not None
+            or kernel.epoch is not Epoch.current
+            or adjoint
+            or record_cmd
+        ):
+            if not Checked.active:
+                if kernel.hooks:
+                    return _launch_hooked(kernel, dim, inputs, outputs, index, block_dim)
+                kernel.native.launch(dim, inputs, outputs, index, None, block_dim or 0)
+                return None
+            if not (Checked.asked or kernel.hooks) and launch_ordinary(
+                kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
+            ):
+                return None
         return _launch_checked(
             kernel,
             dim,
@@ -121,6 +122,7 @@ def launch(
         del kernel
         raise problem.with_traceback(None) from problem.__cause__
     except (AttributeError, TypeError, ValueError, OverflowError) as error:
+        _check_kernel(kernel)
         given = {
             "dim": (DIM, dim),
             "block_dim": (INTEGER | NONE, block_dim),
@@ -129,15 +131,22 @@ def launch(
         raise explained(error, "wp.launch", **given) from error.__cause__
 
 
+def _launch_hooked(kernel, dim, inputs, outputs, index, block_dim) -> None:
+    """The fast path of a kernel with hooks, which choose its code and may reject the launch."""
+    if not isinstance(inputs, (list, tuple)) or not isinstance(outputs, (list, tuple)):
+        inputs, outputs = _sequence(inputs, kernel, "inputs"), _sequence(outputs, kernel, "outputs")
+    values, native = (*inputs, *outputs), kernel.native
+    for hook in kernel.hooks:
+        hook.check(kernel, values, index)
+        native, block_dim = hook.place(kernel, native, dim, index, block_dim, values, False)
+    native.launch(dim, values, (), index, None, block_dim or 0)
+
+
 def _launch_checked(
     kernel, dim, inputs, outputs, device, stream, gradients, record_tape, record_cmd, block_dim
 ):
     """The same with all checks, for the first launch and for what the fast path leaves."""
-    if not isinstance(kernel, Kernel):
-        raise errors.WarpLaunchTypeError(
-            f"launch: expects a kernel, but got '{type(kernel).__name__}', "
-            f"decorate the function with `@wp.kernel`"
-        )
+    _check_kernel(kernel)
     if device is None and stream is not None:
         index = stream.device_index
     else:
@@ -153,7 +162,7 @@ def _launch_checked(
     else:
         native = kernel.prepare(block_dim)
     wished = block_dim
-    if type(kernel) is not Kernel:
+    if kernel.hooks:
         kernel.check((*inputs, *outputs), index)
         native, block_dim = kernel.place(
             native, dim, index, block_dim, (*inputs, *outputs), record_cmd
@@ -178,6 +187,14 @@ def _launch_checked(
     if config.verbose:
         _report(kernel, native)
     return None
+
+
+def _check_kernel(kernel) -> None:
+    if not isinstance(kernel, Kernel):
+        raise errors.WarpLaunchTypeError(
+            f"launch: expects a kernel, but got '{type(kernel).__name__}', "
+            f"decorate the function with `@wp.kernel`"
+        ) from None
 
 
 def _is_empty(dim) -> bool:
@@ -306,7 +323,7 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         native, index = kernel.prepare(block_dim), resolve_index(device)
         threads = block_threads(kernel, index, block_dim)
         values = values_at_first(kernel)
-        if type(kernel) is not Kernel:
+        if kernel.hooks:
             # The extents are not known yet: blocks may lack threads.
             native, block_dim = kernel.place(native, 1, index, block_dim, values, True)
         if adjoint:

@@ -11,7 +11,7 @@ import weakref
 from warp import _native, config
 from warp._src import arguments, errors
 from warp._src import config as settings
-from warp._src.argument_kinds import DICT, MODULE, MODULES, TEXT
+from warp._src.argument_kinds import DICT, MODULE, MODULES, TEXT, above
 from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.kernels.build_options import Build, ModuleBuildOptions
@@ -328,3 +328,13 @@ def force_load(device=None, modules=None, block_dim=None, max_workers=None) -> N
     for module in all_modules() if modules is None else modules:
         natives += _named(module).natives()
     load_kernels(natives, device, block_dim, max_workers)
+
+
+def kernel_name(func) -> str:
+    """Name of a function without the parts that Python adds for enclosing functions."""
+    return (
+        func.__qualname__.replace(".<locals>", "").replace(".", "_").replace("<lambda>", "lambda")
+    )
+
+
+above.imported_module = imported_module

@@ -5,12 +5,11 @@ from __future__ import annotations
 import types as python_types
 
 from warp._src import errors
-from warp._src.argument_kinds import DICT, LIST
+from warp._src.argument_kinds import DICT, KERNEL, LIST
 from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import indexedarray
-from warp._src.kernels.kernel import Kernel, kernel_name
-from warp._src.kernels.modules import all_modules
+from warp._src.kernels.modules import all_modules, kernel_name
 from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import is_generic
 from warp._src.types.native import ArrayType
@@ -39,7 +38,7 @@ def overload(kernel, arg_types=None):
         ...     x[wp.tid()] = value
         >>> fill_float = wp.overload(fill, [wp.array(dtype=float), float])
     """
-    if isinstance(kernel, Kernel):
+    if KERNEL.fits(kernel):
         return _specialized(kernel, arg_types or {})
     if not isinstance(kernel, python_types.FunctionType):
         raise TypeError(f"expects a generic kernel, but got '{type(kernel).__name__}'")
@@ -133,7 +132,7 @@ def _made(kernel, chosen):
         copy.__qualname__, copy.__module__ = func.__qualname__, func.__module__
         copy.__kwdefaults__, copy.__doc__ = func.__kwdefaults__, func.__doc__
         key = f"{kernel.key}_{len(kernel.declared_overloads)}"
-        found = kernel.declared_overloads[signature] = Kernel(
+        found = kernel.declared_overloads[signature] = type(kernel)(
             copy, key, kernel.module, kernel.options
         )
     return found

@@ -1,147 +1,13 @@
-"""Kernels with tiles: code for blocks of a number of threads, and `wp.launch_tiled`.
-
-Shapes of tiles depend on the number of threads of a block, so a kernel is translated for each that
-it is launched with. On a CPU a block is one thread.
-"""
+"""`wp.launch_tiled`: launches a block of threads per index of a grid."""
 
 from __future__ import annotations
 
 from warp._src import errors
 from warp._src.argument_kinds import INTEGER, KERNEL, NONE, STREAM
 from warp._src.arguments import explained
-from warp._src.devices.devices import index_of, resolve_index
-from warp._src.kernels.block_sizes import DEFAULT_THREADS, MOST_THREADS, block_threads
-from warp._src.kernels.epoch import Epoch
-from warp._src.kernels.kernel import Kernel, argument_type, once
+from warp._src.devices.devices import resolve_index
+from warp._src.kernels.block_sizes import block_threads
 from warp._src.kernels.launch import Checked, launch
-
-
-class RaggedBlock(int):
-    """Threads of blocks that are not rows of a launch: threads that follow each other, whatever the
-    extents are, of which the last block may lack some."""
-
-    __slots__ = ()
-    is_ragged = True
-
-    def __repr__(self):
-        return f"ragged {int(self)}"
-
-    def __hash__(self):
-        return hash((int(self), "ragged"))
-
-    def __eq__(self, other):
-        return type(other) is RaggedBlock and int(self) == int(other)
-
-
-class TiledKernel(Kernel):
-    """Kernels whose translation meets a tile."""
-
-    has_regions = False
-
-    def for_blocks(self, arguments, threads):
-        """The native kernel for blocks of that many threads.
-
-        Args:
-            arguments: native types of the arguments, of a generic kernel.
-        """
-        known = self.__dict__.setdefault("_by_threads", {})
-        key = (Epoch.current, arguments, threads)
-        return once(known, key, lambda: self._translate(arguments, threads))
-
-    def reset(self) -> None:
-        super().reset()
-        self.__dict__.pop("_by_threads", None)
-        self.__dict__.pop("_refused", None)
-
-    def for_rows(self, device, threads):
-        """The shared memory that launches of that many threads per index need, if known on that
-        GPU.
-
-        Returns:
-            (native kernel, index of the device), None if more is to be looked at.
-        """
-        try:
-            index = index_of.get(device)
-        except TypeError:
-            return None
-        if index is None or index < 0 or self.epoch is not Epoch.current:
-            return None
-        # Generic kernels have types of arguments in place of None.
-        found = self.__dict__.get("_by_threads", {}).get((Epoch.current, None, threads))
-        return (found, index) if found is not None else None
-
-    def place(self, native, dim, index, block_dim, values, recorded=False):
-        """The native kernel for a launch, and its threads per block.
-
-        Args:
-            native: the one for blocks of one thread, if it can be.
-            values: what the launch is given.
-            recorded: arguments may be changed before it is run.
-
-        Raises:
-            WarpLaunchValueError: there are more than blocks have.
-            WarpCodegenError: the kernel cannot be one for blocks of one thread, and these have one.
-        """
-        threads = block_threads(self, index, block_dim)
-        if threads == 1 and index < 0:
-            problem = self.__dict__.get("_refused", {}).get(native)
-            if problem is not None:
-                raise problem.with_traceback(None)
-            return native, 0
-        extents = tuple(dim) if isinstance(dim, (tuple, list)) else (dim,)
-        if len(extents) == 1:
-            is_row = index < 0 or extents[0] % threads == 0
-        else:
-            is_row = extents[-1] == threads
-        if not is_row:
-            threads = RaggedBlock(threads)
-        types = tuple(map(argument_type, values)) if self.is_generic else None
-        return self.for_blocks(types, threads), int(threads) if index >= 0 else 0
-
-    def code_for(self, native, arch):
-        """For GPUs, blocks of the option `block_dim`, or of 256 threads."""
-        if not arch:
-            return native
-        return self.for_blocks(None, self.option("block_dim") or DEFAULT_THREADS)
-
-    def launched_on(self, native, arch) -> list:
-        """On GPUs, one for each size of blocks."""
-        known = self.__dict__.get("_by_threads", {}) if arch else {}
-        made = [
-            found
-            for (epoch, arguments, _), found in list(known.items())
-            if epoch is Epoch.current and arguments is None
-        ]
-        return made or [self.code_for(native, arch)]
-
-
-def for_more_threads(kernel, problem, arguments, wished):
-    """The native kernel for blocks of several threads where there is none for blocks of one, as
-    where a kernel picks the 25th of `wp.tile(x)`.
-
-    Args:
-        problem: why there is none.
-        arguments: native types of the arguments, of a generic kernel.
-        wished: threads of the blocks of a launch, if it says how many.
-
-    Raises:
-        WarpCodegenError: the problem, which other numbers of threads that are common have, too.
-    """
-    kernel.note_tiles()
-    first = (wished, kernel.option("block_dim"), DEFAULT_THREADS)
-    for threads in dict.fromkeys((*first, 32, 64, 128, 512, 1024)):
-        if not threads or not 1 < threads <= MOST_THREADS:
-            continue
-        try:
-            native = kernel.for_blocks(arguments, threads)
-        except errors.WarpCodegenError:
-            continue
-        fact = f"blocks of {threads} threads would do, but on a CPU a block is one thread"
-        problem.notes = (*problem.notes, fact)
-        problem.hint = problem.hint or "set `wp.config.enable_cpu_blocks = True`"
-        kernel.__dict__.setdefault("_refused", {})[native] = problem
-        return native
-    raise problem
 
 
 def launch_tiled(
@@ -162,9 +28,14 @@ def launch_tiled(
     Raises:
         WarpLaunchError: as `wp.launch` does.
     """
-    # Searching kernels and those with launch constants are of other classes.
-    if type(kernel) is TiledKernel and not (stream or args or options or Checked.active):
-        place = kernel.for_rows(device, block_dim)
+    hooks = getattr(kernel, "hooks", ())
+    # Handle checks are left to `launch`.
+    if (
+        len(hooks) == 1
+        and hooks[0].role == "blocks"
+        and not (stream or args or options or Checked.active)
+    ):
+        place = hooks[0].for_rows(kernel, device, block_dim)
         extents = [*dim, block_dim] if isinstance(dim, (tuple, list)) else [dim, block_dim]
         if place is not None and len(extents) <= 4:
             native, index = place

@@ -108,11 +108,15 @@ def _keep(kernel, name, native, session, facts, found) -> None:
 
 
 def _tell(kernel, has_tiles, handles, sums_winding) -> None:
-    """Tells a kernel what launches of it have to do besides."""
+    """Adds the launch hooks that a kernel needs."""
     if has_tiles:
-        kernel.note_tiles()
+        from warp._src.kernels.blocks import block_code
+
+        block_code(kernel)
     if handles or sums_winding:
-        kernel.check_handles(handles, sums_winding)
+        from warp._src.kernels.handle_checks import HandleChecks
+
+        kernel.add_hook(HandleChecks(kernel, handles, sums_winding))
 
 
 def _is_named(found) -> bool:

@@ -13,6 +13,7 @@ import itertools
 
 from warp import config
 from warp._src import errors
+from warp._src.argument_kinds import above
 from warp._src.arguments import shown
 from warp._src.types import arithmetic, scalars
 from warp._src.types.scalars import scalar_base, shown_name
@@ -426,3 +427,8 @@ def operand_error(name, a, b):
     if name == "mul" and isinstance(b, Composite) and hasattr(problem, "add_note"):
         problem.add_note("use `wp.cw_mul` or `wp.dot`")
     return problem
+
+
+above.Composite = Composite
+above.flatten_numbers = flatten_numbers
+above.is_number = is_number

@@ -6,6 +6,7 @@ import builtins
 import ctypes
 import typing
 
+from warp._src.argument_kinds import above
 from warp._src.types import scalars
 from warp._src.types.composites import Composite
 from warp._src.types.matrices import Matrix, matrix
@@ -273,11 +274,12 @@ def type_size(dtype) -> int:
 
 for _dtype in (scalars.bool, *SCALAR_TYPES, *set(NAMED_TYPES.values())):
     register(_dtype)
+above.type_is_array = type_is_array
 
 __all__ = sorted(
     name
     for name in globals()
     if name[0] != "_"
-    and name not in ("annotations", "builtins", "ctypes", "scalars", "typing")
+    and name not in ("above", "annotations", "builtins", "ctypes", "scalars", "typing")
     and name not in ("classes_of", "members_of")
 )

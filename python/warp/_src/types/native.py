@@ -11,7 +11,7 @@ import weakref
 
 from warp import _native
 from warp._src import errors
-from warp._src.argument_kinds import TYPE
+from warp._src.argument_kinds import TYPE, above
 from warp._src.arguments import checked, shown, spelled
 from warp._src.types import scalars
 from warp._src.types.composites import Composite, canonical_class
@@ -285,3 +285,6 @@ class IndexedArrayType(ArrayType):
 
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.indexedarray(data, indices)`")
+
+
+above.canonical = canonical

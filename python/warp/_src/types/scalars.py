@@ -14,6 +14,7 @@ import operator
 import typing
 
 from warp._src import errors
+from warp._src.argument_kinds import above
 from warp._src.arguments import shown, spelled
 from warp._src.types.arithmetic import (
     bfloat16_from_bits,
@@ -462,3 +463,6 @@ def described(dtype) -> str:
         text = text if "'" in text else f"'{text}'"
     known = {one.__name__ for one in SCALAR_TYPES}
     return f"{text}, use `wp.{name}`" if name in known else text
+
+
+above.scalar_base = scalar_base

@@ -15,7 +15,7 @@ import warnings
 
 from warp import _native
 from warp._src import errors
-from warp._src.argument_kinds import Kind
+from warp._src.argument_kinds import Kind, above
 from warp._src.arguments import checked, misfit
 from warp._src.devices.devices import get_device
 from warp._src.types import annotations, dtypes
@@ -390,3 +390,6 @@ def _numpy_format(dtype):
     number = dtype._wp_scalar_type_._element_.str
     shape = dtype._shape_
     return f"{shape[0]}{number}" if len(shape) == 1 else f"{shape}{number}"
+
+
+above.StructInstance = StructInstance
