@@ -1,4 +1,4 @@
-//===- version-test.cpp - Version of the library ---------------------------===//
+//===- version-test.cpp - Version of the library --------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
