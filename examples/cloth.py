@@ -36,13 +36,13 @@ def pull(here: wp.vec3d, there: wp.vec3d, rest: wp.float64):
 
 @wp.kernel
 def step(
-    x: wp.array2d(dtype=wp.vec3d),
-    v: wp.array2d(dtype=wp.vec3d),
-    wind: wp.array(dtype=wp.vec3d),
+    x: wp.array2d[wp.vec3d],
+    v: wp.array2d[wp.vec3d],
+    wind: wp.array[wp.vec3d],
     rest: wp.float64,
     dt: wp.float64,
-    x_next: wp.array2d(dtype=wp.vec3d),
-    v_next: wp.array2d(dtype=wp.vec3d),
+    x_next: wp.array2d[wp.vec3d],
+    v_next: wp.array2d[wp.vec3d],
 ):
     """One step of symplectic Euler; the corners of the first row are held."""
     i, j = wp.tid()
@@ -68,9 +68,9 @@ def step(
 
 @wp.kernel
 def compare(
-    x: wp.array2d(dtype=wp.vec3d),
-    target: wp.array2d(dtype=wp.vec3d),
-    loss: wp.array(dtype=wp.float64),
+    x: wp.array2d[wp.vec3d],
+    target: wp.array2d[wp.vec3d],
+    loss: wp.array[wp.float64],
 ):
     """Mean square distance from the target [m^2]."""
     i, j = wp.tid()

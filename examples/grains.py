@@ -38,9 +38,9 @@ def contact_force(n: wp.vec3, v: wp.vec3, gap: float):
 @wp.kernel
 def forces(
     grid: wp.uint64,
-    x: wp.array(dtype=wp.vec3),
-    v: wp.array(dtype=wp.vec3),
-    f: wp.array(dtype=wp.vec3),
+    x: wp.array[wp.vec3],
+    v: wp.array[wp.vec3],
+    f: wp.array[wp.vec3],
     radius: float,
 ):
     # Neighbours in the grid are neighbours in memory and in time.
@@ -64,7 +64,7 @@ def forces(
 
 @wp.kernel
 def move(
-    x: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), f: wp.array(dtype=wp.vec3), dt: float
+    x: wp.array[wp.vec3], v: wp.array[wp.vec3], f: wp.array[wp.vec3], dt: float
 ):
     i = wp.tid()
     v[i] = v[i] + f[i] * dt

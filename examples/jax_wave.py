@@ -21,10 +21,10 @@ import warp as wp
 
 @wp.kernel
 def step(
-    now: wp.array2d(dtype=float),
-    before: wp.array2d(dtype=float),
+    now: wp.array2d[float],
+    before: wp.array2d[float],
     speed: float,
-    after: wp.array2d(dtype=float),
+    after: wp.array2d[float],
 ):
     i, j = wp.tid()
     rows = now.shape[0]

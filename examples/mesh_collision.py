@@ -28,9 +28,9 @@ RADIUS = 0.02
 @wp.kernel
 def step(
     mesh: wp.uint64,
-    positions: wp.array(dtype=wp.vec3),
-    velocities: wp.array(dtype=wp.vec3),
-    hits: wp.array(dtype=int),
+    positions: wp.array[wp.vec3],
+    velocities: wp.array[wp.vec3],
+    hits: wp.array[int],
     radius: float,
     dt: float,
 ):

@@ -35,11 +35,11 @@ class Wave:
 
 @wp.kernel
 def surface(
-    waves: wp.array(dtype=Wave),
+    waves: wp.array[Wave],
     spacing: float,
     t: float,
-    height: wp.array2d(dtype=float),
-    slope: wp.array2d(dtype=wp.vec2),
+    height: wp.array2d[float],
+    slope: wp.array2d[wp.vec2],
 ):
     """Height [m] of the water and its slope at the points of a grid."""
     i, j = wp.tid()
@@ -56,7 +56,7 @@ def surface(
 
 
 @wp.kernel
-def shade(slope: wp.array2d(dtype=wp.vec2), light: wp.vec3, color: wp.array2d(dtype=wp.vec3)):
+def shade(slope: wp.array2d[wp.vec2], light: wp.vec3, color: wp.array2d[wp.vec3]):
     """Sky that the water mirrors, by Schlick's formula, and the light of a low sun."""
     i, j = wp.tid()
     normal = wp.normalize(wp.vec3(-slope[i, j][0], -slope[i, j][1], 1.0))

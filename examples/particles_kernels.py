@@ -28,16 +28,16 @@ def make_kernels(real):
     vec3 = wp.types.vector(3, real)
 
     @wp.kernel
-    def drag(v: wp.array(dtype=vec3), k: real, wind: vec3, f: wp.array(dtype=vec3)):
+    def drag(v: wp.array[vec3], k: real, wind: vec3, f: wp.array[vec3]):
         i = wp.tid()
         f[i] = (wind - v[i]) * k
 
     @wp.kernel
     def integrate(
-        x: wp.array(dtype=vec3),
-        v: wp.array(dtype=vec3),
-        f: wp.array(dtype=vec3),
-        w: wp.array(dtype=real),
+        x: wp.array[vec3],
+        v: wp.array[vec3],
+        f: wp.array[vec3],
+        w: wp.array[real],
         gravity: vec3,
         dt: real,
     ):
@@ -57,9 +57,9 @@ def make_kernels(real):
 
     @wp.kernel
     def midpoint(
-        x: wp.array(dtype=vec3),
-        v: wp.array(dtype=vec3),
-        w: wp.array(dtype=real),
+        x: wp.array[vec3],
+        v: wp.array[vec3],
+        w: wp.array[real],
         k: real,
         wind: vec3,
         wind_half: vec3,
@@ -80,9 +80,9 @@ def make_kernels(real):
 
 @wp.kernel
 def emit(
-    x: wp.array(dtype=wp.vec3),
-    v: wp.array(dtype=wp.vec3),
-    start: wp.array(dtype=float),
+    x: wp.array[wp.vec3],
+    v: wp.array[wp.vec3],
+    start: wp.array[float],
     time: float,
     dt: float,
     step: int,

@@ -41,7 +41,7 @@ def slope(vol: wp.uint64, xyz: wp.vec3):
 
 
 @wp.kernel
-def trace(vol: wp.uint64, shade: wp.array2d(dtype=float)):
+def trace(vol: wp.uint64, shade: wp.array2d[float]):
     i, j = wp.tid()
     n = float(shade.shape[0])
     dir = wp.normalize(wp.vec3((float(j) - n / 2.0) / n, 1.0, (n / 2.0 - float(i)) / n))
@@ -61,9 +61,9 @@ def trace(vol: wp.uint64, shade: wp.array2d(dtype=float)):
 @wp.kernel
 def run(
     vol: wp.uint64,
-    x: wp.array(dtype=wp.vec3),
-    v: wp.array(dtype=wp.vec3),
-    hits: wp.array(dtype=int),
+    x: wp.array[wp.vec3],
+    v: wp.array[wp.vec3],
+    hits: wp.array[int],
     radius: float,
     dt: float,
 ):

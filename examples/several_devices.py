@@ -28,10 +28,10 @@ COURANT = 0.5
 
 @wp.kernel
 def step(
-    now: wp.array2d(dtype=float),
-    before: wp.array2d(dtype=float),
+    now: wp.array2d[float],
+    before: wp.array2d[float],
     courant2: float,
-    after: wp.array2d(dtype=float),
+    after: wp.array2d[float],
 ):
     """Leapfrog for the rows of a strip; the first and the last row are others'."""
     i, j = wp.tid()

@@ -35,8 +35,8 @@ def pull(x: wp.vec3, other: wp.vec3, rest: float):
 
 
 @wp.kernel
-def forces(x: wp.array2d(dtype=wp.vec3), stiffness: float, rest: float,
-           f: wp.array2d(dtype=wp.vec3)):  # fmt: skip
+def forces(x: wp.array2d[wp.vec3], stiffness: float, rest: float,
+           f: wp.array2d[wp.vec3]):  # fmt: skip
     """Springs between neighbours of the net, and gravity; the rim is held."""
     i, j = wp.tid()
     total = wp.vec3()
@@ -49,8 +49,8 @@ def forces(x: wp.array2d(dtype=wp.vec3), stiffness: float, rest: float,
 
 
 @wp.kernel
-def integrate(f: wp.array2d(dtype=wp.vec3), dt: float, x: wp.array2d(dtype=wp.vec3),
-              v: wp.array2d(dtype=wp.vec3)):  # fmt: skip
+def integrate(f: wp.array2d[wp.vec3], dt: float, x: wp.array2d[wp.vec3],
+              v: wp.array2d[wp.vec3]):  # fmt: skip
     """One step of the symplectic Euler scheme."""
     i, j = wp.tid()
     v1 = v[i, j] + dt * f[i, j]
@@ -59,7 +59,7 @@ def integrate(f: wp.array2d(dtype=wp.vec3), dt: float, x: wp.array2d(dtype=wp.ve
 
 
 @wp.kernel
-def height(x: wp.array2d(dtype=wp.vec3), loss: wp.array(dtype=float)):
+def height(x: wp.array2d[wp.vec3], loss: wp.array[float]):
     """Height of the middle of the net."""
     loss[0] = x[x.shape[0] // 2, x.shape[1] // 2][2]
 

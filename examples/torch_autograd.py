@@ -20,10 +20,10 @@ import warp as wp
 
 @wp.kernel
 def sum_bumps(
-    points: wp.array(dtype=wp.vec2),
-    centers: wp.array(dtype=wp.vec2),
-    heights: wp.array(dtype=float),
-    out: wp.array(dtype=float),
+    points: wp.array[wp.vec2],
+    centers: wp.array[wp.vec2],
+    heights: wp.array[float],
+    out: wp.array[float],
 ):
     i = wp.tid()
     total = float(0.0)

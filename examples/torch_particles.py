@@ -20,9 +20,9 @@ import warp as wp
 
 @wp.kernel
 def advance(
-    x: wp.array(dtype=wp.vec3),
-    v: wp.array(dtype=wp.vec3),
-    attractors: wp.array(dtype=wp.vec3),
+    x: wp.array[wp.vec3],
+    v: wp.array[wp.vec3],
+    attractors: wp.array[wp.vec3],
     dt: float,
 ):
     i = wp.tid()

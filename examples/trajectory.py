@@ -39,14 +39,14 @@ def contact(depth: wp.float64, normal: wp.vec3d, v: wp.vec3d):
 
 @wp.kernel
 def throw(
-    velocity: wp.array(dtype=wp.vec3d),
+    velocity: wp.array[wp.vec3d],
     start: wp.vec3d,
     target: wp.vec3d,
     wall: wp.float64,
     steps: int,
     dt: wp.float64,
-    flight: wp.array(dtype=wp.vec3d),
-    loss: wp.array(dtype=wp.float64),
+    flight: wp.array[wp.vec3d],
+    loss: wp.array[wp.float64],
 ):
     """The flight of the ball, and its squared distance from the target at the end [m^2]."""
     x = start

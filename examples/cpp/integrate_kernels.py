@@ -6,7 +6,7 @@ import warp as wp
 
 
 @wp.kernel
-def integrate(x: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), gravity: wp.vec3, dt: float):
+def integrate(x: wp.array[wp.vec3], v: wp.array[wp.vec3], gravity: wp.vec3, dt: float):
     i = wp.tid()
     v[i] = v[i] + gravity * dt
     x[i] = x[i] + v[i] * dt
@@ -23,5 +23,6 @@ def save(folder=".", arch=None):
 
 if __name__ == "__main__":
     chosen = int(sys.argv[2]) if len(sys.argv) > 2 else None
-    for path in save(*sys.argv[1:2], arch=chosen):
+    target = sys.argv[1] if len(sys.argv) > 1 else "."
+    for path in save(target, chosen):
         print(path)

@@ -27,7 +27,7 @@ wp.config.enable_cpu_blocks = True
 
 
 @wp.kernel
-def attract(x: wp.array(dtype=wp.vec3), softening: float, a: wp.array(dtype=wp.vec3)):
+def attract(x: wp.array[wp.vec3], softening: float, a: wp.array[wp.vec3]):
     """Accelerations; the masses are one over the number of bodies."""
     i = wp.tid()
     p = x[i]
@@ -42,8 +42,8 @@ def attract(x: wp.array(dtype=wp.vec3), softening: float, a: wp.array(dtype=wp.v
 
 
 @wp.kernel
-def move(a: wp.array(dtype=wp.vec3), dt: float, x: wp.array(dtype=wp.vec3),
-         v: wp.array(dtype=wp.vec3)):  # fmt: skip
+def move(a: wp.array[wp.vec3], dt: float, x: wp.array[wp.vec3],
+         v: wp.array[wp.vec3]):  # fmt: skip
     """One step of the symplectic Euler scheme."""
     i = wp.tid()
     faster = v[i] + dt * a[i]

@@ -31,10 +31,10 @@ def squared(x: float):
 
 
 @wp.kernel
-def network(x: wp.array2d(dtype=float), w1: wp.array2d(dtype=float), b1: wp.array(dtype=float),
-            w2: wp.array2d(dtype=float), b2: wp.array(dtype=float), w3: wp.array2d(dtype=float),
-            b3: wp.array(dtype=float), target: wp.array2d(dtype=float), scale: float,
-            y: wp.array2d(dtype=float), loss: wp.array(dtype=float)):  # fmt: skip
+def network(x: wp.array2d[float], w1: wp.array2d[float], b1: wp.array[float],
+            w2: wp.array2d[float], b2: wp.array[float], w3: wp.array2d[float],
+            b3: wp.array[float], target: wp.array2d[float], scale: float,
+            y: wp.array2d[float], loss: wp.array[float]):  # fmt: skip
     """Colours of the pixels of a block, and their mean squared error."""
     row = wp.tid() * ROWS
     a = wp.tile_load(x, shape=(ROWS, FEATURES), offset=(row, 0))
@@ -88,7 +88,8 @@ class Trainer:
     """The network, its optimiser and the picture it learns."""
 
     def __init__(self, side, device):
-        self.device, self.features, self.colors = device, *pixels(side)
+        self.device = device
+        self.features, self.colors = pixels(side)
         self.values = weights()
         self.x = wp.array(self.features, device=device)
         self.target = wp.array(self.colors, device=device)

@@ -27,8 +27,8 @@ GRAVITY = 9.81
 
 
 @wp.kernel
-def equations(q: wp.array2d(dtype=float), v: wp.array2d(dtype=float), gravity: float,
-              mass: wp.array3d(dtype=float), right: wp.array2d(dtype=float)):  # fmt: skip
+def equations(q: wp.array2d[float], v: wp.array2d[float], gravity: float,
+              mass: wp.array3d[float], right: wp.array2d[float]):  # fmt: skip
     """Row i of the mass matrix of a chain, and of the right side; masses and lengths are 1."""
     c, i = wp.tid()
     n = q.shape[1]
@@ -45,8 +45,8 @@ def solver(links):
     """The kernel that solves the system of a chain of that many links."""
 
     @wp.kernel
-    def solve(mass: wp.array3d(dtype=float), right: wp.array2d(dtype=float),
-              a: wp.array2d(dtype=float)):  # fmt: skip
+    def solve(mass: wp.array3d[float], right: wp.array2d[float],
+              a: wp.array2d[float]):  # fmt: skip
         c = wp.tid()
         factor = wp.tile_cholesky(wp.tile_load(mass[c], shape=(links, links)))
         wp.tile_store(a[c], wp.tile_cholesky_solve(factor, wp.tile_load(right[c], shape=links)))
@@ -55,8 +55,8 @@ def solver(links):
 
 
 @wp.kernel
-def advance(q0: wp.array2d(dtype=float), q1: wp.array2d(dtype=float), h: float,
-            q: wp.array2d(dtype=float)):  # fmt: skip
+def advance(q0: wp.array2d[float], q1: wp.array2d[float], h: float,
+            q: wp.array2d[float]):  # fmt: skip
     """q = q0 + h q1"""
     i, j = wp.tid()
     q[i, j] = q0[i, j] + h * q1[i, j]

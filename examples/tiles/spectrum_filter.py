@@ -26,8 +26,8 @@ CUTOFF = 24.0
 
 
 @wp.kernel
-def smooth(x: wp.array2d(dtype=wp.vec2), response: wp.array(dtype=float),
-           y: wp.array2d(dtype=wp.vec2)):  # fmt: skip
+def smooth(x: wp.array2d[wp.vec2], response: wp.array[float],
+           y: wp.array2d[wp.vec2]):  # fmt: skip
     """One signal a block; the second component is the imaginary part."""
     i = wp.tid()
     t = wp.tile_load(x, shape=(1, LENGTH), offset=(i, 0))

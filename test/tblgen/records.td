@@ -65,9 +65,9 @@ def : Warp_LibraryFunction<"within", ["(a: float) -> bool"], "looks">;
 // STUBS-NEXT: "applies"
 // STUBS: def tell(text: str, *args: Any) -> None:
 // STUBS: def within(a: float) -> builtins.bool:
-// STUBS: @overload
+// STUBS: @typing.overload
 // STUBS-NEXT: def zip(a: _S, b: _S = ...) -> _S:
-// STUBS: @overload
+// STUBS: @typing.overload
 // STUBS-NEXT: def zip(v: _Vec[Literal[3], _F], q: _Quat[_F]) -> tuple[builtins.bool, int]: ...
 
 // Groups come in the order of their first record.

@@ -24,6 +24,8 @@ def stub_definitions():
             yield node.name, node
         elif isinstance(node, ast.AnnAssign):
             yield node.target.id, node
+        elif isinstance(node, ast.Assign):
+            yield from ((target.id, node) for target in node.targets)
         elif isinstance(node, (ast.Import, ast.ImportFrom)):
             yield from ((alias.asname, node) for alias in node.names if alias.asname)
 

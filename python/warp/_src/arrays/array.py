@@ -32,8 +32,18 @@ from warp._src.types.native import ArrayType
 from warp._src.types.numpy_types import element_layout, numpy_bfloat16
 from warp._src.types.struct_fields import describe
 
+# For type checkers, to which `wp.array[wp.vec3]` is a type.
+_Element = typing.TypeVar("_Element")
 
-class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native.Array):
+
+class array(
+    ArrayViews,
+    ArrayGradients,
+    ArrayProtocols,
+    ArrayArithmetic,
+    _native.Array,
+    typing.Generic[_Element],
+):
     """An array of scalars, vectors, matrices, quaternions, transforms or structs.
 
     Args:
@@ -74,7 +84,16 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
     # The arguments the array was made with, to be read: storing another one changes nothing.
     deleter = None
 
-    def __new__(cls, data=None, dtype=typing.Any, shape=None, *args, ptr=None, length=None, **kw):
+    def __new__(
+        cls,
+        data=None,
+        dtype: typing.Any = typing.Any,
+        shape=None,
+        *args,
+        ptr=None,
+        length=None,
+        **kw,
+    ) -> typing.Any:
         if data is None and shape is None and ptr is None and length is None and not args:
             if kw.keys() - {"ndim"}:
                 raise ValueError("expects `data`, `shape` or `ptr` to make an array")
@@ -91,7 +110,7 @@ class array(ArrayViews, ArrayGradients, ArrayProtocols, ArrayArithmetic, _native
     def __init__(
         self,
         data=None,
-        dtype=typing.Any,
+        dtype: typing.Any = typing.Any,
         shape=None,
         strides=None,
         ptr=None,
@@ -368,7 +387,10 @@ class RankedArray:
 
 hooks.plain_array = array
 ArrayType.array_class = array
-array1d = RankedArray(1)
-array2d = RankedArray(2)
-array3d = RankedArray(3)
-array4d = RankedArray(4)
+if typing.TYPE_CHECKING:
+    array1d: typing.TypeAlias = array[_Element]
+    array2d: typing.TypeAlias = array[_Element]
+    array3d: typing.TypeAlias = array[_Element]
+    array4d: typing.TypeAlias = array[_Element]
+else:
+    array1d, array2d, array3d, array4d = map(RankedArray, (1, 2, 3, 4))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import typing
 import warnings
 
 from warp._src.argument_kinds import ARRAY
@@ -20,7 +21,7 @@ from warp._src.types.numpy_types import dtype_from_numpy
 @checked()
 def empty(
     shape=None,
-    dtype=float,
+    dtype: typing.Any = float,
     device=None,
     requires_grad=False,
     pinned=False,
@@ -72,7 +73,7 @@ def empty(
 @checked()
 def zeros(
     shape=None,
-    dtype=float,
+    dtype: typing.Any = float,
     device=None,
     requires_grad=False,
     pinned=False,
@@ -93,7 +94,7 @@ def zeros(
 @checked()
 def ones(
     shape=None,
-    dtype=float,
+    dtype: typing.Any = float,
     device=None,
     requires_grad=False,
     pinned=False,

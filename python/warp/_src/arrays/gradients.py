@@ -13,6 +13,7 @@ and rounds it once (`derivatives.wide_gradients`).
 from __future__ import annotations
 
 import functools
+import typing
 
 from warp import _native
 from warp._src import errors
@@ -81,7 +82,7 @@ class ArrayGradients:
         self._retain_grad = bool(value)
 
     @property
-    def grad(self):
+    def grad(self) -> typing.Any:
         """The array of derivatives, or None; zero when it is first read.
 
         Where components have 16 bits, one with 16 or with 32 can be set.

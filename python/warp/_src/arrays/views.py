@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import operator
+import typing
 
 from warp._src import errors
 from warp._src.argument_kinds import AXES
@@ -68,7 +69,7 @@ class ArrayViews:
             result.lent = True
         return result
 
-    def __getitem__(self, key):
+    def __getitem__(self, key) -> typing.Any:
         if _has_arrays(key):
             return hooks.select(self, key)
         offset, shape, strides = self._select(key)

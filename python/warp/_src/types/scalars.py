@@ -351,14 +351,28 @@ def _make_int(bits, signed):
     )
 
 
-int8 = _make_int(8, True)
-int16 = _make_int(16, True)
-int32 = _make_int(32, True)
-int64 = _make_int(64, True)
-uint8 = _make_int(8, False)
-uint16 = _make_int(16, False)
-uint32 = _make_int(32, False)
-uint64 = _make_int(64, False)
+if typing.TYPE_CHECKING:
+
+    class int8(int_base): ...
+
+    class int16(int_base): ...
+
+    # In kernels the two are the same.
+    int32: typing.TypeAlias = int
+
+    class int64(int_base): ...
+
+    class uint8(int_base): ...
+
+    class uint16(int_base): ...
+
+    class uint32(int_base): ...
+
+    class uint64(int_base): ...
+
+else:
+    int8, int16, int32, int64 = (_make_int(bits, True) for bits in (8, 16, 32, 64))
+    uint8, uint16, uint32, uint64 = (_make_int(bits, False) for bits in (8, 16, 32, 64))
 
 
 class handle(uint64):
@@ -399,14 +413,18 @@ class bfloat16(float_base):
         return bfloat16_from_bits(bfloat16_to_bits(as_float(cls, value)))
 
 
-class float32(float_base):
-    """IEEE single precision."""
+if typing.TYPE_CHECKING:
+    float32: typing.TypeAlias = float
+else:
 
-    __slots__ = ()
-    _type_ = ctypes.c_float
-    _native_ = "f32"
-    _numpy_name_ = "float32"
-    _bits_ = 32
+    class float32(float_base):
+        """IEEE single precision."""
+
+        __slots__ = ()
+        _type_ = ctypes.c_float
+        _native_ = "f32"
+        _numpy_name_ = "float32"
+        _bits_ = 32
 
 
 class float64(float_base):
