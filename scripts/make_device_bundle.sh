@@ -16,5 +16,5 @@ if [ ! "$bundle/libwarp.so.xz" -nt "$package/libwarp.so" ] ||
   xz -T0 -4 -f "$bundle/libwarp.so"
   echo "$package" >"$bundle/origin"
 fi
-cp "$package/_src/builtin_table.py" "$package/__init__.pyi" "$bundle/"
+cp "$package"/_src/builtin_{table,calls}.py "$package/__init__.pyi" "$bundle/"
 du -ch "$bundle"/* | sed 's/^/device bundle: /'

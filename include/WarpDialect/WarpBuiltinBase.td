@@ -132,14 +132,63 @@ class Warp_Builtin<string mnemonic, string groupOf, list<string> overloadsOf,
   }];
 }
 
-/// A name under `warp` that the front end expands by rules of its own. The
-/// overloads are Python signatures, for documentation and stubs.
+/// A condition on the arguments of a call. The message, which follows the name
+/// of the builtin, has expressions in braces; it is a `TypeError`'s where
+/// `isType` is set. Applies to the overloads that have all names in it.
+class Require<string conditionOf, string messageOf, string hintOf = "",
+              string alsoOf = ""> {
+  string condition = conditionOf;
+  string message = messageOf;
+  /// The fix, and how NVIDIA Warp says that the condition is false.
+  string hint = hintOf;
+  string also = alsoOf;
+  bit isType = 0;
+}
+class RequireType<string condition, string message, string hint = "",
+                  string also = ""> : Require<condition, message, hint, also> {
+  let isType = 1;
+}
+
+/// A name under `warp` that the front end expands.
+///
+/// With a call, which is a Python expression of the parameters, the front end
+/// binds arguments by the overload: `name: type = default`, `*name: type` for
+/// the rest, `*` before parameters that are given by name. Types are
+///   Any                        whatever it is bound to, unchanged
+///   A, S, F, I, ...            a value; letters as above, and H for any float
+///   value, int                 a value of any type, of any integer type
+///   bool, i32, u32, f32, ...   a value of that type; numbers convert
+///   tile<F, [M, K]>            a tile of two dimensions; M and K stand for one
+///                              extent throughout, as F does for one type
+///   tile<F, D>, tile<F>        a tile of any shape; D stands for its shape
+///   array<k, A>, array         an array of k dimensions, or any array
+///   shape, dtype               extents, an element type
+///   const, const<int>          a number known when the kernel is compiled
+///   condition                  a value of type bool, or True
+///   'lower'|'upper'            one of these strings
+///   offsets<a>, axis<a>        an index per dimension of the parameter a, one
+///                              of its dimensions; `*i: index<a>` is the former
+///   stack                      a stack of a block
+/// A parameter marked `inout` takes the value that the call gives it, behind
+/// the result if there is one.
+///
+/// In expressions, names that are neither parameters nor letters belong to the
+/// call (python/warp/_src/frontend/binder.py): `make('fft', a)` makes
+/// `warp.tile_fft`, `builtin('add', a, b)` calls a builtin, `library('f', a)`
+/// a function of the kernel language, and `output`, `tiles`, ... are parts of
+/// the front end, for what takes more than an expression.
+///
+/// Without a call, the front end has a method `builtin_<name>`, and the
+/// overloads are Python signatures.
 class Warp_Special<string name, string groupOf, list<string> overloadsOf,
-                   string summaryOf> {
+                   string summaryOf, list<string> callsOf = []> {
   string pythonName = name;
   string group = groupOf;
   list<string> overloads = overloadsOf;
   string summary = summaryOf;
+  /// One for each overload, or one for all.
+  list<string> calls = callsOf;
+  list<Require> requirements = [];
 }
 
 /// A function under `warp` that is written in the kernel language. `module` of

@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What users read about them; the front end makes operations of
-// WarpTileOps.td of them.
+// Signatures and calls: the front end binds arguments by the former, and makes
+// operations of WarpTileOps.td by the latter.
 //
 //===----------------------------------------------------------------------===//
 
@@ -12,212 +12,413 @@
 
 include "WarpBuiltinBase.td"
 
-class Warp_TileSpecial<string name, list<string> overloads, string summaryOf>
-    : Warp_Special<name, "Tiles", overloads, summaryOf>;
+class Warp_TileSpecial<string name, list<string> overloads, string summaryOf,
+                       list<string> calls = []>
+    : Warp_Special<name, "Tiles", overloads, summaryOf, calls>;
+
+//===----------------------------------------------------------------------===//
+// Values and threads
+//===----------------------------------------------------------------------===//
 
 def Warp_BlockDimName : Warp_TileSpecial<"block_dim",
     ["() -> int"],
-     "number of threads of a block; 1 on a CPU">;
+    "number of threads of a block; 1 on a CPU",
+    ["session.block_threads()"]>;
 def Warp_TileName : Warp_TileSpecial<"tile",
-    ["(x: Any, preserve_type: Any = False) -> Any"],
-     "tile of what each thread of the block has; vectors become columns "
-     "unless `preserve_type`">;
+    ["(x: value, preserve_type: const = False) -> tile"],
+    "tile of what each thread of the block has; vectors become columns "
+    "unless `preserve_type`",
+    ["tiles.values.from_threads(node, x, preserve_type)"]> {
+  let requirements = [
+    RequireType<"x.type.kind != 'tile'",
+      "expects a value of each thread">];
+}
 def Warp_UntileName : Warp_TileSpecial<"untile",
-    ["(a: Any) -> Any"],
-     "what this thread has of a tile that `tile` could have made">;
+    ["(a: tile<A, D>) -> Any"],
+    "what this thread has of a tile that `tile` could have made",
+    ["make('to_threads', a, element=tiles.values.of_thread(A, D))"]> {
+  let requirements = [
+    RequireType<"len(D) <= 3",
+      "expects at most three dimensions">,
+    Require<"D[-1] == session.block_threads()",
+      "argument must have {session.block_threads()} elements in its last "
+      "dimension, one for each thread of the block, but has {D[-1]}">];
+}
 def Warp_TileFromThreadName : Warp_TileSpecial<"tile_from_thread",
-    ["(shape: Any, value: Any, thread_idx: int, storage: str = "
-     "\"register\") -> Any"],
-     "the value of one thread in all elements">;
-def Warp_TileZerosName : Warp_TileSpecial<"tile_zeros",
-    ["(shape: Any, dtype: Any = float, storage: str = \"register\") -> Any"],
-     "tile of zeros">;
-def Warp_TileOnesName : Warp_TileSpecial<"tile_ones",
-    ["(shape: Any, dtype: Any = float, storage: str = \"register\") -> Any"],
-     "tile of ones">;
-def Warp_TileEmptyName : Warp_TileSpecial<"tile_empty",
-    ["(shape: Any, dtype: Any = float, storage: str = \"register\") -> Any"],
-     "tile of unspecified elements">;
+    ["(shape: shape, value: value, thread_idx: Any, storage: "
+     "'register'|'shared' = 'register') -> tile"],
+    "the value of one thread in all elements",
+    ["tiles.values.from_thread(node, shape, value, thread_idx)"]>;
+
+class Warp_TileFill<string name, string value, string summary>
+    : Warp_TileSpecial<name,
+    ["(shape: shape, dtype: dtype = float, "
+     "storage: 'register'|'shared' = 'register') -> tile"],
+    summary, ["make('splat', " # value # ", shape=shape, element=dtype)"]>;
+def Warp_TileZerosName : Warp_TileFill<"tile_zeros", "zero(dtype)",
+    "tile of zeros">;
+def Warp_TileEmptyName : Warp_TileFill<"tile_empty", "zero(dtype)",
+    "tile of unspecified elements">;
+def Warp_TileOnesName : Warp_TileFill<"tile_ones", "constant(dtype, 1)",
+    "tile of ones"> {
+  let requirements = [
+    RequireType<"dtype.kind != 'struct'",
+      "does not support Warp struct dtypes; use tile_full() with an explicit "
+      "value">];
+}
 def Warp_TileFullName : Warp_TileSpecial<"tile_full",
-    ["(shape: Any, value: Any, dtype: Any = None, storage: str = "
-     "\"register\") -> Any"],
-     "tile with a value in all elements">;
+    ["(shape: shape, value: Any, dtype: dtype = None, storage: "
+     "'register'|'shared' = 'register') -> tile"],
+    "tile with a value in all elements",
+    ["tiles.values.full(node, shape, value, dtype)"]>;
 def Warp_TileArangeName : Warp_TileSpecial<"tile_arange",
-    ["(*args: Any, dtype: Any = None, storage: str = \"register\") -> Any"],
-     "tile of start, start + step, ... before stop, from constants">;
-def Warp_TileRandiName : Warp_TileSpecial<"tile_randi",
-    ["(shape: Any, rng: uint32, storage: str = \"register\") -> Any",
-     "(shape: Any, rng: uint32, min: int, max: int, storage: str = "
-     "\"register\") -> Any"],
-     "tile of random integers, in [min, max) where bounds are given">;
-def Warp_TileRandfName : Warp_TileSpecial<"tile_randf",
-    ["(shape: Any, rng: uint32, storage: str = \"register\") -> Any",
-     "(shape: Any, rng: uint32, min: float, max: float, storage: str = "
-     "\"register\") -> Any"],
-     "tile of random floats in [0, 1), or in [min, max)">;
+    ["(*args: Any, dtype: dtype = None, storage: 'register'|'shared' = "
+     "'register') -> tile"],
+    "tile of start, start + step, ... before stop, from constants",
+    ["tiles.values.arange(node, args, dtype)"]>;
+
+class Warp_TileRandom<string name, string draw, string summary>
+    : Warp_TileSpecial<name,
+    ["(shape: shape, rng: u32, storage: 'register'|'shared' = 'register') "
+     "-> tile",
+     "(shape: shape, rng: u32, min: Any, max: Any, "
+     "storage: 'register'|'shared' = 'register') -> tile"],
+    summary,
+    ["tiles.randoms.drawn(node, '" # draw # "', shape, rng)",
+     "tiles.randoms.drawn(node, '" # draw # "', shape, rng, min, max)"]>;
+def Warp_TileRandiName : Warp_TileRandom<"tile_randi", "randi",
+    "tile of random integers, in [min, max) where bounds are given">;
+def Warp_TileRandfName : Warp_TileRandom<"tile_randf", "randf",
+    "tile of random floats in [0, 1), or in [min, max)">;
+
+//===----------------------------------------------------------------------===//
+// Arrays
+//===----------------------------------------------------------------------===//
+
 def Warp_TileLoadName : Warp_TileSpecial<"tile_load",
-    ["(a: array, shape: Any, offset: Any = None, storage: str = "
-     "\"register\", bounds_check: Any = True, aligned: Any = False) -> "
-     "Any"],
-     "tile of array elements from an offset on; zero outside of the "
-     "array">;
+    ["(a: array<k, A>, shape: shape, offset: offsets<a> = None, storage: "
+     "'register'|'shared' = 'register', bounds_check: const = True, aligned: "
+     "Any = False) -> tile<A>"],
+    "tile of array elements from an offset on; zero outside of the array",
+    ["make('load', a, *offset, shape=shape, checked=bool(bounds_check))"]> {
+  let requirements = [
+    Require<"len(shape) == k",
+      "array argument must have same number of dimensions as the tile shape, "
+      "trying to perform an {len(shape)} dimensional load from an array with "
+      "{k} dimensions.">];
+}
 def Warp_TileLoadIndexedName : Warp_TileSpecial<"tile_load_indexed",
-    ["(a: array, indices: Any, shape: Any, offset: Any = None, axis: Any"
-     " = 0, storage: str = \"register\") -> Any"],
-     "the same with indices along one dimension">;
+    ["(a: array<k, A>, indices: tile<B, D>, shape: shape, offset: offsets<a> "
+     "= None, axis: axis<a> = 0, storage: 'register'|'shared' = 'register') "
+     "-> tile<A>"],
+    "the same with indices along one dimension",
+    ["make('load', a, *offset, indices, shape=shape, axis=axis, flag=True)"]> {
+  let requirements = [
+    Require<"len(shape) == k",
+      "array argument must have same number of dimensions as the tile shape, "
+      "trying to perform an {len(shape)} dimensional load from an array with "
+      "{k} dimensions.">,
+    Require<"len(D) == 1",
+      "indices argument must be a 1D tile, got {len(D)} dimensions instead.">,
+    Require<"D[0] == shape[axis]",
+      "indices and shape disagree along axis {axis}: {D[0]} and "
+      "{shape[axis]}">];
+}
 def Warp_TileStoreName : Warp_TileSpecial<"tile_store",
-    ["(a: array, t: Any, offset: Any = None, bounds_check: Any = True, "
-     "aligned: Any = False) -> None"],
-     "writes a tile to array elements; those outside are dropped">;
+    ["(a: array<k, A>, t: tile<A, D>, offset: offsets<a> = None, "
+     "bounds_check: const = True, aligned: Any = False) -> None"],
+    "writes a tile to array elements; those outside are dropped",
+    ["make('store', t, a, *offset, checked=bool(bounds_check))"]> {
+  let requirements = [
+    Require<"len(D) == k",
+      "'a' argument must have the same number of dimensions as the 't' "
+      "argument, got {k} and {len(D)}">];
+}
 def Warp_TileStoreIndexedName : Warp_TileSpecial<"tile_store_indexed",
-    ["(a: array, indices: Any, t: Any, offset: Any = None, axis: int = "
-     "0) -> None"],
-     "the same with indices along one dimension">;
+    ["(a: array<k, A>, indices: tile<B, D>, t: tile<A, E>, offset: "
+     "offsets<a> = None, axis: axis<a> = 0) -> None"],
+    "the same with indices along one dimension",
+    ["make('store', t, a, *offset, indices, kind='add', axis=axis, "
+     "flag=True)"]> {
+  let requirements = [
+    Require<"len(E) == k",
+      "'a' argument must have the same number of dimensions as the 't' "
+      "argument, got {k} and {len(E)}">,
+    Require<"len(D) == 1",
+      "indices argument must be a 1D tile, got {len(D)} dimensions instead.">];
+}
 def Warp_TileAtomicAddName : Warp_TileSpecial<"tile_atomic_add",
-    ["(a: array, t: Any, offset: Any = None, bounds_check: Any = True) "
-     "-> Any"],
-     "adds a tile to array elements, each atomically; the old elements">;
+    ["(a: array<k, A>, t: tile<A, D>, offset: offsets<a> = None, "
+     "bounds_check: const = True) -> tile<A, D>"],
+    "adds a tile to array elements, each atomically; the old elements",
+    ["make('atomic', t, a, *offset, kind='add', checked=bool(bounds_check))"]> {
+  let requirements = [
+    Require<"len(D) == k",
+      "'a' argument must have the same number of dimensions as the 't' "
+      "argument, got {k} and {len(D)}">];
+}
 def Warp_TileAtomicAddIndexedName : Warp_TileSpecial<"tile_atomic_add_indexed",
-    ["(a: array, indices: Any, t: Any, offset: Any = None, axis: int = "
-     "0) -> Any"],
-     "the same with indices along one dimension">;
+    ["(a: array<k, A>, indices: tile<B, D>, t: tile<A, E>, offset: "
+     "offsets<a> = None, axis: axis<a> = 0) -> tile<A, E>"],
+    "the same with indices along one dimension",
+    ["make('atomic', t, a, *offset, indices, kind='add', axis=axis, "
+     "flag=True)"]> {
+  let requirements = [
+    Require<"len(E) == k",
+      "'a' argument must have the same number of dimensions as the 't' "
+      "argument, got {k} and {len(E)}">,
+    Require<"len(D) == 1",
+      "indices argument must be a 1D tile, got {len(D)} dimensions instead.">];
+}
 def Warp_TileViewName : Warp_TileSpecial<"tile_view",
-    ["(t: Any, offset: Any, shape: Any = None) -> Any"],
-     "part of a tile; assigning to it changes the tile">;
+    ["(t: tile<A, D>, offset: Any, shape: shape = None) -> tile<A>"],
+    "part of a tile; assigning to it changes the tile",
+    ["tiles.places.view(node, t, argument('t'), offset, shape)"]>;
 def Warp_TileSliceIndexedName : Warp_TileSpecial<"tile_slice_indexed",
-    ["(t: Any, indices: tuple) -> Any"],
-     "rows of a tile by a tile of indices, as `t[indices, :]`: a copy">;
+    ["(t: tile<A, D>, indices: Any) -> tile<A>"],
+    "rows of a tile by a tile of indices, as `t[indices, :]`: a copy",
+    ["tiles.gathers.sliced(node, t, indices)"]>;
 def Warp_TileAssignName : Warp_TileSpecial<"tile_assign",
-    ["(dst: Any, src: Any, offset: Any = None) -> None"],
-     "replaces a part of a tile">;
+    ["(dst: inout tile<A, D>, src: tile<B, E>, offset: offsets<dst> = None) "
+     "-> None"],
+    "replaces a part of a tile",
+    ["make('insert', tiles.changes.of_element(node, src, A), dst, *offset, "
+     "axes=[1] * len(D))"]> {
+  let requirements = [
+    Require<"len(D) == len(E)",
+      "destination and source tiles must have the same rank, got {len(D)} "
+      "and {len(E)}">,
+    Require<"fits(E, D)",
+      "source tile of shape {E} does not fit into a destination of shape {D}">];
+}
 def Warp_TileExtractName : Warp_TileSpecial<"tile_extract",
-    ["(a: Any, *indices: int) -> Any"],
-     "element of a tile, or component of one">;
-def Warp_TileScatterAddName : Warp_TileSpecial<"tile_scatter_add",
-    ["(a: Any, *indices: int, value: Any, has_value: Any = True, "
-     "atomic: Any = True) -> None"],
-     "each thread with a value adds it to an element">;
-def Warp_TileScatterMaskedName : Warp_TileSpecial<"tile_scatter_masked",
-    ["(a: Any, *indices: int, value: Any, has_value: Any = True) -> "
-     "None"],
-     "each thread with a value assigns it to an element">;
+    ["(a: tile<A, D>, *indices: index<a>) -> Any"],
+    "element of a tile, or component of one",
+    ["tiles.changes.extracted(node, a, indices)"]> {
+  let requirements = [
+    Require<"len(indices) in (len(D), len(D) + len(A.shape))",
+      "incorrect number of indices ({len(indices)}) for tile shape {D}",
+      "",
+      "tile_extract: incorrect number of indices">];
+}
+
+class Warp_TileScatter<string name, string kind, string summary, string more>
+    : Warp_TileSpecial<name,
+    ["(a: inout tile<A, D>, *indices: index<a>, value: Any, "
+     "has_value: condition = True" # more # ") -> None"], summary,
+    ["tiles.changes.scattered(node, '" # kind #
+     "', a, indices, value, has_value)"]> {
+  let requirements = [
+    Require<"len(indices) == len(D)",
+      "expects {len(D)} indices for tile shape {D}, but got {len(indices)}",
+      "", name # ": incorrect number of indices">];
+}
+def Warp_TileScatterAddName : Warp_TileScatter<"tile_scatter_add", "add",
+    "each thread with a value adds it to an element", ", atomic: Any = True">;
+def Warp_TileScatterMaskedName : Warp_TileScatter<"tile_scatter_masked",
+    "assign", "each thread with a value assigns it to an element", "">;
+
+//===----------------------------------------------------------------------===//
+// Shapes
+//===----------------------------------------------------------------------===//
+
 def Warp_TileTransposeName : Warp_TileSpecial<"tile_transpose",
-    ["(a: Any) -> Any"],
-     "tile of two dimensions with these exchanged">;
+    ["(a: tile<A, [M, N]>) -> tile<A, [N, M]>"],
+    "tile of two dimensions with these exchanged",
+    ["seen('a', 'transpose', [N, M], [1, 0])"]>;
 def Warp_TileBroadcastName : Warp_TileSpecial<"tile_broadcast",
-    ["(a: Any, shape: Any) -> Any"],
-     "tile repeated along dimensions of extent 1">;
+    ["(a: tile<A, D>, shape: shape) -> tile<A>"],
+    "tile repeated along dimensions of extent 1",
+    ["seen('a', 'broadcast', shape)"]> {
+  let requirements = [
+    Require<"tiles.shapes.repeats(D, shape)",
+      "cannot broadcast shape {D} to {tuple(shape)}">];
+}
 def Warp_TileReshapeName : Warp_TileSpecial<"tile_reshape",
-    ["(t: Any, shape: Any) -> Any"],
-     "the same elements in another shape; one extent may be -1">;
+    ["(t: tile<A, D>, shape: Any) -> tile<A>"],
+    "the same elements in another shape; one extent may be -1",
+    ["seen('t', 'reshape', tiles.shapes.completed(node, D, shape))"]>;
 def Warp_TileSqueezeName : Warp_TileSpecial<"tile_squeeze",
-    ["(t: Any, axis: Any = None) -> Any"],
-     "tile without dimensions of extent 1">;
+    ["(t: tile<A, D>, axis: Any = None) -> tile<A>"],
+    "tile without dimensions of extent 1",
+    ["seen('t', 'reshape', tiles.shapes.squeezed(node, D, axis))"]>;
 def Warp_TileAstypeName : Warp_TileSpecial<"tile_astype",
-    ["(t: Any, dtype: Any) -> Any"],
-     "tile of converted elements">;
+    ["(t: tile<A, D>, dtype: dtype) -> tile"],
+    "tile of converted elements",
+    ["tiles.elements.converted(node, t, dtype)"]>;
 def Warp_TileMapName : Warp_TileSpecial<"tile_map",
-    ["(op: Any, *args: Any) -> Any"],
-     "function of corresponding elements of tiles; other operands are "
-     "the same for all">;
+    ["(op: Any, *args: value) -> tile"],
+    "function of corresponding elements of tiles; other operands are the "
+    "same for all",
+    ["tiles.elements.map(node, op, args)"]>;
 def Warp_TileAxpyName : Warp_TileSpecial<"tile_axpy",
-    ["(alpha: Any, src: Any, dest: Any) -> None"],
-     "dest += alpha * src">;
+    ["(alpha: Any, src: tile<A, D>, dest: inout tile<B, D>) -> None"],
+    "dest += alpha * src",
+    ["tiles.changes.axpy(node, alpha, src, dest, place('dest'))"]>;
 def Warp_TileSumName : Warp_TileSpecial<"tile_sum",
-    ["(a: Any, axis: Any = None) -> Any"],
-     "sum of elements, all or along one dimension">;
-def Warp_TileMinName : Warp_TileSpecial<"tile_min",
-    ["(a: Any, axis: Any = None) -> Any"],
-     "smallest element; NaN is skipped">;
-def Warp_TileMaxName : Warp_TileSpecial<"tile_max",
-    ["(a: Any, axis: Any = None) -> Any"],
-     "largest element; NaN is skipped">;
-def Warp_TileArgminName : Warp_TileSpecial<"tile_argmin",
-    ["(a: Any, axis: Any = None) -> Any"],
-     "position of the smallest element, the first of several">;
-def Warp_TileArgmaxName : Warp_TileSpecial<"tile_argmax",
-    ["(a: Any, axis: Any = None) -> Any"],
-     "position of the largest element, the first of several">;
+    ["(a: tile<A, D>, axis: axis<a> = None) -> tile<A>"],
+    "sum of elements, all or along one dimension",
+    ["tiles.elements.summed(node, a, axis)"]>;
+
+class Warp_TileExtremum<string name, string operation, string kind,
+                        string summary>
+    : Warp_TileSpecial<name,
+    ["(a: tile<S, D>, axis: axis<a> = None) -> tile"], summary,
+    ["make('" # operation # "', a, kind='" # kind # "', axis=axis)"]>;
+def Warp_TileMinName : Warp_TileExtremum<"tile_min", "reduce", "min",
+    "smallest element; NaN is skipped">;
+def Warp_TileMaxName : Warp_TileExtremum<"tile_max", "reduce", "max",
+    "largest element; NaN is skipped">;
+def Warp_TileArgminName : Warp_TileExtremum<"tile_argmin", "arg_reduce", "min",
+    "position of the smallest element, the first of several">;
+def Warp_TileArgmaxName : Warp_TileExtremum<"tile_argmax", "arg_reduce", "max",
+    "position of the largest element, the first of several">;
+
 def Warp_TileDotName : Warp_TileSpecial<"tile_dot",
-    ["(a: Any, b: Any) -> Any"],
-     "sum of products of elements; inner products of composites">;
+    ["(a: tile<A, D>, b: tile<B, D>) -> tile"],
+    "sum of products of elements; inner products of composites",
+    ["make('reduce', tiles.elements.inner(node, a, b), kind='add')"]>;
 def Warp_TileReduceName : Warp_TileSpecial<"tile_reduce",
-    ["(op: Any, a: Any, axis: Any = None) -> Any"],
-     "elements combined by an associative function">;
-def Warp_TileScanInclusiveName : Warp_TileSpecial<"tile_scan_inclusive",
-    ["(a: Any) -> Any"],
-     "sums of elements up to each">;
-def Warp_TileScanExclusiveName : Warp_TileSpecial<"tile_scan_exclusive",
-    ["(a: Any) -> Any"],
-     "sums of elements before each">;
-def Warp_TileScanMaxInclusiveName : Warp_TileSpecial<"tile_scan_max_inclusive",
-    ["(a: Any) -> Any"],
-     "largest elements up to each">;
-def Warp_TileScanMinInclusiveName : Warp_TileSpecial<"tile_scan_min_inclusive",
-    ["(a: Any) -> Any"],
-     "smallest elements up to each">;
+    ["(op: Any, a: tile<A, D>, axis: axis<a> = None) -> tile<A>"],
+    "elements combined by an associative function",
+    ["tiles.elements.reduced(node, op, a, axis)"]>;
+
+class Warp_TileScan<string name, string kind, string exclusive, string summary>
+    : Warp_TileSpecial<name, ["(a: tile<S, D>) -> tile<S, D>"], summary,
+    ["make('scan', a, kind='" # kind # "', flag=" # exclusive # ")"]>;
+def Warp_TileScanInclusiveName : Warp_TileScan<"tile_scan_inclusive", "add",
+    "False", "sums of elements up to each">;
+def Warp_TileScanExclusiveName : Warp_TileScan<"tile_scan_exclusive", "add",
+    "True", "sums of elements before each">;
+def Warp_TileScanMaxInclusiveName : Warp_TileScan<"tile_scan_max_inclusive",
+    "max", "False", "largest elements up to each">;
+def Warp_TileScanMinInclusiveName : Warp_TileScan<"tile_scan_min_inclusive",
+    "min", "False", "smallest elements up to each">;
+
 def Warp_TileSortName : Warp_TileSpecial<"tile_sort",
-    ["(keys: Any, values: Any) -> None"],
-     "sorts keys, and values along with them, in place; stable, NaN last">;
+    ["(keys: inout tile<A, D>, values: inout tile<B, D>) -> None"],
+    "sorts keys, and values along with them, in place; stable, NaN last",
+    ["tiles.elements.sorted(keys, values)"]>;
 def Warp_TileMatmulName : Warp_TileSpecial<"tile_matmul",
-    ["(a: Any, b: Any, alpha: Any = 1.0, precision: str = \"default\") -> "
-     "Any",
-     "(a: Any, b: Any, out: Any, alpha: Any = 1.0, beta: Any = 1.0, "
-     "precision: str = \"default\") -> None"],
-     "alpha a b, or out = alpha a b + beta out; floats of 16 bits are "
-     "summed in float32">;
-def Warp_TileCholeskyName : Warp_TileSpecial<"tile_cholesky",
-    ["(A: Any, fill_mode: str = \"lower\") -> Any"],
-     "triangular factor of a positive definite matrix, of which one "
-     "triangle is read; NaN if it is not">;
-def Warp_TileCholeskyInplaceName : Warp_TileSpecial<"tile_cholesky_inplace",
-    ["(A: Any, fill_mode: str = \"lower\") -> None"],
-     "the same, in place">;
-def Warp_TileCholeskySolveName : Warp_TileSpecial<"tile_cholesky_solve",
-    ["(L: Any, y: Any, fill_mode: str = \"lower\") -> Any"],
-     "solution of a system whose matrix has this factor">;
-def Warp_TileCholeskySolveInplaceName : Warp_TileSpecial<"tile_cholesky_solve_inplace",
-    ["(L: Any, y: Any, fill_mode: str = \"lower\") -> None"],
-     "the same, in place">;
-def Warp_TileLowerSolveName : Warp_TileSpecial<"tile_lower_solve",
-    ["(L: Any, y: Any) -> Any"],
-     "solution of L x = y with the lower triangle">;
-def Warp_TileLowerSolveInplaceName : Warp_TileSpecial<"tile_lower_solve_inplace",
-    ["(L: Any, y: Any) -> None"],
-     "the same, in place">;
-def Warp_TileUpperSolveName : Warp_TileSpecial<"tile_upper_solve",
-    ["(U: Any, z: Any) -> Any"],
-     "solution of U x = z with the upper triangle">;
-def Warp_TileUpperSolveInplaceName : Warp_TileSpecial<"tile_upper_solve_inplace",
-    ["(U: Any, z: Any) -> None"],
-     "the same, in place">;
+    ["(a: tile<F, [M, K]>, b: tile<G, [K, N]>, out: inout tile<H, [M, N]>, "
+     "alpha: Any = 1.0, beta: Any = 1.0, precision: "
+     "'default'|'tf32'|'tf32x3' = 'default') -> None",
+     "(a: tile<F, [M, K]>, b: tile<G, [K, N]>, alpha: Any = 1.0, precision: "
+     "'default'|'tf32'|'tf32x3' = 'default') -> tile"],
+    "alpha a b, or out = alpha a b + beta out; floats of 16 bits are summed "
+    "in float32",
+    ["tiles.algebra.product(node, a, b, alpha, out, beta)",
+     "tiles.algebra.product(node, a, b, alpha)"]> {
+  let requirements = [
+    RequireType<"precision == 'default' or F.python_name == 'float32'",
+      "precision='{precision}' requires float32 tiles, got {F.python_name}">];
+}
+
+// A square tile of numbers that are good enough to solve with.
+class Warp_TileSolver<string name, list<string> overloads, string summary,
+                      list<string> calls>
+    : Warp_TileSpecial<name, overloads, summary, calls> {
+  let requirements = [
+    Require<"F.width >= 32",
+      "expects a tile of float32 or float64, but got {F.python_name}">];
+}
+class Warp_TileFactor<string name, string inout, string result, string summary>
+    : Warp_TileSolver<name,
+    ["(A: " # inout # "tile<F, [N, N]>, "
+     "fill_mode: 'lower'|'upper' = 'lower') -> " # result], summary,
+    ["make('cholesky', A, flag=fill_mode == 'upper')"]>;
+def Warp_TileCholeskyName : Warp_TileFactor<"tile_cholesky", "",
+    "tile<F, [N, N]>",
+    "triangular factor of a positive definite matrix, of which one "
+    "triangle is read; NaN if it is not">;
+def Warp_TileCholeskyInplaceName : Warp_TileFactor<"tile_cholesky_inplace",
+    "inout ", "None", "the same, in place">;
+
+class Warp_TileSolve<string name, string parameters, string result,
+                     string summary, string call>
+    : Warp_TileSolver<name, ["(" # parameters # ") -> " # result], summary,
+    [call]> {
+  let requirements = [
+    Require<"F.width >= 32",
+      "expects a tile of float32 or float64, but got {F.python_name}">,
+    Require<"len(D) <= 2 and D[0] == N and B == F",
+      "expects a right side with {N} rows of '{F.python_name}', but got shape "
+      "{D} of '{B.python_name}'">];
+}
+class Warp_TileCholeskySolve<string name, string inout, string result,
+                             string summary>
+    : Warp_TileSolve<name,
+    "L: tile<F, [N, N]>, y: " # inout # "tile<B, D>, "
+    "fill_mode: 'lower'|'upper' = 'lower'", result, summary,
+    // Of a lower factor L x = z, then with its transpose; of an upper one the
+    // other way round.
+    "make('solve', L, make('solve', L, y, flag=fill_mode == 'upper', "
+    "transposed=fill_mode == 'upper'), flag=fill_mode == 'upper', "
+    "transposed=fill_mode == 'lower')">;
+class Warp_TileTriangularSolve<string name, string matrix, string rhs,
+                               string inout, string result, string upper,
+                               string summary>
+    : Warp_TileSolve<name,
+    matrix # ": tile<F, [N, N]>, " # rhs # ": " # inout # "tile<B, D>", result,
+    summary,
+    "make('solve', " # matrix # ", " # rhs # ", flag=" # upper # ")">;
+def Warp_TileCholeskySolveName : Warp_TileCholeskySolve<"tile_cholesky_solve",
+    "", "tile<B, D>", "solution of a system whose matrix has this factor">;
+def Warp_TileCholeskySolveInplaceName
+    : Warp_TileCholeskySolve<"tile_cholesky_solve_inplace", "inout ", "None",
+    "the same, in place">;
+def Warp_TileLowerSolveName : Warp_TileTriangularSolve<"tile_lower_solve", "L",
+    "y", "", "tile<B, D>", "False",
+    "solution of L x = y with the lower triangle">;
+def Warp_TileLowerSolveInplaceName
+    : Warp_TileTriangularSolve<"tile_lower_solve_inplace", "L", "y", "inout ",
+    "None", "False", "the same, in place">;
+def Warp_TileUpperSolveName : Warp_TileTriangularSolve<"tile_upper_solve", "U",
+    "z", "", "tile<B, D>", "True",
+    "solution of U x = z with the upper triangle">;
+def Warp_TileUpperSolveInplaceName
+    : Warp_TileTriangularSolve<"tile_upper_solve_inplace", "U", "z", "inout ",
+    "None", "True", "the same, in place">;
 def Warp_TileDiagAddName : Warp_TileSpecial<"tile_diag_add",
-    ["(a: Any, d: Any) -> Any"],
-     "square tile with its diagonal increased">;
-def Warp_TileFftName : Warp_TileSpecial<"tile_fft",
-    ["(inout: Any) -> None"],
-     "Fourier transform of each row of complex numbers, in place, not "
-     "normalised">;
-def Warp_TileIfftName : Warp_TileSpecial<"tile_ifft",
-    ["(inout: Any) -> None"],
-     "inverse Fourier transform of each row, in place, not normalised">;
+    ["(a: tile<A, [N, N]>, d: tile<B, [N]>) -> tile<A, [N, N]>"],
+    "square tile with its diagonal increased", ["make('diag_add', a, d)"]>;
+class Warp_TileTransform<string name, string inverse, string summary>
+    : Warp_TileSpecial<name, ["(inout: inout tile<vec<2, F>, D>) -> None"],
+    summary, ["make('fft', inout, flag=" # inverse # ")"]>;
+def Warp_TileFftName : Warp_TileTransform<"tile_fft", "False",
+    "Fourier transform of each row of complex numbers, in place, not "
+    "normalised">;
+def Warp_TileIfftName : Warp_TileTransform<"tile_ifft", "True",
+    "inverse Fourier transform of each row, in place, not normalised">;
+
+//===----------------------------------------------------------------------===//
+// Stacks
+//===----------------------------------------------------------------------===//
 
 def Warp_TileStackName : Warp_TileSpecial<"tile_stack",
-    ["(capacity: int, dtype: Any) -> Any"],
-     "empty stack of the block, for at most `capacity` elements">;
+    ["(capacity: Any, dtype: dtype) -> Any"],
+    "empty stack of the block, for at most `capacity` elements",
+    ["tiles.stacks.empty(node, capacity, dtype)"]>;
 def Warp_TileStackPushName : Warp_TileSpecial<"tile_stack_push",
-    ["(s: Any, value: Any, has_value: bool) -> int"],
-     "pushes what each thread has a value of, in the order of threads; the "
-     "slot, or -1 without a value or room">;
+    ["(s: inout stack, value: value, has_value: condition) -> i32"],
+    "pushes what each thread has a value of, in the order of threads; the "
+    "slot, or -1 without a value or room",
+    ["tiles.stacks.pushed(node, s, value, has_value)"]> {
+  let requirements = [
+    RequireType<"value.type == s.parts[0].type.element",
+      "value of type '{value.type.python_name}' does not match the elements of "
+      "'{s.python_name}'">];
+}
 def Warp_TileStackPopName : Warp_TileSpecial<"tile_stack_pop",
-    ["(s: Any) -> Any"],
-     "pops a value for each thread: the value and its slot, or zero and -1 "
-     "if there is none left">;
+    ["(s: inout stack) -> (A, i32)"],
+    "pops a value for each thread: the value and its slot, or zero and -1 "
+    "if there is none left",
+    ["tiles.stacks.popped(node, s)"]>;
 def Warp_TileStackClearName : Warp_TileSpecial<"tile_stack_clear",
-    ["(s: Any) -> None"],
-     "empties a stack">;
+    ["(s: inout stack) -> None"],
+    "empties a stack", ["tiles.stacks.cleared(node, s)"]>;
 def Warp_TileStackCountName : Warp_TileSpecial<"tile_stack_count",
-    ["(s: Any) -> int"],
-     "number of elements on a stack">;
+    ["(s: stack) -> i32"],
+    "number of elements on a stack", ["tiles.stacks.count(node, s)"]>;
 
 #endif // WARP_TILE_SPECIALS_TD

@@ -52,7 +52,7 @@ share() {
 assemble() {
   rm -rf "$package" && mkdir -p "$package/_src" &&
     cp -r python/warp/. "$package/" &&
-    cp "$bundle/builtin_table.py" "$package/_src/" &&
+    cp "$bundle"/builtin_{table,calls}.py "$package/_src/" &&
     cp "$bundle/__init__.pyi" "$package/" &&
     mkdir -p "$package/include" "$package/cmake" &&
     cp -r include/warp "$package/include/" &&

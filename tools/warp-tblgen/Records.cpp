@@ -121,12 +121,34 @@ static Builtin readOperation(const Record *record) {
   return builtin;
 }
 
+static Builtin readSpecial(const Record *record) {
+  Builtin builtin = readCommon(record);
+  size_t calls = record->getValueAsListOfStrings("calls").size();
+  if (calls == 0)
+    return builtin;
+  if (calls != 1 && calls != builtin.overloads.size())
+    PrintFatalError(record, "'" + builtin.pythonName + "' has " +
+                                Twine(calls) + " calls for " +
+                                Twine(builtin.overloads.size()) +
+                                " overloads");
+  for (StringRef overload : builtin.overloads) {
+    std::string error;
+    std::optional<CallSignature> signature =
+        parseCallSignature(overload, error);
+    if (!signature)
+      PrintFatalError(record,
+                      "overload of '" + builtin.pythonName + "' " + error);
+    builtin.callSignatures.push_back(*std::move(signature));
+  }
+  return builtin;
+}
+
 std::vector<Builtin> warp::tblgen::readBuiltins(const RecordKeeper &records) {
   std::vector<Builtin> builtins;
   for (const Record *record : records.getAllDerivedDefinitions("Warp_Builtin"))
     builtins.push_back(readOperation(record));
   for (const Record *record : records.getAllDerivedDefinitions("Warp_Special"))
-    builtins.push_back(readCommon(record));
+    builtins.push_back(readSpecial(record));
   for (const Record *record :
        records.getAllDerivedDefinitions("Warp_LibraryFunction")) {
     builtins.push_back(readCommon(record));

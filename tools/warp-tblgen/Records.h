@@ -11,6 +11,8 @@
 #ifndef WARP_TBLGEN_RECORDS_H
 #define WARP_TBLGEN_RECORDS_H
 
+#include "CallSignature.h"
+
 #include "WarpDialect/Signature.h"
 
 #include "llvm/TableGen/Record.h"
@@ -31,6 +33,8 @@ struct Builtin {
   /// The kind of the derivative and its name in the documentation.
   llvm::StringRef derivativeKind = "None", derivative;
   std::vector<llvm::StringRef> domain, smoothDomain;
+  /// Of a special name with a call: its overloads, parsed.
+  std::vector<CallSignature> callSignatures;
 
   bool isSpecial() const { return opName.empty(); }
   bool isLibraryFunction() const { return !module.empty(); }

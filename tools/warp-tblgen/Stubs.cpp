@@ -168,6 +168,24 @@ static std::string getStub(const warp::Signature &signature) {
   return text + ") -> " + getResult(signature);
 }
 
+static std::string getStub(const CallSignature &signature,
+                           StringRef overload) {
+  std::string text = "(";
+  ListSeparator comma;
+  bool isKeywordOnly = false;
+  for (const CallParameter &parameter : signature.parameters) {
+    text += StringRef(comma);
+    if (parameter.isKeywordOnly && !isKeywordOnly)
+      text += "*, ";
+    isKeywordOnly |= parameter.isKeywordOnly || parameter.isVariadic;
+    text += (parameter.isVariadic ? "*" : "") + parameter.name + ": " +
+            getAnnotation(parameter.type);
+    if (!parameter.defaultValue.empty())
+      text += " = " + parameter.defaultValue;
+  }
+  return text + ") -> " + getResultAnnotation(overload);
+}
+
 /// Names such as vec3f, for every scalar type that has a suffix.
 static void emitNamedTypes(raw_ostream &os) {
   static constexpr std::pair<StringLiteral, StringLiteral> scalars[] = {
@@ -233,7 +251,10 @@ static void emitBuiltin(const Builtin &builtin, raw_ostream &os) {
     for (const warp::Signature &signature : builtin.signatures)
       if (takesBool == llvm::any_of(signature.parameters, isBool))
         stubs.push_back(getStub(signature));
-  if (builtin.isSpecial())
+  for (auto [signature, overload] :
+       zip(builtin.callSignatures, builtin.overloads))
+    stubs.push_back(getStub(signature, overload));
+  if (builtin.isSpecial() && stubs.empty())
     for (StringRef overload : builtin.overloads)
       stubs.push_back(getPythonStub(overload));
   for (const std::string &stub : stubs) {

@@ -22,7 +22,7 @@ def test_shapes_of_a_product():
         s = wp.tile_load(a, shape=(4, 3))
         wp.tile_matmul(s, s)
 
-    expect(kernel, "(4, 3) and (4, 3)", "as many columns of 'a' as rows of 'b'")
+    expect(kernel, "(4, 3) and (4, 3)", "shapes [M, K] of 'a' and [K, N] of 'b'")
 
 
 def test_shapes_of_a_sum():
@@ -109,7 +109,7 @@ def plain(a: wp.array(dtype=float)):
     a[wp.tid()] = wp.sin(1.0)
 
 def tiled(a: wp.array(dtype=float)):
-    wp.tile_store(a, wp.tile_ones(shape=4, dtype=float))
+    wp.tile_store(a, wp.tile_map(wp.sin, wp.tile_ones(shape=4, dtype=float)))
 
 found = []
 for function in (plain, tiled):

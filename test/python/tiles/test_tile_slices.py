@@ -128,7 +128,7 @@ def half_an_index(t: wp.array[Inner]):
 @pytest.mark.parametrize(
     ("function", "words"),
     [
-        (scan, "expects numbers"),
+        (scan, "expects a tile of numbers"),
         (wide, "too wide to use as an integer bound"),
         (outside, "stop=1099511627776 is out of range of int32"),
         (uncountable, "more elements than can be counted"),

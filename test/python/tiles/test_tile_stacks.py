@@ -127,7 +127,11 @@ def test_random_tiles(device):
 
 @pytest.mark.parametrize(
     ("bounds", "words"),
-    [((3, None), "together, or neither"), ((5, 5), "greater than min"), ((0.5, 2), "constants of")],
+    [
+        ((3, None), "expects the argument 'max'"),
+        ((5, 5), "greater than min"),
+        ((0.5, 2), "constants of"),
+    ],
 )
 def test_bounds_of_random_tiles(bounds, words):
     low, high = bounds

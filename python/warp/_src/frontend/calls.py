@@ -1,8 +1,8 @@
 """Calls: builtins, conversions, constructors and functions of the user.
 
-What a call means is decided by the Python object that is called. Builtins of the registry go to the
-builder as they are; the few whose arguments are more than values have a method here, named
-`builtin_<name>`.
+What a call means is decided by the Python object that is called. Operations of the registry go to
+the builder as they are; names whose records have a call go to the binder; the few whose arguments
+are more than bindings have a method named `builtin_<name>`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import ast
 import inspect
 
 from warp._src import errors
+from warp._src.builtin_calls import CALLS
 from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
 from warp._src.frontend import address, names
 from warp._src.frontend.bindings import Value
@@ -149,6 +150,8 @@ class Calls(Part):
         special = self.context.handler("builtin_" + name)
         if special is not None:
             return special(node)
+        if name in CALLS:
+            return self.context.binder.call(name, node)
         arguments, keywords = self.context.constructors.arguments(node)
         places = list(node.args)
         if keywords:
@@ -198,10 +201,6 @@ class Calls(Part):
                 return wanted
         shown = ", ".join(keywords)
         raise self.context.type_error(node, f"'{name}' has no overload with the keywords: {shown}")
-
-    def builtin_tid(self, node):
-        self.context.constructors.exactly(node, 0, "tid")
-        return self.tid(1, node)[0]
 
     def tid(self, count, node):
         self.context.at(node)
@@ -290,42 +289,23 @@ class Calls(Part):
         condition = self.context.expressions.truth(condition, node.args[0])
         return self.apply_builtin("where", [condition, yes, no], node)
 
-    def builtin_cast(self, node):
-        value, target = self.context.constructors.exactly(node, 2, "cast")
-        self.context.at(node)
-        wanted = self.context.constructors.native(target, node)
-        return self.builder.bitcast(self.context.materialize(value, node), wanted)
-
-    def builtin_lower_bound(self, node):
-        """`lower_bound(arr, value)` or, for a part of the array, `(arr, begin, end, value)`."""
+    def lower_bound(self, node, array, value, begin=0, end=None):
         from warp._src.language.library import LOWER_BOUND
 
-        arguments, keywords = self.context.constructors.arguments(node)
-        if len(arguments) == 2 and not keywords:
-            array = self.context.materialize(arguments[0], node)
-            if array.type.kind == "array":
-                self.context.at(node)
-                arguments = [array, 0, self.builder.dim(array, 0), arguments[1]]
-        return self.context.user_calls.call_function(LOWER_BOUND, arguments, keywords, node)
-
-    def builtin_sample_cdf(self, node):
-        """`sample_cdf(state, cdf)`, which advances the state."""
-        from warp._src.language.library import LOWER_BOUND
-
-        state, cdf = self.context.constructors.exactly(node, 2, "sample_cdf")
-        draw = self.apply_builtin("randf", [state], node, node.args)
-        self.context.at(node)
-        arguments = [cdf, 0, self.builder.dim(cdf, 0), draw]
+        if end is None:
+            self.context.at(node)
+            end = self.builder.dim(array, 0)
+        arguments = [array, begin, end, value]
         return self.context.user_calls.call_function(LOWER_BOUND, arguments, {}, node)
 
-    def builtin_poisson(self, node):
-        """`poisson(state, lam)`, which advances the state."""
+    def sample_cdf(self, node, state, cdf):
+        (draw,), ((_, state),) = self.builder.builtin("randf", [state])
+        return self.lower_bound(node, cdf, draw), state
+
+    def poisson(self, node, state, lam):
         from warp._src.language.random_functions import POISSON
 
-        arguments = self.context.constructors.exactly(node, 2, "poisson")
-        count, state = self.context.user_calls.call_function(POISSON, list(arguments), {}, node)
-        self.context.slots.write_back(node.args[0], state, node.args[0])
-        return count
+        return self.context.user_calls.call_function(POISSON, [state, lam], {}, node)
 
     def builtin_sym_fn3(self, node):
         """`sym_fn3(A, f)`, whose second argument is a function."""
@@ -366,36 +346,14 @@ class Calls(Part):
         self.context.at(node)
         return [array, *indices, *values[last:]]
 
-    def atomic(self, node, kind):
-        array, *indices, value = self.element_arguments(node, "atomic_" + kind, 1)
+    def atomic(self, node, kind, array, indices, value):
+        array, indices = self.context.indexed.resolved(array, indices, node)
+        self.context.at(node)
         return self.builder.atomic(kind, array, indices, value)
 
-    def builtin_atomic_add(self, node):
-        return self.atomic(node, "add")
-
-    def builtin_atomic_sub(self, node):
-        return self.atomic(node, "sub")
-
-    def builtin_atomic_min(self, node):
-        return self.atomic(node, "min")
-
-    def builtin_atomic_max(self, node):
-        return self.atomic(node, "max")
-
-    def builtin_atomic_and(self, node):
-        return self.atomic(node, "and")
-
-    def builtin_atomic_or(self, node):
-        return self.atomic(node, "or")
-
-    def builtin_atomic_xor(self, node):
-        return self.atomic(node, "xor")
-
-    def builtin_atomic_exch(self, node):
-        return self.atomic(node, "exch")
-
-    def builtin_atomic_cas(self, node):
-        array, *indices, expected, value = self.element_arguments(node, "atomic_cas", 2)
+    def atomic_cas(self, node, array, indices, expected, value):
+        array, indices = self.context.indexed.resolved(array, indices, node)
+        self.context.at(node)
         return self.builder.atomic_cas(array, indices, expected, value)
 
 

@@ -57,6 +57,11 @@ class Constructors(Part):
         if kind is type:
             (binding,) = self.exactly(node, 1, "type")
             return self.type_of(binding, node)
+        if kind is slice:
+            arguments = self.arguments(node)[0]
+            if node.keywords or not 1 <= len(arguments) <= 3:
+                raise self.context.type_error(node, "'slice' expects 1 to 3 arguments")
+            return slice(*arguments)
         if kind is tuple:
             (binding,) = self.exactly(node, 1, "tuple")
             if type(binding) is not tuple:
@@ -343,50 +348,27 @@ class Constructors(Part):
             return BOOL
         return INT32 if arguments else FLOAT32
 
-    def of_family(self, node, family):
+    def of_family(self, node, family, element, components, keywords=None):
+        native = type(element).parse(f"!warp.{family}<{element}>")
+        return self.construct(native, components, keywords, node)
+
+    def call_family(self, node, family):
         arguments, keywords = self.arguments(node)
         element = self.component_type(arguments, keywords.pop("dtype", None), node)
-        native = type(element).parse(f"!warp.{family}<{element}>")
-        return self.construct(native, arguments, keywords, node)
+        return self.of_family(node, family, element, arguments, keywords)
 
     def builtin_quaternion(self, node):
-        return self.of_family(node, "quat")
+        return self.call_family(node, "quat")
 
     def builtin_transformation(self, node):
-        return self.of_family(node, "transform")
+        return self.call_family(node, "transform")
 
-    def identity(self, node, family, components):
-        arguments, keywords = self.arguments(node)
-        dtype = keywords.get("dtype", arguments[0] if arguments else float)
-        element = self.native(dtype, node)
-        native = type(element).parse(f"!warp.{family}<{element}>")
-        return self.construct(native, components, {}, node)
-
-    def builtin_quat_identity(self, node):
-        return self.identity(node, "quat", [0, 0, 0, 1])
-
-    def builtin_transform_identity(self, node):
-        return self.identity(node, "transform", [0, 0, 0, 0, 0, 0, 1])
-
-    def builtin_identity(self, node):
-        arguments, keywords = self.arguments(node)
-        given = dict(zip(("n", "dtype"), arguments, strict=False)) | keywords
-        if type(given.get("n")) is not int or "dtype" not in given:
-            raise self.context.type_error(
-                node, "identity expects `n` and `dtype` known at compile time"
-            )
-        n = given["n"]
-        native = self.context.access.composite_type([n, n], self.native(given["dtype"], node))
+    def identity(self, node, n, element):
+        native = self.context.access.composite_type([n, n], element)
         return self.construct(native, [int(i % (n + 1) == 0) for i in range(n * n)], {}, node)
 
-    def builtin_matrix_from_rows(self, node):
-        arguments = [self.context.materialize(binding, node) for binding in self.arguments(node)[0]]
-        native = self.context.access.composite_type(
-            [len(arguments), arguments[0].type.shape[0]], arguments[0].type.element
-        )
+    def from_rows(self, node, rows):
+        first = rows[0].type
+        native = self.context.access.composite_type([len(rows), first.shape[0]], first.element)
         self.context.at(node)
-        return self.builder.construct(native, arguments)
-
-    def builtin_matrix_from_cols(self, node):
-        rows = self.builtin_matrix_from_rows(node)
-        return self.builder.builtin("transpose", [rows])[0][0]
+        return self.builder.construct(native, rows)

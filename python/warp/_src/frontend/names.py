@@ -16,7 +16,7 @@ from warp._src.types import dtypes
 PYTHON_NAMES = frozenset(
     (
         *("abs", "bool", "float", "int", "len", "max", "min", "pow", "print", "range"),
-        *("reversed", "round", "tuple", "type", "True", "False"),
+        *("reversed", "round", "slice", "tuple", "type", "True", "False"),
     )
 )
 # Functions of `math` and `numpy` whose counterpart has another name.

@@ -110,15 +110,9 @@ class Output(Part):
 
         stop(self.context, node)
 
-    def builtin_expect_eq(self, node):
-        self.expect(node, "expect_eq", "ne")
-
-    def builtin_expect_neq(self, node):
-        self.expect(node, "expect_neq", "eq")
-
-    def expect(self, node, name, failure):
+    def expect(self, node, name, failure, left, right):
         """Prints both operands where the comparison `failure` is true."""
-        left, right = self.compared(self.context.constructors.exactly(node, 2, name), node)
+        left, right = self.compared([left, right], node)
         title = f"Error, {name}() failed:\n"
         failed = self.context.expressions.operator(node, failure, left, right)
         self.builder.begin_if(failed)
@@ -135,19 +129,15 @@ class Output(Part):
             )
         self.builder.end_if([], [])
 
-    def builtin_expect_near(self, node):
+    def expect_near(self, node, left, right, tolerance):
         """Components differ by at most `tolerance`; NaN is near to nothing."""
-        arguments, keywords = self.context.constructors.arguments(node)
-        given = dict(zip(("a", "b", "tolerance"), arguments, strict=False)) | keywords
-        if len(arguments) > 3 or not {"a", "b"} <= set(given) <= {"a", "b", "tolerance"}:
-            raise self.context.type_error(node, "'expect_near' expects two values and a tolerance")
-        left, right = self.compared([given["a"], given["b"]], node)
+        left, right = self.compared([left, right], node)
         scalar = left.type.element or left.type
         if scalar.kind != "float":
             raise self.context.type_error(
                 node, f"'expect_near' expects floats, but got '{left.type.python_name}'"
             )
-        tolerance = self.context.convert_constant(given.get("tolerance", 1e-6), scalar, node)
+        tolerance = self.context.convert_constant(tolerance, scalar, node)
         self.context.at(node)
         gap, near = self.gap(left, right, tolerance, node)
         self.builder.begin_if(self.context.expressions.operator(node, "unot", near))

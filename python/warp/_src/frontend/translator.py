@@ -6,6 +6,7 @@ from functools import cached_property
 
 from warp._src.frontend import names
 from warp._src.frontend.access import Access
+from warp._src.frontend.binder import Binder
 from warp._src.frontend.branches import Branches
 from warp._src.frontend.calls import Calls
 from warp._src.frontend.constructors import Constructors
@@ -29,6 +30,7 @@ from warp._src.frontend.user_calls import UserCalls
 
 _PARTS = {
     "access": Access,
+    "binder": Binder,
     "branches": Branches,
     "calls": Calls,
     "constructors": Constructors,
@@ -55,8 +57,6 @@ _HANDLERS = {
     for method in vars(kind)
     if method.startswith(("expr_", "builtin_"))
 }
-# How the names of handlers begin that the part about tiles has.
-_OF_TILES = ("builtin_tile", "builtin_untile", "builtin_block_dim")
 names.SPECIAL_BUILTINS.update(
     name.removeprefix("builtin_") for name in _HANDLERS if name.startswith("builtin_")
 )
@@ -73,9 +73,7 @@ class Translator(Context):
     def handler(self, name):
         """The method of that name, of the part that has it; None if none has."""
         part = _HANDLERS.get(name)
-        if part is not None:
-            return getattr(getattr(self, part), name)
-        return self.tiles.handler(name) if name.startswith(_OF_TILES) else None
+        return None if part is None else getattr(getattr(self, part), name)
 
     @cached_property
     def tiles(self):

@@ -20,25 +20,6 @@ _UNKNOWN = object()
 # Annotations of parameters that are passed by reference.
 _CHANGEABLE = (ArrayType, TileType, TileStackType)
 
-# Positions of the arguments that a builtin for tiles changes.
-_TILE_UPDATES = {
-    "tile_assign": (0,),
-    "tile_scatter_add": (0,),
-    "tile_scatter_masked": (0,),
-    "tile_axpy": (2,),
-    "tile_sort": (0, 1),
-    "tile_fft": (0,),
-    "tile_ifft": (0,),
-    "tile_cholesky_inplace": (0,),
-    "tile_cholesky_solve_inplace": (1,),
-    "tile_lower_solve_inplace": (1,),
-    "tile_upper_solve_inplace": (1,),
-    "tile_matmul": (2,),
-    "tile_stack_push": (0,),
-    "tile_stack_pop": (0,),
-    "tile_stack_clear": (0,),
-}
-
 
 def references_of(function) -> set:
     """Positions and names of the parameters of a function that are references in some overload."""
@@ -87,11 +68,6 @@ def updated_arguments(function, inout_arguments):
         else:
             name = callee.key if isinstance(callee, Builtin) else name_of(call.func)
             positions = inout_arguments(name) if name else ()
-            if name.startswith("tile_"):
-                positions = _TILE_UPDATES.get(name, ())
-                found = {"out": 2, "dest": 2, "dst": 0}
-                by_name = [k.value for k in call.keywords if found.get(k.arg) in positions]
-                return [call.args[p] for p in positions if p < len(call.args)] + by_name
             keys = {*positions, *_builtin_names(name, positions)} if positions else ()
         found = [argument for position, argument in enumerate(call.args) if position in keys]
         found += [keyword.value for keyword in call.keywords if keyword.arg in keys]

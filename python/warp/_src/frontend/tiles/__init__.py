@@ -5,23 +5,22 @@ value and binds the variable to it. A view (`t[2:4]`, `t[i]`, `wp.tile_view(t, .
 transposed, reshaped or broadcast tile) of a variable keeps the place in it, so that assigning to
 the view changes the variable.
 
-The topics: arguments (what all begin with), values (new tiles), memory (arrays), shapes, places
-(parts of tiles), views, gathers, changes, elements (functions of elements, reductions), randoms,
-stacks, printing, algebra. Loaded when a kernel names one of these builtins.
+Builtins are bound and checked by their records (`binder`); what a record's call needs beyond one
+operation is in the topics: arguments (what all share), values (new tiles), shapes, places (parts of
+tiles), views, gathers, changes, elements (functions of elements, reductions), randoms, stacks,
+printing, algebra. Loaded when a kernel names one of these builtins.
 """
 
 from __future__ import annotations
 
 import math
 
-from warp import config
 from warp._src import errors
 from warp._src.frontend import struct_classes
 from warp._src.frontend.tiles.algebra import TileAlgebra
 from warp._src.frontend.tiles.changes import TileChanges
 from warp._src.frontend.tiles.elements import TileElements
 from warp._src.frontend.tiles.gathers import TileGathers
-from warp._src.frontend.tiles.memory import TileMemory
 from warp._src.frontend.tiles.places import TilePlaces
 from warp._src.frontend.tiles.printing import TilePrinting
 from warp._src.frontend.tiles.randoms import TileRandoms
@@ -36,7 +35,6 @@ _TOPICS = {
     "changes": TileChanges,
     "elements": TileElements,
     "gathers": TileGathers,
-    "memory": TileMemory,
     "places": TilePlaces,
     "printing": TilePrinting,
     "randoms": TileRandoms,
@@ -45,16 +43,9 @@ _TOPICS = {
     "values": TileValues,
     "views": TileViews,
 }
-# The topic that translates a builtin, by the name of its method.
-_HANDLERS = {
-    method: topic
-    for topic, kind in _TOPICS.items()
-    for method in vars(kind)
-    if method.startswith("builtin_")
-}
-# Functions whose result has no gradient with NVIDIA Warp, by the name of their method.
+# Functions whose result has no gradient with NVIDIA Warp.
 _WITHOUT_GRADIENT = frozenset(
-    f"builtin_tile_{name}"
+    f"tile_{name}"
     for name in (
         *("diag_add", "min", "max", "reduce", "scan_inclusive", "scan_exclusive"),
         *("scan_max_inclusive", "scan_min_inclusive", "arange"),
@@ -77,15 +68,9 @@ class Tiles:
         for name, kind in _TOPICS.items():
             setattr(self, name, kind(context))
 
-    def handler(self, name):
-        """The method of that name, of the topic that has it; None if none has."""
-        topic = _HANDLERS.get(name)
-        if topic is None:
-            return None
-        method = getattr(getattr(self, topic), name)
-        if config.peer_tile_gradients and name in _WITHOUT_GRADIENT:
-            return lambda node: self.elements.constant(method(node), node)
-        return method
+    def without_gradient(self, name, result, node):
+        """The result of a builtin with the gradient that NVIDIA Warp gives it."""
+        return self.elements.constant(result, node) if name in _WITHOUT_GRADIENT else result
 
     def attribute(self, native, name, node):
         """`shape`, `dtype`, `ndim`, `size` of a tile's type."""

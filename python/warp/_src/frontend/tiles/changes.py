@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from warp._src.frontend.binder import Update
 from warp._src.frontend.tiles.arguments import TileTopic
 
 _NUMBERS = {"bool", "int", "float"}
@@ -10,56 +11,22 @@ _NUMBERS = {"bool", "int", "float"}
 class TileChanges(TileTopic):
     """Translates assignments to parts, and to elements by each thread."""
 
-    def builtin_tile_assign(self, node):
-        tile, source, offset = self.bind(
-            node, "tile_assign", ("dst", "src", "offset"), tiles=2, offset=None
-        )
-        source = self.of_element(source, tile, node, "tile_assign")
-        if len(tile.type.shape) != len(source.type.shape):
-            raise self.context.value_error(
-                node,
-                "tile_assign() destination and source tiles must have the same rank, got "
-                f"{len(tile.type.shape)} and {len(source.type.shape)}",
-            )
-        if any(a > b for a, b in zip(source.type.shape, tile.type.shape, strict=True)):
-            raise self.context.value_error(
-                node,
-                f"tile_assign() source tile of shape {tuple(source.type.shape)} does not fit "
-                f"into a destination of shape {tuple(tile.type.shape)}",
-            )
-        offsets = self.indices(offset, len(tile.type.shape), node, "tile_assign")
-        made = self.make("insert", [source, tile, *offsets], node, axes=[1] * len(offsets))
-        self.context.slots.write_back(node.args[0], made, node)
-
-    def of_element(self, source, tile, node, name):
-        """A tile with elements of another one's type; numbers convert."""
-        native = tile.type.element
+    def of_element(self, node, source, native):
+        """The source of an assignment with elements of a type; numbers convert."""
         if source.type.element != native and {source.type.element.kind, native.kind} <= _NUMBERS:
             return self.mapped([source], lambda x: self.builder.cast(x, native), node)
-        self.same_element(tile, source, node, name)
-        return source
-
-    def same_element(self, a, b, node, name):
-        if a.type.element != b.type.element:
+        if source.type.element != native:
             raise self.context.type_error(
                 node,
-                f"{name}() expects tiles of the same dtype, got {a.type.element.python_name} and "
-                f"{b.type.element.python_name}",
+                f"tile_assign() expects tiles of the same dtype, got {native.python_name} and "
+                f"{source.type.element.python_name}",
                 "use `wp.tile_astype(...)`",
             )
+        return source
 
-    def builtin_tile_extract(self, node):
-        arguments, keywords = self.context.constructors.arguments(node)
-        tile, *indices = (*arguments, *keywords.values())
-        tile = self.tile(tile, node, "tile_extract")
+    def extracted(self, node, tile, indices):
+        """An element of a tile, or a component of one."""
         rank = len(tile.type.shape)
-        inner = {"vec": 1, "mat": 2}.get(tile.type.element.kind, 0)
-        if len(indices) not in (rank, rank + inner):
-            raise self.context.value_error(
-                node,
-                f"tile_extract: incorrect number of indices ({len(indices)}) for tile shape "
-                f"{tuple(tile.type.shape)}",
-            )
         places = self.places(tile, indices[:rank], node, "tile_extract")
         element = self.make("get", [tile, *places], node)
         values = [self.context.materialize(index, node) for index in indices[rank:]]
@@ -73,65 +40,32 @@ class TileChanges(TileTopic):
             for axis, (index, extent) in enumerate(zip(indices, tile.type.shape, strict=True))
         ]
 
-    def builtin_tile_scatter_add(self, node):
-        self.scattered(node, "tile_scatter_add", "add")
-
-    def builtin_tile_scatter_masked(self, node):
-        self.scattered(node, "tile_scatter_masked", "assign")
-
-    def scattered(self, node, name, kind):
-        """`(a, i, ..., value, has_value)`: each thread changes an element, if it has a value."""
-        arguments, keywords = self.context.constructors.arguments(node)
-        tile = self.tile(arguments[0], node, name)
-        rank = len(tile.type.shape)
-        rest = dict(zip(("value", "has_value", "atomic"), arguments[1 + rank :], strict=False))
-        rest.update(keywords)
-        if len(arguments) < 1 + rank or "value" not in rest:
-            raise self.context.value_error(
-                node,
-                f"{name}: incorrect number of indices ({len(arguments) - 1}) for tile shape "
-                f"{tuple(tile.type.shape)}",
-            )
-        value = self.context.convert_constant(rest["value"], tile.type.element, node)
+    def scattered(self, node, kind, tile, indices, value, where):
+        """A tile in which each thread has changed an element, if it has a value."""
+        name = {"add": "tile_scatter_add", "assign": "tile_scatter_masked"}[kind]
+        value = self.context.convert_constant(value, tile.type.element, node)
         if value.type != tile.type.element:
             raise self.context.type_error(
                 node,
                 f"{name}() 'value' type must match tile dtype, got {value.type.python_name} and "
                 f"tile dtype {tile.type.element.python_name}",
             )
-        indices = self.places(tile, arguments[1 : 1 + rank], node, name)
-        where = self.context.expressions.truth(rest.get("has_value", True), node)
+        indices = self.places(tile, indices, node, name)
         operands = [value, tile, *indices]
         if where is not True:
             operands.append(self.context.materialize(where, node))
-        made = self.make("set", operands, node, kind=kind, flag=where is not True)
-        self.context.slots.write_back(node.args[0], made, node)
+        return self.make("set", operands, node, kind=kind, flag=where is not True)
 
-    def builtin_tile_axpy(self, node):
-        """`dest += alpha * src`."""
-        alpha, source, target = self.bind(node, "tile_axpy", ("alpha", "src", "dest"))
-        source = self.tile(source, node, "tile_axpy")
-        target = self.tile(target, node, "tile_axpy")
-        self.same_shape(source, target, node, "tile_axpy")
+    def axpy(self, node, alpha, source, target, place):
+        """`target + alpha source`; of elements that a view repeats, what is to be added."""
         element = source.type.element
-        scalar = element.element or element
-        alpha = self.context.convert_constant(alpha, scalar, node)
+        alpha = self.context.convert_constant(alpha, element.element or element, node)
+        slot = self.context.slots.changed(place)
+        if slot is not None and self.context.tiles.views.repeats(slot):
+            made = self.mapped([alpha, source], lambda a, x: self.call("mul", x, a), node)
+            return Update(made, "add")
 
         def step(factor, x, y):
-            product = self.builder.builtin("mul", [x, factor])[0][0]
-            return self.builder.builtin("add", [y, product])[0][0]
+            return self.call("add", y, self.call("mul", x, factor))
 
-        by_name = (one.value for one in node.keywords if one.arg == "dest")
-        place = node.args[2] if len(node.args) > 2 else next(by_name)
-        slot = self.context.slots.changed(place)
-        if slot is None:
-            return
-        if self.context.tiles.views.repeats(slot):
-
-            def product(factor, x):
-                return self.builder.builtin("mul", [x, factor])[0][0]
-
-            made = self.mapped([alpha, source], product, node)
-            self.context.slots.write(slot, made, node, "add")
-            return
-        self.context.slots.write(slot, self.mapped([alpha, source, target], step, node), node)
+        return self.mapped([alpha, source, target], step, node)

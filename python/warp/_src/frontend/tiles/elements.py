@@ -91,10 +91,12 @@ class TileElements(TileTopic):
         """`stop_gradient` of all elements."""
         return self.mapped([tile], self.function(BuiltinRef("stop_gradient"), node, ""), node)
 
-    def builtin_tile_map(self, node):
-        arguments, keywords = self.context.constructors.arguments(node)
-        operation, *operands = (*arguments, *keywords.values())
-        values = [self.context.materialize(operand, node) for operand in operands]
+    def converted(self, node, tile, native):
+        """A tile with elements converted to a type."""
+        return self.mapped([tile], lambda x: self.builder.cast(x, native), node)
+
+    def map(self, node, operation, values):
+        """A function of corresponding elements; what is no tile is the same for all."""
         tiles = [value.type for value in values if value.type.kind == "tile"]
         if not tiles:
             raise self.context.type_error(node, "tile_map() expects a tile")
@@ -110,61 +112,19 @@ class TileElements(TileTopic):
 
     # Reductions.
 
-    def axis(self, binding, tile, node, name):
-        """A dimension as an int; None for all of them."""
-        if binding is None:
-            return None
-        known = self.known(binding)
-        if not isinstance(known, int) or not 0 <= known < len(tile.type.shape):
-            raise self.context.value_error(
-                node,
-                f"{name}() axis must be a dimension of the tile, which has "
-                f"{len(tile.type.shape)}, got {known}",
-            )
-        return known
-
-    def reduced(self, node, name, kind, operation="reduce", numbers=True):
-        tile, axis = self.bind(node, name, ("a", "axis"), tiles=1, axis=None)
-        if numbers and tile.type.element.kind not in ("int", "float"):
-            raise self.context.type_error(
-                node,
-                f"{name}() expects numbers, but got '{tile.type.python_name}'",
-                also=f"{name}() does not support Warp struct tiles",
-            )
-        axis = self.axis(axis, tile, node, name)
-        return self.make(operation, [tile], node, kind=kind, axis=axis)
-
-    def builtin_tile_sum(self, node):
-        tile, axis = self.bind(node, "tile_sum", ("a", "axis"), tiles=1, axis=None)
+    def summed(self, node, tile, axis):
         if tile.type.element.kind == "struct":
-            return self.sum_of_fields(tile, self.axis(axis, tile, node, "tile_sum"), node)
-        return self.reduced(node, "tile_sum", "add", numbers=False)
+            return self.sum_of_fields(tile, axis, node)
+        return self.make("reduce", [tile], node, kind="add", axis=axis)
 
-    def builtin_tile_min(self, node):
-        return self.reduced(node, "tile_min", "min")
-
-    def builtin_tile_max(self, node):
-        return self.reduced(node, "tile_max", "max")
-
-    def builtin_tile_argmin(self, node):
-        return self.reduced(node, "tile_argmin", "min", "arg_reduce")
-
-    def builtin_tile_argmax(self, node):
-        return self.reduced(node, "tile_argmax", "max", "arg_reduce")
-
-    def builtin_tile_dot(self, node):
-        """The sum of products of elements; of composites, of their inner products."""
-        a, b = self.bind(node, "tile_dot", ("a", "b"), tiles=2)
-        self.same_shape(a, b, node, "tile_dot")
+    def inner(self, node, a, b):
+        """Products of elements; of composites, their inner products."""
         kind = a.type.element.kind
         product = {"vec": "dot", "quat": "dot", "mat": "ddot"}.get(kind, "mul")
-        made = self.mapped([a, b], lambda x, y: self.builder.builtin(product, [x, y])[0][0], node)
-        return self.make("reduce", [made], node, kind="add")
+        return self.mapped([a, b], lambda x, y: self.call(product, x, y), node)
 
-    def builtin_tile_reduce(self, node):
-        operation, binding, axis = self.bind(node, "tile_reduce", ("op", "a", "axis"), axis=None)
-        tile = self.tile(binding, node, "tile_reduce")
-        axis = self.axis(axis, tile, node, "tile_reduce")
+    def reduced(self, node, operation, tile, axis):
+        """Elements combined by a function, which may be one that reductions know."""
         known = _REDUCTIONS.get(getattr(operation, "name", None))
         is_number = tile.type.element.kind in ("int", "float")
         if isinstance(operation, BuiltinRef) and known and (known == "add" or is_number):
@@ -221,33 +181,7 @@ class TileElements(TileTopic):
         native = tile.type.element
         return self.mapped(sums, lambda *values: put_together(native, iter(values)), node)
 
-    # Orders.
-
-    def scanned(self, node, name, kind, exclusive=False):
-        (tile,) = self.bind(node, name, ("a",), tiles=1)
-        if tile.type.element.kind not in ("int", "float"):
-            raise self.context.type_error(
-                node, f"{name}() expects numbers, but got '{tile.type.python_name}'"
-            )
-        return self.make("scan", [tile], node, kind=kind, flag=exclusive)
-
-    def builtin_tile_scan_inclusive(self, node):
-        return self.scanned(node, "tile_scan_inclusive", "add")
-
-    def builtin_tile_scan_exclusive(self, node):
-        return self.scanned(node, "tile_scan_exclusive", "add", True)
-
-    def builtin_tile_scan_max_inclusive(self, node):
-        return self.scanned(node, "tile_scan_max_inclusive", "max")
-
-    def builtin_tile_scan_min_inclusive(self, node):
-        return self.scanned(node, "tile_scan_min_inclusive", "min")
-
-    def builtin_tile_sort(self, node):
-        """Sorts keys, and values along with them, in place."""
-        keys, values = self.bind(node, "tile_sort", ("keys", "values"), tiles=2)
-        self.same_shape(keys, values, node, "tile_sort")
-        positions = self.make("sort", [keys], node)
-        for place, tile in zip(node.args, (keys, values), strict=False):
-            sorted_tile = self.make("gather", [tile, positions], node)
-            self.context.slots.write_back(place, sorted_tile, node)
+    def sorted(self, keys, values):
+        """Keys in order, and values along with them."""
+        positions = self.make("sort", [keys])
+        return tuple([self.make("gather", [tile, positions]) for tile in (keys, values)])

@@ -6,7 +6,7 @@ import ast
 import math
 
 from warp._src.frontend.bindings import INT32
-from warp._src.frontend.tiles.arguments import TileTopic, is_slice
+from warp._src.frontend.tiles.arguments import TileTopic
 
 
 class TileGathers(TileTopic):
@@ -15,27 +15,17 @@ class TileGathers(TileTopic):
     def picked(self, native, items, node):
         """The dimension that a tile of indices selects along, these, and what else is selected."""
         for axis, item in enumerate(items):
-            if isinstance(item, (ast.Slice, ast.Constant)) or axis >= len(native.shape):
+            if isinstance(item, (ast.Slice, slice, ast.Constant)) or axis >= len(native.shape):
                 continue
-            binding = self.context.expressions.expr(item)
+            binding = self.context.expressions.expr(item) if isinstance(item, ast.AST) else item
             if getattr(getattr(binding, "type", None), "kind", None) == "tile":
                 indices = self.context.materialize(binding, node)
-                return axis, indices, [*items[:axis], ast.Slice(), *items[axis + 1 :]]
+                return axis, indices, [*items[:axis], slice(None), *items[axis + 1 :]]
         return None
 
-    def builtin_tile_slice_indexed(self, node):
-        """`tile_slice_indexed(t, (indices, slice(None)))`, which is `t[indices, :]`."""
-        given = {k.arg: k.value for k in node.keywords}
-        given.update(zip(("t", "indices"), node.args, strict=False))
-        if set(given) != {"t", "indices"} or len(node.args) + len(node.keywords) != 2:
-            raise self.context.type_error(
-                node, "'tile_slice_indexed' expects the arguments (t, indices)"
-            )
-        places = self.context.tiles.places
-        tile = self.tile(self.context.expressions.expr(given["t"]), node, "tile_slice_indexed")
-        items = getattr(given["indices"], "elts", [given["indices"]])
-        items = [places.as_slice(one) if is_slice(one) else one for one in items]
-        picked = self.picked(tile.type, items, node)
+    def sliced(self, node, tile, items):
+        """`t[indices, :]` for a tile of indices and slices."""
+        picked = self.picked(tile.type, items if type(items) is tuple else (items,), node)
         if picked is None:
             raise self.context.value_error(
                 node,
@@ -63,7 +53,7 @@ class TileGathers(TileTopic):
         stride = self.builder.constant(INT32, strides[axis])
         outside = self.builder.constant(INT32, -1)
         zero = self.builder.constant(INT32, 0)
-        call = lambda name, *operands: self.builder.builtin(name, list(operands))[0][0]  # noqa: E731
+        call = self.call
 
         def place(index):
             """Where a row begins; negative indices count from the end."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import ast
-import itertools
 import math
 
 from warp._src.frontend.bindings import INT32, TileView
-from warp._src.frontend.tiles.arguments import TileTopic, is_slice
-from warp._src.types import dtypes
+from warp._src.frontend.parameters import known, parts
+from warp._src.frontend.tiles.arguments import TileTopic
 
 
 class Selection:
@@ -30,8 +29,11 @@ class TilePlaces(TileTopic):
         kind = type(native).parse(f"!warp.tile<{text} x {native.element}>")
         return Selection(offsets, steps, full, seen), kind
 
-    def part(self, native, items, node):
-        """What indices and slices select, and its type: of an element, or a tile."""
+    def part(self, native, items, node, counts_back=True):
+        """What indices and slices select, and its type: of an element, or a tile.
+
+        items: syntax or bindings. counts_back: indices may count from the end of an axis.
+        """
         shape = native.shape
         if len(items) > len(shape):
             raise self.context.value_error(
@@ -40,8 +42,8 @@ class TilePlaces(TileTopic):
             )
         offsets, steps, full, seen = [], [], [], []
         for axis, extent in enumerate(shape):
-            item = items[axis] if axis < len(items) else ast.Slice()
-            if isinstance(item, ast.Slice):
+            item = items[axis] if axis < len(items) else slice(None)
+            if isinstance(item, (ast.Slice, slice)):
                 first, step, count = self.selected(item, extent, node)
                 offsets.append(self.builder.constant(INT32, first))
                 steps.append(step)
@@ -53,32 +55,27 @@ class TilePlaces(TileTopic):
             full.append(1)
         if not seen:
             return Selection(offsets), native.element
-        offsets = [
-            self.from_the_end(offset, extent, item, node)
-            for offset, extent, item in itertools.zip_longest(offsets, shape, items)
-        ]
+        if counts_back:
+            offsets = [self.from_the_end(*one, node) for one in zip(offsets, shape, strict=True)]
         return self.selection(native, offsets, steps, full, seen)
 
-    def from_the_end(self, offset, extent, item, node):
-        """Where a row lies: its index, known at run time, may count from the end of an axis.
-
-        Offsets that `tile_view` got as values count from the beginning.
-        """
-        if not isinstance(item, ast.AST) or offset.constant() is not None:
+    def from_the_end(self, offset, extent, node):
+        """Where a row lies: its index, known at run time, may count from the end of an axis."""
+        if offset.constant() is not None:
             return offset
         self.context.at(node)
         return self.builder.position(offset, extent)
 
     def index(self, item, extent, axis, node, what="tile_view() integer offset"):
         binding = self.context.expressions.expr(item) if isinstance(item, ast.AST) else item
-        known = self.known(binding)
-        if isinstance(known, int) and type(known) is not bool:
-            if not -extent <= known < extent:
+        number = known(binding)
+        if isinstance(number, int) and type(number) is not bool:
+            if not -extent <= number < extent:
                 raise self.context.value_error(
                     node,
-                    f"{what} {known} is out of bounds for axis {axis} with size {extent}",
+                    f"{what} {number} is out of bounds for axis {axis} with size {extent}",
                 )
-            return self.builder.constant(INT32, known % extent)
+            return self.builder.constant(INT32, number % extent)
         value = self.context.materialize(binding, node)
         if value.type.kind != "int":
             raise self.context.type_error(
@@ -91,18 +88,22 @@ class TilePlaces(TileTopic):
     def selected(self, item, extent, node):
         """First index, step and count of a slice."""
         bounds = []
-        for part in (item.lower, item.upper, item.step):
+        if isinstance(item, slice):
+            given = (item.start, item.stop, item.step)
+        else:
+            given = (item.lower, item.upper, item.step)
+        for part in given:
             if part is None:
                 bounds.append(None)
                 continue
             binding = self.context.expressions.expr(part) if isinstance(part, ast.AST) else part
-            known = self.known(binding)
-            if not isinstance(known, int):
+            number = known(binding)
+            if not isinstance(number, int):
                 raise self.context.value_error(
                     node,
                     "tile_view() slice bounds must be compile-time constants.",
                 )
-            bounds.append(known)
+            bounds.append(number)
         if bounds[2] == 0:
             raise self.context.value_error(node, "tile_view() slice step cannot be zero.")
         chosen = range(*slice(*bounds).indices(extent))
@@ -118,13 +119,13 @@ class TilePlaces(TileTopic):
         offsets += [self.builder.constant(INT32, 0)] * (len(shape) - len(offsets))
         steps = [1] * len(shape)
         for axis, offset in enumerate(offsets):
-            known = offset.constant()
+            number = offset.constant()
             extent = native.shape[axis]
-            if known is not None and not 0 <= known <= extent - shape[axis]:
+            if number is not None and not 0 <= number <= extent - shape[axis]:
                 raise self.context.value_error(
                     node,
-                    f"tile_view() of {shape[axis]} elements at offset {known} is out of bounds for "
-                    f"axis {axis} with size {extent}",
+                    f"tile_view() of {shape[axis]} elements at offset {number} is out of bounds "
+                    f"for axis {axis} with size {extent}",
                 )
         return self.selection(native, offsets, steps, shape, shape)
 
@@ -144,7 +145,7 @@ class TilePlaces(TileTopic):
         if part.full is None:
             element = tile.type.element
             if value.type != element and value.type.kind in ("int", "float", "bool"):
-                value = self.convert(value, dtypes.dtype_of(element), node, "tile_assign")
+                value = self.convert(value, element, node, "tile_assign")
             return self.make("set", [value, tile, *part.offsets], node, kind=kind)
         if value.type.kind != "tile":
             value = self.make("splat", [value], node, shape=part.full, element=tile.type.element)
@@ -205,52 +206,29 @@ class TilePlaces(TileTopic):
     def check_offsets(self, native, offsets, node):
         """Offsets count from the beginning, unlike indices."""
         for axis, (offset, extent) in enumerate(zip(offsets, native.shape, strict=False)):
-            known = self.known(offset)
-            if isinstance(known, int) and not 0 <= known < extent:
+            number = known(offset)
+            if isinstance(number, int) and not 0 <= number < extent:
                 raise self.context.value_error(
                     node,
-                    f"tile_view() integer offset {known} is out of bounds for axis {axis} with "
+                    f"tile_view() integer offset {number} is out of bounds for axis {axis} with "
                     f"size {extent}",
                 )
 
-    def sliced(self, node):
-        """A call of `tile_view` without its offset, and that as indices and slices, if one is."""
-        written = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "offset")]
-        items = [one for value in written for one in getattr(value, "elts", [value])]
-        if not any(map(is_slice, items)):
-            return node, None
-        rest = [k for k in node.keywords if k.arg != "offset"]
-        rest += [ast.keyword("shape", one) for one in node.args[2:3]]
-        call = ast.copy_location(ast.Call(node.func, node.args[:1], rest), node)
-        return call, [self.as_slice(one) if is_slice(one) else one for one in items]
+    def view(self, node, tile, given, offset, shape):
+        """A part of a tile at an offset, or selected by slices; a view if a variable holds it.
 
-    def as_slice(self, call):
-        """`slice(a, b, c)` as what stands between brackets."""
-        if call.keywords or not 1 <= len(call.args) <= 3:
-            raise self.context.type_error(call, "'slice' expects 1 to 3 arguments")
-        parts = [None, *call.args] if len(call.args) == 1 else call.args
-        bounds = [None if _is_none(one) else one for one in (*parts, None, None)[:3]]
-        return ast.copy_location(ast.Slice(*bounds), call)
-
-    def builtin_tile_view(self, node):
-        call, offsets = self.sliced(node)
-        binding, offset, shape = self.bind(
-            call,
-            "tile_view",
-            ("t", "offset", "shape"),
-            shape=None,
-            **({"offset": 0} if offsets else {}),
-        )
-        tile = self.tile(binding, node, "tile_view")
+        given: the argument that the tile is, as binding and syntax.
+        """
         native = tile.type
-        if offsets and shape is not None:
+        offsets = parts(self.context, offset)
+        has_slices = any(isinstance(one, slice) for one in offsets)
+        if has_slices and shape is not None:
             raise self.context.value_error(
                 node,
                 "tile_view() takes the extents from slices, so no shape",
                 also="tile_view() cannot take 'shape' together with a slice",
             )
-        if offsets is None:
-            offsets = self.parts(offset)
+        if not has_slices:
             self.check_offsets(native, offsets, node)
         if len(offsets) > len(native.shape):
             raise self.context.value_error(
@@ -258,11 +236,10 @@ class TilePlaces(TileTopic):
                 f"tile_view() specified too many indices {len(offsets)} > {len(native.shape)}",
             )
         if shape is None:
-            part, selected = self.part(native, offsets, node)
+            part, selected = self.part(native, offsets, node, has_slices)
             if part.full is None:
                 part, selected = self.whole_part(native, offsets, [1] * len(offsets), node)
         else:
-            shape = self.extents(shape, node, "tile_view")
             if len(shape) != len(native.shape):
                 raise self.context.value_error(
                     node,
@@ -270,12 +247,7 @@ class TilePlaces(TileTopic):
                     f"source tile, expected {len(native.shape)}, got {len(shape)}",
                 )
             part, selected = self.whole_part(native, offsets, shape, node)
-        target = node.args[0] if node.args else node.keywords[0].value
-        slot = self.context.tiles.views.of(binding, target)
+        slot = self.context.tiles.views.of(*given)
         if slot is None:
             return self.read(tile, part, node)
         return self.context.tiles.views.placed(slot.extended(("tile", part), selected), node)
-
-
-def _is_none(node) -> bool:
-    return node is None or (isinstance(node, ast.Constant) and node.value is None)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from warp._src.frontend.bindings import FLOAT32, INT32, NativeType
+from warp._src.frontend.parameters import known
 from warp._src.frontend.tiles.arguments import TileTopic
 
 _UINT32 = NativeType.parse("ui32")
@@ -17,44 +18,17 @@ _UINT32 = NativeType.parse("ui32")
 class TileRandoms(TileTopic):
     """Translates what draws random numbers for all elements."""
 
-    def builtin_tile_randi(self, node):
-        return self.drawn(node, "tile_randi", "randi", INT32, int)
-
-    def builtin_tile_randf(self, node):
-        return self.drawn(node, "tile_randf", "randf", FLOAT32, float)
-
-    def drawn(self, node, name, draw, native, kind):
-        names = ("shape", "rng", "min", "max", "storage")
-        shape, state, low, high, _ = self.bind(
-            node, name, names, min=None, max=None, storage="register"
-        )
-        if isinstance(low, str) and high is None:
-            # The third argument of the overload without bounds.
-            self.check_storage(low, node, name)
-            low = None
-        shape = self.extents(shape, node, name)
-        state = self.context.convert_constant(state, _UINT32, node)
-        if state.type != _UINT32:
-            raise self.context.type_error(
-                node,
-                f"{name}() expects 'uint32' as state, but got '{state.type.python_name}'",
-                "use `wp.rand_init(...)`",
-            )
-        bounds = self.bounds(low, high, native, kind, node, name)
+    def drawn(self, node, draw, shape, state, *bounds):
+        """A tile of draws by `randi` or `randf`, in bounds if there are some."""
+        native, kind = {"randi": (INT32, int), "randf": (FLOAT32, float)}[draw]
+        bounds = self.bounds(*bounds, native, kind, node, f"tile_{draw}") if bounds else []
         states = self.states(state, math.prod(shape), node)
         made = self.mapped([states, *bounds], lambda *values: self.call(draw, *values), node)
         return self.make("reshape", [made], node, shape=shape)
 
-    def call(self, name, *operands):
-        return self.builder.builtin(name, list(operands))[0][0]
-
     def bounds(self, low, high, native, kind, node, name):
-        """Both bounds as values, or none."""
-        if (low is None) != (high is None):
-            raise self.context.error(node, f"{name}() expects 'min' and 'max' together, or neither")
-        if low is None:
-            return []
-        low, high = self.known(low), self.known(high)
+        """Both bounds as values."""
+        low, high = known(low), known(high)
         if type(low) is not kind or type(high) is not kind:
             raise self.context.type_error(
                 node,
@@ -75,7 +49,7 @@ class TileRandoms(TileTopic):
         """The states before the draws of as many elements, in one dimension."""
         threads = self.context.session.block_threads()
         self.context.at(node)
-        given = self.make("from_threads", [state], node, shape=[threads], element=_UINT32)
+        given = self.of_threads(state, node)
         zero, one = (self.builder.constant(_UINT32, number) for number in (0, 1))
         numbers = self.make("iota", [zero, one], node, shape=[threads], element=_UINT32)
         # One draw is the hash of the state, and the next state.

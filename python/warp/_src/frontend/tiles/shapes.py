@@ -1,82 +1,51 @@
-"""Tiles in another shape or element type."""
+"""Shapes of tiles that are seen in another shape."""
 
 from __future__ import annotations
 
 import math
 
+from warp._src.frontend.parameters import known, parts
 from warp._src.frontend.tiles.arguments import TileTopic
 
 
 class TileShapes(TileTopic):
-    """Translates transposes, broadcasts, reshapes and conversions."""
+    """Works out the shapes of views."""
 
-    def builtin_tile_transpose(self, node):
-        (binding,) = self.bind(node, "tile_transpose", ("a",))
-        tile = self.tile(binding, node, "tile_transpose")
-        if len(tile.type.shape) != 2:
-            raise self.context.value_error(
-                node,
-                "tile_transpose() expects a tile of two dimensions",
-            )
-        shape = list(reversed(tile.type.shape))
-        seen = self.context.tiles.views.seen
-        return seen(binding, node, "tile_transpose", "transpose", shape, [1, 0])
-
-    def builtin_tile_broadcast(self, node):
-        binding, shape = self.bind(node, "tile_broadcast", ("a", "shape"))
-        tile = self.tile(binding, node, "tile_broadcast")
-        shape = self.extents(shape, node, "tile_broadcast")
-        old = tile.type.shape
-        fits = len(old) <= len(shape) and all(
+    def repeats(self, old, shape) -> bool:
+        """Whether a shape can be repeated to another one."""
+        return len(old) <= len(shape) and all(
             a in (1, b) for a, b in zip(reversed(old), reversed(shape), strict=False)
         )
-        if not fits:
-            raise self.context.value_error(
-                node,
-                f"tile_broadcast() cannot broadcast shape {tuple(old)} to {tuple(shape)}",
-            )
-        return self.context.tiles.views.seen(binding, node, "tile_broadcast", "broadcast", shape)
 
-    def builtin_tile_reshape(self, node):
-        binding, shape = self.bind(node, "tile_reshape", ("t", "shape"))
-        tile = self.tile(binding, node, "tile_reshape")
-        known = [self.known(extent) for extent in self.parts(shape)]
-        count = math.prod(tile.type.shape)
-        if known.count(-1) == 1:
-            rest = -math.prod(known)
-            known[known.index(-1)] = count // rest if rest > 0 else 0
-        if any(not isinstance(extent, int) for extent in known) or math.prod(known) != count:
+    def completed(self, node, old, shape):
+        """A shape for the elements of another one, in which one extent may be -1."""
+        found = [known(extent) for extent in parts(self.context, shape)]
+        count = math.prod(old)
+        if found.count(-1) == 1:
+            rest = -math.prod(found)
+            found[found.index(-1)] = count // rest if rest > 0 else 0
+        if any(not isinstance(extent, int) for extent in found) or math.prod(found) != count:
             raise self.context.value_error(
-                node,
-                f"tile_reshape() cannot make shape {tuple(known)} of shape "
-                f"{tuple(tile.type.shape)}",
+                node, f"tile_reshape() cannot make shape {tuple(found)} of shape {old}"
             )
-        return self.context.tiles.views.seen(binding, node, "tile_reshape", "reshape", known)
+        return found
 
-    def builtin_tile_squeeze(self, node):
-        binding, axis = self.bind(node, "tile_squeeze", ("t", "axis"), axis=None)
-        tile = self.tile(binding, node, "tile_squeeze")
-        shape = list(tile.type.shape)
-        given = range(len(shape)) if axis is None else self.parts(axis)
+    def squeezed(self, node, old, axis):
+        """A shape without dimensions of extent 1, all or those that are given."""
+        given = range(len(old)) if axis is None else parts(self.context, axis)
         axes = set()
-        for one in map(self.known, given):
-            if not -len(shape) <= one < len(shape):
+        for one in map(known, given):
+            if not -len(old) <= one < len(old):
                 raise self.context.value_error(
                     node,
-                    f"tile_squeeze() axis {one} is out of bounds for tile with {len(shape)} "
+                    f"tile_squeeze() axis {one} is out of bounds for tile with {len(old)} "
                     "dimensions",
                 )
-            if axis is not None and shape[one] != 1:
+            if axis is not None and old[one] != 1:
                 raise self.context.value_error(
                     node,
-                    f"tile_squeeze() cannot remove axis {one}, whose extent is {shape[one]}",
+                    f"tile_squeeze() cannot remove axis {one}, whose extent is {old[one]}",
                 )
-            if shape[one] == 1:
-                axes.add(one % len(shape))
-        kept = [extent for i, extent in enumerate(shape) if i not in axes] or [1]
-        return self.context.tiles.views.seen(binding, node, "tile_squeeze", "reshape", kept)
-
-    def builtin_tile_astype(self, node):
-        tile, dtype = self.bind(node, "tile_astype", ("t", "dtype"), tiles=1)
-        native = self.context.constructors.native(dtype, node)
-        return self.mapped([tile], lambda x: self.builder.cast(x, native), node)
+            if old[one] == 1:
+                axes.add(one % len(old))
+        return [extent for i, extent in enumerate(old) if i not in axes] or [1]

@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from warp._src.frontend.bindings import FLOAT32, INT32, Value
+from warp._src.frontend.parameters import known
 from warp._src.frontend.tiles.arguments import TileTopic
 
 _FLOATS = {"float16": np.float16, "float32": np.float32}
@@ -25,57 +26,23 @@ def _least(native) -> int:
 class TileValues(TileTopic):
     """Translates what makes tiles."""
 
-    def filled(self, node, name, number):
-        shape, dtype, _ = self.bind(
-            node, name, ("shape", "dtype", "storage"), dtype=float, storage="register"
-        )
-        shape = self.extents(shape, node, name)
-        native = self.context.constructors.native(dtype, node)
-        self.context.at(node)
-        if number is None:
-            value = self.builder.zero(native)
-        elif native.kind == "struct":
-            raise self.context.type_error(
-                node,
-                f"{name}() does not support Warp struct dtypes; use tile_full() with an explicit "
-                "value",
-            )
+    def full(self, node, shape, value, native):
+        """A tile of a value, converted to a type if there is one."""
+        if native is None:
+            value = self.context.materialize(value, node)
         else:
-            value = self.builder.constant(native, number)
-        return self.make("splat", [value], node, shape=shape, element=native)
-
-    def builtin_tile_zeros(self, node):
-        return self.filled(node, "tile_zeros", None)
-
-    def builtin_tile_empty(self, node):
-        """Zeros, which is as good as anything."""
-        return self.filled(node, "tile_empty", None)
-
-    def builtin_tile_ones(self, node):
-        return self.filled(node, "tile_ones", 1)
-
-    def builtin_tile_full(self, node):
-        shape, value, dtype, _ = self.bind(
-            node, "tile_full", ("shape", "value", "dtype", "storage"), dtype=None, storage=""
-        ) if len(node.args) > 3 or any(k.arg == "storage" for k in node.keywords) else (
-            *self.bind(node, "tile_full", ("shape", "value", "dtype"), dtype=None), None
-        )  # fmt: skip
-        shape = self.extents(shape, node, "tile_full")
-        value = self.convert(value, dtype, node, "tile_full")
+            value = self.convert(value, native, node, "tile_full")
         return self.make("splat", [value], node, shape=shape, element=value.type)
 
-    def builtin_tile_arange(self, node):
-        arguments, keywords = self.context.constructors.arguments(node)
-        dtype = keywords.pop("dtype", None)
-        keywords.pop("storage", None)
-        if keywords or not 1 <= len(arguments) <= 3:
+    def arange(self, node, arguments, native):
+        if not 1 <= len(arguments) <= 3:
             raise self.context.type_error(
                 node,
                 "tile_arange() requires at least one positional argument specifying the range"
                 if not arguments
                 else f"tile_arange() accepts at most 3 positional arguments, got {len(arguments)}",
             )
-        numbers = [self.known(argument) for argument in arguments]
+        numbers = [known(argument) for argument in arguments]
         names = ("stop",) if len(numbers) == 1 else ("start", "stop", "step")
         for name, number in zip(names, numbers, strict=False):
             if not isinstance(number, (int, float)):
@@ -83,12 +50,10 @@ class TileValues(TileTopic):
                     node,
                     f"tile_arange() arguments must be compile time constants, but {name} is not",
                 )
-        if dtype is None:
+        if native is None:
             typed = [a.type for a in arguments if type(a) is Value]
             plain = FLOAT32 if any(isinstance(n, float) for n in numbers) else INT32
             native = typed[0] if typed else plain
-        else:
-            native = self.context.constructors.native(dtype, node)
         if native.kind not in ("int", "float"):
             raise self.context.type_error(
                 node,
@@ -160,53 +125,22 @@ class TileValues(TileTopic):
 
     # Threads.
 
-    def builtin_block_dim(self, node):
-        self.context.constructors.exactly(node, 0, "block_dim")
-        return self.context.session.block_threads()
-
-    def builtin_tile(self, node):
-        value, whole = self.bind(node, "tile", ("x", "preserve_type"), preserve_type=False)
-        value = self.context.materialize(value, node)
+    def from_threads(self, node, value, whole):
+        """The tile of what each thread has; vectors become columns unless they stay whole."""
         native = value.type
-        threads = self.context.session.block_threads()
-        if native.kind == "tile":
-            raise self.context.type_error(node, "tile() expects a value of each thread")
-        if native.kind in ("vec", "mat") and not self.known(whole):
-            shape, element = [*native.shape, threads], native.element
-        else:
-            shape, element = [threads], native
-        return self.make("from_threads", [value], node, shape=shape, element=element)
+        if native.kind not in ("vec", "mat") or whole:
+            return self.of_threads(value, node)
+        shape = [*native.shape, self.context.session.block_threads()]
+        return self.make("from_threads", [value], node, shape=shape, element=native.element)
 
-    def builtin_untile(self, node):
-        (value,) = self.bind(node, "untile", ("a",), tiles=1)
-        element, shape = value.type.element, value.type.shape
-        if len(shape) == 2:
-            native = self.context.access.composite_type([shape[0]], element)
-        elif len(shape) == 3:
-            native = self.context.access.composite_type(shape[:2], element)
-        elif len(shape) == 1:
-            native = element
-        else:
-            raise self.context.type_error(node, "untile() expects at most three dimensions")
-        threads = self.context.session.block_threads()
-        if shape[-1] != threads:
-            raise self.context.value_error(
-                node,
-                f"untile() argument must have {threads} elements in its last dimension, one for "
-                f"each thread of the block, but has {shape[-1]}",
-            )
-        return self.make("to_threads", [value], node, element=native)
+    def of_thread(self, element, shape):
+        """The type of what each thread has of a tile."""
+        if len(shape) == 1:
+            return element
+        return self.context.access.composite_type(list(shape[:-1]), element)
 
-    def builtin_tile_from_thread(self, node):
+    def from_thread(self, node, shape, value, index):
         """The value of one thread in all elements."""
-        shape, value, index, _ = self.bind(
-            node,
-            "tile_from_thread",
-            ("shape", "value", "thread_idx", "storage"),
-            storage="register",
-        )
-        shape = self.extents(shape, node, "tile_from_thread")
-        value = self.context.materialize(value, node)
         threads = self.context.session.block_threads()
         index = self.context.materialize(index, node)
         known = index.constant()
@@ -218,6 +152,5 @@ class TileValues(TileTopic):
                 node,
                 f"tile_from_thread() thread_idx={known} is outside of a block of {threads} threads",
             )
-        each = self.make("from_threads", [value], node, shape=[threads], element=value.type)
-        chosen = self.make("get", [each, index], node)
+        chosen = self.make("get", [self.of_threads(value, node), index], node)
         return self.make("splat", [chosen], node, shape=shape, element=value.type)

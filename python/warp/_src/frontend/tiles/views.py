@@ -37,13 +37,15 @@ class TileViews(TileTopic):
             return slot if slot.name is not None else None
         return None
 
-    def seen(self, binding, node, name, kind, shape, axes=()):
-        """The view of a whole tile; a new tile if that of a call without a variable is seen."""
-        target = node.args[0] if node.args else node.keywords[0].value
-        slot = self.of(binding, target)
+    def seen(self, tile, given, node, kind, shape, axes=()):
+        """The view of a whole tile; a new tile if no variable holds it.
+
+        tile, given: its value, and the argument that it is as binding and syntax.
+        """
+        slot = self.of(*given)
         step = Seen(kind, shape, axes)
         if slot is None:
-            return self.read(self.tile(binding, node, name), step, node)
+            return self.read(tile, step, node)
         text = "x".join(map(str, shape))
         native = type(slot.type).parse(f"!warp.tile<{text} x {slot.type.element}>")
         return self.placed(slot.extended(("tile", step), native), node)
