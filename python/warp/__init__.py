@@ -267,6 +267,7 @@ from warp._src.version import VERSION as VERSION
 if _typing.TYPE_CHECKING:
     from warp import autograd as autograd
     from warp import build_experimental as build_experimental
+    from warp import extend as extend
     from warp import fem as fem
     from warp import geometry as geometry
     from warp import optim as optim

@@ -20,6 +20,10 @@
     sparse        sparse matrices, for `wp.sparse`
     logger        where lines go that are for the user
 
+`optim`, `utils`, `sparse` and `render` are libraries: they use the public names of `warp` and
+`warp.extend`, and nothing of this package but their own part. `kernels.made_functions`,
+`arrays.recording` and `devices.paused_captures` are there for libraries.
+
 Arrays are below kernels, and what arrays do by kernels is put into `arrays.hooks`. The kernel
 language's own functions use `language.namespace` in place of `warp`. Modules that few programs need
 (the front end before the first kernel, backward passes, `autograd`, `optim`) and other libraries

@@ -59,7 +59,13 @@ _COMMON = {
 
 
 def shown(value) -> str:
-    """A value as messages name it: short numbers and strings themselves, others by their type."""
+    """A value as messages name it: short numbers and strings themselves, others by their type.
+
+    Example:
+        >>> from warp import extend
+        >>> extend.shown(3), extend.shown("x"), extend.shown([1, 2])
+        ("'3'", "'x'", "'list'")
+    """
     if isinstance(value, type):
         return f"the type '{vars(value).get('_wp_name_') or value.__name__}'"
     plain = type(value) in (bool, float, complex, str)
@@ -91,6 +97,19 @@ def checked(**kinds: Kind) -> typing.Callable[[_Function], _Function]:
     Args:
         kinds: kinds by the names of parameters. Those whose names mean the same everywhere, such
             as `device`, need none. The default of a parameter is right whatever its kind.
+
+    Raises:
+        WarpArgumentError: (the function) a call has failed and an argument is not of its kind.
+
+    Example:
+        >>> from warp.extend import checked, kinds
+        >>> @checked(count=kinds.COUNT)
+        ... def double(count):
+        ...     return [0.0] * count
+        >>> double("3")
+        Traceback (most recent call last):
+        ...
+        warp._src.errors.WarpArgumentError: ...: argument 'count' expects an integer ...
     """
 
     def decorate(function):
@@ -153,6 +172,8 @@ def public_name(function, owner=None) -> str:
     place = _PLACES.get(parts[2] if len(parts) > 2 else "", "wp")
     if parts[2:4] == ["optim", "linear"]:
         place = "wp.optim.linear"
+    if parts[0] != "warp":
+        place = function.__module__
     name = function.__qualname__
     base, _, method = name.rpartition(".")
     if base and any(one.__name__ == base for one in type(owner).__mro__):

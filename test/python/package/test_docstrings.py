@@ -10,6 +10,7 @@ import pytest
 MODULES = [
     *("warp", "warp.utils", "warp.sparse", "warp.optim", "warp.optim.linear", "warp.render"),
     *("warp.autograd", "warp.geometry", "warp.report", "warp.types", "warp.saved"),
+    "warp.extend",
 ]
 
 

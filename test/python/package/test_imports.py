@@ -1,12 +1,13 @@
 """Which module imports which: no cycles, and nothing heavy before it is needed."""
 
 import ast
+import re
 import subprocess
 import sys
 
 import pytest
 
-from import_graph import called, cycles, import_graph
+from import_graph import called, cycles, import_graph, modules
 
 # Modules that `import warp` leaves to their users.
 LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "pathlib", "ast")
@@ -61,6 +62,27 @@ def test_nothing_imports_the_public_names():
     libraries = ("warp.fem.", "warp.report.", *(f"warp._src.{name}." for name in folders))
     strangers = {name for name in importers if not name.startswith(libraries)}
     assert not strangers
+
+
+# Parts of the package that stand on its public names and on `warp.extend`.
+LIBRARIES = ("optim", "render", "sparse", "utils")
+# Algorithms whose native code is a part of them.
+NATIVE = {
+    *("warp._src.sparse.number_product", "warp._src.utils.cuda_sequences"),
+    "warp._src.utils.sequences",
+}
+
+
+@pytest.mark.parametrize("library", [*(f"warp._src.{name}" for name in LIBRARIES), "warp.report"])
+def test_libraries_import_public_names_alone(library):
+    graph = import_graph()
+    members = {name for name in graph if name == library or name.startswith(f"{library}.")}
+    assert len(members) > 5
+    for name in members:
+        private = {one for one in graph[name] if one.startswith("warp._src.")}
+        assert {one for one in private if one not in members} == set(), name
+        text = modules()[name].read_text(encoding="utf-8")
+        assert ("_native" in re.findall(r"\w+", text)) == (name in NATIVE), name
 
 
 @pytest.mark.parametrize("name", LAZY)

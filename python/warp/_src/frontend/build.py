@@ -10,7 +10,6 @@ from warp._src.frontend.bindings import Value
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import Overload, fits_native
 from warp._src.frontend.session import Session
-from warp._src.frontend.source import source_of, transformed
 from warp._src.frontend.translator import Translator
 from warp._src.frontend.updates import updated_arguments
 from warp._src.kernels.build_options import Build
@@ -42,19 +41,9 @@ def translate_kernel(kernel, arguments=None, threads=1, constants=None):
     """
     limit = kernel.option("max_unroll")
     limit = 16 if limit is None else limit
-    source = None
-    if kernel.code_transformers:
-        source = transformed(source_of(kernel.func), kernel.code_transformers)
     build = Build(kernel.option("extra_build_options"))
-    translator = _translate(
-        kernel.func, kernel.key, arguments, limit, source, threads, constants, build
-    )
+    translator = _translate(kernel.func, kernel.key, arguments, limit, threads, constants, build)
     return _finish(translator), translator.session
-
-
-def build_function(function, name, arguments=None, max_unroll=16, source=None):
-    """Translates a Python function, or another source in its place, as a kernel of that name."""
-    return _finish(_translate(function, name, arguments, max_unroll, source))
 
 
 def _finish(translator):
@@ -80,11 +69,9 @@ def types_of_local(function, name, local) -> list:
     return natives
 
 
-def _translate(
-    function, name, arguments, max_unroll, source=None, threads=1, constants=None, build=None
-):
+def _translate(function, name, arguments, max_unroll, threads=1, constants=None, build=None):
     """The translator at the end of the function's body."""
-    overload = Overload(function, source)
+    overload = Overload(function)
     source = overload.source
     natives = _parameter_types(overload, name, arguments)
     builder = _native.Builder(symbol_name(name))

@@ -9,7 +9,6 @@ into the file's.
 from __future__ import annotations
 
 import ast
-import copy
 import linecache
 import os
 import types
@@ -57,24 +56,17 @@ class Source:
         }
 
 
-_sources = texts.ByCode()
+# By code object; `kernels.made_functions` adds those of functions that no file has.
+sources = texts.ByCode()
 
 
 def source_of(function: types.FunctionType) -> Source:
     """Source of a function, parsed once per code object."""
     code = function.__code__
-    found = _sources.get(code)
+    found = sources.get(code)
     if found is None:
-        found = _sources[code] = _read(function, code)
+        found = sources[code] = _read(function, code)
     return found
-
-
-def transformed(source: Source, transformers) -> Source:
-    """A source whose tree has gone through `ast.NodeTransformer`s; the given one stays as it is."""
-    tree = copy.deepcopy(source.tree)
-    for transformer in transformers:
-        tree = ast.fix_missing_locations(transformer.visit(tree))
-    return Source(tree, source.file, source.line_offset, source.name)
 
 
 def _read(function: types.FunctionType, code: types.CodeType) -> Source:

@@ -45,15 +45,13 @@ class _Call:
 _calls = texts.ByCode()
 
 
-def keep(function, transformed=False) -> None:
-    """Keeps what a program's function is when it is declared: its text and, unless the text will
-    be `transformed`, and the values of its static expressions. A function without a module was made
-    from text."""
-    if (function.__module__ or "").startswith("warp._src."):
+def keep(function) -> None:
+    """Keeps the text of a program's function when it is declared, and the values of its static
+    expressions. Functions that are made from text or trees keep theirs (`made_functions`)."""
+    if (function.__module__ or "").startswith("warp._src.") or texts.is_made(function):
         return
     texts.keep(function)
-    if not transformed:
-        evaluate(function)
+    evaluate(function)
 
 
 def evaluate(function) -> None:

@@ -41,8 +41,12 @@ class Function:
     particular = None
 
     @checked(func=FUNCTION)
-    def __init__(self, func, key=None):
+    def __init__(self, func, key=None, code_transformers=None):
         check_annotations(func.__name__, func.__annotations__)
+        if code_transformers:
+            from warp._src.kernels.made_functions import transformed_function
+
+            func = transformed_function(func, code_transformers)
         self.func = func
         self.key = key or func.__name__
         self.overloads = [func]

@@ -8,7 +8,8 @@ translation does, never on less.
 
 A text may mention values that have no name that lasts (`names`) in a comment, or in `wp.static`,
 whose values are compared apart (`statics`); a kernel that uses one elsewhere is translated in every
-process, as is one with native code or code transformers.
+process, as is one with native code. A function that was made from text or by code transformers has
+the text that they made (`made_functions`).
 """
 
 from __future__ import annotations
@@ -174,8 +175,6 @@ def name_of(kernel, arguments=None, threads=1, constants=None):
     Raises:
         UnnamedError: there is none.
     """
-    if kernel.code_transformers:
-        raise UnnamedError
     found = Identity(threads)
     types_of_arguments = None if arguments is None else tuple(map(str, arguments))
     given = (kernel.key, kernel.option("max_unroll"), types_of_arguments, threads)

@@ -58,14 +58,17 @@ class Kernel:
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
         check_annotations(func.__name__, func.__annotations__)
+        if code_transformers:
+            from warp._src.kernels.made_functions import transformed_function
+
+            func = transformed_function(func, code_transformers)
         self.func = func
         self.key = key or kernel_name(func)
         self.module = (
             module if isinstance(module, Module) else get_module(module or func.__module__)
         )
         self.options = dict(options or {})
-        self.code_transformers = tuple(code_transformers or ())
-        declared.keep(func, transformed=bool(self.code_transformers))
+        declared.keep(func)
         self.module.kernels[self.key] = self
         self.module.generic_kernels.pop(self.key, None)
         if any(map(is_generic, func.__annotations__.values())):

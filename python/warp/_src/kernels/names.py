@@ -13,6 +13,7 @@ import os
 import types
 import typing
 
+from warp._src.kernels import texts
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import Builtin
 from warp._src.types.annotations import FixedArrayType, Reference
@@ -54,7 +55,7 @@ def _is_ours(name) -> bool:
 def _is_packaged(function) -> bool:
     """True if a function is of this package's files and was not made by another function, so that
     its name says what it is."""
-    home = function.__code__.co_filename.startswith(PACKAGE)
+    home = function.__code__.co_filename.startswith(PACKAGE) and not texts.is_made(function)
     return home and "<locals>" not in function.__qualname__
 
 

@@ -97,6 +97,20 @@ class Block:
 _blocks = ByCode()
 
 
+# Code objects that were compiled from text or from a tree, and not from a file's lines.
+_made = ByCode()
+
+
+def keep_made(code, lines) -> None:
+    """Keeps the text of a code object that no file has."""
+    _blocks[code], _made[code] = Block(lines), True
+
+
+def is_made(function) -> bool:
+    """True if a function was made from text or from a tree."""
+    return bool(_made.get(function.__code__))
+
+
 def block_of(function) -> Block:
     """The text of a function, read once: later changes of its file do not count.
 

@@ -3,9 +3,9 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, ARRAYS, BETAS, COUNT, NUMBER
-from warp._src.arguments import checked
 from warp._src.optim import parameters
+from warp.extend import checked
+from warp.extend.kinds import ARRAY, ARRAYS, BETAS, COUNT, NUMBER
 
 
 @functools.cache

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import math
 
-from warp._src import errors
-from warp._src.argument_kinds import ARRAYS, CALLABLE, INTEGER, NUMBER, TEXT
-from warp._src.arguments import checked
-from warp._src.arrays.array import array
+import warp as wp
 from warp._src.optim import parameters
 from warp._src.optim.lbfgs_vectors import Vectors
 from warp._src.optim.line_search import LineSearch, Point, backtrack
+from warp.extend import checked, errors
+from warp.extend.kinds import ARRAYS, CALLABLE, INTEGER, NUMBER, TEXT
 
 LINE_SEARCHES = ("strong_wolfe", None)
 
@@ -214,7 +213,7 @@ class LBFGS:
     def _number(self, loss) -> float:
         """The result of a closure as a number; notes how exact it is."""
         self._loss_epsilon = self.vectors.precision
-        if isinstance(loss, array):
+        if isinstance(loss, wp.array):
             if loss.size != 1:
                 raise errors.WarpShapeError(
                     f"LBFGS: expects one loss from the closure, but got shape {loss.shape}"

@@ -7,12 +7,9 @@ least 32 bits, whatever the parameter has.
 
 from __future__ import annotations
 
-from warp._src import errors
-from warp._src.arrays.array import array
-from warp._src.arrays.copies import copy
-from warp._src.arrays.create import zeros
-from warp._src.types import dtypes
-from warp._src.types.numpy_types import element_layout
+import warp as wp
+from warp import types as dtypes
+from warp.extend import errors
 
 _NARROW = (dtypes.float16, dtypes.bfloat16)
 
@@ -57,7 +54,7 @@ def check_list(params, name):
     if not isinstance(params, (list, tuple)):
         raise TypeError(f"{name} expects a list of arrays, but got '{type(params).__name__}'")
     for position, param in enumerate(params):
-        if not isinstance(param, array):
+        if not isinstance(param, wp.array):
             raise TypeError(
                 f"{name}: parameter {position} is no array, but '{type(param).__name__}'"
             )
@@ -72,7 +69,7 @@ def fitting_state(held, params) -> list:
     for old, param in zip(held, params, strict=True):
         dtype = state_dtype(param.dtype)
         if old is None or old.shape != param.shape or old.dtype is not dtype:
-            made.append(zeros(param.shape, dtype, param.device))
+            made.append(wp.zeros(param.shape, dtype, param.device))
         else:
             made.append(old.to(param.device))
     return made
@@ -112,7 +109,7 @@ def update(param, function) -> None:
     packed = param.contiguous()
     function(flat(packed))
     if packed is not param:
-        copy(param, packed)
+        wp.copy(param, packed)
 
 
 def epsilon(dtype) -> float:
@@ -121,4 +118,4 @@ def epsilon(dtype) -> float:
 
     if dtype is dtypes.bfloat16:
         return 2.0**-7
-    return float(numpy.finfo(element_layout(dtype)[0]).eps)
+    return float(numpy.finfo(wp.dtype_to_numpy(dtype)).eps)

@@ -8,8 +8,8 @@ from __future__ import annotations
 import struct
 import zlib
 
-from warp._src.argument_kinds import NUMBERS
-from warp._src.arguments import checked
+from warp.extend import checked
+from warp.extend.kinds import NUMBERS
 
 # Colour types by the number of channels.
 _COLOURS = {1: 0, 2: 4, 3: 2, 4: 6}

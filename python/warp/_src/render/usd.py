@@ -7,9 +7,9 @@ UsdGeom of OpenUSD.
 
 from __future__ import annotations
 
-from warp._src.argument_kinds import NUMBER, TEXT
-from warp._src.arguments import checked
 from warp._src.render.shapes import Shapes
+from warp.extend import checked
+from warp.extend.kinds import NUMBER, TEXT
 
 _ROOT = "/root"
 _TEMPLATES = "/_templates"

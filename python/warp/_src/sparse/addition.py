@@ -3,15 +3,14 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import NUMBER, SPARSE, TEXT
-from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.assignment import bsr_copy
 from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
-from warp._src.types.dtypes import types_equal
+from warp.extend import checked, types_equal
+from warp.extend.kinds import NUMBER, SPARSE, TEXT
 
 
 class bsr_axpy_work_arrays:

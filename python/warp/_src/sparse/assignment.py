@@ -1,8 +1,6 @@
 """Copies of matrices, also to other types and shapes of blocks, and compression."""
 
 import warp as wp
-from warp._src.argument_kinds import FLAG, MATRIX, PAIR, SPARSE, TEXT
-from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.entries import (
@@ -14,6 +12,8 @@ from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
 from warp._src.sparse.storage import bsr_set_zero
 from warp._src.sparse.triplets import nonzero_blocks
+from warp.extend import checked
+from warp.extend.kinds import FLAG, MATRIX, PAIR, SPARSE, TEXT
 
 
 @wp.kernel(enable_backward=False)

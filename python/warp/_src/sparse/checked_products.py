@@ -8,8 +8,8 @@ import ctypes
 import functools
 
 import warp as wp
-from warp._src.arrays.observers import Observers
 from warp._src.sparse.checks import check_contents, check_storage
+from warp.extend import is_differentiating
 
 
 class Outside:
@@ -48,7 +48,7 @@ def outside_of(matrix) -> Outside:
 
 def watches(matrix) -> bool:
     """True if kernels here are to be used: on the CPU, if nobody differentiates."""
-    return matrix.values.device_index < 0 and Observers.tape is None and Observers.executor is None
+    return matrix.values.device_index < 0 and not is_differentiating()
 
 
 @wp.func

@@ -7,10 +7,8 @@ on the CPU: on a GPU that would be to wait for the device.
 
 import operator
 
-from warp import _native
-from warp._src import errors
-from warp._src.types.dtypes import is_array, type_repr, types_equal
-from warp._src.types.scalars import int32
+from warp.extend import errors, is_array, type_repr, types_equal
+from warp.types import int32
 
 
 def _extent(matrix, name, value):
@@ -115,7 +113,7 @@ def check_contents(matrix, columns=True, most=None) -> None:
         IndexError: they do not; names the first row and the numbers.
     """
     device = matrix.device
-    if not device.is_cpu or _native.is_capturing(device.index):
+    if not device.is_cpu or device.is_capturing:
         return
     offsets = matrix.offsets._host_view()[: matrix.nrow + 1]
     begins = offsets[:-1]

@@ -3,22 +3,15 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, COUNT, MATRIX, SPARSE
-from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_contents
 from warp._src.sparse.entries import make_compact
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.lookup import bsr_block_index
 from warp._src.sparse.matrix import BsrMatrix, as_blocks, bsr_matrix_t, new_matrix
-from warp._src.types.dtypes import (
-    is_array,
-    is_scalar,
-    is_value,
-    type_is_matrix,
-    type_repr,
-    types_equal,
-)
+from warp.extend import checked, is_array, type_is_matrix, type_repr, types_equal
+from warp.extend.kinds import ARRAY, COUNT, MATRIX, SPARSE
+from warp.types import is_scalar, is_value
 
 
 @functools.cache

@@ -14,7 +14,6 @@ import functools
 from dataclasses import dataclass
 
 import warp as wp
-from warp import _native
 from warp._src.sparse.checks import check_contents
 
 TOPOLOGIES = ("compact", "masked", "padded")
@@ -181,7 +180,7 @@ class _Sorted:
         self.launch(self.encode, n, rows, columns, limit, kept, nrow, ncol, keys, order)
         bits = self.last.bit_length()
         if n > 1 and bits:
-            _native.sort_pairs(keys, order, self.key.__name__, n, 0, bits)
+            wp.utils.radix_sort_pairs(keys, order, n, 0, bits)
         self.keys, self.order = keys[:n], order[:n]
 
     def launch(self, kernel, dim, *inputs):
@@ -193,7 +192,7 @@ class _Sorted:
         places = wp.empty(self.count, dtype=int, device=self.device)
         self.launch(self.mark, self.count, self.keys, self.key(self.last), places)
         if self.count:
-            _native.scan_numbers(places, places, "int32", 1, self.count, True)
+            wp.utils.array_scan(places, places)
         return places
 
     def put(self, places, starts, offsets, columns, capacity) -> Entries:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numbers
 
-from warp._src import errors
-from warp._src.arguments import shown
 from warp._src.sparse.checks import check_storage
-from warp._src.types.dtypes import is_array
-from warp._src.types.scalars import scalar_base
+from warp.extend import errors, is_array, shown
+from warp.types import scalar_base
 
 
 def _reciprocal(y):
@@ -31,7 +29,7 @@ def _reciprocal(y):
 class Operations:
     """The operators of matrices: put here by `sparse.operations`."""
 
-    axpy = copy = product = scale = vector_product = transposed = None
+    axpy = copy = multiply = product = scale = vector_product = transposed = None
 
 
 def _factor(value):

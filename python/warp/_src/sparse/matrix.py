@@ -5,21 +5,12 @@ from __future__ import annotations
 import functools
 
 import warp as wp
-from warp import _native
-from warp._src.argument_kinds import ARRAY, COUNT
-from warp._src.arguments import checked
-from warp._src.devices.devices import get_device
-from warp._src.sparse.checks import ATTRIBUTES, check_storage
-from warp._src.sparse.expressions import InPlaceOperators, Operators
+from warp._src.sparse.checks import ATTRIBUTES, check_contents, check_storage
+from warp._src.sparse.expressions import InPlaceOperators, Operations, Operators
 from warp._src.sparse.lookup import _write_row_ends, _write_rows
-from warp._src.types.dtypes import (
-    SCALAR_TYPES,
-    canonical,
-    type_is_matrix,
-    type_repr,
-    type_scalar_type,
-    type_size,
-)
+from warp.extend import canonical, checked, type_is_matrix, type_repr, type_scalar_type, type_size
+from warp.extend.kinds import ARRAY, COUNT
+from warp.types import SCALAR_TYPES
 
 BSR_STATUS_SUCCESS = 0
 BSR_STATUS_ROW_CAPACITY_EXCEEDED = 1
@@ -117,6 +108,31 @@ class BsrMatrix(InPlaceOperators, Operators):
         """The blocks as an array of three dimensions: block, row, column."""
         return as_blocks(self.values)
 
+    def check(self) -> None:
+        """Checks the arrays of the matrix, which programs may replace and write to.
+
+        Contents are checked on the CPU only, and not while a graph is being captured.
+
+        Raises:
+            ValueError: an array is too short, or on another device than the others.
+            IndexError: a row or a column lies outside of the matrix.
+        """
+        check_storage(self)
+        check_contents(self)
+
+    def multiply(self, x, y, alpha=1.0, beta=0.0, is_checked=False):
+        """Sets `y` to `alpha A x + beta y` as `bsr_mv` does, for vectors of `x` and `y`.
+
+        Args:
+            x, y: `ncol` and `nrow` elements of as many numbers as a block has columns and rows.
+            alpha, beta: factors.
+            is_checked: True for a matrix that has not changed since its last `check`.
+
+        Raises:
+            ValueError: types, sizes or devices do not fit.
+        """
+        return Operations.multiply(self, x, y, alpha, beta, trusted=is_checked)
+
     def __repr__(self):
         return (
             f"<{type(self).__name__} of {self.nrow} x {self.ncol} blocks of "
@@ -164,7 +180,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         Raises:
             RuntimeError: a graph is being captured.
         """
-        if _native.is_capturing(self.device.index):
+        if self.device.is_capturing:
             raise (NotImplementedError if self.device.is_cpu else RuntimeError)(
                 "BsrMatrix.nnz_sync() needs a device-to-host readback, which a graph cannot hold: "
                 "a topology update in it runs later; call it outside of the capture"
@@ -208,7 +224,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         """
         if self._status is None:
             return BSR_STATUS_SUCCESS
-        if _native.is_capturing(self.device.index):
+        if self.device.is_capturing:
             raise (NotImplementedError if self.device.is_cpu else RuntimeError)(
                 "BsrMatrix.status_sync() cannot read sparse status during a live "
                 f"{'CPU' if self.device.is_cpu else 'CUDA'} graph capture; call it afterwards"
@@ -255,4 +271,4 @@ def bsr_matrix_t(dtype):
 def new_matrix(nrow, ncol, dtype, device) -> BsrMatrix:
     """A matrix without blocks."""
     cls = bsr_matrix_t(dtype)
-    return cls(cls._block_type, nrow, ncol, get_device(device))
+    return cls(cls._block_type, nrow, ncol, wp.get_device(device))

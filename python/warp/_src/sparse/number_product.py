@@ -8,11 +8,10 @@ import functools
 
 import warp as wp
 from warp import _native
-from warp._src.arrays.observers import Observers
 from warp._src.sparse import checked_products
 from warp._src.sparse.checks import check_contents, check_storage
-from warp._src.types.dtypes import SCALAR_TYPES
-from warp._src.utils.observed import writing
+from warp.extend import is_differentiating, note_writes
+from warp.types import SCALAR_TYPES
 
 # Numbers of a row from which on the blocks of a GPU share the matrix, whatever rows have; rows of
 # less have a thread each.
@@ -88,11 +87,10 @@ def multiply(A, x, y, alpha, beta, trusted) -> None:
     if (
         device.is_cuda
         and A.columns.size >= _SHARED_FROM * A.nrow
-        and Observers.tape is None
-        and Observers.executor is None
+        and not is_differentiating()
         and dtype in (wp.float32, wp.float64)
     ):
-        writing("bsr_mv", y)
+        note_writes("bsr_mv", y)
         _native.multiply_rows(
             dtype.__name__, A.offsets, A.columns, values, x, y, float(alpha), float(beta)
         )

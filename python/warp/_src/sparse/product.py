@@ -7,9 +7,6 @@ one. They are counted, listed and collected like those of any other operation (`
 import functools
 
 import warp as wp
-from warp import _native
-from warp._src.argument_kinds import COUNT, INTEGER, MATRIX, SPARSE, TEXT
-from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.addition import _places, check_operands, joined
 from warp._src.sparse.checks import check_contents, check_storage
@@ -17,6 +14,8 @@ from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.lookup import bsr_block_index
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
+from warp.extend import checked
+from warp.extend.kinds import COUNT, INTEGER, MATRIX, SPARSE, TEXT
 
 
 class bsr_mm_work_arrays:
@@ -226,7 +225,7 @@ def _check_shapes(x, y, z) -> None:
 def _number_of_products(ends, max_new_nnz, z) -> int:
     if ends.size == 0:
         return 0
-    if not _native.is_capturing(z.device.index):
+    if not z.device.is_capturing:
         return int(ends[ends.size - 1 :].numpy()[0])
     if max_new_nnz is None:
         raise RuntimeError(
@@ -247,7 +246,7 @@ def _list(x, y, z, beta, max_new_nnz, topology) -> _Plan:
     if x.nnz:
         inputs = [x_rows, x_columns, y.offsets, y_ends, ends]
         wp.launch(_count_products, x.nnz, inputs, device=device)
-        _native.scan_numbers(ends, ends, "int32", 1, x.nnz, True)
+        wp.utils.array_scan(ends, ends)
     count = _number_of_products(ends, max_new_nnz, z)
     lefts, rights, rows, columns = (wp.empty(count, dtype=int, device=device) for _ in range(4))
     if count:

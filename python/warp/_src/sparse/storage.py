@@ -1,12 +1,10 @@
 """Empty matrices, and the room that rows have."""
 
 import warp as wp
-from warp import _native
-from warp._src.argument_kinds import ARRAY, COUNT, MATRIX, TEXT
-from warp._src.arguments import checked
 from warp._src.sparse.entries import check_topology, make_compact
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
-from warp._src.types.dtypes import is_array
+from warp.extend import checked, is_array
+from warp.extend.kinds import ARRAY, COUNT, MATRIX, TEXT
 
 
 @wp.kernel(enable_backward=False)
@@ -42,10 +40,10 @@ def _set_room(bsr, row_capacity, nnz_capacity) -> None:
     bsr.offsets = wp.zeros(bsr.nrow + 1, dtype=int, device=device)
     if bsr.nrow:
         wp.copy(bsr.offsets, row_capacity.contiguous(), dest_offset=1, count=bsr.nrow)
-        _native.scan_numbers(bsr.offsets, bsr.offsets, "int32", 1, bsr.nrow + 1, True)
+        wp.utils.array_scan(bsr.offsets, bsr.offsets)
     if nnz_capacity is not None:
         bsr.nnz = int(nnz_capacity)
-    elif _native.is_capturing(device.index):
+    elif device.is_capturing:
         raise RuntimeError(
             "a row_capacity array needs nnz_capacity in a graph: its sum would be a "
             "device-to-host readback"

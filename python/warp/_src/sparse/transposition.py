@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warp as wp
-from warp._src.argument_kinds import MATRIX, SPARSE, TEXT
-from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.expressions import matrix_and_factor
 from warp._src.sparse.matrix import BsrMatrix, new_matrix
+from warp.extend import checked
+from warp.extend.kinds import MATRIX, SPARSE, TEXT
 
 
 @checked(dest=MATRIX, src=SPARSE, topology=TEXT)

@@ -3,14 +3,12 @@
 import functools
 
 import warp as wp
-from warp._src import errors
-from warp._src.argument_kinds import ARRAY, COUNT, MATRIX, TEXT
-from warp._src.arguments import checked
 from warp._src.sparse import sums
 from warp._src.sparse.checks import check_storage
 from warp._src.sparse.entries import check_topology, collect, fresh_values
 from warp._src.sparse.matrix import BsrMatrix, as_blocks, new_matrix
-from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
+from warp.extend import checked, errors, type_repr, type_scalar_type, type_size, types_equal
+from warp.extend.kinds import ARRAY, COUNT, MATRIX, TEXT
 
 
 class BsrTripletMap:

@@ -3,13 +3,11 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, SPARSE
-from warp._src.arguments import checked
-from warp._src.arrays.observers import Observers
 from warp._src.sparse import checked_products, number_product, sums
 from warp._src.sparse.checks import check_contents, check_storage
 from warp._src.sparse.expressions import unchecked
-from warp._src.types.dtypes import type_repr, type_scalar_type, type_size, types_equal
+from warp.extend import checked, is_recording, type_repr, type_scalar_type, type_size, types_equal
+from warp.extend.kinds import ARRAY, FLAG, INTEGER, SPARSE
 
 
 @functools.cache
@@ -157,7 +155,7 @@ def _launch_rows(A, inputs, trusted) -> None:
             checked_products.launch(kernel, count, inputs, A)
             return
         check_contents(A)
-    if A.device.is_cpu or mean < _LONG or Observers.tape is not None:
+    if A.device.is_cpu or mean < _LONG or is_recording():
         wp.launch(_row_kernel(A.scalar_type, rows, cols), count, inputs, device=A.device)
         return
     sharers = 8

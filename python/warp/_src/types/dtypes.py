@@ -127,7 +127,13 @@ def _class_of(x):
 
 
 def is_array(x) -> builtins.bool:
-    """True if `x` is an array, indexed or not, or an annotation of one."""
+    """True if `x` is an array, indexed or not, or an annotation of one.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.is_array(wp.zeros(3, device="cpu")), wp.types.is_array([1, 2])
+        (True, False)
+    """
     return type_is_array(type(x)) or hasattr(type(x), "_wp_array_annotation_")
 
 
@@ -203,27 +209,57 @@ def type_is_composite(t) -> builtins.bool:
 
 
 def type_is_vector(t) -> builtins.bool:
-    """True if `t` is a type of vectors."""
+    """True if `t` is a type of vectors.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_is_vector(wp.vec3), wp.types.type_is_vector(wp.quat)
+        (True, False)
+    """
     return _is_family(t, Vector) and not _is_family(t, (Quaternion, Transformation))
 
 
 def type_is_matrix(t) -> builtins.bool:
-    """True if `t` is a type of matrices."""
+    """True if `t` is a type of matrices.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_is_matrix(wp.mat33), wp.types.type_is_matrix(wp.vec3)
+        (True, False)
+    """
     return _is_family(t, Matrix)
 
 
 def type_is_quaternion(t) -> builtins.bool:
-    """True if `t` is a type of quaternions."""
+    """True if `t` is a type of quaternions.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_is_quaternion(wp.quatd), wp.types.type_is_quaternion(wp.vec4)
+        (True, False)
+    """
     return _is_family(t, Quaternion)
 
 
 def type_is_transformation(t) -> builtins.bool:
-    """True if `t` is a type of transforms."""
+    """True if `t` is a type of transforms.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_is_transformation(wp.transform), wp.types.type_is_transformation(float)
+        (True, False)
+    """
     return _is_family(t, Transformation)
 
 
 def type_is_array(t) -> builtins.bool:
-    """True if `t` is a class of arrays, indexed or not, such as `wp.array`."""
+    """True if `t` is a class of arrays, indexed or not, such as `wp.array`.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_is_array(wp.array), wp.types.type_is_array(list)
+        (True, False)
+    """
     return has_arrays(t)
 
 
@@ -241,7 +277,13 @@ def is_tile(t) -> builtins.bool:
 
 
 def type_is_struct(t) -> builtins.bool:
-    """True if `t` is a class that `wp.struct` has made."""
+    """True if `t` is a class that `wp.struct` has made.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_is_struct(wp.vec3)
+        False
+    """
     return isinstance(t, type) and is_struct(t)
 
 
@@ -251,7 +293,16 @@ def type_is_value(t) -> builtins.bool:
 
 
 def type_scalar_type(t):
-    """The scalar type of a scalar or composite type."""
+    """The scalar type of a scalar or composite type.
+
+    Raises:
+        TypeError: `t` is no type of array elements.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_scalar_type(wp.mat22d) is wp.float64
+        True
+    """
     t = canonical(t)
     return getattr(t, "_wp_scalar_type_", t)
 
@@ -268,7 +319,16 @@ def type_size_in_bytes(dtype) -> int:
 
 
 def type_size(dtype) -> int:
-    """Number of scalars in an element of type `dtype`; 1 for a struct."""
+    """Number of scalars in an element of type `dtype`; 1 for a struct.
+
+    Raises:
+        TypeError: `dtype` is no type of array elements.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_size(wp.mat33), wp.types.type_size(float)
+        (9, 1)
+    """
     return getattr(canonical(dtype), "_length_", 1)
 
 

@@ -25,6 +25,11 @@ def canonical(dtype):
 
     Raises:
         TypeError: `dtype` is not a scalar, composite or struct type.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.canonical(float) is wp.float32
+        True
     """
     found = PYTHON_TYPES.get(dtype, dtype) if isinstance(dtype, type) else dtype
     if isinstance(found, type):
@@ -141,14 +146,26 @@ def is_struct(dtype) -> bool:
 
 
 def type_repr(t) -> str:
-    """Short name of a type, as in messages."""
+    """Short name of a type, as in messages.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.type_repr(wp.vec3), wp.types.type_repr(int)
+        ('vec3f', 'int32')
+    """
     if isinstance(t, type):
         return shown_name(PYTHON_TYPES.get(t, t))
     return spelled(t)
 
 
 def types_equal(a, b) -> bool:
-    """True if two types or annotations mean the same."""
+    """True if two types or annotations mean the same.
+
+    Example:
+        >>> import warp as wp
+        >>> wp.types.types_equal(wp.vec3, wp.types.vector(3, float))
+        True
+    """
     try:
         return native_text(a) == native_text(b)
     except TypeError:

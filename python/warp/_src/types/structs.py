@@ -15,14 +15,15 @@ import warnings
 
 from warp import _native
 from warp._src import errors
-from warp._src.argument_kinds import Kind, above
-from warp._src.arguments import checked, misfit
+from warp._src.argument_kinds import DICT, NONE, TEXT, Kind, above
+from warp._src.arguments import checked, misfit, spelled
 from warp._src.devices.devices import get_device
 from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
 from warp._src.types.struct_fields import ArrayDescriptor, Field
+from warp._src.version import calling_frame
 
 
 class _OfClass:
@@ -271,6 +272,39 @@ def struct(c=None, *, module=None):
     if c is None:
         return lambda decorated: _make_struct(decorated, annotations.caller_namespaces(decorated))
     return _make_struct(c, annotations.caller_namespaces(c))
+
+
+@checked(name=TEXT, fields=DICT, module=TEXT | NONE)
+def struct_from_fields(
+    name: str, fields: typing.Mapping[str, typing.Any], *, module: str | None = None
+) -> type:
+    """Makes a struct type from names and types, as `wp.struct` does from a class.
+
+    Args:
+        name: of the struct, in messages and in compiled code.
+        fields: type of each field: scalars, vectors, matrices, quaternions, transforms, arrays and
+            other structs.
+        module: name of the module that the struct belongs to, by default the caller's.
+
+    Raises:
+        TypeError: a field has an unknown type.
+        ValueError: a name is no identifier.
+
+    Example:
+        >>> import warp as wp
+        >>> from warp import extend
+        >>> Sample = extend.struct_from_fields("Sample", {"x": wp.vec3, "weight": float})
+        >>> sample = Sample()
+        >>> sample.weight = 0.5
+        >>> sample.x
+        vec3f([0.0, 0.0, 0.0])
+    """
+    for one in (name, *fields):
+        if not isinstance(one, str) or not one.isidentifier():
+            raise ValueError(f"struct_from_fields: {spelled(one)} is no identifier")
+    home = module or calling_frame().f_globals.get("__name__", "__main__")
+    cls = type(name, (), {"__annotations__": dict(fields), "__module__": home})
+    return _make_struct(cls, [])
 
 
 def _make_struct(cls, namespaces):

@@ -9,12 +9,11 @@ from __future__ import annotations
 import enum
 import operator
 
-from warp._src import errors
-from warp._src.argument_kinds import ARRAY, COUNT, FLAG, NUMBER
-from warp._src.arguments import checked
-from warp._src.arrays.array import array
-from warp._src.types import dtypes
-from warp._src.types.scalars import int32
+import warp as wp
+from warp import types as dtypes
+from warp.extend import checked, errors, notice
+from warp.extend.kinds import ARRAY, COUNT, FLAG, NUMBER
+from warp.types import int32
 
 
 class GraphColoringAlgorithm(enum.IntEnum):
@@ -108,8 +107,6 @@ def graph_coloring_balance(
     ratio, stopped = _balance(near, colors, groups, target_max_min_ratio, limit)
     node_colors.assign(colors)
     if stopped:
-        from warp._src.logger import notice
-
         notice(
             "Warp UserWarning: Graph coloring stopped because it reached the "
             f"{limit}-iteration limit (achieved ratio {ratio:g}, target {target_max_min_ratio:g})."
@@ -139,7 +136,7 @@ def graph_coloring_get_groups(node_colors, color_count, return_wp_array=True, de
     groups = tuple(numpy.flatnonzero(colors == i).astype(numpy.int32) for i in range(color_count))
     if not return_wp_array:
         return groups
-    return tuple(array(group, dtype=int32, device=device) for group in groups)
+    return tuple(wp.array(group, dtype=int32, device=device) for group in groups)
 
 
 def _check(edges, node_colors) -> None:

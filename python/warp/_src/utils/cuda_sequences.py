@@ -4,7 +4,6 @@ import functools
 
 import warp as wp
 from warp import _native
-from warp._src.arrays.create import empty, zeros
 
 
 @wp.kernel(enable_backward=False)
@@ -72,11 +71,11 @@ def sort_segments(keys, values, count, begins, ends) -> None:
     device = keys.device
     pack, unpack = _segment_kernels(keys.dtype)
     keys, values = keys.flatten()[:count], values.flatten()[:count]
-    marks = zeros(count, dtype=wp.vec2i, device=device)
+    marks = wp.zeros(count, dtype=wp.vec2i, device=device)
     wp.launch(_mark_segments, begins.size, [begins, ends, count, marks], device=device)
     _native.scan_numbers(marks, marks, "int32", 2, count, True)
-    ranked = empty(2 * count, dtype=wp.uint64, device=device)
-    pairs = empty(2 * count, dtype=wp.vec2i, device=device)
+    ranked = wp.empty(2 * count, dtype=wp.uint64, device=device)
+    pairs = wp.empty(2 * count, dtype=wp.vec2i, device=device)
     wp.launch(pack, count, [keys, values, marks, ranked, pairs], device=device)
     bits = 32 + (2 * begins.size).bit_length()
     _native.sort_pairs(ranked, pairs, "uint64", count, 0, bits)

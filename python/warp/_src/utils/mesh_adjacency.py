@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from warp._src.argument_kinds import COUNT, TRIPLES
-from warp._src.arguments import checked
+from warp.extend import checked
+from warp.extend.kinds import COUNT, TRIPLES
 
 
 class MeshEdge:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from warp._src import errors
+from warp.extend import errors
 
 
 def _range(array, count) -> tuple:

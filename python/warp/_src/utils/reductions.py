@@ -6,20 +6,17 @@ import operator
 import numpy as np
 
 import warp as wp
-from warp import _native
-from warp._src import errors
-from warp._src.argument_kinds import ARRAY
-from warp._src.arguments import checked
-from warp._src.types.dtypes import (
+from warp.extend import (
     canonical,
-    float32,
-    float64,
+    checked,
+    errors,
     type_repr,
     type_scalar_type,
     type_size,
     types_equal,
 )
-from warp._src.types.numpy_types import dtype_to_numpy
+from warp.extend.kinds import ARRAY
+from warp.types import float32, float64
 
 
 def _wide(dtype):
@@ -129,7 +126,7 @@ class _Reduction:
         )
         self.axis, self.count, self.on_host = axis, count, out is None
         if out is None:
-            if _native.is_capturing(first.device.index):
+            if first.device.is_capturing:
                 raise NotImplementedError(f"a graph needs an explicit out array for {name}()")
             out = wp.empty(shape, dtype=out_dtype, device=first.device)
         elif out.device != first.device:
@@ -233,7 +230,9 @@ def _scalars(array):
     """All scalars of a packed array as one dimension."""
     scalar, size = type_scalar_type(array.dtype), type_size(array.dtype)
     flat = array.flatten()
-    return flat._view(0, (flat.size * size,), (np.dtype(dtype_to_numpy(scalar)).itemsize,), scalar)
+    return flat._view(
+        0, (flat.size * size,), (np.dtype(wp.dtype_to_numpy(scalar)).itemsize,), scalar
+    )
 
 
 @functools.cache

@@ -8,28 +8,30 @@ from __future__ import annotations
 
 import operator
 
+import warp as wp
 from warp import _native
-from warp._src import errors
-from warp._src.argument_kinds import ARRAY, COUNT
-from warp._src.arguments import checked
-from warp._src.arrays.create import empty
-from warp._src.types.dtypes import (
+from warp._src.utils.overlaps import check_apart, overlap
+from warp.extend import (
+    checked,
+    errors,
+    note_writes,
+    type_is_vector,
+    type_repr,
+    type_scalar_type,
+    type_size,
+    types_equal,
+)
+from warp.extend.kinds import ARRAY, COUNT
+from warp.types import (
     float32,
     float64,
     int32,
     int64,
     type_is_scalar,
-    type_is_vector,
-    type_repr,
-    type_scalar_type,
-    type_size,
     type_size_in_bytes,
-    types_equal,
     uint32,
     uint64,
 )
-from warp._src.utils.observed import writing
-from warp._src.utils.overlaps import check_apart, overlap
 
 _SCANNED = (int32, int64, float32, float64, uint32, uint64)
 _KEYS = (int32, uint32, float32, int64, uint64, float64)
@@ -84,7 +86,7 @@ def array_scan(in_array, out_array, inclusive: bool = True) -> None:
         raise errors.WarpError(f"Unsupported data type: {type_repr(dtype)}")
     if overlap(in_array, out_array):
         raise errors.WarpError("In and out array overlap; use the same array or different memory")
-    writing("array_scan", out_array)
+    note_writes("array_scan", out_array)
     _native.scan_numbers(
         in_array, out_array, _kind(dtype), type_size(dtype), in_array.size, bool(inclusive)
     )
@@ -141,7 +143,7 @@ def radix_sort_pairs(
             f"Invalid radix sort bit range [{begin_bit}, {end_bit}) for {width}-bit keys"
         )
     check_apart("radix_sort_pairs", (keys, 2 * count), (values, 2 * count))
-    writing("radix_sort_pairs", keys, values)
+    note_writes("radix_sort_pairs", keys, values)
     _native.sort_pairs(keys, values, _kind(keys.dtype), count, begin_bit, end_bit)
 
 
@@ -222,7 +224,7 @@ def segmented_sort_pairs(
     if keys.dtype not in (int32, float32) or values.dtype is not int32:
         raise errors.WarpError(f"Unsupported data type: {type_repr(keys.dtype)}")
     check_apart("segmented_sort_pairs", (keys, 2 * count), (values, 2 * count))
-    writing("segmented_sort_pairs", keys, values)
+    note_writes("segmented_sort_pairs", keys, values)
     ends, segments = segment_end_indices, segment_start_indices.size
     if keys.device.is_cuda and segments < _FEW and count > _FEW * _LONG:
         from warp._src.utils.cuda_sequences import sort_segments
@@ -284,17 +286,17 @@ def runlength_encode(values, run_values, run_lengths, run_count=None, value_coun
             return run_count
     elif value_count == 0:
         return 0
-    elif _native.is_capturing(values.device.index):
+    elif values.device.is_capturing:
         raise NotImplementedError("a graph needs an explicit run_count array to write to")
     else:
-        total = empty(1, dtype=int32, device=values.device)
+        total = wp.empty(1, dtype=int32, device=values.device)
     if values.dtype not in (int32, uint32, int64, uint64):
         raise errors.WarpError(f"Unsupported data type: {type_repr(values.dtype)}")
     if not (run_values.is_contiguous and run_lengths.is_contiguous):
         raise errors.WarpError("run_values and run_lengths must be contiguous")
     used = [(array, value_count) for array in (values, run_values, run_lengths)]
     check_apart("runlength_encode", *used, (total, 1))
-    writing("runlength_encode", run_values, run_lengths, total)
+    note_writes("runlength_encode", run_values, run_lengths, total)
     values = values.contiguous()
     _native.find_runs(values, value_count, run_values, run_lengths, total)
     return total if run_count is not None else int(total.numpy()[0])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from warp._src.argument_kinds import LIST
-from warp._src.arguments import checked
-from warp._src.types.dtypes import transformf
+from warp.extend import checked
+from warp.extend.kinds import LIST
+from warp.types import transformf
 
 
 @checked(t=LIST)

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 import warp as wp
-from warp._src.arrays.observers import Observers
+from warp import extend
 from warp.report._command import choose, make_parser
 from warp.report._remote import LostWorkError, Remote
 from warp.report._scene import registered
@@ -71,17 +71,12 @@ def measure(name, device="cpu"):
     known = {(one.kernel, one.module) for one in wp.manifest()}
     program = scene.build(case)
     counter = _Counter()
-    Observers.timer = counter
-    Observers.update()
-    try:
+    with extend.measured_by(counter):
         if program.reset:
             program.reset()
         program.run()
         if program.gradient:
             program.gradient()
-    finally:
-        Observers.timer = None
-        Observers.update()
     entries = [e for e in wp.manifest(code=True) if (e.kernel, e.module) not in known]
     # Annotations pass `isinstance`, too.
     arrays = [one for one in gc.get_objects() if issubclass(type(one), wp.array)]

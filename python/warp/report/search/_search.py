@@ -1,7 +1,6 @@
 """Runs builtins and their adjoints over operands."""
 
 import functools
-import linecache
 import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 
@@ -9,7 +8,7 @@ import mpmath as mp
 import numpy as np
 
 import warp as wp
-from warp._src.builtin_table import BUILTINS
+from warp import extend
 from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoReferenceError
 from warp.report.search._limits import limit_of, with_limits
 from warp.report.search._numbers import parse_signature
@@ -43,7 +42,7 @@ DIGITS = 120
 def overloads(names=()):
     """(name, signature, parsed) of every overload with a reference; all, or of these builtins."""
     for name in names or FORMULAS:
-        group = SIGNATURES.get(name) or BUILTINS[name][2]
+        group = SIGNATURES.get(name) or getattr(wp, name).signatures
         for signature in group:
             parsed = parse_signature(signature)
             if parsed:
@@ -54,8 +53,9 @@ def without_reference():
     """Builtins of floats in the registry that the search has no formula for."""
     return sorted(
         name
-        for name, (_, _, signatures) in BUILTINS.items()
-        if name not in FORMULAS and any(map(parse_signature, signatures))
+        for name in dir(wp)
+        if name not in FORMULAS
+        and any(map(parse_signature, getattr(getattr(wp, name), "signatures", ())))
     )
 
 
@@ -71,20 +71,11 @@ def make_kernel(name, kinds, results, real):
     values = PARTS.get(name) or ", ".join(f"value{i}" for i in range(len(outs)))
     stores = "".join(f"    y{i}[i] = value{i}\n" for i in range(len(outs)))
     scope = {"wp": wp, "types": types, "function": getattr(wp, name), "outs": outs}
-    return _define(
+    text = (
         f"def search_{name}({', '.join(arguments)}):\n"
-        f"    i = wp.tid()\n    {values} = {call}\n{stores}",
-        f"search_{name}",
-        scope,
+        f"    i = wp.tid()\n    {values} = {call}\n{stores}"
     )
-
-
-def _define(text, name, scope):
-    """A kernel from its text; kernels are read from files, so the text becomes one for Python."""
-    file = f"<{name} {abs(hash(text))}>"
-    linecache.cache[file] = (len(text), None, text.splitlines(keepends=True), file)
-    exec(compile(text, file, "exec"), scope)
-    return wp.kernel(scope[name])
+    return wp.kernel(extend.function_from_text(text, scope, module=__name__))
 
 
 def run(name, kinds, results, dtype, values, seeds, device):

@@ -8,17 +8,15 @@ and holds as far as both systems are solved.
 import functools
 
 import warp as wp
-from warp._src.arrays.observers import Observers
 from warp._src.optim.linear.operators import (
     LinearOperator,
+    blocks_of,
     dense_matvec,
     numbers,
     sparse_matvec,
 )
-from warp._src.sparse.matrix import BsrMatrix, as_blocks
-from warp._src.sparse.transposition import bsr_transposed
-from warp._src.types.dtypes import type_scalar_type
-from warp._src.utils.reductions import array_cast
+from warp.extend import record_adjoint, type_scalar_type
+from warp.sparse import BsrMatrix, bsr_transposed
 
 
 @functools.cache
@@ -116,7 +114,7 @@ def record(solver) -> None:
     def backward():
         matrix = A.matrix
         seed = wp.empty_like(x, requires_grad=False)
-        array_cast(x.grad, seed)
+        wp.utils.array_cast(x.grad, seed)
         left = wp.zeros_like(seed)
         options = dict(tol=tol, atol=0.0 if atol is None else atol, maxiter=solver.maxiter)
         # A preconditioner for A is none for its transposed.
@@ -141,7 +139,7 @@ def record(solver) -> None:
             return
         _, add_dense, add_diagonal, add_sparse = _kernels(solver.scalar, _grad_scalar(values))
         if isinstance(matrix, BsrMatrix):
-            grad = as_blocks(values.grad)[: matrix.nnz]
+            grad = blocks_of(values.grad)[: matrix.nnz]
             inputs = [source, solution, matrix.uncompress_rows(), matrix.columns, grad]
             wp.launch(add_sparse, grad.shape, inputs, device=b.device)
         elif matrix.ndim == 2:
@@ -151,4 +149,4 @@ def record(solver) -> None:
             inputs = [source, solution, numbers(values.grad)]
             wp.launch(add_diagonal, source.size, inputs, device=b.device)
 
-    Observers.tape.record_func(backward, arrays)
+    record_adjoint(backward, arrays)

@@ -3,11 +3,11 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import FLAG, SOLVER
-from warp._src.arguments import checked
 from warp._src.optim.linear.conjugate import quotient, step_length, vector_kernels, watch
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
+from warp.extend import checked
+from warp.extend.kinds import FLAG, SOLVER
 
 # Rows of `factors`.
 _RHO, _ALPHA, _OMEGA, _BETA = wp.constant(0), wp.constant(1), wp.constant(2), wp.constant(3)

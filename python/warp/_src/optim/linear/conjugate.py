@@ -8,10 +8,10 @@ import functools
 import operator
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, INTEGER, SOLVER
-from warp._src.arguments import checked
 from warp._src.optim.linear.operators import numbers, numbers_like
 from warp._src.optim.linear.state import LinearSolverState
+from warp.extend import checked
+from warp.extend.kinds import ARRAY, INTEGER, SOLVER
 
 
 @wp.func

@@ -9,16 +9,12 @@ pattern research for block FSAI preconditioning, SIAM J. Sci. Comput. 33, 2011).
 from __future__ import annotations
 
 import warp as wp
-from warp import _native
-from warp._src.argument_kinds import INTEGER, NUMBER, OPERATOR
-from warp._src.arguments import checked
-from warp._src.arrays.observers import Observing
 from warp._src.optim.linear import fsai_pattern
 from warp._src.optim.linear.fsai_plan import Plan
 from warp._src.optim.linear.operators import LinearOperator, numbers
-from warp._src.sparse.checks import check_contents, check_storage
-from warp._src.sparse.matrix import BsrMatrix, as_blocks
-from warp._src.types.dtypes import canonical, type_repr
+from warp.extend import canonical, checked, type_repr, unrecorded
+from warp.extend.kinds import INTEGER, NUMBER, OPERATOR
+from warp.sparse import BsrMatrix
 
 _FLOORS = {wp.float16: 1e-3, wp.float32: 1e-6, wp.float64: 1e-12}
 _MOST = 64
@@ -109,8 +105,7 @@ class FSAI(LinearOperator):
         defer_pattern: bool = False,
     ):
         _check_matrix(A)
-        check_storage(A)
-        check_contents(A)
+        A.check()
         scalar = A.scalar_type
         most = _check_count("max_row_size", max_row_size)
         step_size = _check_count("max_step_size", max_step_size)
@@ -136,7 +131,7 @@ class FSAI(LinearOperator):
         self.source, self.truncated_rows = A, None
         self.update_status = self.pattern_ready = self.pattern_status = None
         self._stream, self._found = None, not defer_pattern
-        with Observing(tape=None):
+        with unrecorded():
             # The factor times a vector, between the two products of an application.
             self._held = wp.empty(A.shape[0], dtype=self._wide, device=A.device)
             options = (most, step_size, tolerance, floor, reuse_pattern)
@@ -145,7 +140,7 @@ class FSAI(LinearOperator):
                 plan.start_as_identity()
                 self.pattern_ready, self.pattern_status = plan.ready, plan.search
             else:
-                self._build(plan, as_blocks(A.values))
+                self._build(plan, A.scalar_values)
         self.G, self.GT = plan.G, plan.GT
         self._plan = plan if reuse_pattern else None
         if reuse_pattern:
@@ -198,10 +193,10 @@ class FSAI(LinearOperator):
             raise ValueError("FSAI.update() requires reuse_pattern=True")
         A = self.source if A is None else A
         self._check_source(A, plan)
-        capturing = _native.is_capturing(self.device.index)
+        capturing = self.device.is_capturing
         fatal = 1 if self._regularize else 3
-        with Observing(tape=None):
-            blocks = as_blocks(A.values)
+        with unrecorded():
+            blocks = A.scalar_values
             plan.status.zero_()
             if self._validate:
                 plan.compare(A)
@@ -224,8 +219,7 @@ class FSAI(LinearOperator):
     def _check_source(self, A, plan) -> None:
         if not isinstance(A, BsrMatrix):
             raise ValueError(f"FSAI.update() requires a BSR matrix, got {A!r}")
-        check_storage(A)
-        check_contents(A)
+        A.check()
         first = self.source
         same = (A.shape, A.dtype, A.device) == (first.shape, first.dtype, first.device)
         room = min(A.columns.size, A.values.size)
@@ -251,7 +245,7 @@ class FSAI(LinearOperator):
             )
 
     def _apply(self, x, y, z, alpha, beta) -> None:
-        with Observing(tape=None):
+        with unrecorded():
             self._wait_for_other_streams()
             x, y, z = numbers(x), numbers(y), numbers(z)
             stored, scalar, wide = self.G.dtype, self.scalar_type, self._wide

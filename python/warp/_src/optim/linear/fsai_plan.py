@@ -5,7 +5,7 @@ from __future__ import annotations
 import warp as wp
 from warp._src.optim.linear import fsai_kernels, fsai_pattern
 from warp._src.optim.linear.fsai_select import select_kernel
-from warp._src.sparse.matrix import new_matrix
+from warp.sparse import bsr_matrix_t
 
 # Numbers in the triangles of all threads of a launch together.
 _ROOM = 1 << 24
@@ -74,7 +74,7 @@ class Plan:
     # Storage of the factors.
 
     def _new_factor(self, capacity, offsets):
-        factor = new_matrix(self.size, self.size, self.stored, self.device)
+        factor = bsr_matrix_t(self.stored)(self.stored, self.size, self.size, self.device)
         factor.notify_nnz_changed(nnz=capacity)
         factor.offsets = offsets
         return factor

@@ -1,10 +1,10 @@
 """The solvers as functions: make the state, and run it."""
 
-from warp._src.argument_kinds import FLAG, INTEGER, SOLVER
-from warp._src.arguments import checked
 from warp._src.optim.linear.bicgstab import BiCGSTAB
 from warp._src.optim.linear.conjugate import CG, CR
 from warp._src.optim.linear.gmres import GMRES
+from warp.extend import checked
+from warp.extend.kinds import FLAG, INTEGER, SOLVER
 
 
 @checked(**SOLVER, restart=INTEGER, run=FLAG)

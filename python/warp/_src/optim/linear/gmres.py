@@ -7,11 +7,11 @@ The least-squares problem of a cycle is solved on the device by rotations, a thr
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, FLAG, INTEGER, SOLVER
-from warp._src.arguments import checked
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
+from warp.extend import checked
+from warp.extend.kinds import ARRAY, FLAG, INTEGER, SOLVER
 
 
 @functools.cache

@@ -4,8 +4,7 @@ import math
 import warnings
 
 import warp as wp
-from warp import _native
-from warp._src.version import calling_frame
+from warp.extend import calling_frame
 
 
 @wp.kernel(enable_backward=False)
@@ -104,7 +103,7 @@ class Loops:
 
         check(0)
         if not use_graph or not self.device.is_cuda or wp.is_conditional_graph_supported():
-            if self.device.is_cuda and use_graph and not _native.is_capturing(self.device.index):
+            if self.device.is_cuda and use_graph and not self.device.is_capturing:
                 with wp.ScopedCapture(device=self.device) as capture:
                     run()
                 wp.capture_launch(capture.graph)

@@ -4,12 +4,9 @@ import copy
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, CALLABLE, COUNT, PAIR
-from warp._src.arguments import checked, shown
-from warp._src.sparse.expressions import Scaled
-from warp._src.sparse.matrix import BsrMatrix
-from warp._src.sparse.vector_product import multiply
-from warp._src.types.dtypes import is_array, type_scalar_type, type_size
+from warp.extend import checked, is_array, shown, type_scalar_type, type_size
+from warp.extend.kinds import ARRAY, CALLABLE, COUNT, PAIR, SPARSE
+from warp.sparse import BsrMatrix
 
 
 class LinearOperator:
@@ -94,6 +91,12 @@ def numbers(array):
     array = array.flatten()
     scalar = type_scalar_type(array.dtype)
     return array if array.dtype is scalar else array.view(scalar).flatten()
+
+
+def blocks_of(values):
+    """An array of numbers or matrices as one of three dimensions: block, row, column."""
+    blocks = values.view(type_scalar_type(values.dtype))
+    return blocks if type_size(values.dtype) > 1 else blocks.reshape((values.size, 1, 1))
 
 
 def numbers_like(count, **vectors):
@@ -191,7 +194,7 @@ def sparse_matvec(A, trusted=False):
     def matvec(x, y, z, alpha, beta):
         if beta != 0.0 and y.ptr != z.ptr:
             wp.copy(z, y)
-        multiply(A, x, z, alpha, beta, trusted=trusted)
+        A.multiply(x, z, alpha, beta, trusted)
 
     return matvec
 
@@ -207,7 +210,7 @@ def trusted(operator):
 
 def evaluated(A):
     """A matrix times a number as a matrix, and anything else as it is."""
-    return A.eval() if isinstance(A, Scaled) else A
+    return A.eval() if SPARSE.fits(A) and not isinstance(A, BsrMatrix) else A
 
 
 @checked(batch_offsets=ARRAY, max_batch_length=COUNT)

@@ -3,19 +3,17 @@
 import functools
 
 import warp as wp
-from warp._src.argument_kinds import OPERATOR, TEXT
-from warp._src.arguments import checked
-from warp._src.arrays.observers import Observing
 from warp._src.optim.linear.fsai import FSAI
 from warp._src.optim.linear.operators import (
     LinearOperator,
+    blocks_of,
     diagonal_matvec,
     evaluated,
     numbers,
 )
-from warp._src.sparse.diagonal import bsr_get_diag
-from warp._src.sparse.matrix import BsrMatrix, as_blocks
-from warp._src.types.dtypes import is_array, type_repr
+from warp.extend import checked, is_array, type_repr, unrecorded
+from warp.extend.kinds import OPERATOR, TEXT
+from warp.sparse import BsrMatrix, bsr_get_diag
 
 
 @functools.cache
@@ -165,12 +163,12 @@ def _diagonal(A):
     if isinstance(A, LinearOperator) and A.matrix is not None:
         A = A.matrix
     if isinstance(A, BsrMatrix):
-        return as_blocks(bsr_get_diag(A))
+        return blocks_of(bsr_get_diag(A))
     if is_array(A) and A.ndim == 2 and A.is_contiguous:
         step = (A.shape[1] + 1) * A.item_size
         return A._view(0, (min(A.shape), 1, 1), (step, step, step))
     if is_array(A) and A.ndim == 1:
-        return as_blocks(numbers(A))
+        return blocks_of(numbers(A))
     raise ValueError("Unsupported source matrix type for building diagonal preconditioner")
 
 
@@ -241,7 +239,7 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
     if ptype == "id":
         return None
     # Solutions do not depend on the preconditioner.
-    with Observing(tape=None):
+    with unrecorded():
         A = evaluated(A)
         if ptype in ("diag", "diag_abs"):
             return _jacobi(A, ptype == "diag_abs")

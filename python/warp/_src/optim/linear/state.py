@@ -10,16 +10,13 @@ import functools
 import math
 
 import warp as wp
-from warp._src.argument_kinds import ARRAY, DIM, INTEGER, OPERATOR
-from warp._src.arguments import checked
-from warp._src.arrays.observers import Observers, Observing
 from warp._src.optim.linear.adjoint import record
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.loops import Loops
 from warp._src.optim.linear.operators import aslinearoperator, numbers, numbers_like, trusted
-from warp._src.sparse.checks import check_contents, check_storage
-from warp._src.sparse.matrix import BsrMatrix
-from warp._src.types.dtypes import type_repr, type_scalar_type, types_equal
+from warp.extend import checked, is_recording, type_repr, type_scalar_type, types_equal, unrecorded
+from warp.extend.kinds import ARRAY, DIM, INTEGER, OPERATOR
+from warp.sparse import BsrMatrix
 
 _EPSILON = {wp.float64: 1e-16, wp.float32: 1e-8, wp.float16: 1e-4}
 
@@ -272,9 +269,9 @@ class LinearSolverState(Loops):
         """
         self._replace(A, b, x, M)
         self._check(self.b, self.x)
-        if Observers.tape is not None:
+        if is_recording():
             record(self)
-        with Observing(tape=None):
+        with unrecorded():
             return self._solve()
 
     def _replace(self, A, b, x, M) -> None:
@@ -313,8 +310,7 @@ class LinearSolverState(Loops):
 
     def _solve(self):
         if isinstance(self.A.matrix, BsrMatrix):
-            check_storage(self.A.matrix)
-            check_contents(self.A.matrix)
+            self.A.matrix.check()
         tol, atol, callback, check_every, use_graph = self.options
         epsilon = _EPSILON.get(self.scalar, 1e-8)
         tol, atol = tolerances(epsilon, tol, atol)
