@@ -155,11 +155,11 @@ class RequireType<string condition, string message, string hint = "",
 /// binds arguments by the overload: `name: type = default`, `*name: type` for
 /// the rest, `*` before parameters that are given by name. Types are
 ///   Any                        whatever it is bound to, unchanged
-///   A, S, F, I, ...            a value; letters as above, and H for any float
 ///   value, int                 a value of any type, of any integer type
 ///   bool, i32, u32, f32, ...   a value of that type; numbers convert
 ///   tile<F, [M, K]>            a tile of two dimensions; M and K stand for one
-///                              extent throughout, as F does for one type
+///                              extent throughout, as F does for one type by
+///                              the rules above (H is any float, too)
 ///   tile<F, D>, tile<F>        a tile of any shape; D stands for its shape
 ///   array<k, A>, array         an array of k dimensions, or any array
 ///   shape, dtype               extents, an element type

@@ -126,8 +126,6 @@ bool Parser::checkType(const CallType &type, const CallSignature &signature) {
       {"int", 0, 0}, {"offsets", 1, 1},
       {"shape", 0, 0}, {"stack", 0, 0}, {"tile", 1, 2},
       {"value", 0, 0}, {"|", 1, 9}};
-  if (type.arguments.empty() && isLetter(type.name))
-    return true;
   StringRef digits = type.name;
   unsigned width;
   if (type.name == "bool" || (digits.consume_front_insensitive("f") ||

@@ -123,13 +123,17 @@ class Call:
         given = self.given.get(name)
         return given[1] if type(given) is tuple else self.node
 
-    def type_error(self, name, message, hint=None, also=None):
-        return self.context.type_error(
-            self.place(name), f"{self.name}() {message}", hint, also=also
-        )
+    def error(self, parameter, kind, message, hint=None, also=None):
+        """An error about the `type` or the `value` of an argument."""
+        make = self.context.type_error if kind == "type" else self.context.value_error
+        text = f"{self.name}() {message}"
+        return make(self.place(parameter.name), text, hint, also=also)
 
-    def value_error(self, name, message, hint=None, also=None):
-        return self.context.value_error(self.place(name), f"{self.name}() {message}", hint, also)
+    def unexpected(self, parameter, noun, found, hint=None, also=None, kind="type"):
+        """The error for an argument, a type or binding, that is not what a noun says."""
+        shown = self.context.type_name(found)
+        message = f"expects {noun} as '{parameter.name}', but got '{shown}'"
+        return self.error(parameter, kind, message, hint, also)
 
 
 class Update:

@@ -147,11 +147,11 @@ class Calls(Part):
     # Builtins.
 
     def call_builtin(self, name, node):
-        special = self.context.handler("builtin_" + name)
-        if special is not None:
-            return special(node)
         if name in CALLS:
             return self.context.binder.call(name, node)
+        special = self.context.methods.get(name) or self.context.method(name)
+        if special is not None:
+            return special(node)
         arguments, keywords = self.context.constructors.arguments(node)
         places = list(node.args)
         if keywords:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import builtins
 
 from warp._src import errors
@@ -20,18 +19,8 @@ class Constructors(Part):
 
     def arguments(self, node):
         """Bindings of positional and keyword arguments."""
-        positional = []
-        for argument in node.args:
-            if isinstance(argument, ast.Starred):
-                positional += self.context.spreads.spread(argument)
-            else:
-                positional.append(self.context.expressions.expr(argument))
-        keywords = {}
-        for keyword in node.keywords:
-            if keyword.arg is None:
-                raise self.context.unsupported(keyword.value, "`**` in a call")
-            keywords[keyword.arg] = self.context.expressions.expr(keyword.value)
-        return positional, keywords
+        positional, keywords = self.context.binder.arguments(node)
+        return [one for one, _ in positional], {name: one for name, (one, _) in keywords.items()}
 
     def exactly(self, node, count, name):
         arguments, keywords = self.arguments(node)

@@ -79,7 +79,7 @@ class Expressions(Part):
 
     def expr(self, node):
         """Binding of an expression."""
-        method = self.context.handler("expr_" + type(node).__name__)
+        method = self.context.methods.get(type(node)) or self.context.method(type(node))
         if method is None:
             kind = type(node).__name__
             what = _UNSUPPORTED.get(kind, f"`ast.{kind}`")

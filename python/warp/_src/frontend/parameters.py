@@ -13,9 +13,9 @@ from warp._src.types import dtypes
 
 # Types that a letter stands for, and their name in messages; other letters stand for any type.
 _KINDS = {
-    **dict.fromkeys("ST", (("int", "float"), "numbers")),
-    **dict.fromkeys("FGH", (("float",), "floats")),
-    **dict.fromkeys("IJ", (("int",), "integers")),
+    **dict.fromkeys("ST", (("int", "float"), " of numbers")),
+    **dict.fromkeys("FGH", (("float",), " of floats")),
+    **dict.fromkeys("IJ", (("int",), " of integers")),
 }
 # Defaults of these types are what they are converted to.
 _UNCHANGED = ("Any", "const", "condition", "|")
@@ -26,8 +26,9 @@ class Parameter:
 
     Attributes:
         name, kind, default: as in the table; `...` is no default.
-        type: name of its type, or the letter or scalar that it is.
+        type: name of its type.
         arguments: of the type.
+        convert: the function for the type.
     """
 
     __slots__ = ("arguments", "convert", "default", "kind", "name", "type")
@@ -35,11 +36,7 @@ class Parameter:
     def __init__(self, name, type, kind, default):
         self.name, self.kind, self.default = name, kind, default
         self.type, *self.arguments = type if isinstance(type, tuple) else (type,)
-        self.convert = _CONVERSIONS.get(self.type)
-        if self.convert is None:
-            is_letter = len(self.type) == 1
-            self.convert = _value if is_letter else _scalar
-            self.arguments = [self.type if is_letter else _native(self.type)]
+        self.convert = _CONVERSIONS.get(self.type, _scalar)
 
     def value(self, call):
         """The argument of a call, converted."""
@@ -48,20 +45,17 @@ class Parameter:
             value = [self.convert(call, self, binding) for binding, _ in given]
         else:
             value = self.default if given is None else given[0]
-            if value is None and self.default is None and self.type != "offsets":
-                pass
-            elif given is not None or self.type not in _UNCHANGED:
+            is_left_out = value is None and self.default is None and self.type != "offsets"
+            if not is_left_out and (given is not None or self.type not in _UNCHANGED):
                 value = self.convert(call, self, value)
         call.values[self.name] = value
         return value
 
     def accepts(self, binding) -> bool:
-        """Whether an argument may be meant for this parameter rather than that of an overload."""
+        """True if an argument may be meant for this parameter, rather than another overload's."""
         if self.type in ("tile", "array") and self.arguments:
             return getattr(getattr(binding, "type", None), "kind", None) == self.type
-        if self.type == "|":
-            return isinstance(binding, str)
-        return not isinstance(binding, str) or self.type == "Any"
+        return isinstance(binding, str) == (self.type == "|") or self.type == "Any"
 
     def count(self, given, rest, following) -> int:
         """Of the arguments from a variadic parameter on, how many it takes."""
@@ -73,24 +67,15 @@ class Parameter:
 
     @property
     def takes_names(self) -> bool:
-        """Whether a variadic parameter takes arguments by name, too, in the order of the names."""
+        """True if a variadic parameter takes arguments by name, too, in the order of the names."""
         return self.type in ("index", "value")
 
     def shown(self) -> str:
         """The parameter as a caller sees it."""
-        star = "*" if self.kind == "*" else ""
-        return f"{star}{self.name}" + ("" if self.default is ... else f"={_text(self.default)}")
-
-
-def _text(default) -> str:
-    return getattr(default, "__name__", None) or repr(default)
-
-
-def _native(name):
-    """The type of a scalar by its name in signatures."""
-    if name == "bool":
-        return NativeType.parse("i1")
-    return NativeType.parse({"i": "s" + name, "u": name[0] + "i" + name[1:]}.get(name[0], name))
+        name = "*" * (self.kind == "*") + self.name
+        if self.default is ...:
+            return name
+        return f"{name}={getattr(self.default, '__name__', None) or repr(self.default)}"
 
 
 def known(binding):
@@ -111,123 +96,103 @@ def parts(context, binding) -> list:
     return [binding]
 
 
-# Letters.
+# Values.
 
 
-def _bind(call, letter, found) -> bool:
-    """Whether a letter stands for what was found; if it is free, it does from here on."""
-    return call.letters.setdefault(letter, found) == found
+def _unchanged(call, parameter, binding):
+    return binding
+
+
+def _value(call, parameter, binding):
+    return call.context.materialize(binding, call.node)
+
+
+def _integer(call, parameter, binding):
+    value = call.context.materialize(binding, call.node)
+    if value.type.kind == "int":
+        return value
+    raise call.unexpected(parameter, "an integer", value, "use `int(...)`")
+
+
+def _scalar(call, parameter, binding):
+    name = parameter.type
+    text = "i1" if name == "bool" else {"i": f"s{name}", "u": f"ui{name[1:]}"}.get(name[0], name)
+    native = NativeType.parse(text)
+    value = call.context.convert_constant(binding, native, call.node)
+    if value.type == native:
+        return value
+    name = native.python_name
+    raise call.unexpected(parameter, f"'{name}'", value, f"use `wp.{name}(...)`")
+
+
+def _stack(call, parameter, binding):
+    if type(binding) is TileStack:
+        return binding
+    hint = "use `wp.tile_stack(capacity=..., dtype=...)`"
+    raise call.unexpected(parameter, "a stack", binding, hint)
+
+
+# Tiles and arrays.
 
 
 def _fits(call, pattern, native) -> bool:
-    """Whether a type is what a pattern says; binds letters."""
+    """True if a type is what a pattern says; binds the letters that are free."""
     if isinstance(pattern, tuple):
         kind, *extents, element = pattern
-        return (
-            native.kind == kind
-            and len(extents) == len(native.shape)
-            and all(want in (have, str(want)) for want, have in zip(extents, native.shape))
-            and _fits(call, element, native.element)
-        )
+        is_same = native.kind == kind and list(native.shape) == extents
+        return is_same and _fits(call, element, native.element)
     kinds, _ = _KINDS.get(pattern, (None, None))
     if kinds is not None and native.kind not in kinds:
         return False
-    return _bind(call, pattern, native)
+    return call.letters.setdefault(pattern, native) == native
 
 
 def _elements(pattern) -> str:
     """The elements of a pattern in words, with `of` in front; empty for any."""
     if isinstance(pattern, tuple):
         return f" of {pattern[0]}{pattern[1]}{_elements(pattern[2])}"
-    _, words = _KINDS.get(pattern, (None, None))
-    return f" of {words}" if words else ""
+    return _KINDS.get(pattern, (None, ""))[1]
 
 
-def _value(call, parameter, binding):
-    """A value of a type that a letter stands for."""
-    value = call.context.materialize(binding, call.node)
-    letter = parameter.arguments[0]
-    if _fits(call, letter, value.type):
-        return value
-    words = _elements(letter).removeprefix(" of ")
-    other = call.letters.get(letter)
-    raise call.type_error(
-        parameter.name,
-        f"expects {words or repr(other.python_name)} as '{parameter.name}', but got "
-        f"'{value.type.python_name}'",
-    )
-
-
-def _scalar(call, parameter, binding):
-    native = parameter.arguments[0]
-    value = call.context.convert_constant(binding, native, call.node)
-    if value.type == native:
-        return value
-    raise call.type_error(
-        parameter.name,
-        f"expects '{native.python_name}' as '{parameter.name}', but got '{value.type.python_name}'",
-        f"use `wp.{native.python_name}(...)`",
-    )
-
-
-# Tiles and arrays.
+def _check_element(call, parameter, native, pattern, noun):
+    """Compares the element of a tile or an array with a pattern."""
+    before = call.letters.get(pattern)
+    if _fits(call, pattern, native.element):
+        return
+    if before is None:
+        family = "Warp struct" if native.element.kind == "struct" else "complex"
+        raise call.unexpected(
+            parameter, noun + _elements(pattern), native,
+            also=f"{call.name}() does not support {family} tiles",
+        )  # fmt: skip
+    other = next(
+        one.name for one in call.overload.parameters
+        if one.type in ("tile", "array") and pattern in one.arguments
+    )  # fmt: skip
+    raise call.error(
+        parameter, "type",
+        f"'{other}' and '{parameter.name}' arguments must have the same dtype, got "
+        f"{before.python_name} and {native.element.python_name}",
+    )  # fmt: skip
 
 
 def _tile(call, parameter, binding):
     value = call.context.materialize(binding, call.node)
     native = value.type
     element, shape = (*parameter.arguments, None)[:2]
+    is_fixed = type(shape) is tuple
+    noun = f"a {len(shape)}D tile" if is_fixed else "a tile"
     if native.kind != "tile":
-        raise call.type_error(
-            parameter.name,
-            f"expects a tile as '{parameter.name}', but got '{native.python_name}'",
-        )
-    before = call.letters.get(element)
-    if not _fits(call, element, native.element):
-        raise _wrong_element(call, parameter, native, before)
+        raise call.unexpected(parameter, noun, value)
+    _check_element(call, parameter, native, element, noun)
     found = tuple(native.shape)
-    if type(shape) is tuple:
-        if len(found) != len(shape):
-            raise call.value_error(
-                parameter.name,
-                f"expects a {len(shape)}D tile as '{parameter.name}', but got "
-                f"'{native.python_name}'",
-            )
-        if not all([_bind(call, one, extent) for one, extent in zip(shape, found, strict=True)]):
-            raise _wrong_extents(call, parameter, found)
-    elif shape is not None and not _bind(call, shape, found):
+    if is_fixed and len(found) != len(shape):
+        raise call.unexpected(parameter, noun, value, kind="value")
+    bind = call.letters.setdefault
+    pairs = zip(shape, found, strict=True) if is_fixed else [(shape, found)]
+    if shape is not None and not all([bind(*pair) == pair[1] for pair in pairs]):
         raise _wrong_extents(call, parameter, found)
     return value
-
-
-def _wrong_element(call, parameter, native, before):
-    """The error for a tile or array with elements of another type."""
-    kind = native.element.kind
-    if before is None:
-        noun = parameter.type
-        if noun == "tile" and len(parameter.arguments) > 1:
-            shape = parameter.arguments[1]
-            noun = f"{len(shape)}D tile" if type(shape) is tuple else noun
-        return call.type_error(
-            parameter.name,
-            f"expects a {noun}{_elements(parameter.arguments[0])} as '{parameter.name}', but got "
-            f"'{native.python_name}'",
-            also=f"{call.name}() does not support "
-            f"{'Warp struct' if kind == 'struct' else 'complex'} tiles",
-        )
-    letter = _letter(parameter)
-    other = next(one.name for one in call.overload.parameters if _letter(one) == letter)
-    return call.type_error(
-        parameter.name,
-        f"'{other}' and '{parameter.name}' arguments must have the same dtype, got "
-        f"{before.python_name} and {native.element.python_name}",
-    )
-
-
-def _letter(parameter):
-    """The letter that the elements of a parameter have, or None."""
-    place = {"tile": 0, "array": 1}.get(parameter.type)
-    return None if place is None else parameter.arguments[place]
 
 
 def _wrong_extents(call, parameter, found):
@@ -240,41 +205,28 @@ def _wrong_extents(call, parameter, found):
         and not set(one.arguments[1]).isdisjoint(wanted)
     ]  # fmt: skip
     both.append((wanted, parameter.name, found))
+    shapes = " and ".join(str(shape) for *_, shape in both)
     if type(wanted) is not tuple:
         names = " and ".join(f"'{name}'" for _, name, _ in both)
-        shapes = " and ".join(str(shape) for *_, shape in both)
-        return call.value_error(
-            parameter.name, f"expects tiles of one shape as {names}, got {shapes}"
-        )
-    if len(set(wanted)) < len(wanted) and len(both) == 1:
-        return call.value_error(
-            parameter.name, f"expects a square tile as '{parameter.name}', but got shape {found}"
-        )
-    texts = " and ".join(f"[{', '.join(letters)}] of '{name}'" for letters, name, _ in both)
-    shapes = " and ".join(str(shape) for *_, shape in both)
-    return call.value_error(parameter.name, f"expects shapes {texts}, but got {shapes}")
+        message = f"expects tiles of one shape as {names}, got {shapes}"
+    elif len(both) == 1:
+        message = f"expects a square tile as '{parameter.name}', but got shape {found}"
+    else:
+        texts = " and ".join(f"[{', '.join(letters)}] of '{name}'" for letters, name, _ in both)
+        message = f"expects shapes {texts}, but got {shapes}"
+    return call.error(parameter, "value", message)
 
 
 def _array(call, parameter, binding):
     value = call.context.materialize(binding, call.node)
     native = value.type
     if native.kind != "array" and (parameter.arguments or array_of(native) is None):
-        raise call.type_error(
-            parameter.name,
-            f"expects an array as '{parameter.name}', but got '{native.python_name}'",
-        )
-    if not parameter.arguments:
-        return value
-    rank, element = parameter.arguments
-    before = call.letters.get(element)
-    if not _fits(call, element, native.element):
-        raise _wrong_element(call, parameter, native, before)
-    if not _bind(call, rank, native.rank):
-        raise call.value_error(
-            parameter.name,
-            f"expects '{parameter.name}' to have {call.letters[rank]} dimensions, but got "
-            f"'{native.python_name}'",
-        )
+        raise call.unexpected(parameter, "an array", value)
+    if parameter.arguments:
+        rank, element = parameter.arguments
+        _check_element(call, parameter, native, element, "an array")
+        if call.letters.setdefault(rank, native.rank) != native.rank:
+            raise call.unexpected(parameter, f"{call.letters[rank]} dimensions", value)
     return value
 
 
@@ -282,18 +234,16 @@ def _shape(call, parameter, binding):
     """A shape as ints."""
     found = [known(extent) for extent in parts(call.context, binding)]
     if not all(isinstance(extent, int) and type(extent) is not bool for extent in found):
-        raise call.value_error(
-            parameter.name,
-            f"expects a {parameter.name} of compile time constants",
+        raise call.error(
+            parameter, "value", f"expects a {parameter.name} of compile time constants",
             also="shape must be a tuple of constants",
-        )
+        )  # fmt: skip
     if not 1 <= len(found) <= 4 or min(found) < 1:
-        raise call.value_error(
-            parameter.name,
-            f"expects 1 to 4 positive extents, but got {tuple(found)}",
+        raise call.error(
+            parameter, "value", f"expects 1 to 4 positive extents, but got {tuple(found)}",
             also=f"{call.name}() output must have between one and four dimensions, got "
             f"{len(found)}",
-        )
+        )  # fmt: skip
     return [int(extent) for extent in found]
 
 
@@ -305,54 +255,40 @@ def _rank(call, parameter) -> int:
 
 def _offsets(call, parameter, binding):
     """An index per dimension; none given are zero."""
-    rank = _rank(call, parameter)
+    rank, other = _rank(call, parameter), parameter.arguments[0]
     if binding is None:
         return [call.builder.constant(INT32, 0)] * rank
     found = [call.context.materialize(part, call.node) for part in parts(call.context, binding)]
     if len(found) != rank:
-        other = parameter.arguments[0]
-        raise call.value_error(
-            parameter.name,
-            f"expects {rank} indices as '{parameter.name}', one for each dimension of '{other}', "
+        raise call.error(
+            parameter, "value",
+            f"expects as many indices as '{parameter.name}' as '{other}' has dimensions, {rank}, "
             f"but got {len(found)}",
             also=f"{call.name}() offset argument must have the same number of dimensions as the "
             f"array to load from, got {len(found)} indices for an array with {rank} dimensions"
             if "load" in call.name
             else f"{call.name}() '{other}' argument must have {len(found)} dimensions, got {rank}",
-        )
+        )  # fmt: skip
     for one in found:
         if one.type.kind != "int":
-            raise call.type_error(
-                parameter.name, f"expects integers as offsets, but got '{one.type.python_name}'"
-            )
+            raise call.unexpected(parameter, "integers", one, "use `int(...)`")
     return found
 
 
 def _axis(call, parameter, binding):
     """A dimension as an int."""
-    rank = _rank(call, parameter)
-    found = known(binding)
-    if not isinstance(found, int) or not 0 <= found < rank:
-        kind = call.values[parameter.arguments[0]].type.kind
-        raise call.value_error(
-            parameter.name,
-            f"axis must be a dimension of the {kind}, which has {rank}, got {found}",
-            also=f"{call.name}() axis argument must be valid axis of the {kind}, got {found}.",
-        )
-    return found
+    rank, found = _rank(call, parameter), known(binding)
+    if isinstance(found, int) and 0 <= found < rank:
+        return found
+    kind = call.values[parameter.arguments[0]].type.kind
+    raise call.error(
+        parameter, "value",
+        f"axis must be a dimension of the {kind}, which has {rank}, got {found}",
+        also=f"{call.name}() axis argument must be valid axis of the {kind}, got {found}.",
+    )  # fmt: skip
 
 
-def _stack(call, parameter, binding):
-    if type(binding) is TileStack:
-        return binding
-    raise call.type_error(
-        parameter.name,
-        f"expects a stack as '{parameter.name}', but got '{call.context.type_name(binding)}'",
-        "use `wp.tile_stack(capacity=..., dtype=...)`",
-    )
-
-
-# What is known when the kernel is compiled.
+# Known when the kernel is compiled.
 
 
 def _dtype(call, parameter, binding):
@@ -361,15 +297,11 @@ def _dtype(call, parameter, binding):
 
 def _const(call, parameter, binding):
     found = known(binding)
-    wanted = parameter.arguments[0] if parameter.arguments else None
-    kinds = {"int": int, "float": float, "bool": bool}
-    if type(found) is kinds.get(wanted, type(found)) and isinstance(found, (int, float)):
+    wanted = {"int": int, "float": float}.get(*parameter.arguments or ("",), object)
+    if isinstance(found, (int, float)) and isinstance(found, wanted):
         return found
-    raise call.value_error(
-        parameter.name,
-        f"expects a compile-time constant{f' of type {wanted!r}' if wanted else ''} as "
-        f"'{parameter.name}', but got '{call.context.type_name(binding)}'",
-    )
+    noun = "".join(f" '{name}'" for name in parameter.arguments)
+    raise call.unexpected(parameter, f"a compile-time constant{noun}", binding, kind="value")
 
 
 def _condition(call, parameter, binding):
@@ -377,48 +309,20 @@ def _condition(call, parameter, binding):
 
 
 def _choice(call, parameter, binding):
-    if isinstance(binding, str) and binding in parameter.arguments:
+    choices = parameter.arguments
+    if isinstance(binding, str) and binding in choices:
         return binding
-    *others, last = map(repr, parameter.arguments)
-    raise call.value_error(
-        parameter.name,
+    *others, last = map(repr, choices)
+    raise call.error(
+        parameter, "value",
         f"{parameter.name} must be {', '.join(others)} or {last}, got {binding!r}",
-        also=f"{parameter.name} must be the string literal {others[0]} or {(*others, last)[1]}",
-    )
-
-
-def _unchanged(call, parameter, binding):
-    return binding
-
-
-def _integer(call, parameter, binding):
-    value = call.context.materialize(binding, call.node)
-    if value.type.kind == "int":
-        return value
-    raise call.type_error(
-        parameter.name,
-        f"expects an integer as '{parameter.name}', but got '{value.type.python_name}'",
-        "use `int(...)`",
-    )
-
-
-def _any_value(call, parameter, binding):
-    return call.context.materialize(binding, call.node)
+        also=f"{parameter.name} must be the string literal {choices[0]!r} or {choices[1]!r}",
+    )  # fmt: skip
 
 
 _CONVERSIONS = {
-    "Any": _unchanged,
-    "array": _array,
-    "axis": _axis,
-    "condition": _condition,
-    "const": _const,
-    "dtype": _dtype,
-    "index": _unchanged,
-    "int": _integer,
-    "offsets": _offsets,
-    "shape": _shape,
-    "stack": _stack,
-    "tile": _tile,
-    "value": _any_value,
-    "|": _choice,
+    **dict.fromkeys(("Any", "index"), _unchanged),
+    **{"array": _array, "axis": _axis, "condition": _condition, "const": _const, "dtype": _dtype},
+    **{"int": _integer, "offsets": _offsets, "shape": _shape, "stack": _stack, "tile": _tile},
+    **{"value": _value, "|": _choice},
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from functools import cached_property
 
 from warp._src.frontend import names
@@ -50,30 +51,37 @@ _PARTS = {
     "targets": Targets,
     "user_calls": UserCalls,
 }
-# The part that translates a kind of expression or a special builtin, by the name of its method.
+# The part and the method that translate a kind of expression, and a builtin without a call in its
+# record, by its name.
 _HANDLERS = {
-    method: part
+    getattr(ast, method[5:]) if method.startswith("expr_") else method[8:]: (part, method)
     for part, kind in _PARTS.items()
     for method in vars(kind)
     if method.startswith(("expr_", "builtin_"))
 }
-names.SPECIAL_BUILTINS.update(
-    name.removeprefix("builtin_") for name in _HANDLERS if name.startswith("builtin_")
-)
+names.SPECIAL_BUILTINS.update(key for key in _HANDLERS if isinstance(key, str))
 
 
 class Translator(Context):
-    """Translates one function for given argument types."""
+    """Translates one function for given argument types.
+
+    Attributes:
+        methods: what `method` has found so far.
+    """
 
     def __init__(self, session: Session, function, source, is_kernel: bool):
         super().__init__(session, function, source, is_kernel)
+        self.methods = {}
         for name, kind in _PARTS.items():
             setattr(self, name, kind(self))
 
-    def handler(self, name):
-        """The method of that name, of the part that has it; None if none has."""
-        part = _HANDLERS.get(name)
-        return None if part is None else getattr(getattr(self, part), name)
+    def method(self, key):
+        """The method for a kind of syntax or the name of a builtin; None if there is none."""
+        part, name = _HANDLERS.get(key, (None, None))
+        if part is None:
+            return None
+        method = self.methods[key] = getattr(getattr(self, part), name)
+        return method
 
     @cached_property
     def tiles(self):
