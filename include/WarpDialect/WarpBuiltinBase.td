@@ -39,7 +39,7 @@ class Elementwise<string floatOp, string signedOp = "", string unsignedOp = "">
 /// By the C++ function `lower<Operation>`, such as `lowerCross` for CrossOp.
 def ByFunction : Lowering;
 
-/// What a derivative of the builtin is. `kind` is a `DerivativeKind` of
+/// The derivative of a builtin. `kind` is a `DerivativeKind` of
 /// Registry.h, `text` its name in the documentation.
 class Derivative<string kindOf, string textOf> {
   string kind = kindOf;

@@ -350,7 +350,7 @@ class Warp_TileCholeskySolve<string name, string inout, string result,
     : Warp_TileSolve<name,
     "L: tile<F, [N, N]>, y: " # inout # "tile<B, D>, "
     "fill_mode: 'lower'|'upper' = 'lower'", result, summary,
-    // Of a lower factor L x = z, then with its transpose; of an upper one the
+    // A lower factor: L x = z, then with its transpose; an upper one: the
     // other way round.
     "make('solve', L, make('solve', L, y, flag=fill_mode == 'upper', "
     "transposed=fill_mode == 'upper'), flag=fill_mode == 'upper', "

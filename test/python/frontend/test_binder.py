@@ -87,7 +87,7 @@ def test_ways_to_write_a_call(call, same, text_of):
         ("wp.atomic_add(a, x, 1.0)", "expects an integer as 'i', but got 'vec3f'", "x"),
         (
             "wp.tile_load(a, 4, (n, n))",
-            "as many indices as 'offset' as 'a' has dimensions, 1",
+            "as many indices as 'offset' as 'a' has",
             "(n, n)",
         ),
         ("wp.tile_randi(4, x)", "expects 'uint32' as 'rng', but got 'vec3f'", "x"),
@@ -126,7 +126,7 @@ def test_tiles_that_do_not_fit(call, message, place, error_of):
     assert shown == (place or call), text
 
 
-# What a call leaves in an argument, its variable has from then on: in loops, too.
+# A variable has the new value of an argument from then on: in loops, too.
 def test_updated_arguments(text_of):
     body = "t = wp.tile_load(m, (4, 4))", "for i in range(n):"
     text = text_of(*body, "    wp.tile_cholesky_inplace(A=t)", "wp.tile_store(m, t)")
@@ -135,7 +135,7 @@ def test_updated_arguments(text_of):
 
 
 def _home(part):
-    """What has the fields of a part of a call."""
+    """The class with the fields of a part of a call."""
     homes = {**translator._PARTS, **tiles._TOPICS, "builder": Builder, "session": Session}
     return tiles.Tiles if part == "tiles" else homes[part]
 

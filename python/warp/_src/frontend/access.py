@@ -16,7 +16,7 @@ from warp._src.frontend.names import BuiltinRef
 from warp._src.types import dtypes
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "w": 3}
-# What to do without attributes that arrays have in Python only.
+# Hints for attributes that arrays have in Python only.
 _OF_ARRAYS = {
     "ptr": "pass the array itself, or a view of it",
     "strides": "index the array, or pass the numbers as arguments",
@@ -25,7 +25,7 @@ _OF_ARRAYS = {
 
 
 def is_shape(node) -> bool:
-    """Whether an expression is written as `a.shape`."""
+    """True if an expression is written as `a.shape`."""
     return isinstance(node, ast.Attribute) and node.attr == "shape"
 
 
@@ -224,7 +224,7 @@ class Access(Part):
         raise self.context.type_error(node, f"'{self.context.type_name(base)}' cannot be indexed")
 
     def is_missing_axis(self, shape, index):
-        """Whether `a.shape[k]` asks for a dimension, up to the fourth, that the array lacks."""
+        """True if `a.shape[k]` asks for a dimension, up to the fourth, that the array lacks."""
         if isinstance(index, ast.Slice):
             return False
         known = self.context.expressions.expr(index)

@@ -16,7 +16,7 @@ _TYPES = {bool: "bool", int: "int32"}
 
 
 def place_of(node):
-    """What an address is taken of; other expressions as they are."""
+    """The operand of an address; other expressions as they are."""
     if not isinstance(node, ast.Call) or len(node.args) != 1 or node.keywords:
         return node
     name = node.func.attr if isinstance(node.func, ast.Attribute) else None

@@ -79,7 +79,7 @@ class Call:
     def __getattr__(self, part):
         return getattr(self.context, part)
 
-    # What calls in records are made of.
+    # Functions that calls in records use.
 
     def make(self, operation, *operands, **options):
         """The result of `warp.tile_<operation>`; None of one that only writes."""
@@ -100,7 +100,7 @@ class Call:
         return self.given[name]
 
     def fits(self, inner, outer) -> bool:
-        """Whether a shape is within another one."""
+        """True if a shape is within another one."""
         return all(a <= b for a, b in zip(inner, outer, strict=True))
 
     def seen(self, name, kind, shape, axes=()):
@@ -149,7 +149,7 @@ class Binder(Part):
     """Translates calls of builtins whose records have a call."""
 
     def call(self, name, node):
-        """What a call gives; updates the variables that its `inout` arguments name."""
+        """The result of a call; updates the variables that its `inout` arguments name."""
         overloads = _RESOLVED.get(name)
         if overloads is None:
             overloads = _RESOLVED[name] = [Overload(*one) for one in CALLS[name]]

@@ -1,4 +1,4 @@
-"""What names in a kernel are bound to.
+"""Bindings: the values of names in a kernel.
 
 A name in a kernel is bound to one of
 

@@ -94,11 +94,11 @@ class Branches(Part):
 
     @staticmethod
     def returns(nodes):
-        """Whether that is the last of the steps."""
+        """True if that is the last of the steps."""
         return bool(nodes) and type(nodes[-1]) is Flag and nodes[-1].name == RETURNED
 
     def none_set(self, flags, syntax):
-        """Whether no flag is set."""
+        """True if no flag is set."""
         condition = True
         for flag in flags:
             value = self.context.env.get(flag, False)

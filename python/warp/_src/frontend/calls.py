@@ -1,6 +1,6 @@
 """Calls: builtins, conversions, constructors and functions of the user.
 
-What a call means is decided by the Python object that is called. Operations of the registry go to
+The Python object that is called decides the meaning of a call. Operations of the registry go to
 the builder as they are; names whose records have a call go to the binder; the few whose arguments
 are more than bindings have a method named `builtin_<name>`.
 """
@@ -33,7 +33,7 @@ _PYTHON_FUNCTIONS = {
     len: "len",
     print: "print",
 }
-# What kernels have in place of Python's functions.
+# Hints for Python's functions that kernels lack.
 _INSTEAD = {
     "zeros": "for a few numbers of a thread use `wp.types.vector(n, float)()` or "
     "`wp.types.matrix((n, m), float)()`, which variables may index; else pass an array",
@@ -91,7 +91,7 @@ class Calls(Part):
         return self.call_other(function, node)
 
     def callee(self, node):
-        """What is called; in `wp.types.vector(5, float)(...)` that is made here."""
+        """The callee; in `wp.types.vector(5, float)(...)` it is made here."""
         if isinstance(node, ast.Call):
             factory = self.context.expressions.expr(node.func)
             if _makes_types(factory) or any(factory is one for one in FACTORIES):
@@ -249,7 +249,7 @@ class Calls(Part):
             ) from problem
 
     def static_value(self, callee, expression):
-        """What an expression gave where its function was declared, or else what it gives now."""
+        """The value of an expression where its function was declared, or else its value now."""
         source = self.context.source
         place = callee.end_lineno + source.line_offset, callee.end_col_offset
         found = declared.at(self.context.function, place)

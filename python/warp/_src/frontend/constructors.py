@@ -93,7 +93,7 @@ class Constructors(Part):
             binding = written
         if type(binding) in (int, float, builtins.bool):
             if type(binding) is int and native.kind == "int":
-                # What is converted in so many words keeps its low bits, as a variable does.
+                # An explicit conversion keeps the low bits, as that of a variable does.
                 binding &= (1 << native.width) - 1
                 if native.signed and binding >> (native.width - 1):
                     binding -= 1 << native.width

@@ -1,4 +1,4 @@
-"""What all parts of the translator share: the state of translating one function, names, errors.
+"""State shared by the parts of the translator of one function: names, errors.
 
 The translator has no type rules. It asks the builder, and turns what the builder reports into an
 error at the syntax node it was working on.
@@ -27,7 +27,7 @@ def is_constant(binding) -> bool:
 
 
 class Context(Values):
-    """What the parts of a translator share: the state of translating one function.
+    """State that the parts of a translator of one function share.
 
     `Translator`, which is what there is, has the parts too, under the names of their files.
     """
@@ -54,7 +54,7 @@ class Context(Values):
     # Places and errors.
 
     def at(self, node):
-        """What the builder makes next comes from this node."""
+        """Operations that the builder makes next get the location of this node."""
         self.node = node
         self.builder.set_location(
             self.source.encoded_file, node.lineno + self.source.line_offset, node.col_offset + 1

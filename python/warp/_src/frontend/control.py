@@ -352,7 +352,7 @@ class _Analysis:
         self.views.setdefault(target.id, set()).update(base)
 
     def _add_viewed(self, argument, names):
-        """What uses or changes a view of a tile does so to the tile."""
+        """A use or a change of a view is one of its tile."""
         if not self.views:
             return
         found, seen = set(), set()

@@ -37,7 +37,7 @@ class CustomDerivatives(Part):
             return binding[0]
         return binding
 
-    # What belongs to a function.
+    # Derivatives of a function.
 
     def derive(self, function, overload, made, bound, node):
         """Attaches the derivative to a translated function; done once."""

@@ -37,7 +37,7 @@ class DerivativeCalls(Part):
         return self.cotangents(made, bound, values, seeds, False, node)
 
     def cotangents(self, made, bound, values, seeds, arrays, node):
-        """What `vjp` gives, as one binding per argument."""
+        """Results of `vjp`, as one binding per argument."""
         self.context.at(node)
         results = iter(self.builder.vjp(made.symbol, values, seeds, arrays))
         bindings = [
@@ -146,7 +146,7 @@ class DerivativeCalls(Part):
             self.context.session.calls[key] = symbol
         return self.context.session.calls[key]
 
-    # What the library of the kernel language is written with.
+    # Builtins of the library of the kernel language.
 
     def builtin_pulled_back(self, node):
         """`pulled_back(f, arrays, cotangent, *arguments)`: the arguments' cotangents, a tuple."""

@@ -39,7 +39,7 @@ _COMPARE = {
     ast.NotEq: ("ne", operator.ne),
 }
 _COMPARE_WORDS = {ast.Is: "is", ast.IsNot: "is not", ast.In: "in", ast.NotIn: "not in"}
-# What Python's integers give where kernels give the same.
+# Operators of Python's integers that give what kernels give.
 _FOLD = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -371,7 +371,7 @@ class Expressions(Part):
         )
 
     def is_cheap(self, node) -> bool:
-        """Whether evaluating a node always is harmless and costs next to nothing."""
+        """True if evaluating a node always is harmless and costs next to nothing."""
         budget = 6
         stack = [node]
         while stack:

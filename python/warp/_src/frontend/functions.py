@@ -21,7 +21,7 @@ from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import FixedArrayType, Reference, annotations_of
 from warp._src.types.native import ArrayType, IndexedArrayType
 
-# What annotates a parameter that takes a function.
+# Annotations of a parameter that takes a function.
 _CALLABLES = (typing.Callable, Function)
 # `tuple[int, float]`, `type[wp.vec3]`, `Callable[[float], float]`.
 _GENERICS = (tuple, type, collections.abc.Callable)
@@ -73,7 +73,7 @@ class Parameter:
 
 
 def array_hint(annotation) -> str | None:
-    """What to write for a parameter that several values are meant for."""
+    """The hint for a parameter that several values are meant for."""
     kind = typing.get_origin(annotation) or annotation
     name = getattr(kind, "__name__", "")
     if name not in ("list", "List", "Sequence", "Iterable", "ndarray", "Tensor"):
@@ -82,7 +82,7 @@ def array_hint(annotation) -> str | None:
 
 
 def is_generic(annotation) -> bool:
-    """Whether the type is left to the call."""
+    """True if the type is left to the call."""
     if isinstance(annotation, ArrayType):
         if annotation.ndim is typing.Any:
             return True
@@ -97,7 +97,7 @@ def is_generic(annotation) -> bool:
 
 
 def fits_generic(context, annotation, binding) -> bool:
-    """Whether a binding is what a generic annotation asks for."""
+    """True if a binding is what a generic annotation asks for."""
     if annotation is typing.Any:
         return True
     if typing.get_origin(annotation) is tuple:
@@ -114,7 +114,7 @@ def fits_generic(context, annotation, binding) -> bool:
 
 
 def fits_local(annotation, array) -> bool:
-    """Whether a parameter takes an array of a thread: it is an array of its rank and element."""
+    """True if a parameter takes an array of a thread: it is an array of its rank and element."""
     if annotation is typing.Any:
         return True
     return (
@@ -126,7 +126,7 @@ def fits_local(annotation, array) -> bool:
 
 
 def fits_native(annotation, native) -> bool:
-    """Whether a type of the compiler is what a generic annotation asks for."""
+    """True if a type of the compiler is what a generic annotation asks for."""
     if annotation is typing.Any:
         return True
     if isinstance(annotation, ArrayType):
@@ -149,7 +149,7 @@ def fits_native(annotation, native) -> bool:
 
 
 def fits_parts(context, annotation, parts) -> bool:
-    """Whether a tuple is what `tuple[float, int]` or `tuple[float, ...]` asks for."""
+    """True if a tuple is what `tuple[float, int]` or `tuple[float, ...]` asks for."""
     wanted = typing.get_args(annotation)
     if len(wanted) == 2 and wanted[1] is Ellipsis:
         wanted = wanted[:1] * len(parts)
@@ -256,7 +256,7 @@ class Overload:
 
     @property
     def declares_result(self) -> bool:
-        """Whether it is annotated to return a value, which a kernel cannot."""
+        """True if it is annotated to return a value, which a kernel cannot."""
         return self.read_annotations().get("return") not in (None, type(None))
 
     def bind(self, context, arguments, keywords, node):
@@ -329,5 +329,5 @@ def overload_of(function) -> Overload:
 
 
 def is_static(binding) -> bool:
-    """Whether a binding is passed by specialising the callee."""
+    """True if a binding is passed by specialising the callee."""
     return isinstance(binding, (type, str, names.BuiltinRef, Function))

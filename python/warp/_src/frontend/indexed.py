@@ -5,7 +5,7 @@ bits say which dimensions have indices (`warp._src.arrays.indexed`). The arrays 
 others have the extents of their dimension and can be read, but mean nothing: a position is found
 without a branch, so that equal ones are seen to be equal.
 
-Of an attribute whose elements are arrays (`warp._src.arrays.fabric_rows`) a kernel makes a row from
+An attribute may have arrays as elements (`warp._src.arrays.fabric_rows`): a kernel makes a row from
 its address and its length where it is indexed.
 """
 
@@ -31,7 +31,7 @@ def array_of(native):
 
 
 def has_rows(native) -> bool:
-    """Whether a type is that of an attribute whose elements are arrays."""
+    """True if a type is that of an attribute whose elements are arrays."""
     return native.kind == "struct" and native.struct_name.startswith(_ROWS)
 
 

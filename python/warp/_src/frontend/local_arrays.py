@@ -39,7 +39,7 @@ def places_in(native) -> list[tuple]:
 
 
 class LocalPointer:
-    """What `ptr` of a thread's array is: an address to make an array of, with other elements."""
+    """The `ptr` of a thread's array: an address to make an array of, with other elements."""
 
     __slots__ = ("array",)
 

@@ -97,7 +97,7 @@ class Loops(Part):
             if old is None or old.kind != "int":
                 del self.context.env[name]
 
-    # What is carried.
+    # Carried values.
 
     def open_frame(self, node: Loop, targets=frozenset()) -> LoopFrame:
         frame = LoopFrame(node, self.context.env, dict(self.context.lines))
@@ -261,7 +261,7 @@ class Loops(Part):
         self.unrolled -= 1
 
     def indexes_tuples(self, syntax):
-        """Whether a body may need the counter at compile time as index of a tuple."""
+        """True if a body may need the counter at compile time as index of a tuple."""
         return any(
             isinstance(item, ast.Subscript) and self.is_tuple(item.value)
             for item in ast.walk(syntax)
@@ -269,7 +269,7 @@ class Loops(Part):
 
     @staticmethod
     def varies_static(syntax):
-        """Whether a `wp.static` in a body uses a name that the loop changes: the counter, or what
+        """True if a `wp.static` in a body uses a name that the loop changes: the counter, or what
         is assigned, which have to be known at compile time then."""
         changed, used = set(), set()
         for item in ast.walk(syntax):
@@ -282,7 +282,7 @@ class Loops(Part):
         return not used.isdisjoint(changed)
 
     def is_tuple(self, node):
-        """Whether a name or attribute is a tuple now."""
+        """True if a name or attribute is a tuple now."""
         if isinstance(node, ast.Attribute) and node.attr == "shape":
             return True
         root = node

@@ -49,7 +49,7 @@ class BuiltinRef:
 
 
 def literal_name(binding) -> str:
-    """What a compile-time binding counts as."""
+    """The type name of a compile-time binding."""
     kind = type(binding)
     if kind is bool:
         return "bool"
@@ -138,7 +138,7 @@ def undefined(context, name, node):
 
 
 def module_attribute(context, module, name, node):
-    """What `module.name` means in a kernel."""
+    """The meaning of `module.name` in a kernel."""
     root = module.__name__.partition(".")[0]
     if root in ("math", "numpy"):
         value = getattr(module, name, None)

@@ -40,9 +40,9 @@ class MemoryCode(NativeFunction):
 
 
 def in_memory(function) -> bool:
-    """Whether a native function has more than numbers to take or to give."""
+    """True if a native function has more than numbers to take or to give."""
     declared = annotations_of(function.func)
-    # What cannot be returned is refused there.
+    # Types that cannot be returned are refused there.
     returned = declared.get("return")
     return any(
         isinstance(one, ArrayType) or _is_composite(one) or is_struct(one)
@@ -126,10 +126,10 @@ def emit(context, code, node):
 
 
 class _Maker:
-    """What the functions for one native function are made from.
+    """Source of the functions for one native function.
 
-    Structs are passed field by field and made whole in C++. What parameters by reference end with
-    are results, too; the array fields of a struct stay as they are.
+    Structs are passed field by field and made whole in C++. The last values of parameters by
+    reference are results, too; the array fields of a struct stay as they are.
     """
 
     def __init__(self, function):

@@ -23,7 +23,7 @@ _MADE = "_warp_wrappers"
 
 
 def needs_wrapper(function) -> bool:
-    """Whether a native function is more than one of numbers without a derivative."""
+    """True if a native function is more than one of numbers without a derivative."""
     declared = annotations_of(function.func).values()
     by_reference = any(isinstance(one, Reference) for one in declared)
     return by_reference or function.adj_native_snippet is not None
@@ -43,7 +43,7 @@ def wrapper_of(function, pointers=()):
 
 
 class _Wrapper:
-    """What the texts of one native function are made from."""
+    """Parts of the texts of one native function."""
 
     def __init__(self, function, pointers):
         self.function = function
@@ -132,7 +132,7 @@ class _Wrapper:
         return f"{renamed} {{ {taken}\n{text}\n }}"
 
     def adjoint(self, output, name, kind) -> NativeFunction:
-        """What one output adds to the cotangent of one parameter."""
+        """The contribution of one output to the cotangent of one parameter."""
         started = "".join(
             f"{_cpp(annotation)} adj_{one} = 0;" for one, annotation in self.types.items()
         )
@@ -161,6 +161,6 @@ _FLOATS = tuple(dtypes.canonical(one) for one in (float, dtypes.float64))
 
 
 def _cpp(annotation) -> str:
-    """What C++ calls a type; the annotation's name where native code cannot have it."""
+    """The name of a type in C++; the annotation's name where native code cannot have it."""
     text = native_text(annotation)
     return SCALARS.get(text, text)

@@ -58,7 +58,7 @@ class Parameter:
         return isinstance(binding, str) == (self.type == "|") or self.type == "Any"
 
     def count(self, given, rest, following) -> int:
-        """Of the arguments from a variadic parameter on, how many it takes."""
+        """The number of arguments that a variadic parameter takes of those from its place on."""
         if self.type == "index" and following:
             native = getattr(given.get(self.arguments[0], (None,))[0], "type", None)
             if getattr(native, "kind", None) == "tile":

@@ -1,4 +1,4 @@
-"""What the functions of one kernel share while they are translated."""
+"""State shared by the functions of one kernel while they are translated."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from warp._src.kernels.build_options import Build
 
 
 def note_of_call(source, node) -> str:
-    """What an error in a function tells of a call of it."""
+    """The note about a call of a function, in an error within it."""
     return f"called from '{source.name}' at {source.file}:{source.line(node)}"
 
 
@@ -32,7 +32,7 @@ class Session:
 
     def __init__(self, builder, max_unroll=16, build=None):
         self.builder = builder
-        # What native code is compiled with.
+        # Options that native code is compiled with.
         self.build = build or Build()
         self.max_unroll = max_unroll
         # Finished functions by overload and argument types, and symbol names in use.
@@ -49,7 +49,7 @@ class Session:
         # The kernel's arguments by name, and the kinds of those that are handles of geometry.
         self.parameters = {}
         self.handles = {}
-        # Whether something asks for winding numbers, of which meshes are to know.
+        # True if something asks for winding numbers, of which meshes are to know.
         self.sums_winding = False
         # Threads of the blocks that the kernel is for, and what builds tiles once there is one.
         self.threads = 1
@@ -58,7 +58,7 @@ class Session:
         self.tile_builder = None
         # Arrays in memory of the thread so far.
         self.memories = 0
-        # What stops at one is native code, which the name of a translation does not tell.
+        # Native code stops at one, and the name of a translation does not tell.
         self.has_breakpoints = False
 
     def next_memory(self) -> int:

@@ -25,7 +25,7 @@ ATOMIC = {
 
 
 def has_slice(target) -> bool:
-    """Whether one of the indices of a subscript is a slice."""
+    """True if one of the indices of a subscript is a slice."""
     items = target.slice.elts if isinstance(target.slice, ast.Tuple) else [target.slice]
     return any(isinstance(item, ast.Slice) for item in items)
 
@@ -58,7 +58,7 @@ class Slot:
         return self.array is not None or any(step == "tile" for step, _ in self.path)
 
     def is_atomic(self, op) -> bool:
-        """Whether an operator updates the place, of an array's element, atomically."""
+        """True if an operator updates the place, of an array's element, atomically."""
         if self.array is None or type(op) not in ATOMIC:
             return False
         scalar = self.type.element if self.type.element is not None else self.type
@@ -176,7 +176,7 @@ class Slots(Part):
         if slot.array is not None:
             value = self.builder.load(slot.array, slot.indices)
         elif slot.name is not None and slot.path and slot.path[0][0] == "tile":
-            # What the variable holds now, which its views share.
+            # The value that the variable holds now, which its views share.
             value = self.context.env.get(slot.name, value)
         return self.read_path(value, slot.path, node)
 

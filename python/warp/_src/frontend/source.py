@@ -44,7 +44,7 @@ class Source:
 
     def place(self, node: ast.AST) -> dict:
         """Keyword arguments for an error at a node."""
-        # Of what goes on over several lines, the first character stands for all.
+        # The first character stands for a node of several lines.
         one_line = node.end_lineno == node.lineno
         end = node.end_col_offset if one_line else node.col_offset + 1
         line = node.lineno + self.line_offset
@@ -73,7 +73,7 @@ def _read(function: types.FunctionType, code: types.CodeType) -> Source:
     file, first = code.co_filename, code.co_firstlineno
     block = None
     if code.co_name != "<lambda>":
-        # What a kernel is known by has to be the text that is parsed here.
+        # The identity of a kernel has to be the text that is parsed here.
         block = texts.block_of(function)
     lines = texts.lines_of(function, forget=True)
     if code.co_name == "<lambda>":

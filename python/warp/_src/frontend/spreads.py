@@ -1,4 +1,4 @@
-"""What `*` stands for: the parts of a tuple, vector, matrix, or of a slice of an array."""
+"""Expansion of `*`: the parts of a tuple, vector, matrix, or of a slice of an array."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ class Statements(Part):
             return None
         returned = self.context.env[RETURNED]
         if RESULT not in self.context.env:
-            # What returns a value was left out at compile time.
+            # A return of a value was left out at compile time.
             return None
         if not plan.always_returns and returned is not True:
             self.context.at(self.context.source.tree.body[-1])
@@ -92,7 +92,7 @@ class Statements(Part):
     def check_static(self, found, node):
         """Refuses a static expression that nothing uses and that is no value of kernels.
 
-        What follows it may be meant to make such a value.
+        The node that follows it may be meant to make such a value.
         """
         kind = type(found)
         if found is None:
@@ -154,7 +154,7 @@ class Statements(Part):
         self.context.targets.assign_target(node.target, binding, node)
 
     def annotated(self, node) -> Parameter | None:
-        """What the annotation of a variable asks for; None if it is a string that names nothing."""
+        """The annotation of a variable; None if it is a string that names nothing."""
         is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
         try:
             found = None if is_text else self.context.expressions.expr(node)

@@ -116,7 +116,7 @@ class Targets(Part):
         return True
 
     def is_tile(self, target, binding=None):
-        """Whether a name is that of a tile or of a view of one."""
+        """True if a name is that of a tile or of a view of one."""
         if not isinstance(target, ast.Name):
             return False
         if binding is None:

@@ -18,7 +18,7 @@ _FUNCTION = "_warp_thread_memory"
 
 
 def is_addressed(source, node) -> bool:
-    """Whether the array that a call makes gets a name whose `ptr` is added to."""
+    """True if the array that a call makes gets a name whose `ptr` is added to."""
     if "ptr" not in source.words():
         return False
     names, moved = set(), set()

@@ -72,7 +72,7 @@ def updated_arguments(function, inout_arguments):
         found = [argument for position, argument in enumerate(call.args) if position in keys]
         found += [keyword.value for keyword in call.keywords if keyword.arg in keys]
         if isinstance(callee, NativeFunction):
-            # What native code gets the address of.
+            # Native code gets the address of these.
             given = [*call.args, *(keyword.value for keyword in call.keywords)]
             found += [place_of(one) for one in given if place_of(one) is not one]
         return found

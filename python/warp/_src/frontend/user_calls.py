@@ -110,7 +110,7 @@ class UserCalls(Part):
         return made
 
     def signature_of(self, binding):
-        """What a specialisation depends on."""
+        """The part of a binding that a specialisation depends on."""
         if type(binding) is Value:
             return binding.type
         if type(binding) is tuple:
@@ -200,7 +200,7 @@ class UserCalls(Part):
 
     @staticmethod
     def is_tile(binding):
-        """Whether it is a tile, a part of one, or a stack; functions get these by reference."""
+        """True if it is a tile, a part of one, or a stack; functions get these by reference."""
         kind = getattr(getattr(binding, "type", None), "kind", None)
         return kind in ("tile", "tile stack")
 

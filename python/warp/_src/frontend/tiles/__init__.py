@@ -1,6 +1,6 @@
 """Tiles: elements that a block of threads holds together.
 
-A tile is a value. What changes one, such as `t[i] = x` or `wp.tile_assign(t, ...)`, makes another
+A tile is a value. A change, such as `t[i] = x` or `wp.tile_assign(t, ...)`, makes another
 value and binds the variable to it. A view (`t[2:4]`, `t[i]`, `wp.tile_view(t, ...)`, a
 transposed, reshaped or broadcast tile) of a variable keeps the place in it, so that assigning to
 the view changes the variable.

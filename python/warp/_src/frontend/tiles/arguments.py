@@ -1,4 +1,4 @@
-"""What topics of tiles share: operations, conversions, functions of elements."""
+"""Operations, conversions and functions of elements, for all topics of tiles."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class TileElements(TileTopic):
         return self.builder.struct_create(a.type, parts)
 
     def function(self, binding, node, name):
-        """What a function of elements does with values."""
+        """A function of elements, as one of values."""
         if isinstance(binding, BuiltinRef):
             return lambda *values: self.context.calls.apply_builtin(
                 binding.name, list(values), node

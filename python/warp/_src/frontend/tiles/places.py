@@ -30,7 +30,7 @@ class TilePlaces(TileTopic):
         return Selection(offsets, steps, full, seen), kind
 
     def part(self, native, items, node, counts_back=True):
-        """What indices and slices select, and its type: of an element, or a tile.
+        """The selection by indices and slices, and its type: of an element, or a tile.
 
         items: syntax or bindings. counts_back: indices may count from the end of an axis.
         """

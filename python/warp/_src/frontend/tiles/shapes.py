@@ -12,7 +12,7 @@ class TileShapes(TileTopic):
     """Works out the shapes of views."""
 
     def repeats(self, old, shape) -> bool:
-        """Whether a shape can be repeated to another one."""
+        """True if a shape can be repeated to another one."""
         return len(old) <= len(shape) and all(
             a in (1, b) for a, b in zip(reversed(old), reversed(shape), strict=False)
         )

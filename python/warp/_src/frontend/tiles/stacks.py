@@ -1,6 +1,6 @@
 """Stacks that the threads of a block have together.
 
-A stack is a tile of elements and a tile with their number. What a block pushes is in the order of
+A stack is a tile of elements and a tile with their number. Values are pushed in the order of
 its threads; what it pops comes from the top, thread 0 first.
 """
 
@@ -85,7 +85,7 @@ class TileStacks(TileTopic):
         numbers = self.make("iota", [one, one], node, shape=[threads], element=INT32)
         number = self.make("to_threads", [numbers], node, element=INT32)
         slot = self.call("sub", self.count(node, stack), number)
-        # What is outside of the tile is zero.
+        # Elements outside of the tile are zero.
         slots = self.of_threads(slot, node)
         popped = self.make("gather", [elements, slots], node)
         value = self.make("to_threads", [popped], node, element=elements.type.element)

@@ -84,7 +84,7 @@ class TileViews(TileTopic):
         return self.updated(whole, value, node, kind)
 
     def fitted(self, whole, step, value, node):
-        """What is assigned to a view, as a tile of its shape."""
+        """The right side of an assignment to a view, as a tile of its shape."""
         element = whole.type.element
         if value.type.kind != "tile":
             return self.make("splat", [value], node, shape=list(step.shape), element=element)
@@ -117,7 +117,7 @@ class TileViews(TileTopic):
         return [a for a, n in enumerate(seen) if a < lead or whole.type.shape[a - lead] != n]
 
     def last(self, whole, value, node):
-        """Of values for one element, that with the highest index."""
+        """The value with the highest index, of those for one element."""
         seen = value.type.shape
         repeated = self.repeated(whole, seen)
         full = [1 if axis in repeated else extent for axis, extent in enumerate(seen)]
@@ -144,7 +144,7 @@ class TileViews(TileTopic):
 
     @staticmethod
     def repeats(slot):
-        """Whether elements of a view are seen more than once."""
+        """True if elements of a view are seen more than once."""
         return any(step == "tile" and getattr(key, "kind", None) == "broadcast"
                    for step, key in slot.path)  # fmt: skip
 
