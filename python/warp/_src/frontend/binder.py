@@ -211,14 +211,17 @@ class Binder(Part):
         return positional, keywords
 
     def choose(self, overloads, positional, keywords):
-        """The first overload that has a place for all arguments; if none has, the last."""
+        """The overload that arguments fit, or the one to report errors about."""
+        named = incomplete = None
         for overload in overloads:
             given, problem = _bound(overload, positional, keywords)
-            if problem is None and all(
-                one.accepts(given[one.name][0]) for one in overload.order if one.name in given
-            ):
-                return overload
-        return overloads[-1]
+            if problem is None:
+                named = overload
+                if all(o.accepts(given[o.name][0]) for o in overload.order if o.name in given):
+                    return overload
+            elif problem[0] == "missing":
+                incomplete = incomplete or overload
+        return named or incomplete or overloads[-1]
 
     def given(self, name, overload, positional, keywords, node):
         """Arguments by parameter."""
