@@ -10,13 +10,51 @@
 #include "WarpDialect/TileTypes.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "llvm/Support/ErrorHandling.h"
+
 #include "WarpDialect/WarpTileEnums.h.inc"
+
+namespace warp {
+
+namespace autodiff {
+class TileReverse;
+} // namespace autodiff
+namespace tiles {
+class TileLowering;
+} // namespace tiles
+
+/// Which threads read elements of an operand.
+enum class TileRead {
+  /// Any thread, any number of times.
+  Any,
+  /// Any thread, each element once.
+  Once,
+  /// Its owner, once.
+  Own
+};
+
+/// A function of the device library that computes an operation on a GPU.
+struct TileFunction {
+  /// The ending of its name: columns, rows or elements of a thread; 0 if there
+  /// is no function for the operation.
+  int64_t variant = 0;
+  /// The operand that it reads as a matrix with a pitch.
+  std::optional<unsigned> matrix;
+  /// The result is such a matrix.
+  bool givesMatrix = false;
+  /// Of a matrix that it factors: rows, and registers that a thread needs.
+  int64_t rows = 0, registers = 0;
+};
+
+} // namespace warp
+
+#include "WarpDialect/WarpTileInterfaces.h.inc"
 #define GET_OP_CLASSES
 #include "WarpDialect/WarpTileOps.h.inc"
 
 namespace warp {
 
-/// Whether an operation is about tiles: it takes or gives one.
+/// True if an operation takes or gives a tile.
 bool isTileOp(mlir::Operation *op);
 /// What a reduction of a tile gives: one element, or one less dimension.
 TileType getReducedType(TileType tile, std::optional<int64_t> axis,

@@ -9,7 +9,16 @@
 
 #include "mlir/Pass/Pass.h"
 
+namespace mlir {
+class DialectRegistry;
+} // namespace mlir
+
 namespace warp {
+
+namespace tiles {
+/// Attaches the models of tile operations to the dialect.
+void registerModels(mlir::DialectRegistry &registry);
+} // namespace tiles
 
 namespace attr {
 /// On a kernel with tiles: threads of the blocks that it is written for.

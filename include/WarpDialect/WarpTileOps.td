@@ -17,6 +17,7 @@
 
 include "mlir/IR/EnumAttr.td"
 include "mlir/Interfaces/SideEffectInterfaces.td"
+include "WarpTileInterfaces.td"
 include "WarpTileTypes.td"
 include "WarpTypes.td"
 
@@ -113,7 +114,24 @@ def Warp_TileToThreadsOp : Warp_TileOp<"tile_to_threads"> {
 // Memory
 //===----------------------------------------------------------------------===//
 
-def Warp_TileLoadOp : Warp_TileOp<"tile_load", [AttrSizedOperandSegments]> {
+/// `tile`: the accessor of the tile of elements; `written`: the tile that is
+/// written.
+class Warp_TileAccessOp<string mnemonic, string effect, string tile,
+                        string written>
+    : Warp_TileOp<mnemonic, [AttrSizedOperandSegments,
+                             Warp_TileAccessOpInterface]> {
+  let extraClassDeclaration = [{
+    ::warp::AccessEffect getEffect() { return ::warp::AccessEffect::}] #
+      effect # [{; }
+    ::mlir::Value getWritten() { return }] # written # [{; }
+    ::warp::TileType getTileType() {
+      return ::llvm::cast<::warp::TileType>(}] # tile # [{.getType());
+    }
+  }];
+}
+
+def Warp_TileLoadOp
+    : Warp_TileAccessOp<"tile_load", "Read", "getResult()", "{}"> {
   let summary = "a tile of array elements";
   let description = [{
     Element (i, j) is array element (offset 0 + i, offset 1 + j); outside of the
@@ -141,7 +159,8 @@ def Warp_TileLoadOp : Warp_TileOp<"tile_load", [AttrSizedOperandSegments]> {
   }];
 }
 
-def Warp_TileStoreOp : Warp_TileOp<"tile_store", [AttrSizedOperandSegments]> {
+def Warp_TileStoreOp
+    : Warp_TileAccessOp<"tile_store", "Write", "getTile()", "getTile()"> {
   let summary = "writes a tile to array elements";
   let description = [{
     Elements outside of the array are dropped. Operands and constraints are those
@@ -160,7 +179,8 @@ def Warp_TileStoreOp : Warp_TileOp<"tile_store", [AttrSizedOperandSegments]> {
   }];
 }
 
-def Warp_TileAtomicOp : Warp_TileOp<"tile_atomic", [AttrSizedOperandSegments]> {
+def Warp_TileAtomicOp
+    : Warp_TileAccessOp<"tile_atomic", "Update", "getTile()", "getTile()"> {
   let summary = "updates array elements, each atomically";
   let description = [{
     The result is what elements were before, zero for those outside of the array.

@@ -35,8 +35,7 @@ public:
                 .wasInterrupted()) {}
 
   void add(warp::AccessOp op);
-  /// The same of a load, store or update of a tile.
-  void addTile(Operation *op);
+  void add(warp::TileAccessOp op);
   /// The same of an array whose address native code gets.
   void addNative(warp::PointerOp op);
   void locate(func::FuncOp kernel, bool usesGradients);
@@ -74,16 +73,15 @@ void Summary::add(warp::AccessOp op) {
   }
 }
 
-void Summary::addTile(Operation *op) {
-  bool loads = isa<warp::TileLoadOp>(op);
+void Summary::add(warp::TileAccessOp op) {
+  bool loads = !op.mayWrite();
   auto place = warp::findSourceLocation(op->getLoc());
-  for (warp::ArrayMemory memory :
-       origins.of(op->getOperand(loads ? 0 : 1)).memories) {
+  for (warp::ArrayMemory memory : origins.of(op.getArray()).memories) {
     warp::Access &access = accesses[memory.leaf];
     access.loaded |= loads;
-    access.stored |= isa<warp::TileStoreOp>(op);
-    access.combined |= isa<warp::TileAtomicOp>(op);
-    access.fetched |= isa<warp::TileAtomicOp>(op) && !op->use_empty();
+    access.stored |= op.getEffect() == warp::AccessEffect::Write;
+    access.combined |= op.isUpdate();
+    access.fetched |= op.isUpdate() && !op->use_empty();
     // A tile that nothing overwrites needs no memory until it is used.
     access.watched |= loads;
     if (!loads && place && !access.line)
@@ -140,10 +138,7 @@ std::vector<warp::Access> warp::accesses(const Module &module) {
       continue;
     Summary summary(op, function);
     op.walk([&](AccessOp access) { summary.add(access); });
-    op.walk([&](Operation *nested) {
-      if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(nested))
-        summary.addTile(nested);
-    });
+    op.walk([&](TileAccessOp access) { summary.add(access); });
     op.walk([&](PointerOp pointer) {
       if (isForNativeCode(pointer))
         summary.addNative(pointer);

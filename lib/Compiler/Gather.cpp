@@ -58,7 +58,8 @@ static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {
 static bool hasEffects(ModuleOp module) {
   return module
       .walk([](Operation *op) {
-        bool writes = warp::isTileOp(op) && !isa<warp::TileLoadOp>(op) &&
+        auto tiles = dyn_cast<warp::TileAccessOp>(op);
+        bool writes = warp::isTileOp(op) && !(tiles && !tiles.mayWrite()) &&
                       !isMemoryEffectFree(op);
         return writes || warp::isObservable(op) ? WalkResult::interrupt()
                                                 : WalkResult::advance();

@@ -272,6 +272,7 @@ void warp::registerCompilerDialects(DialectRegistry &registry) {
   registry.insert<WarpDialect, arith::ArithDialect, cf::ControlFlowDialect,
                   func::FuncDialect, gpu::GPUDialect, LLVM::LLVMDialect,
                   math::MathDialect, memref::MemRefDialect, scf::SCFDialect>();
+  tiles::registerModels(registry);
   autodiff::setDerive(derive);
   func::registerInlinerExtension(registry);
   registerBuiltinDialectTranslation(registry);

@@ -22,6 +22,7 @@ using warp::TileType;
 using warp::typeOf;
 
 #include "WarpDialect/WarpTileEnums.cpp.inc"
+#include "WarpDialect/WarpTileInterfaces.cpp.inc"
 
 #define GET_OP_CLASSES
 #include "WarpDialect/WarpTileOps.cpp.inc"

@@ -50,9 +50,8 @@ LogicalResult checkAddress(AccessOp write) {
 Value ifThere(OpBuilder &builder, Location loc, Value address, Type type,
               function_ref<Value()> body) {
   Value none = zero(builder, loc, address.getType());
-  Value isThere =
-      createBuiltin(builder, loc, NeOp::getSpec(), {address, none})
-          ->getResult(0);
+  Value isThere = createBuiltin(builder, loc, NeOp::getSpec(), {address, none})
+                      ->getResult(0);
   auto branch = scf::IfOp::create(
       builder, loc, type ? TypeRange(type) : TypeRange(), isThere, bool(type));
   OpBuilder::InsertionGuard guard(builder);
@@ -155,8 +154,10 @@ bool Activity::spreadUseful(Operation *op) {
   bool isUseful = llvm::any_of(
       op->getResults(), [&](Value result) { return useful.contains(result); });
   auto access = dyn_cast<AccessOp>(op);
-  if (access ? access.mayWrite()
-             : isa<func::CallOp, TileStoreOp, TileAtomicOp>(op))
+  auto tiles = dyn_cast<TileAccessOp>(op);
+  if (access  ? access.mayWrite()
+      : tiles ? tiles.mayWrite()
+              : isa<func::CallOp>(op))
     isUseful |= llvm::any_of(op->getOperands(), [&](Value operand) {
       return isa<ArrayType>(operand.getType()) && isActiveArray(operand);
     });

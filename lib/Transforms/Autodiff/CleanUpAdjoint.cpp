@@ -37,7 +37,7 @@ using namespace warp::autodiff;
 static LogicalResult checkMarks(func::FuncOp adjoint) {
   bool hasFailed = false;
   adjoint.walk([&](Operation *load) {
-    if (!isa<warp::AccessOp, warp::TileLoadOp>(load))
+    if (!isa<warp::AccessOp, warp::TileAccessOp>(load))
       return;
     auto why = load->getAttrOfType<StringAttr>(warp::attr::unrecoverable);
     if (why) {
@@ -189,8 +189,9 @@ static void describeCode(func::FuncOp adjoint, func::FuncOp recording,
       atomics += sum.getKind() == warp::TileUpdate::add;
     if (warp::isPlainRead(op))
       note(leaves, cast<warp::AccessOp>(op).getArray());
-    if (auto load = dyn_cast<warp::TileLoadOp>(op))
-      note(leaves, load.getArray());
+    if (auto tiles = dyn_cast<warp::TileAccessOp>(op);
+        tiles && !tiles.mayWrite())
+      note(leaves, tiles.getArray());
   });
   if (recording) {
     warp::ArrayLeaves own(recording);

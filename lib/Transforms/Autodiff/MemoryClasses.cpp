@@ -75,10 +75,10 @@ static void followViews(Value array, Access &access) {
 std::optional<Access> getAccess(Operation *op) {
   Access access;
   access.op = op;
-  if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(op)) {
+  if (auto tiles = dyn_cast<TileAccessOp>(op)) {
     // Many elements: nothing is known of their indices.
-    access.isWrite = !isa<TileLoadOp>(op);
-    access.array = op->getOperand(access.isWrite);
+    access.isWrite = tiles.mayWrite();
+    access.array = tiles.getArray();
     auto type = cast<ArrayType>(access.array.getType());
     access.indices.resize(type.getRank());
     followViews(access.array, access);

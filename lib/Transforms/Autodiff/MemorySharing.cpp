@@ -17,8 +17,6 @@
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
-#include "llvm/ADT/TypeSwitch.h"
-
 using namespace mlir;
 
 namespace warp::autodiff {
@@ -50,22 +48,15 @@ unsigned MemoryClasses::countOwnedDimensions(ArrayRef<const Access *> accesses,
 /// First indices and extents of what an operation on tiles accesses.
 static SmallVector<std::pair<Form, int64_t>> windowOf(const Access &access) {
   SmallVector<std::pair<Form, int64_t>> window;
-  auto add = [&](auto op, TileType tile) {
-    if (op.getPicked())
-      return;
-    for (auto &index : access.indices)
-      if (index)
-        window.push_back({*index, 1});
-    for (auto [offset, extent] :
-         llvm::zip_equal(op.getOffsets(), tile.getShape()))
-      window.push_back({Forms().of(offset), extent});
-  };
-  llvm::TypeSwitch<Operation *>(access.op)
-      .Case([&](TileLoadOp op) {
-        add(op, cast<TileType>(op.getResult().getType()));
-      })
-      .Case<TileStoreOp, TileAtomicOp>(
-          [&](auto op) { add(op, cast<TileType>(op.getTile().getType())); });
+  auto tiles = dyn_cast<TileAccessOp>(access.op);
+  if (!tiles || tiles.getPicked())
+    return window;
+  for (auto &index : access.indices)
+    if (index)
+      window.push_back({*index, 1});
+  for (auto [offset, extent] :
+       llvm::zip_equal(tiles.getOffsets(), tiles.getTileType().getShape()))
+    window.push_back({Forms().of(offset), extent});
   return window;
 }
 

@@ -68,8 +68,8 @@ Value orElse(OpBuilder &b, Location loc, Value condition, Value value,
   return branch.getResult(0);
 }
 
-template <typename Op>
-static void maskPlaces(Op op, Value alive, function_ref<bool(Value)> differs) {
+void maskAccess(TileAccessOp op, Value alive,
+                function_ref<bool(Value)> differs) {
   OpBuilder b(op);
   Location loc = op.getLoc();
   if (Value picked = op.getPicked(); picked && isOfThreads(picked)) {
@@ -86,15 +86,6 @@ static void maskPlaces(Op op, Value alive, function_ref<bool(Value)> differs) {
   first.set(
       orElse(b, loc, alive, offset, [&] { return makeNowhere(b, loc, type); }));
   op.setChecked(true);
-}
-
-void maskAccess(Operation *op, Value alive, function_ref<bool(Value)> differs) {
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    maskPlaces(load, alive, differs);
-  else if (auto store = dyn_cast<TileStoreOp>(op))
-    maskPlaces(store, alive, differs);
-  else
-    maskPlaces(cast<TileAtomicOp>(op), alive, differs);
 }
 
 } // namespace warp::tiles

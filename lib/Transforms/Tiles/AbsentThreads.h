@@ -37,7 +37,7 @@ mlir::Value orElse(mlir::OpBuilder &b, mlir::Location loc,
 /// own, are nowhere for a thread that is not there. What it would say is of no
 /// meaning, and what is there belongs to others. `differs` tells what threads
 /// have each their own of.
-void maskAccess(mlir::Operation *op, mlir::Value alive,
+void maskAccess(TileAccessOp op, mlir::Value alive,
                 llvm::function_ref<bool(mlir::Value)> differs);
 
 } // namespace warp::tiles

@@ -64,7 +64,7 @@ bool BlockVariance::visit(Operation *op) {
         std::min<size_t>(rank - 1, tid.getNumResults())));
   if (isa<TileToThreadsOp, AtomicOp, AtomicCasOp>(op))
     return mark(op->getResults());
-  if (isa<TileMapOp, TileFoldOp>(op))
+  if (isa<TileOpInterface>(op) && op->getNumRegions() != 0)
     return false;
   if (isBlockNumber(op))
     return false;

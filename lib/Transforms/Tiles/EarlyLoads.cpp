@@ -28,14 +28,13 @@ constexpr int64_t mostWords = 32;
 /// counts; functions of elements may do so, too.
 static bool mayTouch(Operation *op, Value array, const ArrayOrigins &origins,
                      bool reads) {
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    return reads && origins.mayAlias(load.getArray(), array);
-  if (isa<TileStoreOp, TileAtomicOp>(op))
-    return origins.mayAlias(op->getOperand(1), array);
+  if (auto access = dyn_cast<TileAccessOp>(op))
+    return (reads || access.mayWrite()) &&
+           origins.mayAlias(access.getArray(), array);
   if (auto access = dyn_cast<AccessOp>(op))
     return (reads || access.mayWrite()) &&
            origins.mayAlias(access.getArray(), array);
-  bool isFunction = isa<TileMapOp, TileFoldOp>(op);
+  bool isFunction = isa<TileOpInterface>(op) && op->getNumRegions() != 0;
   if (isMemoryEffectFree(op))
     return !isFunction && op->getNumRegions() != 0;
   if (!isFunction)
@@ -61,7 +60,8 @@ static bool keepsBefore(Operation *op, Value array,
 static bool needsStored(Operation *op, Value array,
                         const ArrayOrigins &origins) {
   auto access = dyn_cast<AccessOp>(op);
-  bool isUpdate = isa<TileAtomicOp>(op) || (access && access.isUpdate());
+  auto tiles = dyn_cast<TileAccessOp>(op);
+  bool isUpdate = (tiles && tiles.isUpdate()) || (access && access.isUpdate());
   return (isUpdate && !op->use_empty()) ||
          mayTouch(op, array, origins, /*reads=*/true);
 }
@@ -74,7 +74,8 @@ public:
       : origins(kernel, getVariant(kernel).getDisjoint()), threads(threads) {}
 
   /// Moves a load, or what an update needs but for its tile.
-  void hoist(Operation *op, Value array, TileType type) {
+  void hoist(TileAccessOp op) {
+    TileType type = op.getTileType();
     int64_t words = type.getNumElements() / threads *
                     llvm::divideCeil(getByteSize(type.getElementType()), 4);
     if (words > left)
@@ -82,8 +83,9 @@ public:
     left -= words;
     Operation *target = op;
     while (Operation *before = target->getPrevNode()) {
-      bool isLoad = isa<TileLoadOp>(before) && !isInline(before);
-      if (isLoad || keepsBefore(before, array, origins))
+      auto access = dyn_cast<TileAccessOp>(before);
+      bool isLoad = access && !access.mayWrite() && !isInline(before);
+      if (isLoad || keepsBefore(before, op.getArray(), origins))
         break;
       target = before;
     }
@@ -92,8 +94,8 @@ public:
 
 private:
   /// Before another operation, with what it needs that can be moved.
-  static void move(Operation *op, Operation *target) {
-    bool moves = isa<TileLoadOp>(op);
+  static void move(TileAccessOp op, Operation *target) {
+    bool moves = !op.mayWrite();
     llvm::SetVector<Operation *> needed;
     auto isNeeded = [&](Operation *other) {
       ValueRange operands = op->getOperands();
@@ -137,33 +139,31 @@ private:
 void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
   if (!isGpu(kernel) || threads == 1)
     return;
-  SmallVector<Operation *> ops;
-  kernel->walk([&](Operation *op) {
-    if (isa<TileLoadOp, TileAtomicOp>(op) && !isInline(op))
+  SmallVector<TileAccessOp> ops;
+  kernel->walk([&](TileAccessOp op) {
+    bool isRead = op.getEffect() != AccessEffect::Write && !isInline(op);
+    if (isRead && !op.getPicked() &&
+        (op.isUpdate() || op->hasAttr(attr::striped)))
       ops.push_back(op);
   });
   LoadHoister hoister(kernel, threads);
-  for (Operation *op : ops) {
-    auto load = dyn_cast<TileLoadOp>(op);
-    if (load && load->hasAttr(attr::striped) && !load.getPicked())
-      hoister.hoist(load, load.getArray(), tileType(load.getResult()));
-    auto update = dyn_cast<TileAtomicOp>(op);
-    if (update && !update.getPicked())
-      hoister.hoist(update, update.getArray(), tileType(update.getTile()));
-  }
+  for (TileAccessOp op : ops)
+    hoister.hoist(op);
 }
 
 void sinkConstants(FunctionOpInterface kernel) {
   if (!isGpu(kernel))
     return;
   ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
-  SmallVector<TileStoreOp> stores;
-  kernel->walk([&](TileStoreOp store) {
-    auto splat = store.getTile().getDefiningOp<TileSplatOp>();
+  SmallVector<TileAccessOp> stores;
+  kernel->walk([&](TileAccessOp op) {
+    if (op.getEffect() != AccessEffect::Write)
+      return;
+    auto splat = op.getWritten().getDefiningOp<TileSplatOp>();
     if (splat && matchPattern(splat.getValue(), m_Constant()))
-      stores.push_back(store);
+      stores.push_back(op);
   });
-  for (TileStoreOp store : llvm::reverse(stores)) {
+  for (TileAccessOp store : llvm::reverse(stores)) {
     Operation *next = store->getNextNode();
     while (!next->hasTrait<OpTrait::IsTerminator>() &&
            !needsStored(next, store.getArray(), origins))
@@ -172,11 +172,11 @@ void sinkConstants(FunctionOpInterface kernel) {
   }
 }
 
-Operation *findEarliest(TileAtomicOp update) {
+Operation *findEarliest(TileAccessOp update) {
   auto kernel = update->getParentOfType<FunctionOpInterface>();
   ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
   // Other threads may have written these elements before they waited.
-  Operation *target = update, *barrier = nullptr;
+  Operation *target = update.getOperation(), *barrier = nullptr;
   auto behindWrites = [&] { return barrier ? barrier->getNextNode() : target; };
   bool isFixed = false;
   for (Operation *before = update->getPrevNode(); before;

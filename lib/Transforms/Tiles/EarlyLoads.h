@@ -20,7 +20,7 @@ void sinkConstants(mlir::FunctionOpInterface kernel);
 
 /// The first operation before which the old elements of an update may be
 /// loaded, if no other block touches them; the update itself if there is none.
-mlir::Operation *findEarliest(TileAtomicOp update);
+mlir::Operation *findEarliest(TileAccessOp update);
 
 } // namespace warp::tiles
 

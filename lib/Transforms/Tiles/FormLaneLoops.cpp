@@ -167,7 +167,9 @@ LogicalResult BlockLoops::emitCollective(Operation *op) {
     return success();
   }
   auto differs = [&](Value value) { return isLane(value); };
-  pickThere(op);
+  auto access = dyn_cast<TileAccessOp>(op);
+  if (access)
+    pickThere(access);
   if (auto set = dyn_cast<TileSetOp>(op);
       set && (set.getKind() != TileUpdate::assign ||
               llvm::any_of(set->getOperands(), differs))) {
@@ -182,8 +184,7 @@ LogicalResult BlockLoops::emitCollective(Operation *op) {
     shared.map(splat.getResult(), spread(splat.getValue(), shape));
     return success();
   }
-  if (shape.empty() && llvm::any_of(op->getOperands(), differs) &&
-      emitAccess(op))
+  if (access && llvm::any_of(op->getOperands(), differs) && emitAccess(access))
     return success();
   Values operands;
   for (Value operand : op->getOperands()) {

@@ -32,8 +32,7 @@ Values LaneLoops::unravel(Value number, ArrayRef<int64_t> shape) {
 }
 
 /// Indices of the array, and whether they are inside; null if that is promised.
-template <typename Op>
-Values LaneLoops::arrayIndices(Op op, Lane &lane, Value array,
+Values LaneLoops::arrayIndices(TileAccessOp op, Lane &lane, Value array,
                                ValueRange indices, Value &inside) {
   Values at;
   for (auto [d, given] : llvm::enumerate(op.getOffsets())) {
@@ -80,10 +79,10 @@ Value LaneLoops::ifInside(Value inside, Type type, function_ref<Value()> make) {
 
 /// `access(array, at, indices)` is made for each element; what it gives, if it
 /// gives something, is in the tile that is returned.
-template <typename Op>
 Value LaneLoops::accessElements(
-    Op op, TileType type, bool gives,
+    TileAccessOp op, bool gives,
     function_ref<Value(Value, ValueRange, ValueRange)> access) {
+  TileType type = op.getTileType();
   Values tiles;
   if (gives)
     tiles.push_back(TileEmptyOp::create(b, loc, type));
@@ -108,9 +107,9 @@ Value LaneLoops::accessElements(
   return gives ? made[0] : Value();
 }
 
-template <typename Op> void LaneLoops::pickThere(Op op) {
+void LaneLoops::pickThere(TileAccessOp op) {
   Value picked = op.getPicked();
-  if (!picked || !isOfThreads(picked))
+  if (!present || !picked || !isOfThreads(picked))
     return;
   auto flags = TileType::get(b.getContext(), {threads}, b.getI1Type());
   Value no = ConstantOp::create(b, loc, b.getBoolAttr(false));
@@ -123,55 +122,26 @@ template <typename Op> void LaneLoops::pickThere(Op op) {
   op.setChecked(true);
 }
 
-void LaneLoops::pickThere(Operation *op) {
-  if (!present)
-    return;
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    pickThere(load);
-  else if (auto store = dyn_cast<TileStoreOp>(op))
-    pickThere(store);
-  else if (auto atomic = dyn_cast<TileAtomicOp>(op))
-    pickThere(atomic);
-}
-
-bool LaneLoops::emitAccess(Operation *op) {
-  auto read = [&](Value tile, ValueRange indices) -> Value {
-    return TileGetOp::create(b, loc, tileType(tile).getElementType(),
-                             sharedValue(tile), indices);
-  };
-  if (auto load = dyn_cast<TileLoadOp>(op)) {
-    TileType type = tileType(load.getResult());
-    Value tile = accessElements(
-        load, type, /*gives=*/true,
-        [&](Value array, ValueRange at, ValueRange) -> Value {
-          return LoadOp::create(b, loc, type.getElementType(), array, at);
-        });
-    shared.map(load.getResult(), tile);
-    return true;
-  }
-  if (auto store = dyn_cast<TileStoreOp>(op)) {
-    accessElements(store, tileType(store.getTile()), /*gives=*/false,
-                   [&](Value array, ValueRange at, ValueRange indices) {
-                     Value value = read(store.getTile(), indices);
-                     StoreOp::create(b, loc, value, array, at);
-                     return Value();
-                   });
-    return true;
-  }
-  auto atomic = dyn_cast<TileAtomicOp>(op);
-  if (!atomic || isa<StructType>(tileType(atomic.getTile()).getElementType()))
+bool LaneLoops::emitAccess(TileAccessOp op) {
+  Type type = op.getTileType().getElementType();
+  auto atomic = dyn_cast<TileAtomicOp>(op.getOperation());
+  if (atomic && isa<StructType>(type))
     return false;
-  TileType type = tileType(atomic.getTile());
-  bool gives = !atomic.getOld().use_empty();
-  Value old = accessElements(
-      atomic, type, gives,
-      [&](Value array, ValueRange at, ValueRange indices) -> Value {
-        return AtomicOp::create(b, loc, type.getElementType(),
-                                toAtomic(atomic.getKind()),
-                                read(atomic.getTile(), indices), array, at);
+  bool gives = atomic ? !atomic.getOld().use_empty() : !op.mayWrite();
+  Value tile = accessElements(
+      op, gives, [&](Value array, ValueRange at, ValueRange indices) -> Value {
+        if (!op.mayWrite())
+          return LoadOp::create(b, loc, type, array, at);
+        Value value = TileGetOp::create(b, loc, type,
+                                        sharedValue(op.getWritten()), indices);
+        if (atomic)
+          return AtomicOp::create(b, loc, type, toAtomic(atomic.getKind()),
+                                  value, array, at);
+        StoreOp::create(b, loc, value, array, at);
+        return Value();
       });
   if (gives)
-    shared.map(atomic.getOld(), old);
+    shared.map(op->getResult(0), tile);
   return true;
 }
 

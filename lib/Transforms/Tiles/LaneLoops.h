@@ -79,18 +79,16 @@ protected:
   Value fill(TileType type, int64_t count, Value value);
   // In LaneAccesses.cpp.
   Values unravel(Value number, llvm::ArrayRef<int64_t> shape);
-  template <typename Op>
-  Values arrayIndices(Op op, Lane &lane, Value array, ValueRange indices,
-                      Value &inside);
+  Values arrayIndices(TileAccessOp op, Lane &lane, Value array,
+                      ValueRange indices, Value &inside);
   Value ifInside(Value inside, mlir::Type type,
                  llvm::function_ref<Value()> make);
-  template <typename Op>
   Value accessElements(
-      Op op, TileType type, bool gives,
+      TileAccessOp op, bool gives,
       llvm::function_ref<Value(Value, ValueRange, ValueRange)> access);
   /// A load, store or update of a tile that threads make each elsewhere, as one
-  /// element after the other; false for other operations.
-  bool emitAccess(mlir::Operation *op);
+  /// element after the other; false if elements are structs.
+  bool emitAccess(TileAccessOp op);
   /// An operation with what its function of elements uses from outside: what
   /// differs between threads becomes an operand.
   mlir::LogicalResult emitWithCaptures(mlir::Operation *op, Values operands,
@@ -100,8 +98,7 @@ protected:
   /// True if the launch has a thread of the block; null if it has all.
   Value isThere(const Lane &lane);
   /// What picks indices of an access, nowhere for threads that are not there.
-  template <typename Op> void pickThere(Op op);
-  void pickThere(mlir::Operation *op);
+  void pickThere(TileAccessOp op);
 
   mlir::FunctionOpInterface kernel;
   int64_t threads;

@@ -1,45 +1,41 @@
-//===- LowerTiles.cpp - Tiles as loops over elements ----------------------===//
+//===- LowerTiles.cpp - Lower tiles to loops over elements --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A tile in memory is a packed array of rank one at its place in the block's
-// memory. An operation becomes loops over the elements of its result, which the
-// threads of the block share: thread t takes elements t, t + B, ... On a CPU a
-// block is one thread, and loops run over the dimensions, so that LLVM finds
-// them easy to vectorise. What is not kept is computed within the loop of its
-// user.
+// A tile in memory is a packed array of rank one at its offset in block memory.
+// An operation becomes loops over the elements of its result, which the threads
+// of the block share: thread t takes elements t, t + B, ... On a CPU a block is
+// one thread, and loops run over the dimensions, so that LLVM finds them easy
+// to vectorise. What is not kept is computed within the loop of its user.
 //
 // Accesses of arrays are tested against the array's extents. One test of the
 // whole tile chooses between a loop without tests and one with them.
 //
-//   what                           in file
-//   scalars, loops over elements   LowerTilesLoops.cpp
-//   windows of arrays              LowerTilesWindows.cpp
-//   elements, arrays, maps         LowerTilesElements.cpp
-//   updates of arrays              LowerTilesUpdates.cpp
-//   threads, parts                 LowerTilesParts.cpp
-//   reductions, scans              LowerTilesReductions.cpp
-//   sorting                        LowerTilesSort.cpp
-//   products, factors              LowerTilesAlgebra.cpp
-//   products that threads hold     LowerTilesProducts.cpp
-//   pipelined products with TMA    LowerTilesRings.cpp
-//   factors, transforms by forms   LowerTilesForms.cpp
-//   Fourier transforms             LowerTilesTransforms.cpp
-//   whole tiles on CPUs            LowerTilesLibrary.cpp
-//   tests of debug kernels         LowerTilesChecks.cpp
+// This pass knows no operation: TileOpInterface writes the code of each. Models
+// are in the files of their families, over the same helpers:
+//
+//   helpers                        LowerTilesLoops.cpp, LowerTilesMemory.cpp,
+//                                  LowerTilesWindows.cpp
+//   elementwise                    Elements.cpp, Views.cpp
+//   loads, stores, updates         Accesses.cpp, Updates.cpp
+//   threads, parts                 Threads.cpp, Parts.cpp
+//   reductions, folds, scans       Reductions.cpp, Scans.cpp
+//   sorting                        Sorts.cpp
+//   products                       Products.cpp, in registers Accumulators.cpp,
+//                                  with TMA loads TmaProducts.cpp
+//   factors, solves                Factors.cpp
+//   Fourier transforms             Transforms.cpp
 //
 //===----------------------------------------------------------------------===//
 
-#include "LowerTiles.h"
-#include "EarlyLoads.h"
-#include "TileProducts.h"
+#include "Accumulators.h"
+#include "Models.h"
 
 #include "KernelFunction.h"
 
-#include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
-#include "llvm/ADT/TypeSwitch.h"
+#include "WarpDialect/WarpDialect.h"
+
+#include "mlir/IR/DialectRegistry.h"
 
 namespace warp {
 #define GEN_PASS_DEF_LOWERTILES
@@ -50,7 +46,7 @@ using namespace mlir;
 
 namespace warp::tiles {
 
-TileLowering::TileLowering(FunctionOpInterface kernel, int64_t threads)
+LoweringState::LoweringState(FunctionOpInterface kernel, int64_t threads)
     : kernel(kernel), threads(threads), buffers(kernel), b(kernel.getContext()),
       entry(kernel.getContext()), loc(kernel.getLoc()), i32(b.getI32Type()),
       debug(getVariant(kernel).getDebug()) {
@@ -59,95 +55,23 @@ TileLowering::TileLowering(FunctionOpInterface kernel, int64_t threads)
     thread = ThreadNumberOp::create(entry, loc, i32);
 }
 
-//===----------------------------------------------------------------------===//
-// Operations
-//===----------------------------------------------------------------------===//
+TileLowering::TileLowering(LoweringState &state)
+    : state(state), kernel(state.kernel), threads(state.threads),
+      buffers(state.buffers), b(state.b), entry(state.entry), loc(state.loc),
+      i32(state.i32), thread(state.thread) {}
 
-void TileLowering::lower(Operation *op) {
-  b.setInsertionPoint(op);
-  loc = op->getLoc();
-  if (op->hasAttr(attr::stages))
-    return;
-  llvm::TypeSwitch<Operation *>(op)
-      .Case([&](TileMapOp map) {
-        if (map->hasAttr(attr::held))
-          setHeld(map);
-        else if (isTile(map.getInputs()[0]) &&
-                 buffers.isHeld(map.getInputs()[0]) &&
-                 !tiles::isStriped(map.getInputs()[0]))
-          giveHeld(map);
-        else
-          lowerMap(map);
-      })
-      .Case([&](TileSplatOp splat) {
-        if (splat->hasAttr(attr::held))
-          setHeld(splat);
-        else
-          keep(splat);
-      })
-      .Case([&](TileStoreOp store) {
-        if (buffers.isHeld(store.getTile()) &&
-            !tiles::isStriped(store.getTile()))
-          storeHeld(store);
-        else
-          lowerStore(store);
-      })
-      .Case([&](TileAtomicOp atomic) {
-        if (buffers.isHeld(atomic.getTile()) &&
-            !tiles::isStriped(atomic.getTile()))
-          addHeld(atomic);
-        else
-          lowerAtomic(atomic);
-      })
-      .Case([&](TileFromThreadsOp from) { lowerFromThreads(from); })
-      .Case([&](TileToThreadsOp to) { lowerToThreads(to); })
-      .Case([&](TileGetOp get) { lowerGet(get); })
-      .Case([&](TileSetOp set) { lowerSet(set); })
-      .Case([&](TileInsertOp insert) { lowerInsert(insert); })
-      .Case([&](TileGatherOp gather) { lowerGather(gather); })
-      .Case([&](TileScatterOp scatter) { lowerScatter(scatter); })
-      .Case([&](TileReduceOp reduce) {
-        lowerReduce(reduce, reduce.getKind(), reduce.getTile(),
-                    reduce.getAxis(), /*positions=*/false);
-      })
-      .Case([&](TileArgReduceOp reduce) {
-        lowerReduce(reduce, reduce.getKind(), reduce.getTile(),
-                    reduce.getAxis(), /*positions=*/true);
-      })
-      .Case([&](TileFoldOp fold) { lowerFold(fold); })
-      .Case([&](TileScanOp scan) { lowerScan(scan); })
-      .Case([&](TileSortOp sort) { lowerSort(sort); })
-      .Case([&](TileMatmulOp matmul) {
-        if (matmul->hasAttr(attr::form))
-          lowerHeldProduct(matmul);
-        else
-          lowerMatmul(matmul);
-      })
-      .Case([&](TileCholeskyOp op) {
-        op->hasAttr(attr::form) ? factor(op) : lowerCholesky(op);
-        if (debug)
-          checkFactor(op);
-      })
-      .Case([&](TileCholeskyAdjointOp op) {
-        op->hasAttr(attr::form) ? differentiateFactor(op)
-                                : lowerCholeskyAdjoint(op);
-      })
-      .Case([&](TileSolveOp op) {
-        op->hasAttr(attr::form) ? substitute(op) : lowerSolve(op);
-      })
-      .Case([&](TileDiagAddOp add) { lowerDiagAdd(add); })
-      .Case([&](TileFftOp op) {
-        op->hasAttr(attr::form) ? transformRows(op) : lowerFft(op);
-      })
-      .Case([](TileEmptyOp) {})
-      .Case([&](TileLoadOp load) {
-        isCopied(load) ? copyMatrix(load) : keep(load);
-      })
-      .Default([&](Operation *) { keep(op); });
+void registerModels(DialectRegistry &registry) {
+  registry.addExtension(+[](MLIRContext *context, WarpDialect *) {
+    for (auto attach :
+         {attachElements, attachViews, attachAccesses, attachUpdates,
+          attachThreads, attachParts, attachReductions, attachScans,
+          attachSorts, attachProducts, attachFactors, attachTransforms})
+      attach(*context);
+  });
 }
 
 //===----------------------------------------------------------------------===//
-// Control flow
+// Removal of tiles
 //===----------------------------------------------------------------------===//
 
 /// Tiles, also those that are gone.
@@ -196,7 +120,7 @@ static void dropTiles(Operation *op) {
 }
 
 /// Removes what was lowered.
-void TileLowering::detach() {
+static void detach(FunctionOpInterface kernel) {
   SmallVector<Operation *> done, carriers;
   kernel->walk([&](Operation *op) {
     if (computesTiles(op))
@@ -212,37 +136,33 @@ void TileLowering::detach() {
   }
 }
 
-LogicalResult TileLowering::run() {
+//===----------------------------------------------------------------------===//
+// The pass
+//===----------------------------------------------------------------------===//
+
+static LogicalResult lowerTiles(FunctionOpInterface kernel, int64_t threads) {
   SmallVector<Operation *> ops;
-  SmallVector<scf::ForOp> ahead;
+  SmallVector<scf::ForOp> pipelined;
   kernel->walk([&](Operation *op) {
     if (computesTiles(op) && !isInline(op))
       ops.push_back(op);
     else if (op->hasAttr(attr::stages))
-      ahead.push_back(cast<scf::ForOp>(op));
+      pipelined.push_back(cast<scf::ForOp>(op));
   });
-  // Exact sums are made in memory of their own, and not by plain updates at
-  // times.
-  bool isExact = getVariant(kernel).getDeterministic() == Determinism::exact;
-  if (!isExact && (threads == 1 || isGpu(kernel)))
-    for (Operation *op : ops)
-      if (auto atomic = dyn_cast<TileAtomicOp>(op))
-        if (std::optional<OwnSteps> steps = findOwnSteps(kernel, atomic))
-          ownSteps[op] = *steps;
-  for (auto [op, steps] : ownSteps)
-    earliest[op] = findEarliest(mlir::cast<TileAtomicOp>(op));
-  for (scf::ForOp loop : ahead) {
-    bool isRing =
-        llvm::any_of(loop.getBody()->getOps<TileLoadOp>(),
-                     [](TileLoadOp load) { return load->hasAttr(attr::map); });
-    if (isRing)
-      lowerRing(loop);
-    else
-      lowerAhead(loop);
+  LoweringState state(kernel, threads);
+  findPlainUpdates(state, ops);
+  for (scf::ForOp loop : pipelined)
+    AccumulatorLowering(state).pipeline(loop);
+  TileLowering lowering(state);
+  for (Operation *op : ops) {
+    // Pipelined loads are code of their loop.
+    if (op->hasAttr(attr::stages))
+      continue;
+    state.b.setInsertionPoint(op);
+    state.loc = op->getLoc();
+    cast<TileOpInterface>(op).lower(lowering);
   }
-  for (Operation *op : ops)
-    lower(op);
-  detach();
+  detach(kernel);
   return success();
 }
 
@@ -252,10 +172,8 @@ namespace {
 
 struct LowerTiles : warp::impl::LowerTilesBase<LowerTiles> {
   void runOnOperation() override {
-    auto work = [](FunctionOpInterface kernel, int64_t threads) {
-      return warp::tiles::TileLowering(kernel, threads).run();
-    };
-    if (failed(warp::tiles::forTileKernel(getOperation(), work)))
+    if (failed(warp::tiles::forTileKernel(getOperation(),
+                                          warp::tiles::lowerTiles)))
       signalPassFailure();
   }
 };

@@ -201,12 +201,12 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
                   return body(unravel(e, shape), sums);
                 });
   auto turn = [&](Value number, ValueRange sums) {
-    this->turn = number;
+    state.turn = number;
     Value e = add(mul(number, this->number(threads)), thread);
     return body(unravel(e, shape), sums);
   };
   int64_t turns = count / threads;
-  if (turns > 1 && !isStriped) {
+  if (turns > 1 && !state.isStriped) {
     Values next = loop(number(0), number(turns), number(1), sums, turn);
     // Memory is busy as long as many elements are on their way to each thread.
     constexpr int64_t copies = 8;

@@ -20,40 +20,77 @@ using namespace mlir;
 
 namespace warp::tiles {
 
+Values TileLowering::arrayIndices(TileAccessOp op, ValueRange indices,
+                                  Value &inside) {
+  Values found;
+  Value picked = op.getPicked();
+  for (auto [d, offset] : llvm::enumerate(op.getOffsets())) {
+    bool picks = picked && op.getAxis() == d;
+    Value index = indices[d];
+    if (picks)
+      index = element(picked, ValueRange(indices[d]));
+    bool isWide =
+        getByteSize(offset.getType()) > 4 || getByteSize(index.getType()) > 4;
+    Type type = isWide ? b.getI64Type() : i32;
+    Value place = add(cast(offset, type), cast(index, type));
+    found.push_back(place);
+    if (!op.getChecked() || (!state.testing && !picks))
+      continue;
+    Value extent = cast(DimOp::create(b, loc, b.getIntegerType(32, true),
+                                      op.getArray(), b.getI64IntegerAttr(d)),
+                        type);
+    // As unsigned numbers, negative ones are too large.
+    inside =
+        both(inside, arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                           place, extent));
+  }
+  return found;
+}
+
+Values TileLowering::windowOf(TileAccessOp op, Value array,
+                              ValueRange offsets) {
+  Values window{addressOf(array)};
+  for (Value offset : offsets)
+    window.push_back(toIndex(offset));
+  Type integer = b.getIntegerType(32, true);
+  for (int64_t d = 0; d < 2; ++d)
+    window.push_back(
+        DimOp::create(b, loc, integer, array, b.getI64IntegerAttr(d)));
+  for (int64_t d = 0; d < 2; ++d)
+    window.push_back(
+        StrideOp::create(b, loc, integer, array, b.getI64IntegerAttr(d)));
+  for (int64_t extent : op.getTileType().getShape())
+    window.push_back(number(extent));
+  window.push_back(number(op.getChecked()));
+  return window;
+}
+
 /// Whether all elements that an operation accesses by itself are inside of
 /// their array; null if that is not tested.
 void TileLowering::testWindow(Operation *op, Value &inside) {
-  auto test = [&](auto access, TileType tile) {
-    if (!access.getChecked())
-      return;
-    for (int64_t d = 0; d < tile.getRank(); ++d) {
-      // What is picked is tested one by one.
-      if (access.getPicked() && int64_t(access.getAxis()) == d)
-        continue;
-      Value offset = access.getOffsets()[d];
-      Type wide = getByteSize(offset.getType()) > 4 ? b.getI64Type() : i32;
-      Value first = cast(offset, wide);
-      Value extent =
-          cast(DimOp::create(b, loc, b.getIntegerType(32, true),
-                             access.getArray(), b.getI64IntegerAttr(d)),
-               wide);
-      Value length = arith::ConstantOp::create(
-          b, loc, b.getIntegerAttr(wide, tile.getShape()[d]));
-      Value none = arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
-      Value low =
-          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge, first, none);
-      Value last = arith::SubIOp::create(b, loc, extent, length);
-      Value high =
-          arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle, first, last);
-      inside = both(inside, both(low, high));
-    }
-  };
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    test(load, tileType(load.getResult()));
-  else if (auto store = dyn_cast<TileStoreOp>(op))
-    test(store, tileType(store.getTile()));
-  else if (auto atomic = dyn_cast<TileAtomicOp>(op))
-    test(atomic, tileType(atomic.getTile()));
+  auto access = dyn_cast<TileAccessOp>(op);
+  if (!access || !access.getChecked())
+    return;
+  for (auto [d, extent] : llvm::enumerate(access.getTileType().getShape())) {
+    // Picked indices are tested one by one.
+    if (access.getPicked() && access.getAxis() == d)
+      continue;
+    Value offset = access.getOffsets()[d];
+    Type wide = getByteSize(offset.getType()) > 4 ? b.getI64Type() : i32;
+    Value first = cast(offset, wide);
+    Value end = cast(DimOp::create(b, loc, b.getIntegerType(32, true),
+                                   access.getArray(), b.getI64IntegerAttr(d)),
+                     wide);
+    Value length =
+        arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, extent));
+    Value none = arith::ConstantOp::create(b, loc, b.getIntegerAttr(wide, 0));
+    Value low =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sge, first, none);
+    Value last = arith::SubIOp::create(b, loc, end, length);
+    Value high =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::sle, first, last);
+    inside = both(inside, both(low, high));
+  }
 }
 
 /// The same of what is computed in its loop, too.
@@ -83,9 +120,9 @@ bool TileLowering::touchesStripes(Operation *op) {
 Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
                               ValueRange sums, Body body) {
   Value inside;
-  if (!isDecided)
+  if (!state.isDecided)
     collectTested(op, inside);
-  llvm::SaveAndRestore striped(isStriped, touchesStripes(op));
+  llvm::SaveAndRestore striped(state.isStriped, touchesStripes(op));
   if (!inside)
     return share(shape, sums, body);
   auto branch = scf::IfOp::create(b, loc, TypeRange(sums), inside,
@@ -97,7 +134,7 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
       b.setInsertionPoint(block->getTerminator());
     else
       b.setInsertionPointToStart(block);
-    testing = tested;
+    state.testing = tested;
     Values next = share(shape, sums, body);
     if (!sums.empty())
       scf::YieldOp::create(b, loc, next);

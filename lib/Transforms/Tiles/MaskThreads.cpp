@@ -191,8 +191,8 @@ LogicalResult ThreadMask::mask(Operation *op, Value alive) {
     if (set.getWhere())
       where = arith::AndIOp::create(b, loc, alive, set.getWhere());
     set.getWhereMutable().assign(where);
-  } else if (isa<TileLoadOp, TileStoreOp, TileAtomicOp>(op)) {
-    maskAccess(op, alive, isOwn);
+  } else if (auto access = dyn_cast<TileAccessOp>(op)) {
+    maskAccess(access, alive, isOwn);
   } else if (isa<TileMapOp, TileSplatOp>(op)) {
     for (OpOperand &operand : op->getOpOperands())
       if (Value value = operand.get();

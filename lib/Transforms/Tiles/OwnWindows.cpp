@@ -54,27 +54,17 @@ static Root rootOf(Value array) {
   return root;
 }
 
-template <typename Op>
-static std::optional<Window> windowOf(Op op, const Root &root, TileType tile) {
-  if (op.getPicked())
+static std::optional<Window> windowOf(Operation *op, const Root &root) {
+  auto access = dyn_cast<TileAccessOp>(op);
+  if (!access || access.getPicked())
     return std::nullopt;
   Window window;
   for (Value index : root.leading)
     window.push_back({index, 1});
   for (auto [offset, extent] :
-       llvm::zip_equal(op.getOffsets(), tile.getShape()))
+       llvm::zip_equal(access.getOffsets(), access.getTileType().getShape()))
     window.push_back({offset, extent});
   return window;
-}
-
-static std::optional<Window> windowOf(Operation *op, const Root &root) {
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    return windowOf(load, root, tileType(load.getResult()));
-  if (auto store = dyn_cast<TileStoreOp>(op))
-    return windowOf(store, root, tileType(store.getTile()));
-  if (auto update = dyn_cast<TileAtomicOp>(op))
-    return windowOf(update, root, tileType(update.getTile()));
-  return std::nullopt;
 }
 
 int64_t getOwnStep(const Form &first, int64_t extent, unsigned dim) {
@@ -90,7 +80,7 @@ int64_t getOwnStep(const Form &first, int64_t extent, unsigned dim) {
 }
 
 std::optional<OwnSteps> findOwnSteps(FunctionOpInterface kernel,
-                                     TileAtomicOp update) {
+                                     TileAccessOp update) {
   Root mine = rootOf(update.getArray());
   if (!mine.base || !getVariant(kernel).getDisjoint())
     return std::nullopt;

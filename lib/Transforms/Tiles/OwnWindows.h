@@ -23,7 +23,7 @@ using OwnSteps = llvm::SmallVector<int64_t, 4>;
 /// if there is no such dimension. On a CPU a thread is a block, and on a GPU a
 /// block has the threads of the last dimension, if that is as long.
 std::optional<OwnSteps> findOwnSteps(mlir::FunctionOpInterface kernel,
-                                     TileAtomicOp update);
+                                     TileAccessOp update);
 
 /// The step c of windows within [c i, c i + c) along an axis, i the index of
 /// the thread in a dimension of the launch; 0 if they are not known to be.

@@ -18,7 +18,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "BlockVariance.h"
-#include "TileScratch.h"
+#include "TileBuffers.h"
 
 #include "Analysis/ArrayOrigins.h"
 #include "KernelFunction.h"
@@ -37,21 +37,10 @@ using namespace warp::tiles;
 
 namespace {
 
-/// The array, the offsets and the tile's shape of an access by windows.
-std::tuple<Value, ValueRange, ArrayRef<int64_t>> windowOf(Operation *op) {
-  if (auto load = dyn_cast<TileLoadOp>(op))
-    return {load.getArray(), load.getOffsets(),
-            tileType(load.getResult()).getShape()};
-  if (auto store = dyn_cast<TileStoreOp>(op))
-    return {store.getArray(), store.getOffsets(),
-            tileType(store.getTile()).getShape()};
-  auto update = cast<TileAtomicOp>(op);
-  return {update.getArray(), update.getOffsets(),
-          tileType(update.getTile()).getShape()};
-}
-
-bool isSameWindow(Operation *a, Operation *b) {
-  return a && b && windowOf(a) == windowOf(b);
+bool isSameWindow(TileAccessOp a, TileAccessOp b) {
+  return a && b && a.getArray() == b.getArray() &&
+         a.getOffsets() == b.getOffsets() &&
+         a.getTileType().getShape() == b.getTileType().getShape();
 }
 
 struct Touch {
@@ -66,7 +55,7 @@ struct Touch {
   bool isShared = false;
   /// The load, store or update of a window of an array whose threads each treat
   /// elements of their own; null for any other.
-  Operation *window = nullptr;
+  TileAccessOp window = {};
 
   bool meets(const Touch &other, const ArrayOrigins &origins) const {
     if (!isWrite && !other.isWrite)
@@ -107,7 +96,7 @@ private:
   }
 
   static void touchArray(Touches &touches, Value array, bool isWrite,
-                         Operation *window = nullptr) {
+                         TileAccessOp window = {}) {
     touches.push_back({arrays, arrays, isWrite, 0, array, false, window});
   }
 
@@ -116,23 +105,11 @@ private:
     Operation *def = tile.getDefiningOp();
     if (!def || !isInline(def))
       return touchTile(touches, tile, false, owned);
-    if (auto load = dyn_cast<TileLoadOp>(def))
+    if (auto load = dyn_cast<TileAccessOp>(def))
       touchArray(touches, load.getArray(), /*isWrite=*/false);
-    for (Value operand : def->getOperands())
-      if (isTile(operand))
-        readTile(touches, operand, isa<TileMapOp>(def) ? owned : 0);
-  }
-
-  /// Whether an access takes rows by a tile of indices, or is made otherwise
-  /// than element by element.
-  static bool picks(Operation *op) {
-    if (auto load = dyn_cast<TileLoadOp>(op))
-      return load.getPicked() || load->hasAttr(tiles::attr::stages) ||
-             load->hasAttr(tiles::attr::pitch);
-    if (auto store = dyn_cast<TileStoreOp>(op))
-      return bool(store.getPicked());
-    auto update = dyn_cast<TileAtomicOp>(op);
-    return update && update.getPicked();
+    for (OpOperand &use : def->getOpOperands())
+      if (isTile(use.get()))
+        readTile(touches, use.get(), getRead(use) == TileRead::Own ? owned : 0);
   }
 
   Touches touchesOf(Operation *op) {
@@ -144,32 +121,32 @@ private:
       return isTile(operand) && buffers.isHeld(operand) && !isStriped(operand);
     });
     // Matrices are copied by whole runs.
-    bool isCopied = isa<TileLoadOp>(op) && op->hasAttr(tiles::attr::pitch);
-    bool striped =
-        !takesSums && !isCopied &&
-        (readsOwnElements(op) || isa<TileSplatOp, TileIotaOp, TileLoadOp>(op));
+    auto window = dyn_cast<TileAccessOp>(op);
+    bool isCopied = window && op->hasAttr(tiles::attr::pitch);
+    auto tileOp = dyn_cast<TileOpInterface>(op);
+    bool byOwners = !takesSums && !isCopied && tileOp && tileOp.isByOwners();
     auto ownedOf = [&](Value tile) {
-      return striped ? tileType(tile).getNumElements() : 0;
+      return byOwners ? tileType(tile).getNumElements() : 0;
     };
     if (computesTiles(op)) {
       for (OpOperand &use : op->getOpOperands())
         if (isTile(use.get()))
           readTile(touches, use.get(),
-                   readsOwnElements(use) ? ownedOf(use.get()) : 0);
+                   getRead(use) == TileRead::Own ? ownedOf(use.get()) : 0);
       for (Value result : op->getResults())
         if (isTile(result) && !result.use_empty())
           touchTile(touches, result, true, ownedOf(result));
       if (auto scratch = op->getAttrOfType<IntegerAttr>(tiles::attr::scratch))
         touches.push_back({scratch.getInt(),
-                           scratch.getInt() + getScratchBytes(op, threads),
+                           scratch.getInt() + tileOp.getScratchBytes(threads),
                            true, 0, Value()});
     }
-    bool isWindow = striped && !picks(op) && !varying.anyOf(op->getOperands());
-    Operation *window = isWindow ? op : nullptr;
-    if (auto load = dyn_cast<TileLoadOp>(op))
-      touchArray(touches, load.getArray(), /*isWrite=*/false, window);
-    else if (isa<TileStoreOp, TileAtomicOp>(op))
-      touchArray(touches, op->getOperand(1), /*isWrite=*/true, window);
+    bool isWindow = byOwners && window && !window.getPicked() &&
+                    !op->hasAttr(tiles::attr::stages) &&
+                    !varying.anyOf(op->getOperands());
+    if (window)
+      touchArray(touches, window.getArray(), window.mayWrite(),
+                 isWindow ? window : TileAccessOp());
     else if (auto access = dyn_cast<AccessOp>(op))
       touchArray(touches, access.getArray(), access.mayWrite());
     else if (!isMemoryEffectFree(op) && op->getNumRegions() == 0)
@@ -202,7 +179,7 @@ private:
       return pending.clear();
     if (isInline(op) || op->hasTrait<OpTrait::IsTerminator>())
       return;
-    if (op->getNumRegions() != 0 && !isa<TileMapOp, TileFoldOp>(op))
+    if (op->getNumRegions() != 0 && !isa<TileOpInterface>(op))
       return placeRegions(op);
     Touches touches = touchesOf(op);
     if (meetsPending(touches, isa<AccessOp>(op)))

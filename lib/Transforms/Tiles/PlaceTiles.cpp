@@ -41,24 +41,6 @@ using namespace warp::tiles;
 // In place
 //===----------------------------------------------------------------------===//
 
-static SmallVector<unsigned> replaceableOperands(Operation *op) {
-  if (isa<TileInsertOp, TileSetOp, TileScatterOp, TileSolveOp,
-          TileCholeskyAdjointOp>(op))
-    return {1};
-  if (isa<TileDiagAddOp, TileFftOp, TileCholeskyOp>(op))
-    return {0};
-  SmallVector<unsigned> operands;
-  if (auto matmul = dyn_cast<TileMatmulOp>(op)) {
-    if (matmul.getC() && matmul.getC().getType() == matmul.getType())
-      operands.push_back(2);
-  } else if (isa<TileMapOp>(op) && op->getNumResults() == 1) {
-    for (auto [i, operand] : llvm::enumerate(op->getOperands()))
-      if (operand.getType() == op->getResult(0).getType())
-        operands.push_back(i);
-  }
-  return operands;
-}
-
 /// Whether an operand is, or is computed from, the memory of a tile.
 static bool readsMemoryOf(Value operand, Value tile) {
   if (operand == tile)
@@ -211,7 +193,8 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
       op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
   for (Operation *op : ops)
     if (!isInline(op))
-      for (unsigned operand : replaceableOperands(op))
+      for (unsigned operand :
+           cast<TileOpInterface>(op).getReplaceableOperands())
         if (canReplace(op, operand)) {
           op->setAttr(tiles::attr::inPlace, b.getI64IntegerAttr(operand));
           break;
@@ -225,7 +208,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
              branch && branch.getNumResults() != 0)
       placeIf(b, branch);
   }
-  chooseForms(kernel, threads);
+  chooseFunctions(kernel, threads);
   holdSums(kernel, threads);
   holdStripes(kernel, threads);
   holdNumbers(kernel, threads);

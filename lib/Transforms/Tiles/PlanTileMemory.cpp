@@ -11,7 +11,7 @@
 
 #include "KernelFunction.h"
 #include "TensorMapAttributes.h"
-#include "TileScratch.h"
+#include "TileBuffers.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
 #include "llvm/Support/MathExtras.h"
@@ -89,7 +89,8 @@ public:
     number(kernel, next);
     collectTiles();
     kernel->walk([&](Operation *op) {
-      int64_t bytes = isTileOp(op) ? getScratchBytes(op, threads) : 0;
+      auto tileOp = dyn_cast<TileOpInterface>(op);
+      int64_t bytes = tileOp ? tileOp.getScratchBytes(threads) : 0;
       if (bytes)
         pieces.push_back({begins[op], ends[op], bytes, -1, {}, op});
     });

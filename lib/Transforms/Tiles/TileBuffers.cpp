@@ -40,19 +40,19 @@ bool isInline(Operation *op) {
   return placement && placement.getValue() == "inline";
 }
 
-bool readsOwnElements(Operation *op) {
-  if (auto reduce = dyn_cast<TileReduceOp>(op))
-    return !reduce.getAxis();
-  if (auto reduce = dyn_cast<TileArgReduceOp>(op))
-    return !reduce.getAxis();
-  return isa<TileMapOp, TileStoreOp, TileAtomicOp>(op);
+TileRead getRead(OpOperand &use) {
+  auto op = dyn_cast<TileOpInterface>(use.getOwner());
+  return op ? op.getRead(use) : TileRead::Any;
 }
 
-bool readsOwnElements(OpOperand &use) {
-  Operation *op = use.getOwner();
-  if (isa<TileStoreOp, TileAtomicOp>(op) && use.getOperandNumber() != 0)
-    return tileType(op->getOperand(0)).getRank() == 1;
-  return readsOwnElements(op);
+TileRead getAccessRead(TileAccessOp access, OpOperand &use) {
+  bool isOwn =
+      use.getOperandNumber() == 0 || access.getTileType().getRank() == 1;
+  return isOwn ? TileRead::Own : TileRead::Once;
+}
+
+int64_t getDeviceVariant(Operation *op) {
+  return op->getAttrOfType<IntegerAttr>(attr::form).getInt();
 }
 
 Value makeZero(OpBuilder &b, Location loc, Type type) {
@@ -79,10 +79,6 @@ bool callsForTiles(Operation *op, int64_t threads) {
   if (!kernel)
     kernel = op->getParentOfType<FunctionOpInterface>();
   return threads == 1 && !isGpu(kernel);
-}
-
-bool isView(Operation *op) {
-  return isa<TileTransposeOp, TileReshapeOp, TileBroadcastOp, TileSliceOp>(op);
 }
 
 static void collectReaders(Value tile, llvm::SetVector<Operation *> &readers) {

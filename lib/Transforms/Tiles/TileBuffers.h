@@ -28,8 +28,8 @@ constexpr llvm::StringLiteral inPlace = "in_place";
 constexpr llvm::StringLiteral offsets = "offsets";
 /// Where the operation may put what it needs on the way.
 constexpr llvm::StringLiteral scratch = "scratch";
-/// On a product: its form (TileProducts.h). On factors, solves and transforms:
-/// the ending of a function of the device library (TileForms.h).
+/// On a product: its form (TileProducts.h). On other operations: the ending of
+/// a function of the device library (TileFunction).
 constexpr llvm::StringLiteral form = "form";
 /// Threads hold the result as sums of a product.
 constexpr llvm::StringLiteral held = "held";
@@ -68,13 +68,13 @@ inline bool isTile(mlir::Value value) {
   return mlir::isa<TileType>(value.getType());
 }
 bool isInline(mlir::Operation *op);
-/// Each thread reads its elements of a tile, e, e + B, ..., once.
-bool readsOwnElements(mlir::Operation *op);
-/// Whether that operand is read so: what picks rows of an array is read by all
-/// threads that have elements of the row.
-bool readsOwnElements(mlir::OpOperand &use);
-/// An operation whose elements are elements of its first operand.
-bool isView(mlir::Operation *op);
+/// How the operation of a use reads its elements.
+TileRead getRead(mlir::OpOperand &use);
+/// The same of an access: picked indices are read by all threads that have
+/// elements of the row.
+TileRead getAccessRead(TileAccessOp access, mlir::OpOperand &use);
+/// The ending of the device function of an operation that is marked with one.
+int64_t getDeviceVariant(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
 /// are computed where they are used.
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);

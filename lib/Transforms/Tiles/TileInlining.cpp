@@ -39,10 +39,10 @@ bool TileInlining::isThreadIndependent(Operation *op) const {
 }
 
 /// Whether no element is computed twice.
-bool TileInlining::readsOnce(Operation *user) const {
-  return readsOwnElements(user) || isView(user) ||
-         isa<TileReduceOp, TileArgReduceOp, TileInsertOp, TileGetOp>(user) ||
-         (threads == 1 && isa<TileScanOp>(user));
+static bool readsOnce(Operation *op, Operation *user) {
+  return llvm::all_of(user->getOpOperands(), [&](OpOperand &use) {
+    return use.get().getDefiningOp() != op || getRead(use) != TileRead::Any;
+  });
 }
 
 //===----------------------------------------------------------------------===//
@@ -51,13 +51,13 @@ bool TileInlining::readsOnce(Operation *user) const {
 
 /// Loads of what is computed in the loop of a use.
 static void collectLoads(Operation *op, bool isOwn,
-                         SmallVector<std::pair<TileLoadOp, bool>> &loads) {
-  if (auto load = dyn_cast<TileLoadOp>(op))
+                         SmallVector<std::pair<TileAccessOp, bool>> &loads) {
+  if (auto load = dyn_cast<TileAccessOp>(op))
     loads.emplace_back(load, isOwn);
-  for (Value operand : op->getOperands()) {
-    Operation *def = operand.getDefiningOp();
-    if (def && isTile(operand) && isInline(def))
-      collectLoads(def, isOwn && isa<TileMapOp>(op), loads);
+  for (OpOperand &use : op->getOpOperands()) {
+    Operation *def = use.get().getDefiningOp();
+    if (def && isTile(use.get()) && isInline(def))
+      collectLoads(def, isOwn && getRead(use) == TileRead::Own, loads);
   }
 }
 
@@ -66,10 +66,9 @@ bool TileInlining::mayWrite(Operation *op, Value array) const {
     bool meets;
     if (auto access = dyn_cast<AccessOp>(nested))
       meets = access.mayWrite() && origins.mayAlias(access.getArray(), array);
-    else if (isa<TileStoreOp, TileAtomicOp>(nested))
-      meets = origins.mayAlias(nested->getOperand(1), array);
-    else if (isa<TileLoadOp>(nested) ||
-             nested->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
+    else if (auto access = dyn_cast<TileAccessOp>(nested))
+      meets = access.mayWrite() && origins.mayAlias(access.getArray(), array);
+    else if (nested->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
       meets = false;
     else
       meets = !isMemoryEffectFree(nested);
@@ -82,13 +81,14 @@ bool TileInlining::mayWrite(Operation *op, Value array) const {
 /// used.
 static bool isOwn(Operation *op, Operation *user) {
   return llvm::all_of(user->getOpOperands(), [&](OpOperand &use) {
-    return use.get().getDefiningOp() != op || readsOwnElements(use);
+    return use.get().getDefiningOp() != op || getRead(use) == TileRead::Own;
   });
 }
 
 /// Whether nothing that `op` loads changes until it is used.
 bool TileInlining::isUnchangedUntil(Operation *op, Operation *user) const {
-  SmallVector<std::pair<TileLoadOp, bool>> loads;
+  SmallVector<std::pair<TileAccessOp, bool>> loads;
+  auto access = dyn_cast<TileAccessOp>(user);
   collectLoads(op, isOwn(op, user), loads);
   for (auto [load, loadsOwn] : loads) {
     for (Operation *next = op->getNextNode(); next && next != user;
@@ -96,10 +96,10 @@ bool TileInlining::isUnchangedUntil(Operation *op, Operation *user) const {
       if (mayWrite(next, load.getArray()))
         return false;
     // The use writes elements that are yet to be loaded, but for the same ones.
-    bool isSame = loadsOwn && isa<TileStoreOp>(user) &&
-                  user->getOperand(1) == load.getArray() && !load.getPicked() &&
-                  llvm::equal(llvm::drop_begin(user->getOperands(), 2),
-                              llvm::drop_begin(load->getOperands(), 1));
+    bool isSame = loadsOwn && access && !access.isUpdate() &&
+                  access.getArray() == load.getArray() && !load.getPicked() &&
+                  !access.getPicked() &&
+                  access.getOffsets() == load.getOffsets();
     if (!isSame && mayWrite(user, load.getArray()))
       return false;
   }
@@ -112,7 +112,7 @@ bool TileInlining::isUnchangedUntil(Operation *op, Operation *user) const {
 
 bool TileInlining::fits(Operation *op, Operation *user, bool isCheap) const {
   if (user->getBlock() != op->getBlock() || !computesTiles(user) ||
-      (!isCheap && !readsOnce(user)))
+      (!isCheap && !readsOnce(op, user)))
     return false;
   // A part that is inserted is read with the indices of the part.
   if (!isOwn(op, user) && !isThreadIndependent(op))
@@ -123,6 +123,10 @@ bool TileInlining::fits(Operation *op, Operation *user, bool isCheap) const {
 }
 
 bool TileInlining::shouldInline(Operation *op) const {
+  auto isView = [](Operation *op) {
+    auto tileOp = dyn_cast<TileOpInterface>(op);
+    return tileOp && tileOp.isView();
+  };
   if (isView(op)) {
     // Of memory; what is not kept follows the rule for others.
     Operation *source = op;
@@ -131,12 +135,11 @@ bool TileInlining::shouldInline(Operation *op) const {
     if (!source || !isInline(source))
       return llvm::all_of(op->getUsers(), computesTiles);
   }
-  if (!isView(op) && !isa<TileSplatOp, TileIotaOp, TileMapOp, TileLoadOp>(op))
+  auto tileOp = cast<TileOpInterface>(op);
+  bool isRead = isMemoryEffectFree(op) || isa<TileAccessOp>(op);
+  if (!tileOp.isElementwise() || op->getNumResults() != 1 || !isRead)
     return false;
-  if (op->getNumResults() != 1 ||
-      (isa<TileMapOp>(op) && !isMemoryEffectFree(op)))
-    return false;
-  bool isCheap = isa<TileSplatOp, TileIotaOp>(op) && isThreadIndependent(op);
+  bool isCheap = tileOp.isCheap() && isThreadIndependent(op);
   if (!isCheap && !op->hasOneUse())
     return false;
   return llvm::all_of(op->getUsers(),

@@ -22,7 +22,6 @@ public:
 
 private:
   bool isThreadIndependent(mlir::Operation *op) const;
-  bool readsOnce(mlir::Operation *user) const;
   bool mayWrite(mlir::Operation *op, mlir::Value array) const;
   bool isUnchangedUntil(mlir::Operation *op, mlir::Operation *user) const;
   bool fits(mlir::Operation *op, mlir::Operation *user, bool isCheap) const;

@@ -23,9 +23,9 @@ static bool readsOwn(OpOperand &use) {
   Operation *op = use.getOwner();
   if (!computesTiles(op))
     return false;
-  if (isa<TileStoreOp, TileAtomicOp>(op))
-    return use.getOperandNumber() == 0;
-  if (!readsOwnElements(op))
+  if (isa<TileAccessOp>(op))
+    return use.getOperandNumber() == 0 && getRead(use) == TileRead::Own;
+  if (getRead(use) != TileRead::Own)
     return false;
   return !isInline(op) || llvm::all_of(op->getResult(0).getUses(), readsOwn);
 }
@@ -34,7 +34,8 @@ static bool fits(Value tile, int64_t threads) {
   Operation *def = tile.getDefiningOp();
   TileType type = tileType(tile);
   int64_t own = type.getNumElements() / threads;
-  return def && isa<TileLoadOp, TileMapOp>(def) && !def->hasAttr(attr::held) &&
+  auto op = dyn_cast_or_null<TileOpInterface>(def);
+  return op && op.canDistribute() && !def->hasAttr(attr::held) &&
          !def->hasAttr(attr::stages) && !def->hasAttr(attr::pitch) &&
          type.getNumElements() % threads == 0 &&
          own * llvm::divideCeil(getByteSize(type.getElementType()), 4) <=
@@ -48,8 +49,8 @@ static bool isForStore(Operation *op) {
     return false;
   OpOperand &use = *op->getUses().begin();
   Operation *user = use.getOwner();
-  if (isa<TileStoreOp>(user))
-    return use.getOperandNumber() == 0;
+  if (auto access = dyn_cast<TileAccessOp>(user))
+    return !access.isUpdate() && use.getOperandNumber() == 0;
   return isa<TileMapOp>(user) && isInline(user) && isForStore(user);
 }
 
@@ -57,11 +58,11 @@ static bool isForStore(Operation *op) {
 /// each load would wait for the store before it, as arrays may overlap.
 static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
   constexpr int64_t mostLoaded = 8;
-  kernel->walk([&](TileLoadOp load) {
-    TileType type = tileType(load.getResult());
+  kernel->walk([&](TileAccessOp load) {
+    TileType type = load.getTileType();
     int64_t own = type.getNumElements() / threads;
-    bool fits = isInline(load) && type.getNumElements() % threads == 0 &&
-                own > 1 &&
+    bool fits = !load.mayWrite() && isInline(load) &&
+                type.getNumElements() % threads == 0 && own > 1 &&
                 own * getByteSize(type.getElementType()) <= 4 * mostLoaded &&
                 isForStore(load);
     if (fits)
@@ -129,9 +130,7 @@ static bool readsElements(OpOperand &use) {
     return false;
   if (isInline(op))
     return llvm::all_of(op->getResult(0).getUses(), readsElements);
-  if (isa<TileStoreOp, TileAtomicOp>(op))
-    return use.getOperandNumber() == 0;
-  return isa<TileMapOp, TileGetOp, TileReduceOp, TileArgReduceOp>(op);
+  return cast<TileOpInterface>(op).readsElements(use);
 }
 
 void holdNumbers(FunctionOpInterface kernel, int64_t threads) {
@@ -141,16 +140,16 @@ void holdNumbers(FunctionOpInterface kernel, int64_t threads) {
   llvm::DenseMap<Value, int64_t> sharers;
   for (Value tile : buffers.getTiles())
     ++sharers[buffers.rootOf(tile)];
-  auto mark = [&](Operation *op, bool isWhole) {
+  kernel->walk([&](TileOpInterface op) {
+    if (!op.canReplicate())
+      return;
     Value result = op->getResult(0);
-    if (!isWhole || isInline(op) || sharers[buffers.rootOf(result)] != 1 ||
+    if (isInline(op) || sharers[buffers.rootOf(result)] != 1 ||
         !llvm::all_of(result.getUses(), readsElements))
       return;
     for (StringRef name : {attr::striped, attr::replicated})
       op->setAttr(name, UnitAttr::get(kernel.getContext()));
-  };
-  kernel->walk([&](TileReduceOp op) { mark(op, !op.getAxis()); });
-  kernel->walk([&](TileArgReduceOp op) { mark(op, !op.getAxis()); });
+  });
 }
 
 } // namespace warp::tiles

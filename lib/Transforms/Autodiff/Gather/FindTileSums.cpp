@@ -137,12 +137,13 @@ private:
              value.getParentBlock() == &adjoint.getBody().front();
     if (isa<TidOp>(def) || slice.contains(def))
       return true;
-    auto load = dyn_cast<TileLoadOp>(def);
+    auto load = dyn_cast<TileAccessOp>(def);
     bool isKnown = def->getBlock() == loop.getBody() ||
                    def->getBlock() == loop->getBlock();
     bool isPure = isMemoryEffectFree(def) &&
-                  (isa<TileMapOp>(def) || def->getNumRegions() == 0);
-    if (!isKnown || !(load ? isUnchanged(load) : isPure) ||
+                  (isa<TileOpInterface>(def) || def->getNumRegions() == 0);
+    bool isRead = load && !load.mayWrite() && isUnchanged(load);
+    if (!isKnown || !(load ? isRead : isPure) ||
         !collect(def->getOperands(), loop, slice))
       return false;
     slice.insert(def);
@@ -174,23 +175,26 @@ private:
 
   /// True if what a block loads is there before the launch: nobody writes it,
   /// or the block itself does so afterwards.
-  bool isUnchanged(TileLoadOp load) {
+  bool isUnchanged(TileAccessOp load) {
     Root root(load.getArray());
     if (!isa<BlockArgument>(root.base) || load.getPicked())
       return false;
     bool isWritten = !everyAccess(root, [](Operation *op) {
       auto access = dyn_cast<AccessOp>(op);
-      return isa<TileLoadOp>(op) || (access && !access.mayWrite());
+      auto tiles = dyn_cast<TileAccessOp>(op);
+      return (tiles && !tiles.mayWrite()) || (access && !access.mayWrite());
     });
     if (!isWritten)
       return true;
     return isOwn(load, root) && everyAccess(root, [&](Operation *op) {
-             auto store = dyn_cast<TileStoreOp>(op);
-             return op == load || (store && !store.getPicked() &&
-                                   store.getArray() == load.getArray() &&
-                                   store.getOffsets() == load.getOffsets() &&
-                                   store->getBlock() == load->getBlock() &&
-                                   load->isBeforeInBlock(store));
+             auto store = dyn_cast<TileAccessOp>(op);
+             return op == load ||
+                    (store && store.getEffect() == AccessEffect::Write &&
+                     !store.getPicked() &&
+                     store.getArray() == load.getArray() &&
+                     store.getOffsets() == load.getOffsets() &&
+                     store->getBlock() == load->getBlock() &&
+                     load->isBeforeInBlock(store));
            });
   }
 
@@ -222,12 +226,12 @@ private:
   }
 
   /// True if no two blocks have elements of the tile in common.
-  bool isOwn(TileLoadOp load, const Root &root) {
+  bool isOwn(TileAccessOp load, const Root &root) {
     SmallVector<std::pair<Value, int64_t>> axes;
     for (Value index : root.leading)
       axes.emplace_back(index, 1);
-    for (auto [offset, extent] : llvm::zip_equal(
-             load.getOffsets(), tiles::tileType(load.getResult()).getShape()))
+    for (auto [offset, extent] :
+         llvm::zip_equal(load.getOffsets(), load.getTileType().getShape()))
       axes.emplace_back(offset, extent);
     Forms forms;
     for (unsigned d = 0; d < tids.front().getNumResults(); ++d)

@@ -105,8 +105,8 @@ LogicalResult ReverseBuilder::replay(Operation *op) {
     return success();
   if (auto access = dyn_cast<AccessOp>(op))
     return access.mayWrite() ? replayUpdate(access) : replayLoad(access);
-  if (isa<TileLoadOp, TileAtomicOp>(op))
-    return replayTileAccess(op);
+  if (auto access = dyn_cast<TileAccessOp>(op))
+    return replayTileAccess(access);
   if (op->getNumRegions() != 0)
     return replayRegions(op);
   if (auto call = dyn_cast<func::CallOp>(op))

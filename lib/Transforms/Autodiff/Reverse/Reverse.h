@@ -25,6 +25,7 @@ class WhileOp;
 namespace warp {
 class AccessOp;
 class ExtractOp;
+class TileAccessOp;
 } // namespace warp
 
 namespace warp::attr {
@@ -172,7 +173,7 @@ private:
   void addLog();
   void replayLogged(mlir::Operation *op, const LoggedLoad &logged);
   mlir::LogicalResult replayCall(mlir::func::CallOp op);
-  mlir::LogicalResult replayTileAccess(mlir::Operation *op);
+  mlir::LogicalResult replayTileAccess(TileAccessOp op);
 
   mlir::LogicalResult reverseIf(mlir::scf::IfOp op);
   void finishIf(mlir::scf::IfOp draft, llvm::ArrayRef<Captures> sides);

@@ -2,20 +2,23 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Cotangents of tiles are tiles, so rules are operations on tiles:
+// Cotangents of tiles are tiles, so rules are operations on tiles. The models
+// of operations have them (lib/Transforms/Tiles):
 //
-//   primal                  adjoint, on the cotangent g of the result
-//   load / store, atomic    add to gradients / take them, and a store zeroes
-//   map                     a map of the body's adjoint
-//   splat, operand of a map what each thread's elements have, summed
-//   sum, broadcast          each other's
+// clang-format off
+//   primal                    adjoint, on the cotangent g of the result
+//   load / store, atomic      add to gradients / take them; a store zeroes them
+//   map                       a map of the body's adjoint
+//   splat, operand of a map   the sum of each thread's elements
+//   sum, broadcast            each other's
 //   slice / insert, gather / scatter, get / set, shapes    each other's
-//   min, max                where the extremum is
-//   scan                    the scan from the other end
-//   matmul                  alpha g b^T, alpha a^T g, beta g
-//   Cholesky                an operation of its own, of the triangle that is
-//   read solve                   a triangular solve and a product Fourier
-//   transform       the other one
+//   min, max                  where the extremum is
+//   scan                      the scan from the other end
+//   matmul                    alpha g b^T, alpha a^T g, beta g
+//   Cholesky                  an operation of its own, of the triangle that is read
+//   solve                     a triangular solve and a product
+//   Fourier transform         the other one
+// clang-format on
 //
 //===----------------------------------------------------------------------===//
 
@@ -24,7 +27,6 @@
 
 #include "WarpDialect/TilePasses.h"
 
-#include "llvm/ADT/TypeSwitch.h"
 #include "llvm/Support/MathExtras.h"
 
 using namespace mlir;
@@ -32,9 +34,8 @@ using namespace mlir;
 namespace warp::autodiff {
 
 /// A tile access reads again what was there, or says why it cannot.
-LogicalResult ReverseBuilder::replayTileAccess(Operation *op) {
-  auto load = dyn_cast<TileLoadOp>(op);
-  if (!load) {
+LogicalResult ReverseBuilder::replayTileAccess(TileAccessOp op) {
+  if (op.mayWrite()) {
     if (op->use_empty())
       return success();
     return op->emitOpError("returns what was there before, which depends on "
@@ -47,11 +48,11 @@ LogicalResult ReverseBuilder::replayTileAccess(Operation *op) {
   Operation *clone = op->clone();
   clone->setOperands(recover(op->getOperands()));
   if (recovery == Recovery::Preserved)
-    clone->setOperand(0, rebase(load.getArray(), [&](Value root) {
-                        return getHidden(HiddenKind::Preserved,
-                                         leaves.of(root).front(),
-                                         root.getType());
-                      }));
+    cast<TileAccessOp>(clone).getArrayMutable().set(
+        rebase(op.getArray(), [&](Value root) {
+          return getHidden(HiddenKind::Preserved, leaves.of(root).front(),
+                           root.getType());
+        }));
   builder.insert(clone);
   if (recovery == Recovery::Impossible)
     clone->setAttr(attr::unrecoverable, builder.getStringAttr(why));
@@ -118,15 +119,6 @@ Value TileReverse::reduce(Value tile, std::optional<int64_t> axis) {
       axis ? b.getI64IntegerAttr(*axis) : IntegerAttr());
 }
 
-Value TileReverse::expand(Value tile, Shape shape,
-                          std::optional<int64_t> axis) {
-  SmallVector<int64_t> kept(shape);
-  for (auto [d, extent] : llvm::enumerate(kept))
-    if (!axis || int64_t(d) == *axis)
-      extent = 1;
-  return broadcast(reshape(tile, kept), shape);
-}
-
 Value TileReverse::iota(int64_t count, int64_t step) {
   return TileIotaOp::create(b, loc, shaped({count}, b.getIntegerType(32, true)),
                             index(0), index(step));
@@ -153,161 +145,39 @@ Value TileReverse::overThreads(Value tile, Type type) {
 }
 
 //===----------------------------------------------------------------------===//
-// Elementwise
+// Products and memory
 //===----------------------------------------------------------------------===//
 
-/// Leaves out what a function of elements computes or gets for nothing, so that
-/// loops need not keep it.
-static void dropUnused(TileMapOp map, unsigned keptOperand) {
-  Block &body = map.getBody().front();
-  for (Operation &op : llvm::make_early_inc_range(llvm::reverse(body)))
-    if (isOpTriviallyDead(&op))
-      op.erase();
-  for (unsigned i = map.getNumOperands(); i-- > 0;)
-    if (i != keptOperand && body.getArgument(i).use_empty()) {
-      body.eraseArgument(i);
-      map->eraseOperand(i);
-    }
+Value TileReverse::multiply(Value x, Value y, bool transposeX, bool transposeY,
+                            Value alpha) {
+  auto widthOf = [&](Value tile) {
+    return typeOf(tile).getElementType().getIntOrFloatBitWidth();
+  };
+  Type element = typeOf(widthOf(x) >= widthOf(y) ? x : y).getElementType();
+  unsigned width = element.getIntOrFloatBitWidth();
+  for (Value *factor : {&x, &y})
+    if (widthOf(*factor) < width)
+      *factor = map(*factor, [&](ValueRange e) -> Value {
+        return CastOp::create(b, loc, element, e[0]);
+      });
+  TileType type = shaped(
+      {typeOf(x).getShape()[transposeX], typeOf(y).getShape()[!transposeY]},
+      element);
+  return TileMatmulOp::create(b, loc, type, x, y, Value(), alpha, Value(),
+                              unit(transposeX), unit(transposeY));
 }
 
-LogicalResult TileReverse::reverseMap(TileMapOp map) {
-  SmallVector<Value> inputs = recover(map.getInputs()), cotangents;
-  SmallVector<unsigned> given;
-  for (unsigned i = 0; i < map.getNumResults(); ++i)
-    if (Value g = take(i)) {
-      cotangents.push_back(g);
-      given.push_back(i);
-    }
-  if (given.empty())
-    return success();
-  SmallVector<unsigned> wanted;
-  SmallVector<Type> types;
-  ArrayRef<int64_t> shape = typeOf(map.getResult(0)).getShape();
-  for (auto [i, input] : llvm::enumerate(map.getInputs()))
-    if (wants(input)) {
-      wanted.push_back(i);
-      auto tile = dyn_cast<TileType>(input.getType());
-      types.push_back(shaped(
-          shape,
-          differentialType(tile ? tile.getElementType() : input.getType())));
-    }
-  if (wanted.empty())
-    return success();
-  llvm::append_range(inputs, cotangents);
-  auto adjoint = TileMapOp::create(b, loc, types, inputs);
-  {
-    OpBuilder::InsertionGuard guard(b);
-    Block *body = b.createBlock(&adjoint.getBody());
-    for (Value input : inputs) {
-      auto tile = dyn_cast<TileType>(input.getType());
-      body->addArgument(tile ? tile.getElementType() : input.getType(), loc);
-    }
-    Block &primal = map.getBody().front();
-    unsigned count = primal.getNumArguments();
-    reverse.setRecovered(primal.getArguments(),
-                         body->getArguments().take_front(count));
-    SmallVector<Value> results;
-    auto captures = reverse.inScope([&]() -> LogicalResult {
-      if (failed(reverse.replay(primal)))
-        return failure();
-      for (auto [g, i] :
-           llvm::zip_equal(body->getArguments().drop_front(count), given))
-        give(primal.getTerminator()->getOperand(i), g);
-      if (failed(reverse.reverse(primal)))
-        return failure();
-      for (unsigned i : wanted)
-        results.push_back(reverse.takeCotangentOrZero(primal.getArgument(i)));
-      return success();
-    });
-    if (failed(captures))
-      return failure();
-    TileYieldOp::create(b, loc, results);
-  }
-  // The cotangents have the shape of the results.
-  dropUnused(adjoint, map.getNumOperands());
-  for (auto [i, result] : llvm::zip_equal(wanted, adjoint.getResults())) {
-    Value input = map.getInputs()[i];
-    give(input, isa<TileType>(input.getType())
-                    ? result
-                    : overThreads(result, differentialType(input.getType())));
-  }
-  return success();
-}
-
-//===----------------------------------------------------------------------===//
-// Memory
-//===----------------------------------------------------------------------===//
-
-LogicalResult TileReverse::reverseLoad(TileLoadOp load) {
-  Value g = take();
-  if (!g)
-    return success();
-  TileAtomicOp::create(
-      b, loc, g.getType(), TileUpdate::add, g, reverse.gradOf(load.getArray()),
-      recover(load.getOffsets()), recoverOptional(load.getPicked()),
-      load.getAxis(), load.getChecked());
-  return success();
-}
-
-template <typename Op>
-Value TileReverse::loadGradient(Op access, TileType type) {
-  return TileLoadOp::create(b, loc, type, reverse.gradOf(access.getArray()),
+Value TileReverse::loadGradient(TileAccessOp access) {
+  return TileLoadOp::create(b, loc, cotangentType(access.getWritten()),
+                            reverse.gradOf(access.getArray()),
                             recover(access.getOffsets()),
                             recoverOptional(access.getPicked()),
                             access.getAxis(), access.getChecked());
 }
 
-LogicalResult TileReverse::reverseStore(TileStoreOp store) {
-  if (!reverse.getActivity().isActiveArray(store.getArray()) ||
-      !differentialType(store.getTile().getType()))
-    return success();
-  TileType type = cotangentType(store.getTile());
-  if (wants(store.getTile()))
-    give(store.getTile(), loadGradient(store, type));
-  TileStoreOp::create(b, loc, zeroOf(type), reverse.gradOf(store.getArray()),
-                      recover(store.getOffsets()),
-                      recoverOptional(store.getPicked()), store.getAxis(),
-                      store.getChecked());
-  return success();
-}
-
-LogicalResult TileReverse::reverseAtomic(TileAtomicOp atomic) {
-  if (!reverse.getActivity().isActiveArray(atomic.getArray()) ||
-      !wants(atomic.getTile()))
-    return success();
-  bool subtracts = atomic.getKind() == TileUpdate::sub;
-  if (atomic.getKind() != TileUpdate::add && !subtracts)
-    return op->emitError("an update other than a sum has no derivative");
-  Value g = loadGradient(atomic, cotangentType(atomic.getTile()));
-  if (subtracts)
-    g = map(g, [&](ValueRange x) { return apply("neg", x); });
-  give(atomic.getTile(), g);
-  return success();
-}
-
-LogicalResult TileReverse::run() {
-  return llvm::TypeSwitch<Operation *, LogicalResult>(op)
-      .Case([&](TileMapOp map) { return reverseMap(map); })
-      .Case([&](TileLoadOp load) { return reverseLoad(load); })
-      .Case([&](TileStoreOp store) { return reverseStore(store); })
-      .Case([&](TileAtomicOp atomic) { return reverseAtomic(atomic); })
-      .Case([&](TileSetOp set) { return reverseSet(set); })
-      .Case([&](TileReduceOp reduce) { return reverseReduce(reduce); })
-      .Case([&](TileScanOp scan) { return reverseScan(scan); })
-      .Case([&](TileMatmulOp matmul) { return reverseMatmul(matmul); })
-      .Case([&](TileCholeskyOp factor) { return reverseCholesky(factor); })
-      .Case([&](TileSolveOp solve) { return reverseSolve(solve); })
-      .Case<TileFoldOp, TileCholeskyAdjointOp>([&](auto) { return refuse(); })
-      .Case<TileTransposeOp, TileReshapeOp, TileBroadcastOp, TileSliceOp,
-            TileInsertOp, TileGetOp, TileGatherOp, TileScatterOp, TileSplatOp,
-            TileFromThreadsOp, TileToThreadsOp, TileDiagAddOp, TileFftOp>(
-          [&](auto) { return reversePart(); })
-      // Positions and numbers; and nothing.
-      .Default([](Operation *) { return success(); });
-}
-
 LogicalResult reverseTile(ReverseBuilder &reverse, Operation *op) {
-  return TileReverse(reverse, op).run();
+  TileReverse adjoint(reverse, op);
+  return cast<TileOpInterface>(op).adjoint(adjoint);
 }
 
 } // namespace warp::autodiff

@@ -13,13 +13,10 @@
 
 namespace warp::autodiff {
 
-/// Writes the adjoint of one operation; ReverseTiles.cpp has a table of rules.
+/// The operation whose adjoint is written, and helpers for it. Models of
+/// operations derive from it (lib/Transforms/Tiles/Models.h).
 class TileReverse {
 public:
-  TileReverse(ReverseBuilder &reverse, mlir::Operation *op);
-  mlir::LogicalResult run();
-
-private:
   using Value = mlir::Value;
   using ValueRange = mlir::ValueRange;
   using Type = mlir::Type;
@@ -29,6 +26,8 @@ private:
   static TileType typeOf(Value tile) {
     return mlir::cast<TileType>(tile.getType());
   }
+  TileReverse(ReverseBuilder &reverse, mlir::Operation *op);
+
   TileType shaped(Shape shape, Type element) {
     return TileType::get(b.getContext(), shape, element);
   }
@@ -56,8 +55,6 @@ private:
   Value broadcast(Value tile, Shape shape);
   Value transpose(Value tile);
   Value reduce(Value tile, std::optional<int64_t> axis);
-  /// Restores a lost dimension, with extent 1.
-  Value expand(Value tile, Shape shape, std::optional<int64_t> axis);
   Value iota(int64_t count, int64_t step = 1);
   /// Numbers along one dimension, in the shape of a tile.
   Value numbers(Shape shape, int64_t axis);
@@ -83,39 +80,13 @@ private:
     return value ? reverse.recover(value) : Value();
   }
 
-  //===--------------------------------------------------------------------===//
-  // Rules
-  //===--------------------------------------------------------------------===//
-
-  LogicalResult reverseMap(TileMapOp map);
-  LogicalResult reverseLoad(TileLoadOp load);
-  LogicalResult reverseStore(TileStoreOp store);
-  LogicalResult reverseAtomic(TileAtomicOp atomic);
-  template <typename Op> Value loadGradient(Op access, TileType type);
-  LogicalResult refuse();
-
-  // In ReverseTilesParts.cpp.
-  LogicalResult reversePart();
-  Value reverseBroadcast(TileBroadcastOp view, Value g);
-  void reverseInsert(TileInsertOp insert, Value g);
-  Value partOf(Value element, mlir::ArrayAttr path, ValueRange components);
-  LogicalResult reverseSet(TileSetOp set);
-  LogicalResult reverseReduce(TileReduceOp reduce);
-  LogicalResult reverseScan(TileScanOp scan);
-
-  // In ReverseTilesAlgebra.cpp.
+  /// The product, of which the shorter factor is cast to the other's type.
   Value multiply(Value x, Value y, bool transposeX, bool transposeY,
                  Value alpha = {});
-  Value solve(Value matrix, Value rhs, bool upper, bool transposed);
-  Value outer(Value x, Value y);
-  /// Applies `function` to the elements of a triangle; the others are zero.
-  Value triangle(Value tile, bool upper,
-                 llvm::function_ref<Value(Value)> function);
-  LogicalResult reverseMatmul(TileMatmulOp matmul);
-  LogicalResult reverseCholesky(TileCholeskyOp factor);
-  LogicalResult reverseSolve(TileSolveOp solve);
-  void reverseSystem(TileCholeskyOp factor, TileSolveOp first,
-                     TileSolveOp second, Value g);
+  /// The gradient of the elements that an access writes.
+  Value loadGradient(TileAccessOp access);
+  /// The error for an operation without a derivative.
+  LogicalResult refuse();
 
   ReverseBuilder &reverse;
   mlir::OpBuilder &b;

@@ -1,13 +1,14 @@
-//===- LowerTilesReductions.cpp - Sums, extrema, scans --------------------===//
+//===- Reductions.cpp - Models of reductions -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What threads of a block have added up each is combined in halves, in memory:
-// the order depends on the tile and the block only.
+// Threads of a block combine their elements, and then their results in halves,
+// in memory: the order depends on the tile and the block only.
 //
 //===----------------------------------------------------------------------===//
 
-#include "LowerTiles.h"
+#include "Reductions.h"
+#include "Models.h"
 
 #include "KernelFunction.h"
 
@@ -28,7 +29,7 @@ namespace warp::tiles {
 //===----------------------------------------------------------------------===//
 
 /// What loses against everything: NaN, or the last integer.
-Value TileLowering::worst(TileReduction kind, Type type) {
+Value ReductionLowering::worst(TileReduction kind, Type type) {
   if (kind == TileReduction::add)
     return zero(type);
   bool isMin = kind == TileReduction::min;
@@ -44,8 +45,8 @@ Value TileLowering::worst(TileReduction kind, Type type) {
 }
 
 /// NaN never wins, and what there is loses if it is NaN.
-Value TileLowering::isBetter(TileReduction kind, Value candidate, Value best,
-                             bool orEqual) {
+Value ReductionLowering::isBetter(TileReduction kind, Value candidate,
+                                  Value best, bool orEqual) {
   StringRef name = kind == TileReduction::min ? (orEqual ? "le" : "lt")
                                               : (orEqual ? "ge" : "gt");
   Value better = builtin(name, {candidate, best});
@@ -56,8 +57,8 @@ Value TileLowering::isBetter(TileReduction kind, Value candidate, Value best,
 }
 
 /// Values, and with a second one their positions; the lower position wins.
-Values TileLowering::combine(TileReduction kind, ValueRange best,
-                             ValueRange next) {
+Values ReductionLowering::combine(TileReduction kind, ValueRange best,
+                                  ValueRange next) {
   if (kind == TileReduction::add) {
     Value sum = builtin("add", {best[0], next[0]});
     sum.getDefiningOp()->setAttr(warp::attr::anyOrder, b.getUnitAttr());
@@ -88,13 +89,21 @@ Values TileLowering::combine(TileReduction kind, ValueRange best,
   return chosen;
 }
 
+int64_t getPartialBytes(Operation *op, int64_t threads) {
+  Type element = tileType(op->getOperand(0)).getElementType();
+  return threads == 1 || callsForTiles(op, threads)
+             ? 0
+             : threads * (getByteSize(element) + 8);
+}
+
 //===----------------------------------------------------------------------===//
 // Reductions
 //===----------------------------------------------------------------------===//
 
 /// By the device library, with exchanges between lanes. Bits of positions are
 /// those of a number.
-Values TileLowering::overWarps(Operation *op, TileReduction kind, Values sums) {
+Values ReductionLowering::overWarps(Operation *op, TileReduction kind,
+                                    Values sums) {
   Type real = b.getF32Type();
   Value own = ScratchOp::create(
       entry, loc, ScratchType::get(b.getContext(), sums.size(), real));
@@ -122,13 +131,14 @@ Values TileLowering::overWarps(Operation *op, TileReduction kind, Values sums) {
 }
 
 /// What all threads of the block have, combined; in every thread.
-Values TileLowering::overBlock(Operation *op, TileReduction kind, Values sums) {
+Values ReductionLowering::overBlock(Operation *op, TileReduction kind,
+                                    Values sums) {
   if (threads == 1)
     return sums;
   if (sums[0].getType().isF32() && threads % 32 == 0 &&
       getVariant(kernel).getTarget().getVersion() >= 80)
     return overWarps(op, kind, sums);
-  int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
+  int64_t offset = scratchOf(op);
   // Arrays have elements of the language's types, so positions get a sign.
   SmallVector<Type> stored;
   Values memory;
@@ -182,8 +192,8 @@ static Value flipBelowZero(OpBuilder &b, Location loc, Value bits) {
 /// Extrema of floats on a CPU: integers are compared in vectors, whereas NaN
 /// keeps floats out of those. Positions are a second pass, the first one with
 /// what won.
-void TileLowering::reduceOrdered(Operation *op, TileReduction kind, Value tile,
-                                 bool positions) {
+void ReductionLowering::reduceOrdered(Operation *op, TileReduction kind,
+                                      Value tile, bool positions) {
   ArrayRef<int64_t> shape = tileType(tile).getShape();
   Type real = tileType(tile).getElementType();
   unsigned width = real.getIntOrFloatBitWidth();
@@ -226,7 +236,7 @@ void TileLowering::reduceOrdered(Operation *op, TileReduction kind, Value tile,
   store(op->getResult(0), number(0), cast(first, b.getIntegerType(32, true)));
 }
 
-void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
+void ReductionLowering::reduce(Operation *op, TileReduction kind, Value tile,
                                std::optional<int64_t> axis, bool positions) {
   TileType type = tileType(tile);
   Type element = type.getElementType();
@@ -286,93 +296,106 @@ void TileLowering::lowerReduce(Operation *op, TileReduction kind, Value tile,
   });
 }
 
-void TileLowering::lowerFold(TileFoldOp op) {
-  TileType type = tileType(op.getTile());
-  Block &body = op.getBody().front();
-  /// Elements along one line, in order.
-  auto fold = [&](int64_t extent, function_ref<Values(Value)> place) {
-    Value first = element(op.getTile(), place(number(0)));
-    if (op.getPartials())
-      store(op.getResult(), place(number(0)), first);
-    return loop(number(1), number(extent), number(1), first,
-                [&](Value i, ValueRange sums) -> Values {
-                  Values at = place(i);
-                  Value next = element(op.getTile(), at);
-                  Values made = inlineBody(body, {sums[0], next});
-                  if (op.getPartials())
-                    store(op.getResult(), at, made[0]);
-                  return made;
-                });
-  };
-  if (!op.getAxis()) {
-    byFirstThread([&] {
-      Values made = fold(type.getNumElements(),
-                         [&](Value i) { return unravel(i, type.getShape()); });
-      if (!op.getPartials())
-        store(op.getResult(), ValueRange(number(0)), made[0]);
-    });
-    return;
+//===----------------------------------------------------------------------===//
+// Adjoints
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+struct ReductionAdjoint : autodiff::TileReverse {
+  using TileReverse::TileReverse;
+  LogicalResult combined(TileReduceOp reduce);
+
+private:
+  /// Elements of a reduced tile, for each that they were reduced from.
+  Value expand(Value tile, ArrayRef<int64_t> shape,
+               std::optional<int64_t> axis);
+};
+
+} // namespace
+
+Value ReductionAdjoint::expand(Value tile, ArrayRef<int64_t> shape,
+                               std::optional<int64_t> axis) {
+  SmallVector<int64_t> kept(shape);
+  for (auto [d, extent] : llvm::enumerate(kept))
+    if (!axis || int64_t(d) == *axis)
+      extent = 1;
+  return broadcast(reshape(tile, kept), shape);
+}
+
+LogicalResult ReductionAdjoint::combined(TileReduceOp reduce) {
+  Value g = take();
+  if (!g)
+    return success();
+  Value tile = reduce.getTile();
+  ArrayRef<int64_t> shape = typeOf(tile).getShape();
+  std::optional<int64_t> axis = reduce.getAxis();
+  Value spread = expand(g, shape, axis);
+  if (reduce.getKind() == TileReduction::add) {
+    give(tile, spread);
+    return success();
   }
-  int64_t axis = *op.getAxis();
-  SmallVector<int64_t> outer(type.getShape());
-  int64_t extent = outer[axis];
-  outer.erase(outer.begin() + axis);
-  if (outer.empty())
-    outer.push_back(1);
-  share(outer, [&](ValueRange indices) {
-    Values made = fold(extent, [&](Value i) {
-      Values at(indices.take_front(type.getRank() - 1));
-      at.insert(at.begin() + axis, i);
-      return at;
-    });
-    if (!op.getPartials())
-      store(op.getResult(), indices, made[0]);
-  });
+  Type i32 = b.getIntegerType(32, true);
+  Value winner = TileArgReduceOp::create(
+      b, loc, getReducedType(typeOf(tile), axis, i32), reduce.getKind(),
+      reverse.recover(tile), axis ? b.getI64IntegerAttr(*axis) : IntegerAttr());
+  Value place = axis ? numbers(shape, *axis)
+                     : reshape(iota(typeOf(tile).getNumElements()), shape);
+  Value wins = expand(winner, shape, axis);
+  give(tile, map({spread, place, wins}, [&](ValueRange x) {
+         return apply("where", {apply("eq", {x[1], x[2]}), x[0],
+                                zeroOf(x[0].getType())});
+       }));
+  return success();
 }
 
 //===----------------------------------------------------------------------===//
-// Scans
+// Models
 //===----------------------------------------------------------------------===//
 
-/// Each thread has a run of elements: adds them up, learns what is before them,
-/// and goes through them again.
-void TileLowering::lowerScan(TileScanOp op) {
-  TileType type = tileType(op.getTile());
-  int64_t count = type.getNumElements();
-  int64_t run = llvm::divideCeil(count, threads);
-  Value first = worst(op.getKind(), type.getElementType());
-  auto place = [&](Value i) {
-    if (op.getReverse())
-      i = sub(number(count - 1), i);
-    return unravel(i, type.getShape());
-  };
-  Value begin = number(0), end = number(count), before = first;
-  if (threads > 1) {
-    begin = mul(thread, number(run));
-    end = arith::MinSIOp::create(b, loc, add(begin, number(run)), end);
-    Values sums =
-        loop(begin, end, number(1), first, [&](Value i, ValueRange sums) {
-          Value next = element(op.getTile(), place(i));
-          return combine(op.getKind(), sums, next);
-        });
-    int64_t offset = op->getAttrOfType<IntegerAttr>(attr::scratch).getInt();
-    Type element = type.getElementType();
-    Value memory = arrayAt(offset, threads, element);
-    StoreOp::create(b, loc, sums[0], memory, thread);
-    barrier();
-    before = loop(number(0), thread, number(1), first,
-                  [&](Value t, ValueRange sums) {
-                    Value next = LoadOp::create(b, loc, element, memory, t);
-                    return combine(op.getKind(), sums, next);
-                  })[0];
+namespace {
+
+template <typename Model, typename Op>
+struct ReduceModel : TileModel<Model, Op> {
+  static bool isWhole(Operation *op) { return !mlir::cast<Op>(op).getAxis(); }
+  bool isByOwners(Operation *op) const { return isWhole(op); }
+  bool canReplicate(Operation *op) const { return isWhole(op); }
+  TileRead getRead(Operation *op, OpOperand &) const {
+    return isWhole(op) ? TileRead::Own : TileRead::Once;
   }
-  loop(begin, end, number(1), before, [&](Value i, ValueRange sums) {
-    Values at = place(i);
-    Value next = element(op.getTile(), at);
-    Values sum = combine(op.getKind(), sums, next);
-    store(op.getResult(), at, op.getExclusive() ? sums[0] : sum[0]);
-    return sum;
-  });
+  bool readsElements(Operation *, OpOperand &) const { return true; }
+  int64_t getScratchBytes(Operation *op, int64_t threads) const {
+    return getPartialBytes(op, threads);
+  }
+  void lower(Operation *op, TileLowering &lowering) const {
+    auto reduce = mlir::cast<Op>(op);
+    ReductionLowering(lowering.state)
+        .reduce(op, reduce.getKind(), reduce.getTile(), reduce.getAxis(),
+                Model::positions);
+  }
+};
+
+struct SumModel : ReduceModel<SumModel, TileReduceOp> {
+  static constexpr bool positions = false;
+  LogicalResult adjoint(Operation *op, autodiff::TileReverse &reverse) const {
+    return ReductionAdjoint(reverse.reverse, op)
+        .combined(cast<TileReduceOp>(op));
+  }
+};
+
+struct PositionModel : ReduceModel<PositionModel, TileArgReduceOp> {
+  static constexpr bool positions = true;
+  /// Positions.
+  LogicalResult adjoint(Operation *, autodiff::TileReverse &) const {
+    return success();
+  }
+};
+
+} // namespace
+
+void attachReductions(MLIRContext &context) {
+  TileReduceOp::attachInterface<SumModel>(context);
+  TileArgReduceOp::attachInterface<PositionModel>(context);
 }
 
 } // namespace warp::tiles

@@ -1,4 +1,4 @@
-//===- LowerTilesRings.cpp - Pipelined products with TMA loads ------------===//
+//===- TmaProducts.cpp - Pipelined products with TMA loads --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -8,13 +8,11 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "LowerTiles.h"
-#include "TileProducts.h"
+#include "Accumulators.h"
 
 #include "WarpDialect/LibraryOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
@@ -22,11 +20,11 @@ namespace warp::tiles {
 
 /// First stage, tensor map, first row and column, the step of both, and columns
 /// of a box.
-Values TileLowering::tmaFactorOf(TileLoadOp load, scf::ForOp loop) {
+Values AccumulatorLowering::tmaFactorOf(TileLoadOp load, scf::ForOp loop) {
   Values first = offsetsAt(load, loop, loop.getLowerBound());
   Values second = offsetsAt(
       load, loop, iterationAfter(loop, loop.getLowerBound(), number(1)));
-  Value place = placeOf(load.getResult(), Value());
+  Value place = addressOfStage(load.getResult(), Value());
   Value map = number(load->getAttrOfType<IntegerAttr>(attr::map).getInt());
   Values factor{place,
                 LibraryCallOp::create(b, loc, TypeRange(place.getType()),
@@ -40,8 +38,7 @@ Values TileLowering::tmaFactorOf(TileLoadOp load, scf::ForOp loop) {
   return factor;
 }
 
-void TileLowering::lowerRing(scf::ForOp loop) {
-  loc = loop.getLoc();
+void AccumulatorLowering::pipelineTma(scf::ForOp loop) {
   b.setInsertionPoint(loop);
   auto product = *loop.getBody()->getOps<TileMatmulOp>().begin();
   ProductForm form = *getProductForm(product);
@@ -53,12 +50,12 @@ void TileLowering::lowerRing(scf::ForOp loop) {
   auto loads = loop.getBody()->getOps<TileLoadOp>();
   TileLoadOp holder = *llvm::find_if(
       loads, [](TileLoadOp load) { return load->hasAttr(attr::ring); });
-  Value barriers = placeOf(holder.getResult(), number(places));
+  Value barriers = addressOfStage(holder.getResult(), number(places));
   Value steps = arith::CeilDivSIOp::create(
       b, loc,
       arith::SubIOp::create(b, loc, loop.getUpperBound(), loop.getLowerBound()),
       loop.getStep());
-  Values arguments{sumsOf(product.getResult(), form.slots), barriers,
+  Values arguments{accumulatorsOf(product.getResult(), form.slots), barriers,
                    number(places), steps};
   for (const Factor &factor : {x, y})
     arguments.append(

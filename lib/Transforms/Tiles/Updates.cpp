@@ -1,11 +1,13 @@
-//===- LowerTilesUpdates.cpp - Updates of arrays by tiles -----------------===//
+//===- Updates.cpp - Model of updates of arrays, atomic or plain --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
+#include "Accumulators.h"
 #include "ApartUpdates.h"
-#include "LowerTiles.h"
+#include "EarlyLoads.h"
+#include "Models.h"
 
 #include "KernelFunction.h"
 #include "Transforms/Launch/UnrollLoop.h"
@@ -67,10 +69,41 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
   return StructCreateOp::create(b, loc, record, old);
 }
 
+void findPlainUpdates(LoweringState &state, ArrayRef<Operation *> ops) {
+  // Exact sums have memory of their own, and are not updated plainly.
+  bool isExact =
+      getVariant(state.kernel).getDeterministic() == Determinism::exact;
+  if (isExact || (state.threads > 1 && !isGpu(state.kernel)))
+    return;
+  for (Operation *op : ops)
+    if (auto update = dyn_cast<TileAtomicOp>(op))
+      if (std::optional<OwnSteps> steps = findOwnSteps(state.kernel, update)) {
+        state.ownSteps[op] = *steps;
+        state.earliest[op] = findEarliest(update);
+      }
+}
+
+namespace {
+
+struct UpdateLowering : TileLowering {
+  using TileLowering::TileLowering;
+  void lower(TileAtomicOp op);
+
+private:
+  Value isAlone(ArrayRef<int64_t> steps);
+  Value updated(TileAtomicOp op, Value value, Value old);
+  Values placeOfTurn(TileAtomicOp op, Value number);
+  Values loadEarly(TileAtomicOp op, Value &alone);
+  void updateOwnElements(TileAtomicOp op, ValueRange early);
+  void updateElements(TileAtomicOp op, bool plainly);
+};
+
+} // namespace
+
 /// Whether no other block of the launch touches the elements of an update:
 /// those that differ along a dimension do not, unless products wrap around, and
 /// along other dimensions there is one block.
-Value TileLowering::isAlone(ArrayRef<int64_t> steps) {
+Value UpdateLowering::isAlone(ArrayRef<int64_t> steps) {
   Value alone;
   for (auto [dim, step] : llvm::enumerate(steps)) {
     Value extent = LaunchExtentOp::create(b, loc, i32, dim);
@@ -86,16 +119,16 @@ Value TileLowering::isAlone(ArrayRef<int64_t> steps) {
   return alone;
 }
 
-void TileLowering::lowerAtomic(TileAtomicOp op) {
+void UpdateLowering::lower(TileAtomicOp op) {
   Type type = tileType(op.getTile()).getElementType();
   bool isSum =
       llvm::is_contained({TileUpdate::add, TileUpdate::sub}, op.getKind());
-  bool mayBePlain =
-      !debug && isSum && op.getOld().use_empty() && !isa<StructType>(type);
+  bool mayBePlain = !state.debug && isSum && op.getOld().use_empty() &&
+                    !isa<StructType>(type);
   if (mayBePlain && threads == 1 && op->hasAttr(warp::attr::apart))
     return updateElements(op, /*plainly=*/true);
-  auto own = mayBePlain ? ownSteps.find(op) : ownSteps.end();
-  if (own == ownSteps.end())
+  auto own = mayBePlain ? state.ownSteps.find(op) : state.ownSteps.end();
+  if (own == state.ownSteps.end())
     return updateElements(op, /*plainly=*/false);
   Value alone, inside;
   Values early;
@@ -110,21 +143,21 @@ void TileLowering::lowerAtomic(TileAtomicOp op) {
   }
   auto branch = scf::IfOp::create(b, loc, alone, /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
-  llvm::SaveAndRestore saved(isDecided, isGpu(kernel));
+  llvm::SaveAndRestore saved(state.isDecided, isGpu(kernel));
   for (bool plainly : {true, false}) {
-    llvm::SaveAndRestore savedTesting(testing, !plainly);
+    llvm::SaveAndRestore savedTesting(state.testing, !plainly);
     Block *block = plainly ? branch.thenBlock() : branch.elseBlock();
     b.setInsertionPoint(block->getTerminator());
     if (plainly && threads > 1)
       updateOwnElements(op, early);
     else
       updateElements(op, plainly);
-    if (!plainly && isDecided)
+    if (!plainly && state.isDecided)
       block->walk([](scf::ForOp loop) { setPlain(loop); });
   }
 }
 
-Value TileLowering::updated(TileAtomicOp op, Value value, Value old) {
+Value UpdateLowering::updated(TileAtomicOp op, Value value, Value old) {
   return builtin(op.getKind() == TileUpdate::add ? "add" : "sub", {old, value});
 }
 
@@ -132,30 +165,29 @@ Value TileLowering::updated(TileAtomicOp op, Value value, Value old) {
 constexpr int64_t mostLoaded = 8;
 
 /// Where the thread's element of that number lies in the array.
-Values TileLowering::placeOfTurn(TileAtomicOp op, Value number) {
-  TileType type = tileType(op.getTile());
-  turn = number;
-  Value e = add(mul(turn, this->number(threads)), thread);
+Values UpdateLowering::placeOfTurn(TileAtomicOp op, Value number) {
+  state.turn = number;
+  Value e = add(mul(state.turn, this->number(threads)), thread);
   Value inside;
-  return arrayIndices(op, type, unravel(e, type.getShape()), inside);
+  return arrayIndices(op, unravel(e, op.getTileType().getShape()), inside);
 }
 
 /// The old elements of a thread, if they can be loaded where the block has
 /// computed little yet; then `alone` says whether they have been.
-Values TileLowering::loadEarly(TileAtomicOp op, Value &alone) {
+Values UpdateLowering::loadEarly(TileAtomicOp op, Value &alone) {
   TileType type = tileType(op.getTile());
   int64_t own = type.getNumElements() / threads;
-  Operation *place = earliest.lookup(op);
+  Operation *place = state.earliest.lookup(op);
   if (op.getPicked() || type.getNumElements() % threads != 0 ||
       own > mostLoaded || place == op)
     return {};
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPoint(place);
   Value inside;
-  alone = isAlone(ownSteps.lookup(op));
+  alone = isAlone(state.ownSteps.lookup(op));
   testWindow(op, inside);
   alone = both(alone, inside);
-  llvm::SaveAndRestore savedTesting(testing, false);
+  llvm::SaveAndRestore savedTesting(state.testing, false);
   SmallVector<Type> types(own, type.getElementType());
   auto branch = scf::IfOp::create(b, loc, types, alone, /*withElse=*/true);
   b.setInsertionPointToStart(branch.thenBlock());
@@ -172,7 +204,7 @@ Values TileLowering::loadEarly(TileAtomicOp op, Value &alone) {
 
 /// Some elements of a thread at a time: all are loaded before the first one is
 /// stored, which others would have to wait for.
-void TileLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
+void UpdateLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
   TileType type = tileType(op.getTile());
   int64_t own = type.getNumElements() / threads;
   if (type.getNumElements() % threads != 0)
@@ -183,7 +215,7 @@ void TileLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
     Values values;
     for (int64_t t = 0; t < run; ++t) {
       places.push_back(placeOfTurn(op, numberOf(t)));
-      Value e = add(mul(turn, number(threads)), thread);
+      Value e = add(mul(state.turn, number(threads)), thread);
       Value value = element(op.getTile(), unravel(e, type.getShape()));
       Value old = early.empty() ? LoadOp::create(b, loc, value.getType(),
                                                  op.getArray(), places.back())
@@ -205,12 +237,12 @@ void TileLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
   });
 }
 
-void TileLowering::updateElements(TileAtomicOp op, bool plainly) {
+void UpdateLowering::updateElements(TileAtomicOp op, bool plainly) {
   TileType type = tileType(op.getTile());
   bool keepsOld = !op.getOld().use_empty();
   elements(op, type.getShape(), [&](ValueRange indices) {
     Value inside;
-    Values at = arrayIndices(op, type, indices, inside);
+    Values at = arrayIndices(op, indices, inside);
     Value value = element(op.getTile(), indices);
     auto make = [&]() -> Value {
       if (!plainly)
@@ -224,6 +256,47 @@ void TileLowering::updateElements(TileAtomicOp op, bool plainly) {
     else
       ifHolds(inside, [&] { make(); });
   });
+}
+
+namespace {
+
+struct AtomicModel : TileModel<AtomicModel, TileAtomicOp> {
+  bool isByOwners(Operation *) const { return true; }
+  TileRead getRead(Operation *op, OpOperand &use) const {
+    return getAccessRead(cast<TileAtomicOp>(op), use);
+  }
+  bool readsElements(Operation *, OpOperand &use) const {
+    return use.getOperandNumber() == 0;
+  }
+  void lower(Operation *op, TileLowering &lowering) const {
+    auto atomic = cast<TileAtomicOp>(op);
+    if (lowering.buffers.isHeld(atomic.getTile()) &&
+        !isStriped(atomic.getTile()))
+      AccumulatorLowering(lowering.state).addTile(atomic);
+    else
+      UpdateLowering(lowering.state).lower(atomic);
+  }
+  /// Reads the gradient.
+  LogicalResult adjoint(Operation *op, autodiff::TileReverse &reverse) const {
+    auto atomic = cast<TileAtomicOp>(op);
+    if (!reverse.reverse.getActivity().isActiveArray(atomic.getArray()) ||
+        !reverse.wants(atomic.getTile()))
+      return success();
+    bool subtracts = atomic.getKind() == TileUpdate::sub;
+    if (atomic.getKind() != TileUpdate::add && !subtracts)
+      return op->emitError("an update other than a sum has no derivative");
+    Value g = reverse.loadGradient(atomic);
+    if (subtracts)
+      g = reverse.map(g, [&](ValueRange x) { return reverse.apply("neg", x); });
+    reverse.give(atomic.getTile(), g);
+    return success();
+  }
+};
+
+} // namespace
+
+void attachUpdates(MLIRContext &context) {
+  TileAtomicOp::attachInterface<AtomicModel>(context);
 }
 
 } // namespace warp::tiles

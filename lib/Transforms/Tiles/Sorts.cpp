@@ -1,4 +1,4 @@
-//===- LowerTilesSort.cpp - Sorting ---------------------------------------===//
+//===- Sorts.cpp - Model of sorting -------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -9,18 +9,38 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "LowerTiles.h"
+#include "Models.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "llvm/Support/MathExtras.h"
 
 using namespace mlir;
 
 namespace warp::tiles {
 
+/// Elements of the sorting network.
+static int64_t getPaddedElements(TileSortOp op) {
+  return llvm::PowerOf2Ceil(tileType(op.getKeys()).getNumElements());
+}
+
+namespace {
+
+struct SortLowering : TileLowering {
+  using TileLowering::TileLowering;
+  void sort(TileSortOp op);
+
+private:
+  Value toOrdered(Value key);
+  void sortNetwork(Value keys, Value places, int64_t count);
+  void orderPair(Value keys, Value places, Value i, Value j, int64_t run);
+};
+
+} // namespace
+
 /// A key as an unsigned number of 64 bits in the same order: NaN last, zeros
 /// equal.
-Value TileLowering::toOrdered(Value key) {
+Value SortLowering::toOrdered(Value key) {
   Type type = key.getType(), i64 = b.getI64Type();
   unsigned width = type.getIntOrFloatBitWidth();
   Type bits = b.getIntegerType(width);
@@ -51,7 +71,7 @@ Value TileLowering::toOrdered(Value key) {
   return widen(arith::SelectOp::create(b, loc, isNone, all, flipped));
 }
 
-void TileLowering::lowerSort(TileSortOp op) {
+void SortLowering::sort(TileSortOp op) {
   TileType type = tileType(op.getKeys());
   ArrayRef<int64_t> shape = type.getShape();
   int64_t count = type.getNumElements();
@@ -62,18 +82,16 @@ void TileLowering::lowerSort(TileSortOp op) {
   };
   if (callsForTiles(kernel, threads)) {
     Value keys = arrayAt(scratchOf(op), count, ui64);
-    loop(count, [&](Value i) {
-      StoreOp::create(b, loc, keyOf(i), keys, i);
-    });
+    loop(count, [&](Value i) { StoreOp::create(b, loc, keyOf(i), keys, i); });
     return callLibrary("warp_tile_sort", {},
                        {addressOf(keys), addressOf(positions), number(count)});
   }
   // What is there too much comes last.
-  int64_t padded = getSortedElements(op);
+  int64_t padded = getPaddedElements(op);
   Value keys = arrayAt(scratchOf(op), padded, ui64);
   Value places = arrayAt(scratchOf(op) + 8 * padded, padded, si32);
-  Value last = ConstantOp::create(
-      b, loc, IntegerAttr::get(ui64, APInt::getAllOnes(64)));
+  Value last =
+      ConstantOp::create(b, loc, IntegerAttr::get(ui64, APInt::getAllOnes(64)));
   share({padded}, [&](ValueRange at) {
     auto branch = scf::IfOp::create(b, loc, TypeRange(ui64),
                                     less(at[0], number(count)), true);
@@ -97,7 +115,7 @@ void TileLowering::lowerSort(TileSortOp op) {
 
 /// Runs of `run` elements go up and down in turn; each step orders pairs that
 /// are `distance` apart.
-void TileLowering::sortNetwork(Value keys, Value places, int64_t count) {
+void SortLowering::sortNetwork(Value keys, Value places, int64_t count) {
   for (int64_t run = 2; run <= count; run *= 2)
     for (int64_t distance = run / 2; distance > 0; distance /= 2) {
       share({count / (2 * distance), distance}, [&](ValueRange at) {
@@ -108,7 +126,7 @@ void TileLowering::sortNetwork(Value keys, Value places, int64_t count) {
     }
 }
 
-void TileLowering::orderPair(Value keys, Value places, Value i, Value j,
+void SortLowering::orderPair(Value keys, Value places, Value i, Value j,
                              int64_t run) {
   Type ui64 = b.getIntegerType(64, false), si32 = b.getIntegerType(32, true);
   Value a = LoadOp::create(b, loc, ui64, keys, i);
@@ -119,14 +137,39 @@ void TileLowering::orderPair(Value keys, Value places, Value i, Value j,
   Value ties = both(builtin("eq", {a, c}), builtin("gt", {p, q}));
   isAfter = arith::OrIOp::create(b, loc, isAfter, ties);
   Value part = arith::AndIOp::create(b, loc, i, number(run));
-  Value goesDown = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, part,
-                                         number(0));
+  Value goesDown =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, part, number(0));
   ifHolds(arith::XOrIOp::create(b, loc, isAfter, goesDown), [&] {
     StoreOp::create(b, loc, c, keys, i);
     StoreOp::create(b, loc, a, keys, j);
     StoreOp::create(b, loc, q, places, i);
     StoreOp::create(b, loc, p, places, j);
   });
+}
+
+namespace {
+
+struct SortModel : TileModel<SortModel, TileSortOp> {
+  /// Keys of 8 bytes and positions of 4; merging needs a second memory.
+  int64_t getScratchBytes(Operation *op, int64_t threads) const {
+    auto sort = cast<TileSortOp>(op);
+    return callsForTiles(op, threads)
+               ? 20 * tileType(sort.getKeys()).getNumElements()
+               : 12 * getPaddedElements(sort);
+  }
+  void lower(Operation *op, TileLowering &lowering) const {
+    SortLowering(lowering.state).sort(cast<TileSortOp>(op));
+  }
+  /// Positions.
+  LogicalResult adjoint(Operation *, autodiff::TileReverse &) const {
+    return success();
+  }
+};
+
+} // namespace
+
+void attachSorts(MLIRContext &context) {
+  TileSortOp::attachInterface<SortModel>(context);
 }
 
 } // namespace warp::tiles

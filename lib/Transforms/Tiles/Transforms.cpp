@@ -1,10 +1,10 @@
-//===- LowerTilesTransforms.cpp - Fourier transforms ----------------------===//
+//===- Transforms.cpp - Model of Fourier transforms ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 //===----------------------------------------------------------------------===//
 
-#include "LowerTiles.h"
+#include "Models.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "llvm/Support/MathExtras.h"
@@ -13,19 +13,123 @@ using namespace mlir;
 
 namespace warp::tiles {
 
+//===----------------------------------------------------------------------===//
+// Methods
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+/// How rows of a tile are transformed.
+enum class FftMethod {
+  /// In stages; lengths are powers of two.
+  Stages,
+  /// As a product with a chirp, in stages of at least twice the length.
+  Chirps,
+  /// Every sum by itself.
+  Sums
+};
+
+} // namespace
+
+/// Shorter ones are summed as fast, and more on a GPU than its memory has room
+/// for beside other tiles.
+constexpr int64_t longestSums = 16, mostChirpBytes = 24 << 10;
+
+/// The length of the stages.
+static int64_t getFftLength(TileFftOp op, FftMethod method) {
+  int64_t n = tileType(op.getTile()).getShape().back();
+  return method == FftMethod::Chirps ? llvm::PowerOf2Ceil(2 * n - 1) : n;
+}
+
+/// Rows, a chirp, and what stages of those need.
+static int64_t getChirpBytes(TileFftOp op, int64_t threads) {
+  TileType type = tileType(op.getTile());
+  int64_t length = getFftLength(op, FftMethod::Chirps);
+  int64_t rows = type.getNumElements() / type.getShape().back();
+  int64_t staged = callsForTiles(op, threads) ? 3 : rows;
+  return (rows + 1 + staged) * length * getByteSize(type.getElementType());
+}
+
+static FftMethod getFftMethod(TileFftOp op, int64_t threads) {
+  int64_t n = tileType(op.getTile()).getShape().back();
+  if (llvm::isPowerOf2_64(n))
+    return FftMethod::Stages;
+  bool fits = callsForTiles(op, threads) ||
+              getChirpBytes(op, threads) <= mostChirpBytes;
+  return n > longestSums && fits ? FftMethod::Chirps : FftMethod::Sums;
+}
+
+static int64_t getFftBytes(TileFftOp op, int64_t threads) {
+  TileType type = tileType(op.getTile());
+  switch (getFftMethod(op, threads)) {
+  case FftMethod::Chirps:
+    return getChirpBytes(op, threads);
+  case FftMethod::Stages:
+    if (callsForTiles(op, threads))
+      return 3 * type.getShape().back() * getByteSize(type.getElementType());
+    return getTileBytes(type);
+  case FftMethod::Sums:
+    return getTileBytes(type);
+  }
+  llvm_unreachable("no such method");
+}
+
+/// Elements of a thread: the fewest with which the block has a row.
+static int64_t getOwnElements(TileFftOp op, int64_t threads) {
+  TileType type = tileType(op.getTile());
+  int64_t n = type.getShape().back();
+  if (!getElementScalar(type.getElementType()).isF32() || n < 4 ||
+      getFftMethod(op, threads) != FftMethod::Stages)
+    return 0;
+  for (int64_t own : {4, 8, 16})
+    if (own <= n && n / own <= threads)
+      return own;
+  return 0;
+}
+
+static int64_t getWarpBytes(TileFftOp op, int64_t threads) {
+  TileType type = tileType(op.getTile());
+  int64_t n = type.getShape().back(), lanes = n / getDeviceVariant(op);
+  int64_t rows = std::min(type.getNumElements() / n, threads / lanes);
+  return lanes == 1 ? 0 : rows * (n + n / 8) * 8;
+}
+
+//===----------------------------------------------------------------------===//
+// Code
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+struct TransformLowering : TileLowering {
+  using TileLowering::TileLowering;
+  void lower(TileFftOp op);
+  void byWarps(TileFftOp op);
+
+private:
+  Value twiddle(Type real, Value step, int64_t period, bool inverse);
+  Value complexMul(Value a, Value b);
+  int transform(std::array<Value, 2> memory, int64_t rows, int64_t n,
+                bool inverse);
+  void byStages(TileFftOp op);
+  void byChirps(TileFftOp op);
+  void bySums(TileFftOp op);
+};
+
+} // namespace
+
 /// exp(-2 pi i step / period), or its inverse.
-Value TileLowering::twiddle(Type real, Value step, int64_t period,
-                            bool inverse) {
+Value TransformLowering::twiddle(Type real, Value step, int64_t period,
+                                 bool inverse) {
   constexpr double turn = 6.283185307179586476925;
-  Value angle = builtin("mul", {cast(step, real),
-                                constant(real, (inverse ? turn : -turn) /
-                                                   double(period))});
+  Value angle = builtin(
+      "mul", {cast(step, real),
+              constant(real, (inverse ? turn : -turn) / double(period))});
   return ConstructOp::create(
       b, loc, VecType::get(b.getContext(), 2, real),
       ValueRange{builtin("cos", angle), builtin("sin", angle)});
 }
 
-Value TileLowering::complexMul(Value x, Value y) {
+Value TransformLowering::complexMul(Value x, Value y) {
   auto type = mlir::cast<VecType>(x.getType());
   auto part = [&](Value z, int64_t i) -> Value {
     return ExtractOp::create(b, loc, type.getElementType(), z,
@@ -40,15 +144,28 @@ Value TileLowering::complexMul(Value x, Value y) {
                  builtin("add", {product(0, 1), product(1, 0)})});
 }
 
-void TileLowering::lowerFft(TileFftOp op) {
+void TransformLowering::lower(TileFftOp op) {
   switch (getFftMethod(op, threads)) {
   case FftMethod::Stages:
-    return lowerFftStages(op);
+    return byStages(op);
   case FftMethod::Chirps:
-    return lowerFftChirps(op);
+    return byChirps(op);
   case FftMethod::Sums:
-    return lowerFftSums(op);
+    return bySums(op);
   }
+}
+
+void TransformLowering::byWarps(TileFftOp op) {
+  begin(op, op.getTile());
+  TileType type = tileType(op.getTile());
+  int64_t n = type.getShape().back();
+  Value tile = memoryOf(op.getResult()), scratch = tile;
+  if (int64_t bytes = getWarpBytes(op, threads))
+    scratch = arrayAt(scratchOf(op), bytes / 8, type.getElementType());
+  callVariant("transform", op,
+              {addressOf(tile), addressOf(scratch),
+               number(type.getNumElements() / n), number(n),
+               number(op.getInverse())});
 }
 
 //===----------------------------------------------------------------------===//
@@ -58,8 +175,8 @@ void TileLowering::lowerFft(TileFftOp op) {
 /// Of rows in `memory[0]`, by way of `memory[1]`; where the result is says the
 /// number that is returned. Stockham's order: each stage reads one memory and
 /// writes the other, so that no reversal of bits is needed.
-int TileLowering::transform(std::array<Value, 2> memory, int64_t rows,
-                            int64_t n, bool inverse) {
+int TransformLowering::transform(std::array<Value, 2> memory, int64_t rows,
+                                 int64_t n, bool inverse) {
   auto type = cast<ArrayType>(memory[0].getType());
   Type pair = type.getElementType(), real = getElementScalar(pair);
   if (callsForTiles(kernel, threads)) {
@@ -94,7 +211,7 @@ int TileLowering::transform(std::array<Value, 2> memory, int64_t rows,
   return from;
 }
 
-void TileLowering::lowerFftStages(TileFftOp op) {
+void TransformLowering::byStages(TileFftOp op) {
   TileType type = tileType(op.getTile());
   int64_t n = type.getShape().back(), count = type.getNumElements();
   bool calls = callsForTiles(kernel, threads);
@@ -125,7 +242,7 @@ void TileLowering::lowerFftStages(TileFftOp op) {
 /// and multiplied by c.
 /// L. Bluestein, A linear filtering approach to the computation of discrete
 /// Fourier transform, 1970.
-void TileLowering::lowerFftChirps(TileFftOp op) {
+void TransformLowering::byChirps(TileFftOp op) {
   TileType type = tileType(op.getTile());
   ArrayRef<int64_t> shape = type.getShape();
   int64_t n = shape.back(), rows = type.getNumElements() / n;
@@ -197,13 +314,12 @@ void TileLowering::lowerFftChirps(TileFftOp op) {
 }
 
 /// Any length: the sums themselves.
-void TileLowering::lowerFftSums(TileFftOp op) {
+void TransformLowering::bySums(TileFftOp op) {
   TileType type = tileType(op.getTile());
   ArrayRef<int64_t> shape = type.getShape();
   int64_t n = shape.back(), count = type.getNumElements();
   Type pair = type.getElementType();
-  Value kept = arrayAt(op->getAttrOfType<IntegerAttr>(attr::scratch).getInt(),
-                       count, pair);
+  Value kept = arrayAt(scratchOf(op), count, pair);
   share(shape, [&](ValueRange at) {
     StoreOp::create(b, loc, element(op.getTile(), at), kept, linear(shape, at));
   });
@@ -211,19 +327,61 @@ void TileLowering::lowerFftSums(TileFftOp op) {
   share(shape, [&](ValueRange at) {
     Value place = linear(shape, at);
     Value row = sub(place, at.back());
-    Value sum = loop(
-        number(0), number(n), number(1), zero(pair),
-        [&](Value j, ValueRange sums) -> Values {
-          // Reduced first: large multiples of an angle are inexact.
-          Value step = arith::RemUIOp::create(b, loc, mul(j, at.back()),
-                                              number(n));
-          Value x = LoadOp::create(b, loc, pair, kept, add(row, j));
-          Value turned = complexMul(
-              x, twiddle(getElementScalar(pair), step, n, op.getInverse()));
-          return {builtin("add", {sums[0], turned})};
-        })[0];
+    Value sum =
+        loop(number(0), number(n), number(1), zero(pair),
+             [&](Value j, ValueRange sums) -> Values {
+               // Reduced first: large multiples of an angle are inexact.
+               Value step =
+                   arith::RemUIOp::create(b, loc, mul(j, at.back()), number(n));
+               Value x = LoadOp::create(b, loc, pair, kept, add(row, j));
+               Value turned = complexMul(x, twiddle(getElementScalar(pair),
+                                                    step, n, op.getInverse()));
+               return {builtin("add", {sums[0], turned})};
+             })[0];
     store(op.getResult(), at, sum);
   });
+}
+
+//===----------------------------------------------------------------------===//
+// Model
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+struct FftModel : TileModel<FftModel, TileFftOp> {
+  SmallVector<unsigned> getReplaceableOperands(Operation *) const {
+    return {0};
+  }
+  TileFunction getDeviceFunction(Operation *op, int64_t threads) const {
+    TileFunction function;
+    function.variant = getOwnElements(cast<TileFftOp>(op), threads);
+    return function;
+  }
+  int64_t getScratchBytes(Operation *op, int64_t threads) const {
+    auto fft = cast<TileFftOp>(op);
+    return op->hasAttr(attr::form) ? getWarpBytes(fft, threads)
+                                   : getFftBytes(fft, threads);
+  }
+  void lower(Operation *op, TileLowering &lowering) const {
+    auto fft = cast<TileFftOp>(op);
+    TransformLowering own(lowering.state);
+    op->hasAttr(attr::form) ? own.byWarps(fft) : own.lower(fft);
+  }
+  /// The other transform.
+  LogicalResult adjoint(Operation *op, autodiff::TileReverse &reverse) const {
+    auto fft = cast<TileFftOp>(op);
+    if (Value g = reverse.take())
+      reverse.give(fft.getTile(),
+                   TileFftOp::create(reverse.b, reverse.loc, g.getType(), g,
+                                     reverse.unit(!fft.getInverse())));
+    return success();
+  }
+};
+
+} // namespace
+
+void attachTransforms(MLIRContext &context) {
+  TileFftOp::attachInterface<FftModel>(context);
 }
 
 } // namespace warp::tiles
