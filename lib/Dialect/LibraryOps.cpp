@@ -118,6 +118,9 @@ static constexpr warp::LibraryFunction functions[] = {
     {"warp_tile_factor_*", "liiliilii", ""},
     // Cotangent and factor likewise.
     {"warp_tile_differentiate_factor_*", "liiliilii", ""},
+    // The same for any block, without scratch memory.
+    {"warp_tile_block_factor_*", "liiliiii", ""},
+    {"warp_tile_block_solve_*", "lliiiiii", ""},
     // Right sides, matrix with such steps, its rows, columns of right sides,
     // whether the last row is solved first, threads.
     {"warp_tile_substitute_*", "lliiiiii", ""},

@@ -11,6 +11,8 @@
 
 #include "TileSquares.h"
 
+#include "tiles/Factors.h"
+
 namespace {
 
 /// Vectors next to each other, the last one perhaps not whole.
@@ -292,11 +294,33 @@ template <class T> void solve(const Solve<T> &system) {
     system.oneSide();
 }
 
+//===----------------------------------------------------------------------===//
+// Small matrices
+//===----------------------------------------------------------------------===//
+
+struct OneThread {
+  static constexpr int thread = 0, threads = 1;
+  void barrier() const {}
+};
+
+/// What moves squares of vectors costs more than elements one by one of so few
+/// rows: a factor of 4 rows takes an eighth of the time, one of 16 twice as
+/// long.
+constexpr i32 mostFactored = 8, mostSolved = 4;
+
+template <class T> void factorSmall(T *out, const T *in, i32 n, bool isUpper) {
+  i32 row = isUpper ? 1 : n, column = isUpper ? n : 1;
+  tiles::factor<T>(OneThread(), tiles::Matrix<T *>{out, row, column},
+                   tiles::Matrix<const T *>{in, row, column}, n);
+}
+
 } // namespace
 
 #define WARP_FACTORS(suffix, T)                                                \
   WARP_TILES void warp_tile_cholesky_##suffix(u64 out, u64 in, u64 scratch,    \
                                               i32 n, i32 isUpper, void *) {    \
+    if (n <= mostFactored)                                                     \
+      return factorSmall(at<T>(out), at<const T>(in), n, isUpper != 0);        \
     (isUpper ? cholesky<T, true> : cholesky<T, false>)(at<T>(out),             \
                                                        at<const T>(in), n,     \
                                                        at<T>(scratch));        \
@@ -304,6 +328,11 @@ template <class T> void solve(const Solve<T> &system) {
   WARP_TILES void warp_tile_solve_##suffix(u64 x, u64 m, i32 n, i32 columns,   \
                                            i32 row, i32 column, i32 backwards, \
                                            void *) {                           \
+    if (n <= mostSolved && columns == 1)                                       \
+      return tiles::solve<T>(                                                  \
+          OneThread(), tiles::Matrix<T *>{at<T>(x), 1, 1},                     \
+          tiles::Matrix<const T *>{at<const T>(m), row, column}, n, 1,         \
+          backwards != 0);                                                     \
     solve(Solve<T>{at<T>(x), at<const T>(m), n, columns, row, column,          \
                    backwards != 0});                                           \
   }

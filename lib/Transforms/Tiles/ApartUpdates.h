@@ -10,7 +10,8 @@
 #include "llvm/ADT/StringRef.h"
 
 namespace warp::attr {
-/// On a `tile_atomic`: no other block, nor another update, touches its elements.
+/// On a `tile_atomic`: no other block, nor another update, touches its
+/// elements.
 constexpr llvm::StringLiteral apart = "warp.apart";
 } // namespace warp::attr
 

@@ -23,7 +23,7 @@
 //   sorting                        Sorts.cpp
 //   products                       Products.cpp, in registers Accumulators.cpp,
 //                                  with TMA loads TmaProducts.cpp
-//   factors, solves                Factors.cpp
+//   factors, solves                Factors.cpp, Solves.cpp
 //   Fourier transforms             Transforms.cpp
 //
 //===----------------------------------------------------------------------===//
@@ -65,7 +65,8 @@ void registerModels(DialectRegistry &registry) {
     for (auto attach :
          {attachElements, attachViews, attachAccesses, attachUpdates,
           attachThreads, attachParts, attachReductions, attachScans,
-          attachSorts, attachProducts, attachFactors, attachTransforms})
+          attachSorts, attachProducts, attachFactors, attachSolves,
+          attachTransforms})
       attach(*context);
   });
 }

@@ -115,6 +115,9 @@ public:
   /// Elements of a matrix in the order of its rows, or columns if it is
   /// transposed, as another type, from `offset` of the block's memory on.
   Value copyTo(int64_t offset, Value tile, mlir::Type type, bool transposed);
+  /// A matrix in block memory, with its steps, or a copy of it `behind` bytes
+  /// into the scratch memory of an operation.
+  Strided matrixFor(mlir::Operation *op, Value tile, int64_t behind);
   /// Calls a function of the device library, of f32 or f64 if `real` is one.
   void callLibrary(const llvm::Twine &name, mlir::Type real, ValueRange args);
   /// Calls that of an operation which has one on a GPU (TileFunction).

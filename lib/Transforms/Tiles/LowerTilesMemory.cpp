@@ -177,6 +177,16 @@ Value TileLowering::copyTo(int64_t offset, Value tile, Type type,
   return memory;
 }
 
+Strided TileLowering::matrixFor(Operation *op, Value tile, int64_t behind) {
+  if (std::optional<Strided> found = getStrided(tile))
+    return {memoryOf(found->memory), found->steps};
+  TileType type = tileType(tile);
+  Value copy = copyTo(scratchOf(op) + behind, tile, type.getElementType(),
+                      /*transposed=*/false);
+  barrier();
+  return {copy, {type.getShape()[0], 1}};
+}
+
 void TileLowering::callVariant(StringRef name, Operation *op,
                                Values arguments) {
   arguments.push_back(number(threads));

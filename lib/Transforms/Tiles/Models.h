@@ -30,6 +30,7 @@ void attachScans(mlir::MLIRContext &context);
 void attachSorts(mlir::MLIRContext &context);
 void attachProducts(mlir::MLIRContext &context);
 void attachFactors(mlir::MLIRContext &context);
+void attachSolves(mlir::MLIRContext &context);
 void attachTransforms(mlir::MLIRContext &context);
 
 } // namespace warp::tiles
