@@ -17,6 +17,7 @@ include "WarpDecompositions.td"
 include "WarpRandom.td"
 include "WarpSpecials.td"
 include "WarpTileSpecials.td"
+include "WarpTileAlgebra.td"
 include "WarpLibraryFunctions.td"
 include "WarpGeometryFunctions.td"
 

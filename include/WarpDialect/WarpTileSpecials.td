@@ -95,81 +95,69 @@ def Warp_TileRandfName : Warp_TileRandom<"tile_randf", "randf",
 // Arrays
 //===----------------------------------------------------------------------===//
 
+def Warp_RankOfShape : Require<"len(shape) == k",
+    "array argument must have same number of dimensions as the tile shape, "
+    "trying to perform an {len(shape)} dimensional load from an array with "
+    "{k} dimensions.">;
+def Warp_RankOfTile : Require<"len(D) == k",
+    "'a' argument must have the same number of dimensions as the 't' "
+    "argument, got {k} and {len(D)}">;
+def Warp_RowOfIndices : Require<"len(E) == 1",
+    "indices argument must be a 1D tile, got {len(E)} dimensions instead.">;
+
 def Warp_TileLoadName : Warp_TileSpecial<"tile_load",
-    ["(a: array<k, A>, shape: shape, offset: offsets<a> = None, storage: "
-     "'register'|'shared' = 'register', bounds_check: const = True, aligned: "
-     "Any = False) -> tile<A>"],
+    ["(a: array<k, A>, shape: shape, offset: offsets<a> = None, "
+     "storage: 'register'|'shared' = 'register', bounds_check: const = True, "
+     "aligned: Any = False) -> tile<A>"],
     "tile of array elements from an offset on; zero outside of the array",
     ["make('load', a, *offset, shape=shape, checked=bool(bounds_check))"]> {
-  let requirements = [
-    Require<"len(shape) == k",
-      "array argument must have same number of dimensions as the tile shape, "
-      "trying to perform an {len(shape)} dimensional load from an array with "
-      "{k} dimensions.">];
+  let requirements = [Warp_RankOfShape];
 }
 def Warp_TileLoadIndexedName : Warp_TileSpecial<"tile_load_indexed",
-    ["(a: array<k, A>, indices: tile<B, D>, shape: shape, offset: offsets<a> "
-     "= None, axis: axis<a> = 0, storage: 'register'|'shared' = 'register') "
-     "-> tile<A>"],
+    ["(a: array<k, A>, indices: tile<B, E>, shape: shape, "
+     "offset: offsets<a> = None, axis: axis<a> = 0, "
+     "storage: 'register'|'shared' = 'register') -> tile<A>"],
     "the same with indices along one dimension",
     ["make('load', a, *offset, indices, shape=shape, axis=axis, flag=True)"]> {
-  let requirements = [
-    Require<"len(shape) == k",
-      "array argument must have same number of dimensions as the tile shape, "
-      "trying to perform an {len(shape)} dimensional load from an array with "
-      "{k} dimensions.">,
-    Require<"len(D) == 1",
-      "indices argument must be a 1D tile, got {len(D)} dimensions instead.">,
-    Require<"D[0] == shape[axis]",
-      "indices and shape disagree along axis {axis}: {D[0]} and "
+  let requirements = [Warp_RankOfShape, Warp_RowOfIndices,
+    Require<"E[0] == shape[axis]",
+      "indices and shape disagree along axis {axis}: {E[0]} and "
       "{shape[axis]}">];
 }
-def Warp_TileStoreName : Warp_TileSpecial<"tile_store",
+
+class Warp_TileStore<string name, string more, string result, string call,
+                     string summary>
+    : Warp_TileSpecial<name,
     ["(a: array<k, A>, t: tile<A, D>, offset: offsets<a> = None, "
-     "bounds_check: const = True, aligned: Any = False) -> None"],
-    "writes a tile to array elements; those outside are dropped",
-    ["make('store', t, a, *offset, checked=bool(bounds_check))"]> {
-  let requirements = [
-    Require<"len(D) == k",
-      "'a' argument must have the same number of dimensions as the 't' "
-      "argument, got {k} and {len(D)}">];
+     "bounds_check: const = True" # more # ") -> " # result], summary,
+    ["make(" # call # ", checked=bool(bounds_check))"]> {
+  let requirements = [Warp_RankOfTile];
 }
-def Warp_TileStoreIndexedName : Warp_TileSpecial<"tile_store_indexed",
-    ["(a: array<k, A>, indices: tile<B, D>, t: tile<A, E>, offset: "
-     "offsets<a> = None, axis: axis<a> = 0) -> None"],
+def Warp_TileStoreName : Warp_TileStore<"tile_store", ", aligned: Any = False",
+    "None", "'store', t, a, *offset",
+    "writes a tile to array elements; those outside are dropped">;
+def Warp_TileAtomicAddName : Warp_TileStore<"tile_atomic_add", "",
+    "tile<A, D>", "'atomic', t, a, *offset, kind='add'",
+    "adds a tile to array elements, each atomically; the old elements">;
+
+class Warp_TileStoreIndexed<string name, string operation, string result>
+    : Warp_TileSpecial<name,
+    ["(a: array<k, A>, indices: tile<B, E>, t: tile<A, D>, "
+     "offset: offsets<a> = None, axis: axis<a> = 0) -> " # result],
     "the same with indices along one dimension",
-    ["make('store', t, a, *offset, indices, kind='add', axis=axis, "
+    ["make('" # operation # "', t, a, *offset, indices, kind='add', axis=axis, "
      "flag=True)"]> {
-  let requirements = [
-    Require<"len(E) == k",
-      "'a' argument must have the same number of dimensions as the 't' "
-      "argument, got {k} and {len(E)}">,
-    Require<"len(D) == 1",
-      "indices argument must be a 1D tile, got {len(D)} dimensions instead.">];
+  let requirements = [Warp_RankOfTile, Warp_RowOfIndices];
 }
-def Warp_TileAtomicAddName : Warp_TileSpecial<"tile_atomic_add",
-    ["(a: array<k, A>, t: tile<A, D>, offset: offsets<a> = None, "
-     "bounds_check: const = True) -> tile<A, D>"],
-    "adds a tile to array elements, each atomically; the old elements",
-    ["make('atomic', t, a, *offset, kind='add', checked=bool(bounds_check))"]> {
-  let requirements = [
-    Require<"len(D) == k",
-      "'a' argument must have the same number of dimensions as the 't' "
-      "argument, got {k} and {len(D)}">];
-}
-def Warp_TileAtomicAddIndexedName : Warp_TileSpecial<"tile_atomic_add_indexed",
-    ["(a: array<k, A>, indices: tile<B, D>, t: tile<A, E>, offset: "
-     "offsets<a> = None, axis: axis<a> = 0) -> tile<A, E>"],
-    "the same with indices along one dimension",
-    ["make('atomic', t, a, *offset, indices, kind='add', axis=axis, "
-     "flag=True)"]> {
-  let requirements = [
-    Require<"len(E) == k",
-      "'a' argument must have the same number of dimensions as the 't' "
-      "argument, got {k} and {len(E)}">,
-    Require<"len(D) == 1",
-      "indices argument must be a 1D tile, got {len(D)} dimensions instead.">];
-}
+def Warp_TileStoreIndexedName
+    : Warp_TileStoreIndexed<"tile_store_indexed", "store", "None">;
+def Warp_TileAtomicAddIndexedName
+    : Warp_TileStoreIndexed<"tile_atomic_add_indexed", "atomic", "tile<A, D>">;
+
+//===----------------------------------------------------------------------===//
+// Parts
+//===----------------------------------------------------------------------===//
+
 def Warp_TileViewName : Warp_TileSpecial<"tile_view",
     ["(t: tile<A, D>, offset: Any, shape: shape = None) -> tile<A>"],
     "part of a tile; assigning to it changes the tile",
@@ -197,9 +185,9 @@ def Warp_TileExtractName : Warp_TileSpecial<"tile_extract",
     ["tiles.changes.extracted(node, a, indices)"]> {
   let requirements = [
     Require<"len(indices) in (len(D), len(D) + len(A.shape))",
-      "incorrect number of indices ({len(indices)}) for tile shape {D}",
-      "",
-      "tile_extract: incorrect number of indices">];
+      "expects as many indices as tile shape {D} has extents, or those of a "
+      "component, too, but got {len(indices)}",
+      "", "tile_extract: incorrect number of indices">];
 }
 
 class Warp_TileScatter<string name, string kind, string summary, string more>
@@ -246,6 +234,11 @@ def Warp_TileAstypeName : Warp_TileSpecial<"tile_astype",
     ["(t: tile<A, D>, dtype: dtype) -> tile"],
     "tile of converted elements",
     ["tiles.elements.converted(node, t, dtype)"]>;
+
+//===----------------------------------------------------------------------===//
+// Elements
+//===----------------------------------------------------------------------===//
+
 def Warp_TileMapName : Warp_TileSpecial<"tile_map",
     ["(op: Any, *args: value) -> tile"],
     "function of corresponding elements of tiles; other operands are the "
@@ -299,126 +292,5 @@ def Warp_TileSortName : Warp_TileSpecial<"tile_sort",
     ["(keys: inout tile<A, D>, values: inout tile<B, D>) -> None"],
     "sorts keys, and values along with them, in place; stable, NaN last",
     ["tiles.elements.sorted(keys, values)"]>;
-def Warp_TileMatmulName : Warp_TileSpecial<"tile_matmul",
-    ["(a: tile<F, [M, K]>, b: tile<G, [K, N]>, out: inout tile<H, [M, N]>, "
-     "alpha: Any = 1.0, beta: Any = 1.0, precision: "
-     "'default'|'tf32'|'tf32x3' = 'default') -> None",
-     "(a: tile<F, [M, K]>, b: tile<G, [K, N]>, alpha: Any = 1.0, precision: "
-     "'default'|'tf32'|'tf32x3' = 'default') -> tile"],
-    "alpha a b, or out = alpha a b + beta out; floats of 16 bits are summed "
-    "in float32",
-    ["tiles.algebra.product(node, a, b, alpha, out, beta)",
-     "tiles.algebra.product(node, a, b, alpha)"]> {
-  let requirements = [
-    RequireType<"precision == 'default' or F.python_name == 'float32'",
-      "precision='{precision}' requires float32 tiles, got {F.python_name}">];
-}
-
-// A square tile of numbers that are good enough to solve with.
-class Warp_TileSolver<string name, list<string> overloads, string summary,
-                      list<string> calls>
-    : Warp_TileSpecial<name, overloads, summary, calls> {
-  let requirements = [
-    Require<"F.width >= 32",
-      "expects a tile of float32 or float64, but got {F.python_name}">];
-}
-class Warp_TileFactor<string name, string inout, string result, string summary>
-    : Warp_TileSolver<name,
-    ["(A: " # inout # "tile<F, [N, N]>, "
-     "fill_mode: 'lower'|'upper' = 'lower') -> " # result], summary,
-    ["make('cholesky', A, flag=fill_mode == 'upper')"]>;
-def Warp_TileCholeskyName : Warp_TileFactor<"tile_cholesky", "",
-    "tile<F, [N, N]>",
-    "triangular factor of a positive definite matrix, of which one "
-    "triangle is read; NaN if it is not">;
-def Warp_TileCholeskyInplaceName : Warp_TileFactor<"tile_cholesky_inplace",
-    "inout ", "None", "the same, in place">;
-
-class Warp_TileSolve<string name, string parameters, string result,
-                     string summary, string call>
-    : Warp_TileSolver<name, ["(" # parameters # ") -> " # result], summary,
-    [call]> {
-  let requirements = [
-    Require<"F.width >= 32",
-      "expects a tile of float32 or float64, but got {F.python_name}">,
-    Require<"len(D) <= 2 and D[0] == N and B == F",
-      "expects a right side with {N} rows of '{F.python_name}', but got shape "
-      "{D} of '{B.python_name}'">];
-}
-class Warp_TileCholeskySolve<string name, string inout, string result,
-                             string summary>
-    : Warp_TileSolve<name,
-    "L: tile<F, [N, N]>, y: " # inout # "tile<B, D>, "
-    "fill_mode: 'lower'|'upper' = 'lower'", result, summary,
-    // A lower factor: L x = z, then with its transpose; an upper one: the
-    // other way round.
-    "make('solve', L, make('solve', L, y, flag=fill_mode == 'upper', "
-    "transposed=fill_mode == 'upper'), flag=fill_mode == 'upper', "
-    "transposed=fill_mode == 'lower')">;
-class Warp_TileTriangularSolve<string name, string matrix, string rhs,
-                               string inout, string result, string upper,
-                               string summary>
-    : Warp_TileSolve<name,
-    matrix # ": tile<F, [N, N]>, " # rhs # ": " # inout # "tile<B, D>", result,
-    summary,
-    "make('solve', " # matrix # ", " # rhs # ", flag=" # upper # ")">;
-def Warp_TileCholeskySolveName : Warp_TileCholeskySolve<"tile_cholesky_solve",
-    "", "tile<B, D>", "solution of a system whose matrix has this factor">;
-def Warp_TileCholeskySolveInplaceName
-    : Warp_TileCholeskySolve<"tile_cholesky_solve_inplace", "inout ", "None",
-    "the same, in place">;
-def Warp_TileLowerSolveName : Warp_TileTriangularSolve<"tile_lower_solve", "L",
-    "y", "", "tile<B, D>", "False",
-    "solution of L x = y with the lower triangle">;
-def Warp_TileLowerSolveInplaceName
-    : Warp_TileTriangularSolve<"tile_lower_solve_inplace", "L", "y", "inout ",
-    "None", "False", "the same, in place">;
-def Warp_TileUpperSolveName : Warp_TileTriangularSolve<"tile_upper_solve", "U",
-    "z", "", "tile<B, D>", "True",
-    "solution of U x = z with the upper triangle">;
-def Warp_TileUpperSolveInplaceName
-    : Warp_TileTriangularSolve<"tile_upper_solve_inplace", "U", "z", "inout ",
-    "None", "True", "the same, in place">;
-def Warp_TileDiagAddName : Warp_TileSpecial<"tile_diag_add",
-    ["(a: tile<A, [N, N]>, d: tile<B, [N]>) -> tile<A, [N, N]>"],
-    "square tile with its diagonal increased", ["make('diag_add', a, d)"]>;
-class Warp_TileTransform<string name, string inverse, string summary>
-    : Warp_TileSpecial<name, ["(inout: inout tile<vec<2, F>, D>) -> None"],
-    summary, ["make('fft', inout, flag=" # inverse # ")"]>;
-def Warp_TileFftName : Warp_TileTransform<"tile_fft", "False",
-    "Fourier transform of each row of complex numbers, in place, not "
-    "normalised">;
-def Warp_TileIfftName : Warp_TileTransform<"tile_ifft", "True",
-    "inverse Fourier transform of each row, in place, not normalised">;
-
-//===----------------------------------------------------------------------===//
-// Stacks
-//===----------------------------------------------------------------------===//
-
-def Warp_TileStackName : Warp_TileSpecial<"tile_stack",
-    ["(capacity: Any, dtype: dtype) -> Any"],
-    "empty stack of the block, for at most `capacity` elements",
-    ["tiles.stacks.empty(node, capacity, dtype)"]>;
-def Warp_TileStackPushName : Warp_TileSpecial<"tile_stack_push",
-    ["(s: inout stack, value: value, has_value: condition) -> i32"],
-    "pushes what each thread has a value of, in the order of threads; the "
-    "slot, or -1 without a value or room",
-    ["tiles.stacks.pushed(node, s, value, has_value)"]> {
-  let requirements = [
-    RequireType<"value.type == s.parts[0].type.element",
-      "value of type '{value.type.python_name}' does not match the elements of "
-      "'{s.python_name}'">];
-}
-def Warp_TileStackPopName : Warp_TileSpecial<"tile_stack_pop",
-    ["(s: inout stack) -> (A, i32)"],
-    "pops a value for each thread: the value and its slot, or zero and -1 "
-    "if there is none left",
-    ["tiles.stacks.popped(node, s)"]>;
-def Warp_TileStackClearName : Warp_TileSpecial<"tile_stack_clear",
-    ["(s: inout stack) -> None"],
-    "empties a stack", ["tiles.stacks.cleared(node, s)"]>;
-def Warp_TileStackCountName : Warp_TileSpecial<"tile_stack_count",
-    ["(s: stack) -> i32"],
-    "number of elements on a stack", ["tiles.stacks.count(node, s)"]>;
 
 #endif // WARP_TILE_SPECIALS_TD

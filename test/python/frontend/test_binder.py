@@ -76,6 +76,7 @@ def test_ways_to_write_a_call(call, same, text_of):
         ("wp.tile_load(a)", "tile_load() expects the argument 'shape'", None),
         ("wp.tile_load(a, 4, shap=3)", "has no parameter 'shap'", "3"),
         ("wp.tile_load(a, 4, shap=3)", "hint: did you mean `shape`?", "3"),
+        ("wp.clamp(1.0, low=0.0, heigh=x)", "hint: did you mean `high`?", "x"),
         ("wp.tile_dot(n, n, m)", "expects at most 2 arguments by position, but got 3", "m"),
         ("wp.tid(n)", "tid() expects no arguments by position, but got 1", "n"),
         ("wp.tile_load(a, 4, shape=n)", "got 'shape' by position and by name", "n"),

@@ -9,10 +9,10 @@ An entry of the table is resolved at the first call of its builtin in a process.
 from __future__ import annotations
 
 import ast
-import difflib
 
 from warp import config
 from warp._src.builtin_calls import CALLS
+from warp._src.frontend import names
 from warp._src.frontend.context import Part
 from warp._src.frontend.parameters import Parameter
 
@@ -243,8 +243,7 @@ class Binder(Part):
         if kind == "twice":
             return error(keywords[which][1], f"{name}() got '{which}' by position and by name")
         if kind == "unknown":
-            close = difflib.get_close_matches(which, overload.by_name, n=1)
-            hint = f"did you mean `{close[0]}`?" if close else shown
+            hint = names.proposal(which, overload.by_name) or shown
             return error(keywords[which][1], f"{name}() has no parameter '{which}'", hint)
         most = len(overload.order)
         return error(

@@ -195,10 +195,18 @@ class Calls(Part):
 
     def keyword_order(self, name, count, keywords, node):
         """Names of a builtin's keyword arguments in the order of an overload that has them all."""
-        for parameters in self.builder.parameter_names(name):
+        overloads = self.builder.parameter_names(name)
+        for parameters in overloads:
             wanted = parameters[count : count + len(keywords)]
             if set(wanted) == set(keywords):
                 return wanted
+        known = {one for parameters in overloads for one in parameters}
+        unknown = next((one for one in keywords if one not in known), None)
+        if unknown is not None:
+            place = next(one.value for one in node.keywords if one.arg == unknown)
+            raise self.context.type_error(
+                place, f"{name}() has no parameter '{unknown}'", names.proposal(unknown, known)
+            )
         shown = ", ".join(keywords)
         raise self.context.type_error(node, f"'{name}' has no overload with the keywords: {shown}")
 

@@ -118,10 +118,15 @@ def resolve(context, name, node):
     raise undefined(context, name, node)
 
 
+def proposal(name, known) -> str | None:
+    """The hint with the known name that is closest to one; None if none is close."""
+    close = difflib.get_close_matches(name, known, n=1)
+    return f"did you mean `{close[0]}`?" if close else None
+
+
 def undefined(context, name, node):
     known = [*context.env, *context.function.__globals__, *PYTHON_NAMES]
-    close = difflib.get_close_matches(name, [n for n in known if " " not in n], n=1)
-    hint = f"did you mean `{close[0]}`?" if close else None
+    hint = proposal(name, [n for n in known if " " not in n])
     if hasattr(builtins, name):
         return context.error(
             node,
@@ -173,11 +178,10 @@ def module_attribute(context, module, name, node):
 
 
 def _missing(context, module, name, node):
-    close = difflib.get_close_matches(name, dir(module), n=1)
     return context.error(
         node,
         f"module '{module.__name__}' has no attribute '{name}'",
-        f"did you mean `{close[0]}`?" if close else None,
+        proposal(name, dir(module)),
         errors.WarpCodegenAttributeError,
         also=f"`{name}` is not an attribute of '{module.__name__}'\n"
         f"Could not find function {_written(node)}",
