@@ -174,9 +174,9 @@ class RequireType<string condition, string message, string hint = "",
 ///
 /// In expressions, names that are neither parameters nor letters belong to the
 /// call (python/warp/_src/frontend/binder.py): `make('fft', a)` makes
-/// `warp.tile_fft`, `builtin('add', a, b)` calls a builtin, `library('f', a)`
-/// a function of the kernel language, and `output`, `tiles`, ... are parts of
-/// the front end, for what takes more than an expression.
+/// `warp.tile_fft`, `builtin('add', a, b)` calls a builtin, and `output`,
+/// `tiles`, ... are parts of the front end, for calls that take more than an
+/// expression.
 ///
 /// Without a call, the front end has a method `builtin_<name>`, and the
 /// overloads are Python signatures.

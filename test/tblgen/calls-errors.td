@@ -1,4 +1,4 @@
-// What is wrong with the signature or the call of a record is reported there.
+// Errors in the signature or the call of a record are reported at the record.
 
 // RUN: not warp-tblgen -gen-python-calls -DTYPE %s 2>&1 | FileCheck %s --check-prefix=TYPE
 // RUN: not warp-tblgen -gen-python-calls -DEARLIER %s 2>&1 | FileCheck %s --check-prefix=EARLIER

@@ -121,11 +121,10 @@ bool Parser::checkType(const CallType &type, const CallSignature &signature) {
     unsigned least, most;
   };
   static constexpr Kind kinds[] = {
-      {"Any", 0, 0},   {"array", 0, 2}, {"axis", 1, 1},  {"condition", 0, 0},
-      {"const", 0, 1}, {"dtype", 0, 0}, {"index", 1, 1},
-      {"int", 0, 0}, {"offsets", 1, 1},
-      {"shape", 0, 0}, {"stack", 0, 0}, {"tile", 1, 2},
-      {"value", 0, 0}, {"|", 1, 9}};
+      {"Any", 0, 0},     {"array", 0, 2}, {"axis", 1, 1},  {"condition", 0, 0},
+      {"const", 0, 1},   {"dtype", 0, 0}, {"index", 1, 1}, {"int", 0, 0},
+      {"offsets", 1, 1}, {"shape", 0, 0}, {"stack", 0, 0}, {"tile", 1, 2},
+      {"value", 0, 0},   {"|", 1, 9}};
   StringRef digits = type.name;
   unsigned width;
   if (type.name == "bool" || (digits.consume_front_insensitive("f") ||
@@ -133,9 +132,8 @@ bool Parser::checkType(const CallType &type, const CallSignature &signature) {
                               digits.consume_front_insensitive("u")))
     if (type.name == "bool" || !digits.getAsInteger(10, width))
       return true;
-  const Kind *kind = find_if(kinds, [&](const Kind &one) {
-    return one.name == type.name;
-  });
+  const Kind *kind =
+      find_if(kinds, [&](const Kind &one) { return one.name == type.name; });
   size_t count = type.arguments.size();
   if (kind == std::end(kinds) || count < kind->least || count > kind->most)
     return fail(("a type of parameters, not '" + type.name + "'"));
@@ -255,12 +253,12 @@ warp::tblgen::parseCallSignature(StringRef text, std::string &error) {
 std::string warp::tblgen::qualifyNames(StringRef expression,
                                        const CallSignature &signature,
                                        std::string &unknown) {
-  static constexpr StringLiteral words[] = {
-      "and", "else", "for", "if", "in", "is", "not", "or", "None", "True",
-      "False"};
+  static constexpr StringLiteral words[] = {"and",  "else", "for",  "if",
+                                            "in",   "is",   "not",  "or",
+                                            "None", "True", "False"};
   static constexpr StringLiteral functions[] = {
-      "all", "any", "bool", "float", "int", "len", "list", "max", "min",
-      "range", "tuple", "zip"};
+      "all",  "any", "bool", "float", "int",   "len",
+      "list", "max", "min",  "range", "tuple", "zip"};
   std::string text;
   for (size_t i = 0; i < expression.size();) {
     char c = expression[i];
@@ -273,8 +271,8 @@ std::string warp::tblgen::qualifyNames(StringRef expression,
     if (!isAlpha(c) && c != '_') {
       text += c;
       // Digits, and letters of numbers such as 1e5.
-      for (++i; isDigit(c) && i < expression.size() &&
-                isWordChar(expression[i]);)
+      for (++i;
+           isDigit(c) && i < expression.size() && isWordChar(expression[i]);)
         text += expression[i++];
       continue;
     }

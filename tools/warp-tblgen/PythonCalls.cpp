@@ -136,8 +136,7 @@ static void emitOverload(const Builtin &builtin, unsigned number,
                                         "', which is no parameter of '" +
                                         builtin.overloads[number] + "'");
   os << "            " << (signature.hasResult ? "True" : "False")
-     << ",\n            " << getFunction(signature, call)
-     << ",\n        ),\n";
+     << ",\n            " << getFunction(signature, call) << ",\n        ),\n";
 }
 
 static void emitPythonCalls(const RecordKeeper &records, raw_ostream &os) {

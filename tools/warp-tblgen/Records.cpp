@@ -127,10 +127,9 @@ static Builtin readSpecial(const Record *record) {
   if (calls == 0)
     return builtin;
   if (calls != 1 && calls != builtin.overloads.size())
-    PrintFatalError(record, "'" + builtin.pythonName + "' has " +
-                                Twine(calls) + " calls for " +
-                                Twine(builtin.overloads.size()) +
-                                " overloads");
+    PrintFatalError(record, "'" + builtin.pythonName + "' has " + Twine(calls) +
+                                " calls for " +
+                                Twine(builtin.overloads.size()) + " overloads");
   for (StringRef overload : builtin.overloads) {
     std::string error;
     std::optional<CallSignature> signature =

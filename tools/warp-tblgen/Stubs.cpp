@@ -168,8 +168,7 @@ static std::string getStub(const warp::Signature &signature) {
   return text + ") -> " + getResult(signature);
 }
 
-static std::string getStub(const CallSignature &signature,
-                           StringRef overload) {
+static std::string getStub(const CallSignature &signature, StringRef overload) {
   std::string text = "(";
   ListSeparator comma;
   bool isKeywordOnly = false;

@@ -1,9 +1,9 @@
 """Calls of builtins by the signatures of their records.
 
 The generated table (`warp._src.builtin_calls`) has for each builtin its parameters, with types that
-letters tie together, the conditions on them, and the call. Here arguments are bound to parameters,
-converted and checked, the call is made, and what it gives for `inout` parameters is written back.
-An entry of the table is resolved at the first call of its builtin in a process.
+letters tie together, the conditions on them, and the call. The binder gives arguments to parameters,
+converts and checks them, makes the call, and writes new values of `inout` parameters back. An entry
+of the table is resolved at the first call of its builtin in a process.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Overload:
     Attributes:
         parameters: in order.
         order: those that arguments go to by position, up to a variadic one.
-        trailing: how many parameters follow the variadic one by position.
+        following: those that arguments go to by position behind a variadic one.
         by_name: the parameters by their names.
         variadic: the one that takes any number of arguments, or None.
         updated: the `inout` parameters.
@@ -33,8 +33,8 @@ class Overload:
     """
 
     __slots__ = (
-        *("by_name", "expand", "has_result", "letters", "order", "parameters", "requirements"),
-        *("trailing", "updated", "variadic"),
+        *("by_name", "expand", "following", "has_result", "letters", "order", "parameters"),
+        *("requirements", "updated", "variadic"),
     )
 
     def __init__(self, parameters, letters, requirements, has_result, expand):
@@ -43,13 +43,12 @@ class Overload:
         self.has_result, self.expand = has_result, expand
         self.by_name = {one.name: one for one in self.parameters}
         self.updated = [one for one in self.parameters if one.kind == "inout"]
-        self.variadic = next((one for one in self.parameters if one.kind == "*"), None)
-        self.order = [one for one in self.parameters if one.kind in ("", "inout")]
-        self.trailing = 0
-        if self.variadic is not None:
-            at = self.parameters.index(self.variadic)
-            self.trailing = len(self.order) - at
-            self.order = self.order[:at]
+        self.variadic, self.order, self.following = None, [], []
+        for one in self.parameters:
+            if one.kind == "*":
+                self.variadic = one
+            elif one.kind != "keyword":
+                (self.order if self.variadic is None else self.following).append(one)
 
     def shown(self) -> str:
         """The parameters as a caller sees them."""
@@ -64,8 +63,8 @@ class Call:
         builder, node: of the translator, and the syntax of the call.
         name: of the builtin.
         given: (binding, syntax) by the name of the parameter; a list of them for a variadic one.
-        values: what arguments were converted to so far, by the name of the parameter.
-        letters: what the letters of the signature stand for.
+        values: converted arguments so far, by the name of the parameter.
+        letters: types, extents and shapes that letters of the signature stand for.
         overload: the overload that was chosen.
     """
 
@@ -90,10 +89,6 @@ class Call:
     def builtin(self, name, *operands):
         """The result of a builtin of the registry."""
         return self.context.calls.apply_builtin(name, list(operands), self.node)
-
-    def library(self, function, *arguments):
-        """The result of a function that is written in the kernel language."""
-        return self.context.user_calls.call_function(function, list(arguments), {}, self.node)
 
     def argument(self, name):
         """An argument as (binding, syntax)."""
@@ -265,8 +260,7 @@ def _bound(overload, positional, keywords):
         if variadic.takes_names:
             others = [keywords[name] for name in sorted(set(keywords) - set(by_name))]
             keywords = {name: given for name, given in keywords.items() if name in by_name}
-        following = overload.parameters[-overload.trailing :] if overload.trailing else ()
-        following = [one for one in following if one.kind == "" and one.name not in keywords]
+        following = [one for one in overload.following if one.name not in keywords]
         count = variadic.count(given, rest, following)
         taken, behind = rest[:count], rest[count:]
         if len(behind) > len(following):
