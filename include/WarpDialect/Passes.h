@@ -11,6 +11,18 @@
 
 namespace warp {
 
+/// Points of the pipeline at which warp-apply-schedules runs.
+enum class ScheduleStage {
+  /// Operations on tiles, before they have layouts.
+  tiles,
+  /// The body of `warp.threads`, before there is an entry.
+  threads,
+  /// Loops of the entry, before updates are combined over warps.
+  updates,
+  /// Loops of the entry, once they are unrolled.
+  loads,
+};
+
 /// Attributes of functions and operations that passes leave for later ones.
 namespace attr {
 /// How the kernel's arguments looked before they were taken apart.

@@ -485,12 +485,53 @@ def CheckVariance : WarpPass<"warp-check-variance"> {
 // Phase `gpu`: an entry in structured control flow, on both targets
 //===----------------------------------------------------------------------===//
 
+def ApplySchedules : WarpPass<"warp-apply-schedules"> {
+  let summary = "Rewrite a kernel for one kind of launch on a GPU";
+  let description = [{
+    Applies the schedules of one stage that keep what the kernel computes and
+    pay for the launch (lib/Transforms/Schedules, docs/schedules.md), and sets
+    their fields of `#warp.schedule`. Runs once per stage: `tiles` merges
+    blocks; `threads` maps launch indices to the grid, so that the body of
+    `warp.threads` has no indices; `updates` and `loads` rewrite loops of the
+    entry.
+
+    ```mlir
+    warp.threads {
+    ^bb0(%i: i32):
+      // body
+    // ==> stage threads, without coarsening
+    warp.threads {
+      %n = warp.launch_extent 0 : i32
+      // %i = block * block size + thread, %inside = %i < %n
+      scf.if %inside {
+        // body
+    ```
+  }];
+  let options = [
+    Option<"stage", "stage", "::warp::ScheduleStage",
+           "::warp::ScheduleStage::threads", "Schedules to apply", [{
+             ::llvm::cl::values(
+               clEnumValN(::warp::ScheduleStage::tiles, "tiles",
+                          "Operations on tiles"),
+               clEnumValN(::warp::ScheduleStage::threads, "threads",
+                          "Threads of a group"),
+               clEnumValN(::warp::ScheduleStage::updates, "updates",
+                          "Loops with atomic updates"),
+               clEnumValN(::warp::ScheduleStage::loads, "loads",
+                          "Loops with uniform loads"))
+           }]>,
+  ];
+  let dependentDialects = [
+    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
+    "::mlir::LLVM::LLVMDialect", "::warp::WarpDialect"];
+}
+
 def EmitEntry : WarpPass<"warp-emit-entry"> {
   let summary = "Turn the group of threads into the entry of a launch";
   let description = [{
     The entry reads its arguments from the parameter block. On the CPU it runs
     the threads of a range of linear indices, row by row, with an inner loop
-    over the last dimension; on the GPU it is one thread.
+    over the last dimension; on the GPU it is one thread, mapped to the grid.
 
     ```mlir
     warp.group {
@@ -521,41 +562,6 @@ def LowerLanes : WarpPass<"warp-lower-lanes"> {
     %any = warp.any %m : vector<16xi1>
     // ==>
     %any = "llvm.intr.vector.reduce.or"(%m) : (vector<16xi1>) -> i1
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::mlir::LLVM::LLVMDialect"];
-}
-
-def RotateLoops : WarpPass<"warp-rotate-loops"> {
-  let summary = "Let the threads of a GPU warp take iterations in turn";
-  let description = [{
-    In a loop with updates of the scope `ring`, whose iterations may run in any
-    order, where all threads update the same element in the same iteration, the
-    32 lanes of a warp begin a tile
-    of 32 iterations at different ones. The sum of an iteration travels from
-    lane to lane and is added to the array once. A warp with a lane missing, and
-    what is left after the last full tile, go through the loop as it was.
-
-    ```mlir
-    scf.for %j = %c0 to %n step %c1 {
-      // %v
-      %old = warp.atomic_components add(%v), %y[%j] : ...
-    }
-    // ==>
-    scf.for %tile = %c0 to %end step %c32 {
-      %total = scf.for %step = %c0 to %c32 step %c1 iter_args(%sum = %zero) {
-        // %j = %tile + (%lane + %step) mod 32, %v
-        %next = arith.addf %sum, %v fastmath<reassoc> : f32
-        %moved, %valid = gpu.shuffle idx %next, %lane_after, %c32 : f32
-        scf.yield %moved : f32
-      }
-      // %mine = %tile + %lane
-      %old = warp.atomic_components add(%total), %y[%mine] : ...
-    }
-    scf.for %j = %end to %n step %c1 {
-      // as before
     ```
   }];
   let dependentDialects = [
@@ -628,35 +634,6 @@ def UnrollLoops : WarpPass<"warp-unroll-loops"> {
       scf.condition(%all) %s, %s2        // f(f(%s))
     } do { ... scf.yield %s2 }
     %r = scf.while (%s = %t#0) {         // as before
-    ```
-  }];
-  let dependentDialects = [
-    "::mlir::arith::ArithDialect", "::mlir::scf::SCFDialect",
-    "::mlir::LLVM::LLVMDialect"];
-}
-
-def StageLoads : WarpPass<"warp-stage-loads"> {
-  let summary = "Let a GPU warp load what its lanes share";
-  let description = [{
-    In front of a loop in whose iterations all threads load the same element,
-    the next one in the next iteration, goes one over tiles of 32 iterations.
-    Each lane of a warp loads one of their elements, which all find in shared
-    memory. A warp with a lane missing, and what is left after the last full
-    tile, go through the loop as it was.
-
-    ```mlir
-    scf.for %j = %c0 to %n step %c1 {
-      %x = warp.load_components %a[%j] : ...
-    }
-    // ==>
-    scf.for %tile = %c0 to %end step %c32 {
-      // %slab gets %a[%tile + %lane]
-      scf.for %step = %c0 to %c32 step %c1 {
-        %x = llvm.load %slot             // %slab[%step]
-      }
-    }
-    scf.for %j = %end to %n step %c1 {
-      // as before
     ```
   }];
   let dependentDialects = [

@@ -50,27 +50,6 @@ def CheckTiles : WarpTilePass<"warp-check-tiles"> {
   }];
 }
 
-def JoinBlocks : WarpTilePass<"warp-join-blocks"> {
-  let summary = "Let one block of a GPU compute the products of several";
-  let description = [{
-    For kernels on compute capability 9.0 that add products in a loop and do
-    nothing with the number of a block in the launch's last dimension of blocks
-    but to load and store tiles side by side: if the launch has blocks enough
-    (`max_block_coarsening` of the variant), tiles become two or four times as wide, as long
-    as threads can hold the sums. The runtime launches so many blocks less
-    (`block_coarsening` of the schedule). Not in debug and deterministic kernels.
-
-    ```mlir
-    %t = warp.mul(%j, %c64) : ...
-    %b = warp.tile_load %y[%k, %t] : ... -> !warp.tile<32x64 x f16>
-    // ==>
-    %t = warp.mul(%j, %c128) : ...
-    %b = warp.tile_load %y[%k, %t] : ... -> !warp.tile<32x128 x f16>
-    ```
-  }];
-  let dependentDialects = ["::warp::WarpDialect"];
-}
-
 def ScalarizeTiles : WarpTilePass<"warp-scalarize-tiles"> {
   let summary = "Make a kernel without tiles of one whose tiles have one element";
   let description = [{

@@ -44,7 +44,11 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
     other in the last dimension: its last index is that of the first of them,
     and a mask tells which of them the launch has.
 
-    (C1) one index per dimension, i32, and with `lanes` a mask after them.
+    Once threads are mapped to the grid of a GPU there are no indices: all
+    threads of the grid run the region, which reads its place there.
+
+    (C1) up to 4 indices, one per dimension, i32, and with `lanes` a mask after
+    them.
     (C2) `kinds` and `types` have an entry for each value that is yielded; the
     types still have their sign. (C3) results have those types, signless; with
     `lanes` vectors of them are yielded.
@@ -79,6 +83,15 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
     }
     ::mlir::Operation *getYield() { return getThread()->getTerminator(); }
   }];
+}
+
+def Warp_LaunchReversedOp : Warp_Op<"launch_reversed", [Pure]> {
+  let summary = "true if this launch runs its blocks from the last to the first";
+  let description = [{
+    The runtime decides for each launch whose schedule has `reverse_order`.
+  }];
+  let results = (outs I1:$result);
+  let assemblyFormat = "attr-dict";
 }
 
 def Warp_OnceOp : Warp_Op<"once", [SingleBlock, NoTerminator,

@@ -194,7 +194,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     // Layout, memory, barriers, in this order; nothing for other kernels.
     pm.addPass(createMaskThreads());
     pm.addPass(createCheckTiles());
-    pm.addPass(createJoinBlocks());
+    pm.addPass(createApplySchedules({ScheduleStage::tiles}));
     pm.addPass(createScalarizeTiles());
     pm.addPass(createFormLaneLoops());
     pm.addPass(createFuseTiles());
@@ -222,18 +222,19 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     pm.addPass(createVerifyLaunch());
     return;
   case Phase::Gpu:
+    pm.addPass(createApplySchedules({ScheduleStage::threads}));
     pm.addPass(createEmitEntry());
     // Masks of full vectors are constants now.
     pm.addPass(createLowerLanes());
-    // What is not in a tile of a ring, a warp combines.
-    pm.addPass(createRotateLoops());
+    // Iterations that are in no tile of a ring are combined over warps.
+    pm.addPass(createApplySchedules({ScheduleStage::updates}));
     pm.addPass(createCombineOverWarps());
     // Needs loops to hoist out of.
     pm.addPass(createLowerSums());
-    // Copies of an iteration next to each other; StageLoads leaves alone what
+    // Copies of an iteration next to each other; staging leaves alone what
     // has become short, and OrderAccesses brings their loads together.
     pm.addPass(createUnrollLoops());
-    pm.addPass(createStageLoads());
+    pm.addPass(createApplySchedules({ScheduleStage::loads}));
     // Last to move accesses, as no later pass may mix them.
     pm.addPass(createOrderAccesses());
     // The last that knows arrays.

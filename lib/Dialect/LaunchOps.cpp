@@ -39,8 +39,8 @@ LogicalResult warp::GroupOp::verify() {
 
 LogicalResult warp::ThreadsOp::verify() {
   unsigned rank = getIndices().size();
-  if (rank < 1 || rank > 4)
-    return emitOpError("(C1) expects 1 to 4 indices, but got ") << rank;
+  if (rank > 4)
+    return emitOpError("(C1) expects at most 4 indices, but got ") << rank;
   for (BlockArgument index : getIndices())
     if (!index.getType().isInteger(32))
       return emitOpError("(C1) expects indices of type i32, but got ")

@@ -22,7 +22,8 @@ inline bool isLowered(mlir::Operation *op) {
   return mlir::isa<LoadComponentsOp, StoreComponentsOp, AtomicComponentsOp,
                    AddressOp, GroupOp, ThreadsOp, OnceOp, YieldOp, AnyOp,
                    LaneNumbersOp, BroadcastOp, CombineLanesOp, EachLaneOp,
-                   LoadLanesOp, StoreLanesOp, UpdateLanesOp, ParameterOp>(op) ||
+                   LoadLanesOp, StoreLanesOp, UpdateLanesOp, ParameterOp,
+                   LaunchReversedOp>(op) ||
          !mlir::isa_and_nonnull<WarpDialect, mlir::scf::SCFDialect,
                                 mlir::func::FuncDialect,
                                 mlir::arith::ArithDialect>(op->getDialect());

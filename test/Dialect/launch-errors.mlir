@@ -26,8 +26,9 @@ func.func @group_c2() {
 
 func.func @threads_c1_rank() {
   warp.group {
-    // expected-error@+1 {{(C1) expects 1 to 4 indices, but got 0}}
+    // expected-error@+1 {{(C1) expects at most 4 indices, but got 5}}
     warp.threads attributes {kinds = array<i32>, types = []} {
+    ^bb0(%a: i32, %b: i32, %c: i32, %d: i32, %e: i32):
       warp.yield
     }
   }

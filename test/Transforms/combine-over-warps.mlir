@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-emit-entry \
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-apply-schedules --warp-emit-entry \
 // RUN:     --warp-combine-over-warps | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry --warp-expand-roots | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry --warp-expand-roots | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>
 

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry \
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry \
 // RUN:     --warp-unroll-loops --mlir-print-local-scope | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>

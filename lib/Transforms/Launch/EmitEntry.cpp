@@ -10,14 +10,11 @@
 //         rows, with the divisions that find a row done once per row. With
 //         lanes, a loop takes full vectors of threads, and what is left is one
 //         vector with a mask.
-//   GPU   entry(block) is one thread. Its indices come from the grid, the last
-//         dimension on axis x, and a guard replaces the loop. A launch that
-//         does not fit the axes is `flat`: one 64-bit linear index.
+//   GPU   entry(block) is one thread, which warp-apply-schedules has mapped to
+//         the grid. Sums of the threads are reduced over the block.
 //
 // The function has three blocks: what is read before threads run, the group in
 // structured form, and the return.
-//
-// Whoever adds a fact about launches starts at `EntryBuilder::build`.
 //
 //===----------------------------------------------------------------------===//
 
@@ -89,6 +86,11 @@ void EntryBuilder::createEntry() {
   entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(alignment));
 }
 
+Value EntryBuilder::parameter(Type type, int64_t offset) {
+  return warp::ParameterOp::create(b, loc, type, block, offset,
+                                   /*packed=*/false, StringAttr());
+}
+
 /// Reads extents and arguments, and puts them in the place of the kernel's.
 void EntryBuilder::readArguments() {
   for (int64_t i = 0; i < rank; ++i)
@@ -115,76 +117,6 @@ void EntryBuilder::readArguments() {
 }
 
 //===----------------------------------------------------------------------===//
-// Threads
-//===----------------------------------------------------------------------===//
-
-/// What combinations over the group begin with.
-EntryBuilder::Values EntryBuilder::identities(bool inLanes) {
-  Values values;
-  for (auto [kind, type] :
-       llvm::zip_equal(threads.getKinds(),
-                       threads.getTypes().getAsValueRange<TypeAttr>())) {
-    Value one = warp::identity(b, loc, warp::AtomicKind(kind), type);
-    if (inLanes)
-      one = warp::BroadcastOp::create(
-          b, loc, VectorType::get(threads.getWidth(), one.getType()), one);
-    values.push_back(one);
-  }
-  return values;
-}
-
-EntryBuilder::Values EntryBuilder::combine(ValueRange sums, ValueRange terms) {
-  Values combined;
-  for (auto [kind, type, sum, term] : llvm::zip_equal(
-           threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
-           sums, terms))
-    combined.push_back(warp::combine(b, loc, warp::AtomicKind(kind), sum, term,
-                                     type, /*anyOrder=*/true));
-  return combined;
-}
-
-/// A copy of the thread with these indices; with lanes also what is live.
-/// Returns what it yields.
-EntryBuilder::Values EntryBuilder::cloneThread(ValueRange indices, Value live) {
-  IRMapping map;
-  for (auto [argument, index] : llvm::zip_equal(threads.getIndices(), indices))
-    map.map(argument, narrow(index, argument.getType()));
-  if (live)
-    map.map(threads.getLive(), live);
-  for (Operation &op : threads.getThread()->without_terminator())
-    b.clone(op, map);
-  return llvm::map_to_vector(threads.getYield()->getOperands(),
-                             [&](Value v) { return map.lookupOrDefault(v); });
-}
-
-/// Like `cloneThread` for the last copy: moves the operations.
-EntryBuilder::Values EntryBuilder::takeThread(ValueRange indices) {
-  for (auto [argument, index] :
-       llvm::zip_equal(threads.getIndices(), indices)) {
-    Value thisIndex = argument;
-    thisIndex.replaceAllUsesWith(narrow(index, argument.getType()));
-  }
-  Block *thread = threads.getThread();
-  b.getInsertionBlock()->getOperations().splice(
-      b.getInsertionPoint(), thread->getOperations(), thread->begin(),
-      std::prev(thread->end()));
-  return Values(threads.getYield()->getOperands());
-}
-
-/// Indices of the dimensions before the last, from the linear number of a row.
-EntryBuilder::Values EntryBuilder::unravel(Value row, int count) {
-  Values indices(count);
-  for (int d = count - 1; d > 0; --d) {
-    Value extent = narrow(dims[d], row.getType());
-    Value rest = div(row, extent);
-    indices[d] = sub(row, mul(rest, extent));
-    row = rest;
-  }
-  indices[0] = row;
-  return indices;
-}
-
-//===----------------------------------------------------------------------===//
 // Groups
 //===----------------------------------------------------------------------===//
 
@@ -205,36 +137,64 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
 }
 
 /// On a CPU a block is one thread.
-static void lowerBlockOps(LLVM::LLVMFuncOp entry, bool gpu, ValueRange dims) {
+void EntryBuilder::lowerGroupOps() {
+  bool gpu = warp::isGpu(entry);
   // Threads that work on tiles are numbered along one axis.
-  int64_t rows = warp::tiles::getBlockThreads(entry);
-  bool isWarp = rows == warp::warpSize;
+  int64_t tileThreads = warp::tiles::getBlockThreads(entry);
+  bool isWarp = tileThreads == warp::warpSize;
+  auto number = [&](Location loc) -> Value {
+    if (!gpu)
+      return constant(b.getI32Type(), 0);
+    return tileThreads ? warp::readGrid(b, loc, warp::GridValue::threadId)
+                       : warp::threadInBlock(b, loc);
+  };
+  auto replace = [&](Operation *op, Value value) {
+    op->getResult(0).replaceAllUsesWith(value);
+    op->erase();
+  };
   entry.walk([&](Operation *op) {
-    OpBuilder b(op);
+    b.setInsertionPoint(op);
     if (isa<warp::BarrierOp>(op)) {
       if (gpu)
         (isWarp ? warp::synchronizeWarp : warp::synchronizeBlock)(b,
                                                                   op->getLoc());
       op->erase();
     } else if (isa<warp::ThreadNumberOp>(op)) {
-      Value zero =
-          arith::ConstantOp::create(b, op->getLoc(), b.getI32IntegerAttr(0));
-      op->getResult(0).replaceAllUsesWith(
-          !gpu   ? zero
-          : rows ? warp::readGrid(b, op->getLoc(), warp::GridValue::threadId)
-                 : warp::threadInBlock(b, op->getLoc()));
-      op->erase();
+      replace(op, number(op->getLoc()));
     } else if (auto extent = dyn_cast<warp::LaunchExtentOp>(op)) {
-      op->getResult(0).replaceAllUsesWith(dims[extent.getAxis()]);
-      op->erase();
+      replace(op, dims[extent.getAxis()]);
+    } else if (isa<warp::LaunchReversedOp>(op)) {
+      Type i32 = b.getI32Type();
+      Value order = parameter(i32, offsetof(warp::LaunchHeader, reversed));
+      replace(op, cmp(arith::CmpIPredicate::ne, order, constant(i32, 0)));
     }
   });
 }
 
+/// The thread as a schedule has mapped it to the grid (Schedules/); the values
+/// that it yields are reduced over the block.
+EntryBuilder::Values EntryBuilder::buildGpu() {
+  Values sums = takeThread({});
+  if (sums.empty())
+    return sums;
+  warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),
+                           variant.getBlock());
+  SmallVector<warp::Reduced> reduced;
+  for (auto [kind, type, sum, identity] : llvm::zip_equal(
+           threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
+           sums, identities(/*inLanes=*/false)))
+    if (!type.isInteger(1))
+      reduced.push_back({warp::AtomicKind(kind), sum, identity, type});
+  SmallVector<Value> totals = reduce.reduce(reduced);
+  Values combined;
+  auto total = totals.begin();
+  for (Value sum : sums)
+    combined.push_back(sum.getType().isInteger(1) ? reduce.any(sum) : *total++);
+  return combined;
+}
+
 void EntryBuilder::build() {
   bool gpu = warp::isGpu(kernel);
-  if (gpu)
-    planGpu();
   createEntry();
   Block *first = &entry.getBody().front();
   Block *body = b.createBlock(&entry.getBody());
@@ -266,7 +226,7 @@ void EntryBuilder::build() {
     };
     inlineOnce(op, gpu ? function_ref<Value()>(isFirst) : nullptr);
   }
-  lowerBlockOps(entry, gpu, dims);
+  lowerGroupOps();
   kernel->erase();
 }
 
@@ -283,6 +243,11 @@ struct EmitEntry : warp::impl::EmitEntryBase<EmitEntry> {
     if (!threads)
       return signalPassFailure();
     auto kernel = threads->getParentOfType<FunctionOpInterface>();
+    if (warp::isGpu(kernel) && !threads.getIndices().empty()) {
+      threads.emitError("expects threads that are mapped to the grid, run "
+                        "'--warp-apply-schedules' first");
+      return signalPassFailure();
+    }
     EntryBuilder(kernel, threads).build();
   }
 };

@@ -2,12 +2,12 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Blocks of a matrix product that lie next to each other load the same rows of
-// one factor. Where block j has columns [T j, T j + T) of the other factor and
-// of the result, and does nothing else with j, one block of as many threads can
-// have the columns of several: tiles become wider, and each element is computed
-// as before. Threads hold more sums then, and read less of the block's memory
-// for each.
+// Neighbouring blocks of a matrix product load the same rows of one factor.
+// Where block j has columns [T j, T j + T) of the other factor and of the
+// result, and does nothing else with j, one block of as many threads can
+// compute the columns of several: tiles become wider, and each element is
+// computed as before. Threads hold more accumulators then, and read less shared
+// memory for each.
 //
 //   for k:                              for k:
 //     x = tile_load a[i, k]               x = tile_load a[i, k]
@@ -15,30 +15,23 @@
 //     s = x y + s              64 x 64    s = x y + s                64 x 128
 //   tile_store s, c[i, T j]             tile_store s, c[i, 2 T j]
 //
-// The launch has fewer blocks, so it is for those that fill the card all the
-// same (`joinable`).
+// The launch has fewer blocks, so it is for those that fill the GPU all the
+// same
+// (`max_block_coarsening`).
 //
 //===----------------------------------------------------------------------===//
 
-#include "Choices.h"
-#include "KernelFunction.h"
-#include "Tiles/LowerTiles.h"
-#include "Tiles/TileProducts.h"
+#include "Schedules.h"
 
 #include "Analysis/Forms.h"
+#include "Tiles/LowerTiles.h"
+#include "Tiles/TileProducts.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/TilePasses.h"
 #include "warp/SizeFacts.h"
 
-#include "mlir/Dialect/SCF/IR/SCF.h"
-
 #include "llvm/ADT/MapVector.h"
 #include "llvm/ADT/TypeSwitch.h"
-
-namespace warp {
-#define GEN_PASS_DEF_JOINBLOCKS
-#include "WarpDialect/TilePasses.h.inc"
-} // namespace warp
 
 using namespace mlir;
 using namespace warp;
@@ -46,26 +39,35 @@ using namespace warp::tiles;
 
 namespace {
 
-/// Most rows and columns of TMA boxes and of matrix instructions.
+/// Most rows and columns of TMA tiles and of instructions.
 constexpr int64_t mostExtent = 256;
-/// Sums that a thread can hold: of matrix instructions, and its own.
+/// Accumulators that a thread can hold: of matrix instructions, and of FMAs.
 constexpr int64_t mostSums = 128, mostOwnSums = 64;
 constexpr int64_t mostBlocks = 4;
-/// Of block memory, so that there is room for some of what loops load ahead.
+/// Of shared memory, so that there is room for pipeline stages.
 constexpr int64_t mostBytes = 128 * 1024;
 
-class Joiner {
+class CoarsenBlocks : public Schedule {
 public:
-  explicit Joiner(FunctionOpInterface kernel)
-      : kernel(kernel), dimension(getVariant(kernel).getRank() - 2) {}
+  explicit CoarsenBlocks(ScheduleSite &site)
+      : Schedule(site), kernel(site.function),
+        dimension(site.variant.getRank() - 2) {}
 
-  /// Whether neighbouring blocks can be one.
-  bool canJoin();
-  /// How many, of at most so many.
-  int64_t chooseFactor(int64_t most, int64_t threads) const;
-  void join(int64_t factor);
+  bool applies() override;
+  bool profit() override;
+  void rewrite() override;
+  Description describe(bool isMade) override {
+    if (!isMade)
+      return {"block_coarsening", "1", "fewer blocks would not fill the GPU"};
+    return {"block_coarsening", std::to_string(factor),
+            "wider tiles read less shared memory for each sum"};
+  }
+  int sizeFacts() const override { return maxBlockCoarseningFact; }
 
 private:
+  bool canMerge();
+  /// Blocks to merge, of at most so many.
+  int64_t chooseFactor(int64_t most) const;
   bool findWindows();
   bool findWindow(OpOperand &use, int64_t extent);
   /// Tiles that become wider along an axis.
@@ -78,13 +80,14 @@ private:
   bool isAllowed(Operation *op) const;
   bool isFactor(Value tile) const;
   int64_t countWideBytes() const;
-  bool isGood(TileMatmulOp op, int64_t factor, int64_t threads) const;
+  bool isGood(TileMatmulOp op, int64_t factor) const;
   bool isMarked(Value tile, int64_t axis) const {
     auto known = axes.find(tile);
     return known != axes.end() && known->second == axis;
   }
 
   FunctionOpInterface kernel;
+  int64_t threads = 0, factor = 1;
   /// The last dimension of blocks.
   int64_t dimension;
   /// T j, and T.
@@ -104,7 +107,7 @@ private:
 // Analysis
 //===----------------------------------------------------------------------===//
 
-void Joiner::mark(Value tile, int64_t axis) {
+void CoarsenBlocks::mark(Value tile, int64_t axis) {
   auto [entry, isNew] = axes.insert({tile, axis});
   agree &= entry->second == axis;
   if (isNew)
@@ -127,7 +130,7 @@ static std::optional<int64_t> axisOf(Op op, TileType tile, OpOperand &use,
   return op.getPicked() ? std::nullopt : axis;
 }
 
-bool Joiner::findWindow(OpOperand &use, int64_t extent) {
+bool CoarsenBlocks::findWindow(OpOperand &use, int64_t extent) {
   Operation *op = use.getOwner();
   Value tile;
   std::optional<int64_t> axis;
@@ -151,7 +154,7 @@ bool Joiner::findWindow(OpOperand &use, int64_t extent) {
   return true;
 }
 
-bool Joiner::findWindows() {
+bool CoarsenBlocks::findWindows() {
   SmallVector<Value> numbers;
   kernel->walk([&](TidOp tid) {
     if (int64_t(tid.getNumResults()) > dimension)
@@ -174,14 +177,15 @@ bool Joiner::findWindows() {
   return !starts.empty();
 }
 
-void Joiner::markCarried(scf::ForOp loop, unsigned number, int64_t axis) {
+void CoarsenBlocks::markCarried(scf::ForOp loop, unsigned number,
+                                int64_t axis) {
   mark(loop.getInitArgs()[number], axis);
   mark(loop.getRegionIterArgs()[number], axis);
   mark(loop.getYieldedValues()[number], axis);
   mark(loop.getResult(number), axis);
 }
 
-bool Joiner::markMap(TileMapOp op, int64_t axis) {
+bool CoarsenBlocks::markMap(TileMapOp op, int64_t axis) {
   for (Value value : llvm::concat<Value>(SmallVector<Value>(op.getInputs()),
                                          SmallVector<Value>(op.getResults())))
     if (isTile(value))
@@ -191,7 +195,7 @@ bool Joiner::markMap(TileMapOp op, int64_t axis) {
   return true;
 }
 
-bool Joiner::spreadToOperands(Value tile, int64_t axis) {
+bool CoarsenBlocks::spreadToOperands(Value tile, int64_t axis) {
   Operation *def = tile.getDefiningOp();
   if (!def) {
     auto loop = dyn_cast<scf::ForOp>(tile.getParentBlock()->getParentOp());
@@ -222,7 +226,7 @@ bool Joiner::spreadToOperands(Value tile, int64_t axis) {
       .Default(false);
 }
 
-bool Joiner::spreadToUser(OpOperand &use, int64_t axis) {
+bool CoarsenBlocks::spreadToUser(OpOperand &use, int64_t axis) {
   return llvm::TypeSwitch<Operation *, bool>(use.getOwner())
       .Case<TileStoreOp, TileAtomicOp>(
           [&](Operation *op) { return windows.contains(op); })
@@ -255,7 +259,7 @@ bool Joiner::spreadToUser(OpOperand &use, int64_t axis) {
       .Default(false);
 }
 
-bool Joiner::spread() {
+bool CoarsenBlocks::spread() {
   while (!open.empty()) {
     Value tile = open.pop_back_val();
     int64_t axis = axes[tile];
@@ -269,7 +273,7 @@ bool Joiner::spread() {
 }
 
 /// Whether one block does what several do if it does that once.
-bool Joiner::isAllowed(Operation *op) const {
+bool CoarsenBlocks::isAllowed(Operation *op) const {
   if (isa<TileStoreOp, TileAtomicOp>(op))
     return windows.contains(op);
   if (auto product = dyn_cast<TileMatmulOp>(op))
@@ -288,7 +292,7 @@ bool Joiner::isAllowed(Operation *op) const {
           (op->hasTrait<OpTrait::IsTerminator>() || isMemoryEffectFree(op)));
 }
 
-bool Joiner::canJoin() {
+bool CoarsenBlocks::canMerge() {
   if (dimension < 0 || !findWindows() || !spread())
     return false;
   bool isAdded = false;
@@ -304,7 +308,7 @@ bool Joiner::canJoin() {
 
 /// Bytes of what is as large as the result and not held as sums alone: loaded
 /// tiles, what functions of elements make, and then sums as well.
-int64_t Joiner::countWideBytes() const {
+int64_t CoarsenBlocks::countWideBytes() const {
   int64_t bytes = 0;
   for (auto [tile, axis] : axes)
     if (isa_and_nonnull<TileMapOp>(tile.getDefiningOp()) ||
@@ -317,7 +321,7 @@ int64_t Joiner::countWideBytes() const {
 }
 
 /// Whether a tile, or one that is turned, is a product's second factor.
-bool Joiner::isFactor(Value tile) const {
+bool CoarsenBlocks::isFactor(Value tile) const {
   return llvm::all_of(tile.getUses(), [&](OpOperand &use) {
     if (auto turned = dyn_cast<TileTransposeOp>(use.getOwner()))
       return isFactor(turned.getResult());
@@ -328,8 +332,8 @@ bool Joiner::isFactor(Value tile) const {
 
 /// Whether threads can hold the sums of so many blocks, and memory what loops
 /// load ahead, at least one step.
-bool Joiner::isGood(TileMatmulOp op, int64_t factor, int64_t threads) const {
-  TargetAttr target = getVariant(kernel).getTarget();
+bool CoarsenBlocks::isGood(TileMatmulOp op, int64_t factor) const {
+  TargetAttr target = site.variant.getTarget();
   TileType type = tileType(op.getResult());
   Type element = tileType(op.getA()).getElementType();
   int64_t rows = type.getShape()[0], columns = type.getShape()[1] * factor;
@@ -347,19 +351,35 @@ bool Joiner::isGood(TileMatmulOp op, int64_t factor, int64_t threads) const {
          hasWarpgroupPatch({rows, columns}, threads);
 }
 
-int64_t Joiner::chooseFactor(int64_t most, int64_t threads) const {
+int64_t CoarsenBlocks::chooseFactor(int64_t most) const {
   while (most > 1 && !llvm::all_of(products, [&](TileMatmulOp op) {
-           return isGood(op, most, threads);
+           return isGood(op, most);
          }))
     most /= 2;
   return most;
+}
+
+/// For kernels of blocks that work on tiles, without checks or open order.
+bool CoarsenBlocks::applies() {
+  auto found = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
+  if (!found || kernel->hasAttr(warp::attr::ragged) ||
+      site.variant.getDebug() || site.variant.isDeterministic() || !canMerge())
+    return false;
+  threads = found.getInt();
+  return chooseFactor(mostBlocks) > 1;
+}
+
+bool CoarsenBlocks::profit() {
+  factor = chooseFactor(site.variant.getMaxBlockCoarsening());
+  return factor > 1;
 }
 
 //===----------------------------------------------------------------------===//
 // Transformation
 //===----------------------------------------------------------------------===//
 
-void Joiner::join(int64_t factor) {
+void CoarsenBlocks::rewrite() {
+  setSchedule(kernel, getSchedule(kernel).withBlockCoarsening(factor));
   for (auto [start, extent] : starts) {
     OpBuilder b(start);
     bool isFirst = getConstantInteger(start->getOperand(0)).has_value();
@@ -377,36 +397,4 @@ void Joiner::join(int64_t factor) {
   }
 }
 
-namespace {
-
-struct JoinBlocks : warp::impl::JoinBlocksBase<JoinBlocks> {
-  void runOnOperation() override {
-    FunctionOpInterface kernel = findKernel(getOperation());
-    if (!kernel)
-      return signalPassFailure();
-    VariantAttr variant = getVariant(kernel);
-    auto threads = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
-    if (!threads || kernel->hasAttr(warp::attr::ragged) || variant.getDebug() ||
-        variant.isDeterministic() ||
-        variant.getTarget().getProcessor() != "sm_90a")
-      return;
-    Joiner joiner(kernel);
-    if (!joiner.canJoin())
-      return;
-    if (joiner.chooseFactor(mostBlocks, threads.getInt()) == 1)
-      return;
-    setSchedule(kernel,
-                getSchedule(kernel).withSizeFacts(maxBlockCoarseningFact));
-    int64_t factor =
-        joiner.chooseFactor(variant.getMaxBlockCoarsening(), threads.getInt());
-    if (factor == 1)
-      return noteChoice(kernel, "blocks", "1",
-                        "joined with others they would not fill the card");
-    joiner.join(factor);
-    setSchedule(kernel, getSchedule(kernel).withBlockCoarsening(factor));
-    noteChoice(kernel, "blocks", Twine(factor) + " joined",
-               "products read less of memory for each sum");
-  }
-};
-
-} // namespace
+WARP_MAKE_SCHEDULE(CoarsenBlocks)

@@ -2,26 +2,28 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What a launch over more memory than a GPU's cache holds has touched last is
-// still in the cache when the next launch begins; what it has touched first is
-// gone. If every other launch runs its blocks from the last to the first, it
-// begins with what is there (H200, launches that follow each other over arrays
-// of so many bytes: y = 3 x, 2 x 64 MB 1.10 times as fast, 2 x 256 MB 1.03;
-// x = 3 x, 64 MB 1.21 times). The runtime decides for each launch.
+// After a launch over more memory than the L2 cache holds, the elements that it
+// touched last are cached, those that it touched first are not. If every other
+// launch runs its blocks from the last to the first, it begins with cached
+// elements (H200, launches that follow each other over arrays of so many bytes:
+// y = 3 x, 2 x 64 MB 1.10 times as fast, 2 x 256 MB 1.03; x = 3 x, 64 MB 1.21
+// times). The runtime decides for each launch:
 //
-// Blocks run in no order that a program may rely on. Kernels whose order one
-// may notice all the same keep it: where threads add to floats of others, whose
-// sums are rounded in that order, where an update returns what was there
-// before, as in counters that number things, where threads print, and where
-// some blocks have more work than others, which is better begun with the first.
+//   block = blockIdx   =>   block = reversed ? gridDim - 1 - blockIdx :
+//   blockIdx
+//
+// Programs may not rely on the order of blocks. Kernels in which it can be
+// noticed all the same keep it: where threads add to floats of others, whose
+// sums are rounded in that order, where an update returns the old value, as in
+// counters that number elements, where threads print, and where some blocks
+// have more work than others, which is better begun with the first.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/ThreadVariance.h"
-#include "Launch/EntryBuilder.h"
+#include "GridMapping.h"
+
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
-#include "warp/Launch.h"
 #include "warp/SizeFacts.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -29,15 +31,34 @@
 #include "llvm/ADT/SetVector.h"
 
 using namespace mlir;
-using warp::EntryBuilder;
+using namespace warp;
 
-/// Whether a thread of one block has it as the same thread of another one.
-static bool isSameInBlocks(Value value, const warp::ThreadVariance &variance) {
+namespace {
+
+class ReverseOrder : public Schedule {
+public:
+  using Schedule::Schedule;
+
+  bool applies() override;
+  bool profit() override;
+  void rewrite() override;
+  Description describe(bool isMade) override {
+    if (!isMade)
+      return {};
+    return {"reverse_order", "every other launch",
+            "block order alternates for L2 reuse"};
+  }
+};
+
+} // namespace
+
+/// True if the same thread of different blocks has the same value.
+static bool isSameInBlocks(Value value, const ThreadVariance &variance) {
   llvm::SetVector<Value> needed;
   needed.insert(value);
   for (unsigned i = 0; i < needed.size(); ++i) {
     Value next = needed[i];
-    if (variance.isUniform(next, warp::Scope::Launch))
+    if (variance.isUniform(next, Scope::Launch))
       continue;
     Operation *op = next.getDefiningOp();
     if (!op) {
@@ -47,7 +68,7 @@ static bool isSameInBlocks(Value value, const warp::ThreadVariance &variance) {
         return false;
       continue;
     }
-    if (isa<warp::ThreadNumberOp>(op))
+    if (isa<ThreadNumberOp>(op))
       continue;
     if (!isPure(op) || op->getNumRegions() != 0 || op->getNumOperands() == 0)
       return false;
@@ -56,66 +77,78 @@ static bool isSameInBlocks(Value value, const warp::ThreadVariance &variance) {
   return true;
 }
 
-/// Whether what threads leave in an element together depends on their order:
-/// the last one's value, or a sum that is rounded.
-static bool dependsOnOrder(warp::AccessOp access) {
+/// True if the result of an update depends on the order of threads: a value
+/// that the last one leaves, or a sum that is rounded.
+static bool dependsOnOrder(AccessOp access) {
   auto kind = access.getCombination();
-  if (!access.isAtomic() || kind == warp::AtomicKind::min ||
-      kind == warp::AtomicKind::max)
+  if (!access.isAtomic() || kind == AtomicKind::min || kind == AtomicKind::max)
     return false;
-  return !kind || kind == warp::AtomicKind::exch ||
+  return !kind || kind == AtomicKind::exch ||
          llvm::any_of(access.getWritten().getTypes(),
                       [](Type type) { return isa<FloatType>(type); });
 }
 
-static bool keepsOrder(Operation *op, const warp::ThreadVariance &variance) {
+static bool keepsOrder(Operation *op, const ThreadVariance &variance) {
   if (auto loop = dyn_cast<scf::ForOp>(op))
     return !isSameInBlocks(loop.getLowerBound(), variance) ||
            !isSameInBlocks(loop.getUpperBound(), variance) ||
            !isSameInBlocks(loop.getStep(), variance);
   if (isa<LoopLikeOpInterface>(op))
     return true;
-  if (auto access = dyn_cast<warp::AccessOp>(op))
+  if (auto access = dyn_cast<AccessOp>(op))
     return access.mayWrite() && (!op->use_empty() || dependsOnOrder(access));
-  if (auto call = dyn_cast<warp::LibraryCallOp>(op))
+  if (auto call = dyn_cast<LibraryCallOp>(op))
     return !call.getCallee().starts_with("warp_tile_") ||
            call.getCallee().starts_with("warp_tile_add_");
   return op->getNumRegions() == 0 && !isMemoryEffectFree(op) &&
-         !isa<warp::BarrierOp, warp::ScratchOp, warp::ScratchLoadOp,
-              warp::ScratchStoreOp>(op);
+         !isa<BarrierOp, ScratchOp, ScratchLoadOp, ScratchStoreOp>(op);
 }
 
-/// Whether blocks may run in either order, and something is gained by it.
-bool EntryBuilder::canAlternate() {
-  // What threads yield, blocks add up.
-  bool isStream =
-      (form == Form::One || form == Form::Items || form == Form::Tiles) &&
-      threads.getNumResults() == 0;
-  // Small launches have code of their own, and arrays that fit.
-  bool isSmall =
-      !variant.getLarge() &&
-      (warp::getSchedule(kernel).getSizeFacts() & warp::largeFact) != 0;
-  if (!isStream || isSmall || variant.getDebug() || variant.isDeterministic())
+bool ReverseOrder::applies() {
+  if (!site.mapping->hasIndependentBlocks() ||
+      site.threads.getNumResults() != 0 || site.variant.getDebug() ||
+      site.variant.isDeterministic())
     return false;
-  warp::ThreadVariance variance(kernel);
+  const ThreadVariance &variance = site.getVariance();
   bool accesses = false;
-  WalkResult result = threads.getBody().walk([&](Operation *op) {
-    accesses |= isa<warp::AccessOp>(op);
+  WalkResult result = site.threads.getBody().walk([&](Operation *op) {
+    accesses |= isa<AccessOp>(op);
     return keepsOrder(op, variance) ? WalkResult::interrupt()
                                     : WalkResult::advance();
   });
   return accesses && !result.wasInterrupted();
 }
 
-/// The number of the block along an axis, in the order of the launch.
-Value EntryBuilder::blockIndex(Axis axis) {
-  Value first = warp::readGrid(b, loc, warp::GridValue::blockId, axis);
-  if (!alternates)
-    return first;
-  Type i32 = b.getI32Type();
-  Value count = warp::readGrid(b, loc, warp::GridValue::gridDim, axis);
-  Value last = sub(sub(count, constant(i32, 1)), first);
-  Value order = parameter(i32, offsetof(warp::LaunchHeader, reversed));
-  Value isLast = cmp(arith::CmpIPredicate::ne, order, constant(i32, 0));
-  return arith::SelectOp::create(b, loc, isLast, last, first);
+/// Small launches have code of their own if it depends on that, and arrays that
+/// fit the cache.
+bool ReverseOrder::profit() {
+  int64_t facts = getSchedule(site.function).getSizeFacts();
+  return site.variant.getLarge() || (facts & largeFact) == 0;
 }
+
+void ReverseOrder::rewrite() {
+  setSchedule(site.function, getSchedule(site.function).withReverseOrder(true));
+  SmallVector<arith::IndexCastOp> blocks;
+  site.threads.getBody().walk([&](arith::IndexCastOp op) {
+    std::optional<GridRead> read = getGridRead(op.getResult());
+    if (read && read->value == GridValue::blockId)
+      blocks.push_back(op);
+  });
+  for (arith::IndexCastOp first : blocks) {
+    OpBuilder b(first->getContext());
+    b.setInsertionPointAfter(first);
+    Location loc = first.getLoc();
+    Axis axis = getGridRead(first.getResult())->axis;
+    Value one = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(1));
+    Value count = readGrid(b, loc, GridValue::gridDim, axis);
+    count = arith::SubIOp::create(b, loc, count, one, noWrap);
+    auto last = arith::SubIOp::create(b, loc, count, first, noWrap);
+    Value reversed = LaunchReversedOp::create(b, loc, b.getI1Type());
+    auto block = arith::SelectOp::create(b, loc, reversed, last, first);
+    first.getResult().replaceUsesWithIf(block, [&](OpOperand &use) {
+      return use.getOwner() != last && use.getOwner() != block;
+    });
+  }
+}
+
+WARP_MAKE_SCHEDULE(ReverseOrder)

@@ -10,49 +10,32 @@
 
 #include "RingLoop.h"
 
-#include "Updates/Atomics.h"
 #include "Launch/LoopSums.h"
-
-#include "mlir/IR/Matchers.h"
+#include "LoopSchedule.h"
+#include "Updates/Atomics.h"
 
 using namespace mlir;
 using warp::RingLoop;
-
-/// Fewer iterations are not worth the code.
-constexpr int64_t minTrips = 2 * warp::RingLoop::lanes;
-
-/// True if a value is the same for all lanes, and in all iterations.
-bool RingLoop::isUniform(Value value) {
-  return variance.strideIfEqual(value, loop, compared) == 0;
-}
-
-/// True if the loop surely has too few iterations.
-bool RingLoop::isShort() {
-  APInt first, last;
-  return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
-         matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) &&
-         last.getSExtValue() - first.getSExtValue() < minTrips;
-}
 
 /// True if nothing in the loop does to memory what iterations could see of each
 /// other. An array that a commuting update names is not accessed otherwise.
 bool RingLoop::isOrderOpen() {
   WalkResult result = loop.getBody()->walk([&](Operation *op) {
     auto update = dyn_cast<warp::AtomicComponentsOp>(op);
-    bool open =
-        update ? warp::commutes(update)
-               : isa<warp::LoadComponentsOp>(op) ||
-                     op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
-                     isMemoryEffectFree(op);
+    bool open = update
+                    ? warp::commutes(update)
+                    : isa<warp::LoadComponentsOp>(op) ||
+                          op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
+                          isMemoryEffectFree(op);
     return open ? WalkResult::advance() : WalkResult::interrupt();
   });
   return !result.wasInterrupted();
 }
 
 /// Finds updates of one element per iteration, the same for all threads. Sums
-/// of fewer than 32 bits would round. Updates that depend on the thread and
-/// the iteration would no longer be updates by neighbours.
-bool RingLoop::collectUpdates() {
+/// of fewer than 32 bits would round. Updates that depend on the thread and the
+/// iteration would no longer be coalesced.
+bool RingLoop::collectUpdates(const ThreadVariance &variance) {
   bool wouldScatter = false;
   loop.getBody()->walk([&](warp::AtomicComponentsOp op) {
     Operation *parent = op->getParentOp();
@@ -65,9 +48,10 @@ bool RingLoop::collectUpdates() {
       differs |= stride.value_or(0) != 0;
       return stride.has_value();
     };
-    if (parent != loop || !isUniform(op.getArray()) ||
-        !warp::canCombine(op) ||
-        !llvm::all_of(op.getIndices(), isKnown) || !differs) {
+    if (parent != loop ||
+        variance.strideIfEqual(op.getArray(), loop, compared) != 0 ||
+        !warp::canCombine(op) || !llvm::all_of(op.getIndices(), isKnown) ||
+        !differs) {
       wouldScatter |= !llvm::all_of(op.getIndices(), [&](Value index) {
         return loop.isDefinedOutsideOfLoop(index);
       });
@@ -78,12 +62,7 @@ bool RingLoop::collectUpdates() {
   return !updates.empty() && !wouldScatter;
 }
 
-bool RingLoop::qualifies() {
-  Type type = loop.getInductionVar().getType();
-  return matchPattern(loop.getStep(), m_One()) && !isShort() &&
-         isa<IntegerType>(type) && type.getIntOrFloatBitWidth() >= 32 &&
-         isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound()) &&
-         isOrderOpen() &&
-         carriesSums(loop, anyOrder) &&
-         collectUpdates();
+bool RingLoop::qualifies(const ThreadVariance &variance) {
+  return warp::hasWarpTiles(loop, variance, compared) && isOrderOpen() &&
+         carriesSums(loop, anyOrder) && collectUpdates(variance);
 }

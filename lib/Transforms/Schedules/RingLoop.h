@@ -1,4 +1,4 @@
-//===- RingLoop.h - Loops whose sums may travel -----------------*- C++ -*-===//
+//===- RingLoop.h - Loops for a ring reduction ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -15,30 +15,24 @@
 namespace warp {
 
 /// A loop in which all threads update the same element in the same iteration,
-/// if its iterations may run in any order: what warp-rotate-loops is about.
+/// if its iterations may run in any order: one for a ring reduction.
 class RingLoop {
 public:
-  /// Lanes of a warp, and iterations of a tile.
-  static constexpr int64_t lanes = 32;
-
   /// `anyOrder`: all sums of floats may be reassociated.
-  RingLoop(mlir::scf::ForOp loop, const ThreadVariance &variance, bool anyOrder)
-      : loop(loop), variance(variance), anyOrder(anyOrder) {}
+  RingLoop(mlir::scf::ForOp loop, bool anyOrder)
+      : loop(loop), anyOrder(anyOrder) {}
 
   /// True if it is one; fills in the rest.
-  bool qualifies();
+  bool qualifies(const ThreadVariance &variance);
   llvm::SmallVector<AtomicComponentsOp> updates;
-  /// The values that lanes must agree on for bounds and indices to be the same.
+  /// Values that lanes must agree on for bounds and indices to be the same.
   llvm::SetVector<mlir::Value> compared;
 
 private:
-  bool isShort();
-  bool isUniform(mlir::Value value);
   bool isOrderOpen();
-  bool collectUpdates();
+  bool collectUpdates(const ThreadVariance &variance);
 
   mlir::scf::ForOp loop;
-  const ThreadVariance &variance;
   bool anyOrder;
 };
 

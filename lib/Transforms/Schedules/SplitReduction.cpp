@@ -2,103 +2,108 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A launch of few threads with a long loop each leaves most of a card idle.
-// Where the loop adds up and the order is open, as many threads as a block has
-// warps share one index: thread (i, s) of a block runs the s-th part of the
-// iterations, the parts come together in the memory of the block, and thread
-// (i, 0) goes on with their sum:
+// A launch of few threads with a long loop each leaves most of a GPU idle.
+// Where the loop is a reduction whose order is open, the warps of a block split
+// its iterations: thread (i, s) reduces part s, the parts are exchanged through
+// shared memory, and thread (i, 0) continues with their sum:
 //
 //   for j in part s of range(n): sum += f(i, j)
-//   slab[s][i] = sum          (the block waits)
-//   if s = 0: sum = slab[0][i] + slab[1][i] + ...; the rest of the kernel
+//   parts[s][i] = sum; barrier
+//   if s == 0: sum = parts[0][i] + parts[1][i] + ...; the rest of the kernel
 //
-// Threads beyond the last index go through all that with the last one, up to
-// the rest of the kernel. The sum is the same in every run.
+// Threads beyond the last index run all that for the last one, up to the rest
+// of the kernel. The sum has the same bits in every run.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/ThreadVariance.h"
-#include "Choices.h"
-#include "Launch/EntryBuilder.h"
+#include "GridMapping.h"
+#include "LoopSchedule.h"
+
 #include "Launch/LoopSums.h"
 #include "Updates/Atomics.h"
+#include "warp/SizeFacts.h"
 
-#include "mlir/IR/IRMapping.h"
 #include "mlir/IR/Matchers.h"
-#include "mlir/Interfaces/LoopLikeInterface.h"
 
 using namespace mlir;
-using warp::EntryBuilder;
+using namespace warp;
 
-/// Bytes of block memory, and iterations that are worth a part.
-constexpr int64_t mostBytes = 40 * 1024, fewestTrips = 512;
+/// Bytes of shared memory, iterations that are worth a part, and parts.
+constexpr int64_t mostBytes = 40 * 1024, fewestTrips = 512, mostParts = 8;
 
-int64_t warp::countParts(Operation *kernel) {
-  int64_t warps =
-      warp::getVariant(kernel).getBlock() / warp::warpSize;
-  return warps <= 8 ? warps : 0;
-}
+namespace {
 
-/// Whether an operation, with all in it, does nothing to memory but load.
-static bool onlyLoads(Operation &op) {
-  return !op.walk([](Operation *inner) {
-              bool simple =
-                  isa<warp::LoadComponentsOp>(inner) ||
-                  inner->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
-                  isMemoryEffectFree(inner);
-              return simple ? WalkResult::advance() : WalkResult::interrupt();
-            })
-              .wasInterrupted();
-}
+class SplitReduction : public GridMapping {
+public:
+  explicit SplitReduction(ScheduleSite &site)
+      : GridMapping(site), parts(variant.getBlock() / warpSize) {}
 
-static bool isShort(scf::ForOp loop) {
-  APInt first, last;
-  return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
-         matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) &&
-         last.getSExtValue() - first.getSExtValue() < fewestTrips;
-}
-
-/// The first loop of a kernel, if its iterations can be shared: it only loads
-/// and adds up, and so does what is before it.
-scf::ForOp EntryBuilder::findSplitLoop() {
-  int64_t parts = countParts(kernel);
-  if (rank != 1 || flat || !index32 || threads.getNumResults() != 0 ||
-      variant.getDebug() || parts < 2 ||
-      !variant.hasWholeWarps())
-    return {};
-  for (Operation &op : threads.getThread()->without_terminator()) {
-    if (!onlyLoads(op))
-      return {};
-    auto loop = dyn_cast<scf::ForOp>(op);
-    if (!loop) {
-      if (op.walk([](LoopLikeOpInterface) { return WalkResult::interrupt(); })
-              .wasInterrupted())
-        return {};
-      continue;
-    }
-    // A loop may hand on arrays, too.
-    auto isWide = [](Type type) {
-      return type.isIntOrFloat() && type.getIntOrFloatBitWidth() % 32 == 0;
-    };
-    if (!llvm::all_of(loop.getResultTypes(), isWide))
-      return {};
-    int64_t bytes = 0;
-    for (Type type : loop.getResultTypes())
-      bytes += parts * warp::warpSize * type.getIntOrFloatBitWidth() / 8;
-    warp::ThreadVariance variance(kernel);
-    bool fits = loop.getNumResults() > 0 && bytes <= mostBytes &&
-                !loop.getUnsignedCmp() && !isShort(loop) &&
-                matchPattern(loop.getStep(), m_One()) &&
-                isa<IntegerType>(loop.getInductionVar().getType()) &&
-                variance.isUniform(loop.getUpperBound(), Scope::Launch) &&
-                variance.isUniform(loop.getLowerBound(), Scope::Launch) &&
-                warp::carriesSums(loop, variant.getFastMath());
-    return fits ? loop : scf::ForOp();
+  bool applies() override;
+  bool profit() override { return variant.getUnderfilled(); }
+  Description describe(bool isMade) override {
+    if (!isMade)
+      return {"split_reduction", "1", "the launch has enough threads"};
+    return {"split_reduction", std::to_string(parts),
+            "few threads: the warps of a block split a loop's sum", loop};
   }
-  return {};
+  int sizeFacts() const override { return underfilledFact; }
+  bool needsRegisters(bool isMade) const override { return isMade; }
+
+private:
+  bool canSplit(scf::ForOp loop);
+  int64_t countBytes(TypeRange types);
+  Values build() override;
+  Values addParts(ValueRange sums, Value lane, Value part, Value isFirst);
+
+  /// Warps of a block.
+  int64_t parts;
+  scf::ForOp loop;
+};
+
+} // namespace
+
+/// Bytes of shared memory for the sums of a block.
+int64_t SplitReduction::countBytes(TypeRange types) {
+  int64_t bytes = 0;
+  for (Type type : types)
+    bytes += parts * warpSize * type.getIntOrFloatBitWidth() / 8;
+  return bytes;
 }
 
-/// The part of a range that is number `part` of `parts`: multiples of a warp.
+/// True if a loop is a reduction with the same trip count in all threads.
+bool SplitReduction::canSplit(scf::ForOp loop) {
+  // A loop may carry arrays, too.
+  auto isWord = [](Type type) {
+    return type.isIntOrFloat() && type.getIntOrFloatBitWidth() % 32 == 0;
+  };
+  auto isUniform = [&](Value value) {
+    return site.getVariance().isUniform(value, Scope::Launch);
+  };
+  return loop.getNumResults() > 0 &&
+         llvm::all_of(loop.getResultTypes(), isWord) &&
+         countBytes(loop.getResultTypes()) <= mostBytes &&
+         !loop.getUnsignedCmp() && !hasFewerTrips(loop, fewestTrips) &&
+         matchPattern(loop.getStep(), m_One()) &&
+         isa<IntegerType>(loop.getInductionVar().getType()) &&
+         isUniform(loop.getUpperBound()) && isUniform(loop.getLowerBound()) &&
+         carriesSums(loop, variant.getFastMath());
+}
+
+/// The first loop of the kernel only loads and accumulates, and so does the
+/// code before it.
+bool SplitReduction::applies() {
+  if (rank != 1 || !hasPlainThreads() || threads.getNumResults() != 0 ||
+      parts < 2 || parts > mostParts || !variant.hasWholeWarps())
+    return false;
+  for (Operation &op : thread->without_terminator()) {
+    loop = dyn_cast<scf::ForOp>(op);
+    if (loop || !onlyLoads(op, /*loops=*/false))
+      break;
+  }
+  return loop && onlyLoads(*loop, /*loops=*/true) && canSplit(loop);
+}
+
+/// Bounds of part `part` of a range; parts are multiples of a warp.
 static std::pair<Value, Value> partOf(OpBuilder &b, Location loc, Value first,
                                       Value last, Value part, int64_t parts) {
   Type i64 = b.getI64Type(), type = first.getType();
@@ -113,52 +118,50 @@ static std::pair<Value, Value> partOf(OpBuilder &b, Location loc, Value first,
   Value begin = widen(first);
   Value trips = arith::SubIOp::create(b, loc, widen(last), begin);
   trips = arith::MaxSIOp::create(b, loc, trips, constant(0));
-  int64_t unit = parts * warp::warpSize;
+  int64_t unit = parts * warpSize;
   Value size = arith::AddIOp::create(b, loc, trips, constant(unit - 1));
   size = arith::DivUIOp::create(b, loc, size, constant(unit));
-  size = arith::MulIOp::create(b, loc, size, constant(warp::warpSize));
+  size = arith::MulIOp::create(b, loc, size, constant(warpSize));
   Value from = arith::MulIOp::create(b, loc, size, widen(part));
   Value to = arith::AddIOp::create(b, loc, from, size);
-  auto place = [&](Value trip) -> Value {
+  auto bound = [&](Value trip) -> Value {
     trip = arith::MinSIOp::create(b, loc, trip, trips);
     Value counter = arith::AddIOp::create(b, loc, begin, trip);
     if (type == i64)
       return counter;
     return arith::TruncIOp::create(b, loc, type, counter);
   };
-  return {place(from), place(to)};
+  return {bound(from), bound(to)};
 }
 
-/// Adds up the sums of all parts, for the threads of the first.
-SmallVector<Value> EntryBuilder::joinParts(ValueRange sums, Value lane,
-                                           Value part, Value isFirst,
-                                           int64_t parts) {
+/// Adds up the sums of all parts; continues in a branch for the threads of the
+/// first.
+SplitReduction::Values SplitReduction::addParts(ValueRange sums, Value lane,
+                                                Value part, Value isFirst) {
   int64_t bytes = 0;
   SmallVector<int64_t> starts;
   for (Value sum : sums) {
     starts.push_back(bytes);
-    bytes += parts * warp::warpSize * sum.getType().getIntOrFloatBitWidth() / 8;
+    bytes += countBytes(sum.getType());
   }
   auto type = LLVM::LLVMArrayType::get(b.getI8Type(), bytes);
-  Value slab = warp::makeShared(b, loc, kernel->getParentOfType<ModuleOp>(),
-                                type, "loop_parts");
+  Value slab = makeShared(b, loc, site.function->getParentOfType<ModuleOp>(),
+                          type, "reduction_parts");
   auto address = [&](size_t i, Value number) -> Value {
-    Value start = LLVM::GEPOp::create(
-        b, loc, slab.getType(), b.getI8Type(), slab,
-        ArrayRef<LLVM::GEPArg>(int32_t(starts[i])));
-    return LLVM::GEPOp::create(b, loc, slab.getType(), sums[i].getType(),
-                               start, ArrayRef<LLVM::GEPArg>(number));
+    Value start =
+        LLVM::GEPOp::create(b, loc, slab.getType(), b.getI8Type(), slab,
+                            ArrayRef<LLVM::GEPArg>(int32_t(starts[i])));
+    return LLVM::GEPOp::create(b, loc, slab.getType(), sums[i].getType(), start,
+                               ArrayRef<LLVM::GEPArg>(number));
   };
-  Type i32 = b.getI32Type();
-  Value own = add(lane, mul(part, constant(i32, warp::warpSize)));
+  Value own = add(lane, mul(part, constant32(warpSize)));
   for (auto [i, sum] : llvm::enumerate(sums))
     LLVM::StoreOp::create(b, loc, sum, address(i, own));
-  warp::synchronizeBlock(b, loc);
-  auto first = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
-  b.setInsertionPointToStart(first.thenBlock());
+  synchronizeBlock(b, loc);
+  enterIf(isFirst);
   Values totals(sums);
   for (int64_t other = 1; other < parts; ++other) {
-    Value number = add(lane, constant(i32, other * warp::warpSize));
+    Value number = add(lane, constant32(other * warpSize));
     for (auto [i, total] : llvm::enumerate(totals)) {
       Type word = total.getType();
       Value term = LLVM::LoadOp::create(b, loc, word, address(i, number));
@@ -170,25 +173,21 @@ SmallVector<Value> EntryBuilder::joinParts(ValueRange sums, Value lane,
   return totals;
 }
 
-EntryBuilder::Values EntryBuilder::buildSplit() {
-  int64_t parts = countParts(kernel);
-  Type i32 = b.getI32Type();
-  Value lane = warp::readGrid(b, loc, warp::GridValue::threadId);
-  Value part =
-      warp::readGrid(b, loc, warp::GridValue::threadId, warp::Axis::y);
-  Value block = warp::readGrid(b, loc, warp::GridValue::blockId);
-  Value index = add(mul(block, constant(i32, warp::warpSize)), lane);
-  Value exists = cmp(arith::CmpIPredicate::slt, index, dims[0]);
-  Value last = sub(dims[0], constant(i32, 1));
-  Value isPartZero =
-      cmp(arith::CmpIPredicate::eq, part, constant(i32, 0));
-  Value isFirst = arith::AndIOp::create(b, loc, isPartZero, exists);
-  warp::setSchedule(entry, warp::getSchedule(entry).withSplitReduction(parts));
+SplitReduction::Values SplitReduction::build() {
+  setSchedule(site.function,
+              getSchedule(site.function).withSplitReduction(parts));
+  Value lane = read(GridValue::threadId);
+  Value part = read(GridValue::threadId, Axis::y);
+  Value block = read(GridValue::blockId);
+  Value index = add(mul(block, constant32(warpSize)), lane);
+  Value exists = isLess(index, dims[0]);
+  Value last = sub(dims[0], constant32(1));
+  Value isPartZero = cmp(arith::CmpIPredicate::eq, part, constant32(0));
+  Value isFirst = both(isPartZero, exists);
 
   IRMapping map;
-  map.map(threads.getIndices()[0],
+  map.map(indices()[0],
           arith::MinSIOp::create(b, loc, index, last).getResult());
-  Block *thread = threads.getThread();
   auto ops = thread->begin();
   for (; &*ops != loop.getOperation(); ++ops)
     b.clone(*ops, map);
@@ -207,11 +206,12 @@ EntryBuilder::Values EntryBuilder::buildSplit() {
   shared.getUpperBoundMutable().assign(end);
   shared.getInitArgsMutable().assign(inits);
 
-  OpBuilder::InsertionGuard guard(b);
-  Values totals = joinParts(shared.getResults(), lane, part, isFirst, parts);
+  Values totals = addParts(shared.getResults(), lane, part, isFirst);
   map.map(loop.getResults(), totals);
   for (Operation &op : llvm::make_range(std::next(ops), thread->end()))
     if (!op.hasTrait<OpTrait::IsTerminator>())
       b.clone(op, map);
   return {};
 }
+
+WARP_MAKE_SCHEDULE(SplitReduction)

@@ -3,115 +3,78 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // In a loop over all particles every thread of a GPU loads particle j in
-// iteration j. The lanes of a warp wait for the same address, hundreds of
-// cycles where it has to come from far, and again in the next iterations. So a
-// warp works in tiles of 32 iterations. Lane l loads what iteration l of the
-// next tile needs, all lanes leave that in a slab of shared memory that belongs
-// to their warp, and each iteration takes its element from there:
+// iteration j. All lanes of a warp wait for the same address, for the latency
+// of memory, in each iteration. Software pipelining with tiles of 32 iterations
+// hides that: lane l loads the elements that iteration l of the next tile
+// needs, the warp stages them in shared memory of its own, and each iteration
+// reads them from there:
 //
 //   loaded = x[first + lane]
 //   for tile = first to end step 32:
-//     slab[lane] = loaded                  (the warp waits before and after)
-//     loaded = x[tile + 32 + lane]         (on the way during the iterations)
+//     staged[lane] = loaded                (the warp synchronizes around it)
+//     loaded = x[tile + 32 + lane]         (in flight during the iterations)
 //     for step = 0 to 32:
-//       the iteration tile + step, with slab[step] for x[tile + step]
+//       the iteration tile + step, with staged[step] for x[tile + step]
 //   for the rest: the loop as it was
 //
-// The iterations keep their order. Needed are bounds and arrays that are the
-// same for the warp, and a loop that does nothing to memory but load. A warp
-// with a lane missing goes through no tile.
-//
-// Runs after warp-rotate-loops: a loop with updates is its business.
+// The iterations keep their order. Bounds and arrays must be the same for the
+// warp, and the loop has no effect on memory but loads. A warp with a lane
+// missing runs no tile.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/ThreadVariance.h"
-#include "Choices.h"
-#include "KernelFunction.h"
-#include "Launch/GpuBlock.h"
+#include "GridMapping.h"
+#include "LoopSchedule.h"
+
 #include "Launch/UnrollLoop.h"
-
 #include "WarpDialect/TilePasses.h"
-#include "WarpDialect/WarpOps.h"
-
-#include "mlir/Dialect/Arith/IR/Arith.h"
-#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/Dialect/SCF/IR/SCF.h"
-#include "mlir/IR/IRMapping.h"
-#include "mlir/IR/Matchers.h"
-#include "mlir/Interfaces/LoopLikeInterface.h"
-
-namespace warp {
-#define GEN_PASS_DEF_STAGELOADS
-#include "WarpDialect/Passes.h.inc"
-} // namespace warp
 
 using namespace mlir;
+using namespace warp;
 
 /// Iterations of a tile.
-constexpr int64_t tileSize = warp::warpSize;
-/// Loops with fewer have no time to gain.
-constexpr int64_t fewestTrips = 2 * tileSize;
-/// Bytes of all elements that one iteration takes from the slab.
+constexpr int64_t tileSize = warpSize;
+/// Bytes of all elements that are staged for one iteration.
 constexpr int64_t mostBytes = 64;
-/// Iterations of a tile that are copies in the code.
+/// Iterations of a tile that are unrolled.
 constexpr int64_t copies = 8;
 
 namespace {
 
 /// A load of one element per iteration, the same for the warp.
 struct Staged {
-  warp::LoadComponentsOp load;
+  LoadComponentsOp load;
   /// Where its elements begin in the slab.
   int64_t offset = 0, elementSize = 0;
 };
 
-/// Puts tiles in front of one loop.
-class LoadStage {
+class StageSharedLoads : public LoopSchedule {
 public:
-  LoadStage(scf::ForOp loop, LLVM::LLVMFuncOp entry,
-            const warp::ThreadVariance &variance)
-      : loop(loop), entry(entry), variance(variance), b(loop),
-        loc(loop.getLoc()) {}
+  using LoopSchedule::LoopSchedule;
 
-  bool qualifies();
-  void build();
+  bool applies() override;
+  void rewrite() override;
+  Description describe(bool) override {
+    return {"loop", "tiles of " + std::to_string(tileSize),
+            "uniform loads staged through shared memory", loop};
+  }
 
 private:
   bool isUniform(Value value);
-  void collect(warp::LoadComponentsOp load);
-  bool isShort();
+  void collect(LoadComponentsOp load);
 
-  void buildSlab();
+  void allocate();
   void buildTiles(Value end);
-  Value endOfTiles();
   SmallVector<Value> loadAhead(Value first);
-  void fillSlab(ValueRange loaded);
+  void fill(ValueRange loaded);
   SmallVector<Value> buildStep(Value tile, Value step, ValueRange carried);
   Value slot(Staged &staged, Value number, int64_t component);
 
-  Value constant(Type type, int64_t value) {
-    return arith::ConstantOp::create(b, loc, b.getIntegerAttr(type, value));
-  }
-  Value constant(int64_t value) { return constant(b.getI32Type(), value); }
-  Value add(Value x, Value y) { return arith::AddIOp::create(b, loc, x, y); }
-  Type counterType() { return loop.getInductionVar().getType(); }
-  Value widen(Value number) {
-    if (counterType() == number.getType())
-      return number;
-    return arith::ExtUIOp::create(b, loc, counterType(), number);
-  }
-
-  scf::ForOp loop;
-  LLVM::LLVMFuncOp entry;
-  const warp::ThreadVariance &variance;
-  OpBuilder b;
-  Location loc;
   SmallVector<Staged> stages;
   int64_t bytes = 0;
   /// What lanes must agree on for bounds and arrays to be the same.
   llvm::SetVector<Value> compared;
-  Value lane, slab;
+  Value lane, memory;
 };
 
 } // namespace
@@ -120,12 +83,12 @@ private:
 // Loops that qualify
 //===----------------------------------------------------------------------===//
 
-/// Whether a value is the same for the warp, and in all iterations.
-bool LoadStage::isUniform(Value value) {
-  return variance.strideIfEqual(value, loop, compared) == 0;
+/// True if a value is the same for the warp, and in all iterations.
+bool StageSharedLoads::isUniform(Value value) {
+  return site.getVariance().strideIfEqual(value, loop, compared) == 0;
 }
 
-void LoadStage::collect(warp::LoadComponentsOp load) {
+void StageSharedLoads::collect(LoadComponentsOp load) {
   int64_t size = 0;
   for (Type type : load.getResultTypes()) {
     if (!type.isIntOrFloat())
@@ -138,35 +101,24 @@ void LoadStage::collect(warp::LoadComponentsOp load) {
   if (bytes + size > mostBytes || !isUniform(load.getArray()) ||
       !llvm::all_of(load.getIndices().drop_back(),
                     [&](Value index) { return isUniform(index); }) ||
-      variance.strideIfEqual(load.getIndices().back(), loop, compared) != 1)
+      site.getVariance().strideIfEqual(load.getIndices().back(), loop,
+                                       compared) != 1)
     return;
   stages.push_back({load, tileSize * bytes, size});
   bytes += size;
 }
 
-bool LoadStage::isShort() {
-  APInt first, last;
-  return matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
-         matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) &&
-         last.getSExtValue() - first.getSExtValue() < fewestTrips;
-}
-
-bool LoadStage::qualifies() {
-  if (!matchPattern(loop.getStep(), m_One()) || isShort() ||
-      !isa<IntegerType>(counterType()) ||
-      counterType().getIntOrFloatBitWidth() < 32 ||
-      !isUniform(loop.getLowerBound()) || !isUniform(loop.getUpperBound()))
+bool StageSharedLoads::applies() {
+  if (site.function->hasAttr(attr::blockThreads) || site.variant.getDebug() ||
+      !site.variant.hasWholeWarps() ||
+      loop.getBody()->getOps<LoadComponentsOp>().empty())
     return false;
-  WalkResult result = loop.getBody()->walk([&](Operation *op) {
-    bool isSimple = isa<warp::LoadComponentsOp>(op) ||
-                    op->hasTrait<OpTrait::HasRecursiveMemoryEffects>() ||
-                    isMemoryEffectFree(op);
-    return isSimple && !isa<LoopLikeOpInterface>(op) ? WalkResult::advance()
-                                                     : WalkResult::interrupt();
-  });
-  if (result.wasInterrupted())
+  if (!hasWarpTiles(loop, site.getVariance(), compared) ||
+      !llvm::all_of(*loop.getBody(), [](Operation &op) {
+        return onlyLoads(op, /*loops=*/false);
+      }))
     return false;
-  for (auto load : loop.getBody()->getOps<warp::LoadComponentsOp>())
+  for (auto load : loop.getBody()->getOps<LoadComponentsOp>())
     collect(load);
   return !stages.empty();
 }
@@ -176,55 +128,35 @@ bool LoadStage::qualifies() {
 //===----------------------------------------------------------------------===//
 
 /// The part of the shared memory that belongs to this warp.
-void LoadStage::buildSlab() {
-  auto module = entry->getParentOfType<ModuleOp>();
-  int64_t warps =
-      llvm::divideCeil(warp::getVariant(entry).getBlock(), warp::warpSize);
-  int64_t slabSize = tileSize * bytes;
-  auto type = LLVM::LLVMArrayType::get(b.getI8Type(), warps * slabSize);
-  Value shared = warp::makeShared(b, loc, module, type, "load_slabs");
+void StageSharedLoads::allocate() {
+  auto module = site.function->getParentOfType<ModuleOp>();
+  int64_t warps = llvm::divideCeil(site.variant.getBlock(), warpSize);
+  int64_t warpBytes = tileSize * bytes;
+  auto type = LLVM::LLVMArrayType::get(b.getI8Type(), warps * warpBytes);
+  Value shared = makeShared(b, loc, module, type, "staged_loads");
   StringRef name = shared.getDefiningOp<LLVM::AddressOfOp>().getGlobalName();
   module.lookupSymbol<LLVM::GlobalOp>(name).setAlignment(16);
   Value number =
-      arith::ShRUIOp::create(b, loc, warp::threadInBlock(b, loc), constant(5));
-  Value offset = arith::MulIOp::create(b, loc, number, constant(slabSize));
-  slab = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(), shared,
-                             ArrayRef<LLVM::GEPArg>(offset));
-}
-
-/// The first iteration that is in no full tile, or that a warp with a lane
-/// missing begins with.
-Value LoadStage::endOfTiles() {
-  Value first = loop.getLowerBound(), last = loop.getUpperBound();
-  Value any =
-      arith::CmpIOp::create(b, loc,
-                            loop.getUnsignedCmp() ? arith::CmpIPredicate::ult
-                                                  : arith::CmpIPredicate::slt,
-                            first, last);
-  Value trips = arith::SubIOp::create(b, loc, last, first);
-  trips =
-      arith::AndIOp::create(b, loc, trips, constant(counterType(), -tileSize));
-  Value together = warp::isWarpTogether(b, loc, compared.getArrayRef());
-  Value both = arith::AndIOp::create(b, loc, any, together);
-  trips =
-      arith::SelectOp::create(b, loc, both, trips, constant(counterType(), 0));
-  return add(first, trips);
+      arith::ShRUIOp::create(b, loc, threadInBlock(b, loc), constant(5));
+  Value offset = arith::MulIOp::create(b, loc, number, constant(warpBytes));
+  memory = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(), shared,
+                               ArrayRef<LLVM::GEPArg>(offset));
 }
 
 /// Address of a component of an element in the slab.
-Value LoadStage::slot(Staged &staged, Value number, int64_t component) {
+Value StageSharedLoads::slot(Staged &staged, Value number, int64_t component) {
   int64_t before = staged.offset;
   for (Value result : staged.load.getResults().take_front(component))
     before += result.getType().getIntOrFloatBitWidth() / 8;
   Type element = LLVM::LLVMArrayType::get(b.getI8Type(), staged.elementSize);
-  Value start = LLVM::GEPOp::create(b, loc, slab.getType(), element, slab,
+  Value start = LLVM::GEPOp::create(b, loc, memory.getType(), element, memory,
                                     ArrayRef<LLVM::GEPArg>(number));
-  return LLVM::GEPOp::create(b, loc, slab.getType(), b.getI8Type(), start,
+  return LLVM::GEPOp::create(b, loc, memory.getType(), b.getI8Type(), start,
                              ArrayRef<LLVM::GEPArg>(int32_t(before)));
 }
 
 /// What this lane loads of the tile that begins at `first`.
-SmallVector<Value> LoadStage::loadAhead(Value first) {
+SmallVector<Value> StageSharedLoads::loadAhead(Value first) {
   SmallVector<Value> loaded;
   Value number = add(first, widen(lane));
   for (Staged &staged : stages) {
@@ -249,8 +181,8 @@ SmallVector<Value> LoadStage::loadAhead(Value first) {
   return loaded;
 }
 
-void LoadStage::fillSlab(ValueRange loaded) {
-  warp::synchronizeWarp(b, loc);
+void StageSharedLoads::fill(ValueRange loaded) {
+  synchronizeWarp(b, loc);
   size_t next = 0;
   for (Staged &staged : stages)
     for (size_t i = 0, end = staged.load.getNumResults(); i < end; ++i) {
@@ -258,12 +190,12 @@ void LoadStage::fillSlab(ValueRange loaded) {
       LLVM::StoreOp::create(b, loc, value, slot(staged, lane, i),
                             value.getType().getIntOrFloatBitWidth() / 8);
     }
-  warp::synchronizeWarp(b, loc);
+  synchronizeWarp(b, loc);
 }
 
 /// One iteration with what the slab has for it.
-SmallVector<Value> LoadStage::buildStep(Value tile, Value step,
-                                        ValueRange carried) {
+SmallVector<Value> StageSharedLoads::buildStep(Value tile, Value step,
+                                               ValueRange carried) {
   IRMapping clones;
   clones.map(loop.getInductionVar(), add(tile, widen(step)));
   clones.map(loop.getRegionIterArgs(), carried);
@@ -286,7 +218,7 @@ SmallVector<Value> LoadStage::buildStep(Value tile, Value step,
 }
 
 /// The loop over tiles, with what it carries and what was loaded ahead.
-void LoadStage::buildTiles(Value end) {
+void StageSharedLoads::buildTiles(Value end) {
   SmallVector<Value> inits(loop.getInitArgs());
   size_t count = inits.size();
   llvm::append_range(inits, loadAhead(loop.getLowerBound()));
@@ -296,7 +228,7 @@ void LoadStage::buildTiles(Value end) {
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(tiles.getBody());
   Value tile = tiles.getInductionVar();
-  fillSlab(tiles.getRegionIterArgs().drop_front(count));
+  fill(tiles.getRegionIterArgs().drop_front(count));
   Value next = add(tile, constant(counterType(), tileSize));
   Value isLast =
       arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, next, end);
@@ -305,7 +237,7 @@ void LoadStage::buildTiles(Value end) {
   auto steps =
       scf::ForOp::create(b, loc, constant(0), constant(tileSize), constant(1),
                          tiles.getRegionIterArgs().take_front(count));
-  warp::setCopies(steps, copies);
+  setCopies(steps, copies);
   b.setInsertionPointToStart(steps.getBody());
   SmallVector<Value> carried =
       buildStep(tile, steps.getInductionVar(), steps.getRegionIterArgs());
@@ -319,10 +251,10 @@ void LoadStage::buildTiles(Value end) {
   scf::YieldOp::create(b, loc, tiles.getResults().take_front(count));
 }
 
-void LoadStage::build() {
-  lane = warp::readGrid(b, loc, warp::GridValue::laneId);
-  buildSlab();
-  Value end = endOfTiles();
+void StageSharedLoads::rewrite() {
+  lane = readGrid(b, loc, GridValue::laneId);
+  allocate();
+  Value end = endOfTiles(compared.getArrayRef());
   Value any = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, end,
                                     loop.getLowerBound());
   size_t count = loop.getNumResults();
@@ -340,35 +272,4 @@ void LoadStage::build() {
   loop.getInitArgsMutable().assign(branch.getResults());
 }
 
-namespace {
-
-struct StageLoads : warp::impl::StageLoadsBase<StageLoads> {
-  void runOnOperation() override {
-    FunctionOpInterface found = warp::findEntry(getOperation());
-    if (!found)
-      return signalPassFailure();
-    auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || entry->hasAttr(warp::attr::blockThreads) ||
-        !warp::isGpu(entry) || warp::getVariant(entry).getDebug() ||
-        !warp::getVariant(entry).hasWholeWarps())
-      return;
-    SmallVector<scf::ForOp> loops;
-    entry.walk([&](scf::ForOp loop) { loops.push_back(loop); });
-    std::optional<warp::ThreadVariance> variance;
-    for (scf::ForOp loop : loops) {
-      if (loop.getBody()->getOps<warp::LoadComponentsOp>().empty())
-        continue;
-      if (!variance)
-        variance.emplace(entry);
-      LoadStage stage(loop, entry, *variance);
-      if (!stage.qualifies())
-        continue;
-      warp::noteChoice(entry, "loop", "tiles of " + Twine(tileSize),
-                       "a warp loads for all of its lanes", loop);
-      stage.build();
-      variance.reset();
-    }
-  }
-};
-
-} // namespace
+WARP_MAKE_SCHEDULE(StageSharedLoads)

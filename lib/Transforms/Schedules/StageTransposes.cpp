@@ -2,60 +2,101 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Neighbouring threads of a launch over a plane differ in the last index, as
-// neighbours in memory do. An access with the indices exchanged,
+// Neighbouring threads differ in the last index of the launch. A transposed
+// access,
 //
 //   b[j, i] = a[i, j]
 //
-// has every thread of a warp in a line of memory of its own. There a block
-// takes a square of 32 x 32 indices, a few of one column for each thread. An
-// exchanged load is made by the thread that has the element's neighbours, and
-// an exchanged store likewise; the square changes hands in the memory of the
-// block, in rows of 33 words so that columns do not queue at one bank:
+// is not coalesced: each thread of a warp touches a line of memory of its own.
+// Here a block takes a tile of 32 x 32 indices, several rows of it per thread,
+// and stages transposed accesses in shared memory. The tile is padded to 33
+// words per row, so that its columns have no bank conflicts:
 //
-//   load    memory -> thread (i, j) -> square -> thread (j, i)
-//   store   thread (i, j) -> square -> thread (j, i) -> memory
+//   load    memory -> thread (i, j) -> tile -> thread (j, i)
+//   store   thread (i, j) -> tile -> thread (j, i) -> memory
 //
-// The threads wait for each other between writing and reading the square, so
-// all of them must come there: squares that stick out of the launch are done
-// index by index. A body may load, compute and store, in that order. Threads of
-// a launch are independent, so that another one makes the access is only seen
-// by what this thread does to the same element: it may store to it once.
+// Barriers stand between writes and reads of the tile, so all threads must come
+// there: tiles that cross the border of the launch run index by index. A body
+// may load, compute and store, in that order. Threads of a launch are
+// independent, so an access by another thread shows only in accesses of this
+// thread to the same element: a body stores to each array once.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Analysis/ArrayOrigins.h"
-#include "Analysis/ThreadVariance.h"
-#include "Choices.h"
-#include "Launch/EntryBuilder.h"
-#include "WarpDialect/ParameterLayout.h"
+#include "GridMapping.h"
 
-#include "mlir/Interfaces/LoopLikeInterface.h"
+#include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
+#include "warp/SizeFacts.h"
+
+#include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+
+#include "llvm/ADT/SetVector.h"
 
 using namespace mlir;
-using warp::EntryBuilder;
+using namespace warp;
 
-/// Indices on a side of a square, words of its rows, and bytes of all squares.
+/// Indices on a side of a tile, words of its rows, and bytes of all tiles.
 constexpr int64_t side = 32, pitch = side + 1, mostBytes = 40 * 1024;
+
+namespace {
+
+class StageTransposes : public GridMapping {
+public:
+  using GridMapping::GridMapping;
+
+  bool applies() override;
+  bool profit() override { return !variant.getSkinny(); }
+  Description describe(bool isMade) override {
+    if (!isMade)
+      return {"transpose_tile", "0", "32 x 32 tiles would be mostly empty"};
+    return {"transpose_tile", "32 x 32",
+            "transposed access staged through shared memory (coalesced)",
+            (loads.empty() ? stores : loads).front()};
+  }
+  int sizeFacts() const override { return skinnyFact; }
+  bool hasIndependentBlocks() const override { return true; }
+
+private:
+  using Maps = MutableArrayRef<IRMapping>;
+
+  bool isTransposed(AccessOp access);
+  bool isTransposed(Operation &op) {
+    return llvm::is_contained(loads, &op) || llvm::is_contained(stores, &op);
+  }
+  Values build() override;
+  void findTile(Value &top, Value &left);
+  void buildTile(Value top, Value left, Value column, Value row);
+  void stageLoads(Maps own, Maps other, ValueRange ownWords,
+                  ValueRange otherWords, Value memory);
+  void stageStores(Maps own, Maps other, ValueRange ownWords,
+                   ValueRange otherWords, Value memory);
+  void buildBorder(Value top, Value left, Value column, Value row);
+
+  /// Transposed accesses.
+  SmallVector<Operation *> loads, stores;
+  /// Indices of the dimensions before the last two, and rows of a tile that
+  /// threads take at once.
+  Values outer;
+  int64_t rows = 0;
+};
+
+} // namespace
 
 //===----------------------------------------------------------------------===//
 // Kernels that qualify
 //===----------------------------------------------------------------------===//
 
-static bool isStore(Operation *op) {
-  return isa<warp::StoreComponentsOp>(op);
-}
-
-/// Whether a value is an index, or that and something that no thread changes.
-static bool follows(Value value, Value index,
-                    const warp::ThreadVariance &variance) {
+/// True if a value is an index, or that and a term that is the same in the
+/// whole launch.
+static bool follows(Value value, Value index, const ThreadVariance &variance) {
   if (value == index)
     return true;
   Operation *op = value.getDefiningOp();
   if (isa_and_nonnull<arith::ExtSIOp, arith::ExtUIOp>(op))
     return follows(op->getOperand(0), index, variance);
   auto isFixed = [&](Value term) {
-    return variance.isUniform(term, warp::Scope::Launch);
+    return variance.isUniform(term, Scope::Launch);
   };
   if (!isa_and_nonnull<arith::AddIOp, arith::SubIOp>(op))
     return false;
@@ -65,8 +106,8 @@ static bool follows(Value value, Value index,
           follows(op->getOperand(1), index, variance));
 }
 
-/// Whether a value can be computed for other indices: from these and what is
-/// outside of the thread.
+/// True if a value can be computed for other indices: from these and values
+/// from outside of the thread.
 static bool isIndexMath(Value value, Block *thread) {
   Operation *op = value.getDefiningOp();
   if (!op || op->getBlock() != thread)
@@ -78,134 +119,128 @@ static bool isIndexMath(Value value, Block *thread) {
 }
 
 static bool isPackedArgument(Value array) {
-  if (auto grad = array.getDefiningOp<warp::GradOp>())
+  if (auto grad = array.getDefiningOp<GradOp>())
     array = grad.getArray();
   auto argument = dyn_cast<BlockArgument>(array);
-  auto kernel = argument ? dyn_cast<FunctionOpInterface>(
-                               argument.getOwner()->getParentOp())
-                         : nullptr;
-  return kernel &&
-         kernel.getArgAttr(argument.getArgNumber(), warp::attr::packed);
+  auto kernel =
+      argument
+          ? dyn_cast<FunctionOpInterface>(argument.getOwner()->getParentOp())
+          : nullptr;
+  return kernel && kernel.getArgAttr(argument.getArgNumber(), attr::packed);
 }
 
-/// Whether neighbouring threads access elements in different lines, while those
-/// below each other access neighbours.
-bool EntryBuilder::isTurned(Operation *op,
-                            const warp::ThreadVariance &variance) {
-  auto access = dyn_cast<warp::AccessOp>(op);
+/// True if neighbouring threads access different lines, while threads of
+/// neighbouring rows access neighbouring elements.
+bool StageTransposes::isTransposed(AccessOp access) {
   if (!access || access.getIndices().size() < 2)
     return false;
-  Block *thread = threads.getThread();
-  Value x = threads.getIndices()[rank - 1], y = threads.getIndices()[rank - 2];
+  const ThreadVariance &variance = site.getVariance();
+  Value x = indices()[rank - 1], y = indices()[rank - 2];
   auto followsX = [&](Value index) { return follows(index, x, variance); };
   return isPackedArgument(access.getArray()) &&
          follows(access.getIndices().back(), y, variance) &&
          llvm::any_of(access.getIndices().drop_back(), followsX) &&
-         llvm::all_of(access.getIndices(), [&](Value index) {
-           return isIndexMath(index, thread);
-         });
+         llvm::all_of(access.getIndices(),
+                      [&](Value index) { return isIndexMath(index, thread); });
 }
 
-/// Bytes of squares for an access.
-static int64_t countBytes(TypeRange components) {
-  int64_t bytes = 0;
-  for (Type type : components)
-    bytes += side * pitch * llvm::divideCeil(type.getIntOrFloatBitWidth(), 8);
-  return bytes;
-}
-
+/// Types of the elements of an access.
 static TypeRange getTypes(Operation *access) {
-  if (auto store = dyn_cast<warp::StoreComponentsOp>(access))
+  if (auto store = dyn_cast<StoreComponentsOp>(access))
     return store.getComponents().getTypes();
   return access->getResultTypes();
 }
 
-/// Whether the kernel loads, computes and then stores, to each array once.
+static int64_t bytesOf(Type word) {
+  return llvm::divideCeil(word.getIntOrFloatBitWidth(), 8);
+}
+
+/// Bytes of the tiles for accesses.
+static int64_t countBytes(ArrayRef<Operation *> accesses) {
+  int64_t bytes = 0;
+  for (Operation *access : accesses)
+    for (Type type : getTypes(access))
+      bytes += side * pitch * bytesOf(type);
+  return bytes;
+}
+
+/// True if the kernel loads, computes and then stores, to each array once.
 static bool isOrdered(Block *thread, bool disjoint) {
   SmallVector<Value> written;
   for (Operation &op : thread->without_terminator()) {
-    if (auto store = dyn_cast<warp::StoreComponentsOp>(op)) {
+    if (auto store = dyn_cast<StoreComponentsOp>(op)) {
       if (llvm::is_contained(written, store.getArray()) ||
           (!written.empty() && !disjoint))
         return false;
       written.push_back(store.getArray());
-      continue;
+    } else if (isa<LoadComponentsOp>(op)) {
+      if (!written.empty())
+        return false;
+    } else if (!isMemoryEffectFree(&op) || hasLoop(op)) {
+      return false;
     }
-    bool isLoad = isa<warp::LoadComponentsOp>(op);
-    if (isLoad && !written.empty())
-      return false;
-    if (!isLoad &&
-        (!isMemoryEffectFree(&op) || op.walk([](LoopLikeOpInterface) {
-                                         return WalkResult::interrupt();
-                                       }).wasInterrupted()))
-      return false;
   }
   return true;
 }
 
-/// Finds the accesses for which squares pay; whether there are any.
-bool EntryBuilder::planTiles() {
+bool StageTransposes::applies() {
   int64_t blockDim = variant.getBlock();
-  if (rank < 2 || rank > 3 || flat || !index32 || threads.getNumResults() != 0 ||
-      variant.getDebug() || blockDim < 128 ||
-      side * side % blockDim != 0 ||
-      !isOrdered(threads.getThread(), variant.getDisjoint()))
+  if (rank < 2 || rank > 3 || !hasPlainThreads() ||
+      threads.getNumResults() != 0 || blockDim < 128 ||
+      side * side % blockDim != 0 || !isOrdered(thread, variant.getDisjoint()))
     return false;
-  warp::ThreadVariance variance(kernel);
-  int64_t loaded = 0, stored = 0;
-  for (Operation &op : threads.getThread()->without_terminator()) {
-    if (!isTurned(&op, variance))
-      continue;
-    turned.insert(&op);
-    (isStore(&op) ? stored : loaded) += countBytes(getTypes(&op));
-  }
-  return !turned.empty() && loaded <= mostBytes && stored <= mostBytes;
+  for (Operation &op : thread->without_terminator())
+    if (isTransposed(dyn_cast<AccessOp>(op)))
+      (isa<StoreComponentsOp>(op) ? stores : loads).push_back(&op);
+  return loads.size() + stores.size() != 0 && countBytes(loads) <= mostBytes &&
+         countBytes(stores) <= mostBytes;
 }
 
 //===----------------------------------------------------------------------===//
-// Squares
+// Tiles
 //===----------------------------------------------------------------------===//
 
+/// The shared-memory side of transposed accesses: a tile for each word of their
+/// elements, one after the other.
 namespace {
-
-/// Squares of words in the memory of a block, one for each component of some
-/// accesses.
-class Squares {
+class SharedTiles {
 public:
-  Squares(OpBuilder &b, Location loc, Value memory)
+  SharedTiles(OpBuilder &b, Location loc, Value memory)
       : b(b), loc(loc), memory(memory) {}
 
-  /// The next square.
-  void begin(Type word) {
-    this->word = word;
-    bytes = llvm::divideCeil(word.getIntOrFloatBitWidth(), 8);
-    start = end;
-    end += side * pitch * bytes;
+  /// Stores a word of elements to the next tile.
+  void store(ValueRange values, ValueRange offsets) {
+    Type word = values.front().getType();
+    for (auto [value, offset] : llvm::zip_equal(values, offsets))
+      LLVM::StoreOp::create(b, loc, value, address(word, offset),
+                            bytesOf(word));
+    start += side * pitch * bytesOf(word);
   }
-  void store(Value value, Value place) {
-    LLVM::StoreOp::create(b, loc, value, address(place), bytes);
-  }
-  Value load(Value place) {
-    return LLVM::LoadOp::create(b, loc, word, address(place), bytes);
+  /// Loads a word of elements from the next tile.
+  SmallVector<Value> load(Type word, ValueRange offsets) {
+    SmallVector<Value> loaded;
+    for (Value offset : offsets)
+      loaded.push_back(LLVM::LoadOp::create(b, loc, word, address(word, offset),
+                                            bytesOf(word)));
+    start += side * pitch * bytesOf(word);
+    return loaded;
   }
 
 private:
-  Value address(Value place) {
-    Value square = LLVM::GEPOp::create(
-        b, loc, memory.getType(), b.getI8Type(), memory,
-        ArrayRef<LLVM::GEPArg>(int32_t(start)), LLVM::GEPNoWrapFlags::inbounds);
-    return LLVM::GEPOp::create(b, loc, memory.getType(), word, square,
-                               ArrayRef<LLVM::GEPArg>(place),
-                               LLVM::GEPNoWrapFlags::inbounds);
+  Value address(Type word, Value offset) {
+    auto flags = LLVM::GEPNoWrapFlags::inbounds;
+    Value tile =
+        LLVM::GEPOp::create(b, loc, memory.getType(), b.getI8Type(), memory,
+                            ArrayRef<LLVM::GEPArg>(int32_t(start)), flags);
+    return LLVM::GEPOp::create(b, loc, memory.getType(), word, tile,
+                               ArrayRef<LLVM::GEPArg>(offset), flags);
   }
 
   OpBuilder &b;
   Location loc;
   Value memory;
-  Type word;
-  int64_t bytes = 0, start = 0, end = 0;
+  int64_t start = 0;
 };
-
 } // namespace
 
 /// Copies the index arithmetic of an access, and the access.
@@ -220,7 +255,7 @@ static Operation *cloneAccess(OpBuilder &b, Operation *access, Block *thread,
       collect(operand);
     needed.push_back(op);
   };
-  for (Value index : cast<warp::AccessOp>(access).getIndices())
+  for (Value index : cast<AccessOp>(access).getIndices())
     collect(index);
   for (Operation *op : needed)
     if (!map.contains(op->getResult(0)))
@@ -228,155 +263,142 @@ static Operation *cloneAccess(OpBuilder &b, Operation *access, Block *thread,
   return b.clone(*access, map);
 }
 
-/// The indices of a whole square; `own` maps those of a thread's items, `other`
-/// those whose exchanged elements it moves.
-void EntryBuilder::buildSquare(MutableArrayRef<IRMapping> own,
-                               MutableArrayRef<IRMapping> other,
-                               ArrayRef<Value> ownPlaces,
-                               ArrayRef<Value> otherPlaces, Value memory) {
-  Block *thread = threads.getThread();
-  auto list = [&](bool stores) {
-    SmallVector<Operation *> found;
-    for (Operation &op : thread->without_terminator())
-      if (turned.contains(&op) && isStore(&op) == stores)
-        found.push_back(&op);
-    return found;
-  };
-  SmallVector<Operation *> loads = list(false), stores = list(true);
-
-  SmallVector<SmallVector<Operation *>> loaded;
-  for (Operation *load : loads) {
-    loaded.emplace_back();
-    for (IRMapping &map : other)
-      loaded.back().push_back(cloneAccess(b, load, thread, map));
-  }
-  Squares in(b, loc, memory), out(b, loc, memory);
+/// Loads elements for the indices that `other` maps, and reads from the tile
+/// those of the indices that `own` maps.
+void StageTransposes::stageLoads(Maps own, Maps other, ValueRange ownWords,
+                                 ValueRange otherWords, Value memory) {
+  SmallVector<SmallVector<Operation *>> loaded(loads.size());
   for (auto [load, copies] : llvm::zip_equal(loads, loaded))
-    for (auto [i, type] : llvm::enumerate(load->getResultTypes())) {
-      in.begin(type);
-      for (auto [copy, place] : llvm::zip_equal(copies, ownPlaces))
-        in.store(copy->getResult(i), place);
-    }
-  if (!loads.empty())
-    warp::synchronizeBlock(b, loc);
-  Squares back(b, loc, memory);
+    for (IRMapping &map : other)
+      copies.push_back(cloneAccess(b, load, thread, map));
+  SharedTiles to(b, loc, memory), from(b, loc, memory);
+  for (ArrayRef<Operation *> copies : loaded)
+    for (unsigned i = 0; i < copies.front()->getNumResults(); ++i)
+      to.store(llvm::map_to_vector(copies,
+                                   [&](Operation *copy) -> Value {
+                                     return copy->getResult(i);
+                                   }),
+               ownWords);
+  synchronizeBlock(b, loc);
   for (Operation *load : loads)
-    for (Value result : load->getResults()) {
-      back.begin(result.getType());
-      for (auto [map, place] : llvm::zip_equal(own, otherPlaces))
-        map.map(result, back.load(place));
-    }
-  // The squares are used again.
-  if (!loads.empty() && !stores.empty())
-    warp::synchronizeBlock(b, loc);
+    for (Value result : load->getResults())
+      for (auto [map, value] :
+           llvm::zip_equal(own, from.load(result.getType(), otherWords)))
+        map.map(result, value);
+}
 
-  for (Operation &op : thread->without_terminator())
-    if (!turned.contains(&op))
-      for (IRMapping &map : own)
-        b.clone(op, map);
-
+/// Writes the elements of the indices that `own` maps to the tile, and stores
+/// those of the indices that `other` maps.
+void StageTransposes::stageStores(Maps own, Maps other, ValueRange ownWords,
+                                  ValueRange otherWords, Value memory) {
+  SharedTiles to(b, loc, memory), from(b, loc, memory);
   for (Operation *store : stores)
-    for (Value component :
-         cast<warp::StoreComponentsOp>(store).getComponents()) {
-      out.begin(component.getType());
-      for (auto [map, place] : llvm::zip_equal(own, ownPlaces))
-        out.store(map.lookupOrDefault(component), place);
-    }
-  if (!stores.empty())
-    warp::synchronizeBlock(b, loc);
-  Squares from(b, loc, memory);
+    for (Value component : cast<StoreComponentsOp>(store).getComponents())
+      to.store(llvm::map_to_vector(own,
+                                   [&](IRMapping &map) {
+                                     return map.lookupOrDefault(component);
+                                   }),
+               ownWords);
+  synchronizeBlock(b, loc);
   for (Operation *store : stores) {
-    SmallVector<SmallVector<Value>> values(other.size());
-    for (Type type : getTypes(store)) {
-      from.begin(type);
-      for (auto [list, place] : llvm::zip_equal(values, otherPlaces))
-        list.push_back(from.load(place));
-    }
-    for (auto [map, list] : llvm::zip_equal(other, values)) {
-      auto copy = cast<warp::StoreComponentsOp>(
-          cloneAccess(b, store, thread, map));
-      copy.getComponentsMutable().assign(list);
-    }
+    SmallVector<Values> words;
+    for (Type type : getTypes(store))
+      words.push_back(from.load(type, otherWords));
+    for (auto [i, map] : llvm::enumerate(other))
+      cast<StoreComponentsOp>(cloneAccess(b, store, thread, map))
+          .getComponentsMutable()
+          .assign(llvm::map_to_vector(
+              words, [&](const Values &word) { return word[i]; }));
   }
 }
 
-EntryBuilder::Values EntryBuilder::buildTiles() {
-  Type i32 = b.getI32Type();
-  int64_t blockDim = variant.getBlock();
-  int64_t rows = blockDim / side, items = side / rows;
-  auto read = [&](warp::GridValue value, warp::Axis axis) {
-    return warp::readGrid(b, loc, value, axis);
+/// A tile that the launch has all indices of.
+void StageTransposes::buildTile(Value top, Value left, Value column,
+                                Value row) {
+  auto type = LLVM::LLVMArrayType::get(
+      b.getI8Type(), std::max(countBytes(loads), countBytes(stores)));
+  Value memory = makeShared(b, loc, site.function->getParentOfType<ModuleOp>(),
+                            type, "transpose_tiles");
+  int64_t count = side / rows;
+  SmallVector<IRMapping> own(count), other(count);
+  Values ownWords, otherWords;
+  auto map = [&](IRMapping &map, Value y, Value x) {
+    Values mapped(outer);
+    mapped.append({add(top, y), add(left, x)});
+    map.map(indices(), mapped);
   };
-  Value column = read(warp::GridValue::threadId, warp::Axis::x);
-  Value row = read(warp::GridValue::threadId, warp::Axis::y);
+  for (int64_t i = 0; i < count; ++i) {
+    Value below = add(row, constant32(i * rows));
+    map(own[i], below, column);
+    map(other[i], column, below);
+    ownWords.push_back(add(mul(below, constant32(pitch)), column));
+    otherWords.push_back(add(mul(column, constant32(pitch)), below));
+  }
+  if (!loads.empty())
+    stageLoads(own, other, ownWords, otherWords, memory);
+  // Stores use the same memory.
+  if (!loads.empty() && !stores.empty())
+    synchronizeBlock(b, loc);
+  for (Operation &op : thread->without_terminator())
+    if (!isTransposed(op))
+      cloneInterleaved(b, op, own);
+  if (!stores.empty())
+    stageStores(own, other, ownWords, otherWords, memory);
+}
+
+/// A tile at the border of the launch, index by index.
+void StageTransposes::buildBorder(Value top, Value left, Value column,
+                                  Value row) {
+  Value width = dims[rank - 1], height = dims[rank - 2];
+  Value x = add(left, column);
+  enterIf(isLess(x, width));
+  Value end = min(add(top, constant32(side)), height);
+  Values mapped(outer);
+  mapped.append({enterLoop(add(top, row), end, constant32(rows)), x});
+  takeThread(mapped);
+}
+
+/// First indices of the block's tile. Blocks that run together are neighbours
+/// in the dimension in which they store consecutive elements.
+void StageTransposes::findTile(Value &top, Value &left) {
   Value width = dims[rank - 1], height = dims[rank - 2];
   auto count = [&](Value extent) {
-    return div(add(extent, constant(i32, side - 1)), constant(i32, side));
+    return div(add(extent, constant32(side - 1)), constant32(side));
   };
-  // Blocks that run together lie side by side where they store.
-  bool down = llvm::any_of(turned, isStore);
-  Value block = blockIndex();
+  bool down = !stores.empty();
+  Value block = read(GridValue::blockId);
   auto next = [&](Value extent) {
     Value rest = div(block, extent);
-    Value place = sub(block, mul(rest, extent));
+    Value number = sub(block, mul(rest, extent));
     block = rest;
-    return place;
+    return number;
   };
   Value first = next(count(down ? height : width));
   Value second = rank == 2 ? block : next(count(down ? width : height));
-  Value left = mul(down ? second : first, constant(i32, side));
-  Value top = mul(down ? first : second, constant(i32, side));
-  Values outer;
+  left = mul(down ? second : first, constant32(side));
+  top = mul(down ? first : second, constant32(side));
   if (rank == 3)
     outer.push_back(block);
+}
+
+StageTransposes::Values StageTransposes::build() {
+  setSchedule(site.function,
+              getSchedule(site.function).withTransposeTile(side));
+  rows = variant.getBlock() / side;
+  Value column = read(GridValue::threadId, Axis::x);
+  Value row = read(GridValue::threadId, Axis::y);
+  Value top, left;
+  findTile(top, left);
   auto fits = [&](Value start, Value extent) {
-    return cmp(arith::CmpIPredicate::sle, add(start, constant(i32, side)),
-               extent);
+    return isAtMost(add(start, constant32(side)), extent);
   };
-  Value whole =
-      arith::AndIOp::create(b, loc, fits(left, width), fits(top, height));
-
-  int64_t bytes[2] = {0, 0};
-  for (Operation &op : threads.getThread()->without_terminator())
-    if (turned.contains(&op))
-      bytes[isStore(&op)] += countBytes(getTypes(&op));
-  auto type = LLVM::LLVMArrayType::get(b.getI8Type(),
-                                       std::max(bytes[0], bytes[1]));
-  Value memory = warp::makeShared(b, loc, kernel->getParentOfType<ModuleOp>(),
-                                  type, "squares");
+  Value whole = both(fits(left, dims[rank - 1]), fits(top, dims[rank - 2]));
   auto branch = scf::IfOp::create(b, loc, whole, /*withElseRegion=*/true);
-  warp::setSchedule(entry, warp::getSchedule(entry).withTransposeTile(side));
-
-  OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(branch.thenBlock());
-  SmallVector<IRMapping> own(items), other(items);
-  Values ownPlaces, otherPlaces;
-  auto place = [&](IRMapping &map, Value y, Value x) {
-    Values indices(outer);
-    indices.append({add(top, y), add(left, x)});
-    map.map(threads.getIndices(), indices);
-  };
-  for (int64_t i = 0; i < items; ++i) {
-    Value below = add(row, constant(i32, i * rows));
-    place(own[i], below, column);
-    place(other[i], column, below);
-    ownPlaces.push_back(add(mul(below, constant(i32, pitch)), column));
-    otherPlaces.push_back(add(mul(column, constant(i32, pitch)), below));
-  }
-  buildSquare(own, other, ownPlaces, otherPlaces, memory);
-
+  buildTile(top, left, column, row);
   b.setInsertionPointToStart(branch.elseBlock());
-  Value x = add(left, column);
-  auto inside = scf::IfOp::create(
-      b, loc, cmp(arith::CmpIPredicate::slt, x, width), /*withElse=*/false);
-  b.setInsertionPointToStart(inside.thenBlock());
-  Value bottom =
-      arith::MinSIOp::create(b, loc, add(top, constant(i32, side)), height);
-  auto loop = scf::ForOp::create(b, loc, add(top, row), bottom,
-                                 constant(i32, rows));
-  b.setInsertionPointToStart(loop.getBody());
-  Values indices(outer);
-  indices.append({loop.getInductionVar(), x});
-  takeThread(indices);
+  buildBorder(top, left, column, row);
   return {};
 }
+
+WARP_MAKE_SCHEDULE(StageTransposes)

@@ -161,7 +161,9 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
       return;
     SmallVector<AtomicComponentsOp> updates;
     entry->walk([&](AtomicComponentsOp op) {
-      if (warp::getUpdate(op).getScope() == warp::UpdateScope::lanes)
+      // Iterations that are in no tile of a ring, too.
+      warp::UpdateScope scope = warp::getUpdate(op).getScope();
+      if (scope == warp::UpdateScope::lanes || scope == warp::UpdateScope::ring)
         updates.push_back(op);
     });
     if (updates.empty())

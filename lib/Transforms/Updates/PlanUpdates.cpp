@@ -12,7 +12,7 @@
 //   scope    the element is the same for            carried out by
 //   group    all threads, in every iteration        warp-combine-over-groups;
 //                                                   exact sums: warp-lower-sums
-//   ring     all threads in one iteration of a      warp-rotate-loops (GPU)
+//   ring     all threads in one iteration of a      warp-apply-schedules (GPU)
 //            loop, and another one in the next
 //   lanes    the threads of a vector or a warp      warp-widen-threads,
 //                                                   warp-combine-over-warps
@@ -146,8 +146,8 @@ void UpdatePlanner::dropGroups() {
 
 void UpdatePlanner::planRings() {
   threads.walk([&](scf::ForOp loop) {
-    warp::RingLoop ring(loop, variance, variant.getFastMath());
-    if (ring.qualifies())
+    warp::RingLoop ring(loop, variant.getFastMath());
+    if (ring.qualifies(variance))
       for (AtomicComponentsOp op : ring.updates)
         warp::setUpdate(op, UpdateScope::ring);
   });

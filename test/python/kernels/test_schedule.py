@@ -40,21 +40,21 @@ def only(schedules):
 
 def test_sizes_of_launches_decide():
     """The threads of a card that is not there; more of them share more."""
-    assert only(scale.schedule(arch=90, dim=1000))["items"] == "1"
-    assert only(scale.schedule(arch=90, dim=1 << 24))["items"] == "4"
-    assert only(pairs.schedule(arch=90, dim=1 << 18))["items"] == "2"
+    assert only(scale.schedule(arch=90, dim=1000))["coarsening"] == "1"
+    assert only(scale.schedule(arch=90, dim=1 << 24))["coarsening"] == "4"
+    assert only(pairs.schedule(arch=90, dim=1 << 18))["coarsening"] == "2"
     few = only(pairs.schedule(arch=90, dim=1000))
-    assert few["items"] == "1" and "few threads" in few.launch
-    assert only(turn.schedule(arch=90, dim=(512, 512)))["tiles"] == "32 x 32"
-    assert "tiles" not in only(turn.schedule(arch=90, dim=(100000, 3)))
+    assert few["coarsening"] == "1" and "few threads" in few.launch
+    assert only(turn.schedule(arch=90, dim=(512, 512)))["transpose_tile"] == "32 x 32"
+    assert "transpose_tile" not in only(turn.schedule(arch=90, dim=(100000, 3)))
 
 
 def test_order_of_blocks():
     """Launches that stream may begin at either end; sums of floats are made in one order."""
     large = only(scale.schedule(arch=90, dim=1 << 24))
-    assert large["order"] == "from either end"
+    assert large["reverse_order"] == "every other launch"
     sums = only(total.schedule(arch=90, dim=1 << 24))
-    assert "order" not in {choice.what for choice in sums.choices}
+    assert "reverse_order" not in {choice.what for choice in sums.choices}
 
 
 def test_reasons_name_lines():
@@ -125,3 +125,53 @@ def test_functions_that_loops_call_may_have_lanes():
         top = np.maximum((given - np.abs(x - places)).max(0), 0.0)
         x = np.where(top > 0.5, x, x + 0.01)
     assert np.abs(y.numpy() - x).max() < 0.011
+
+
+@wp.kernel
+def forces(x: wp.array(dtype=float), y: wp.array(dtype=float), n: int):
+    i = wp.tid()
+    s = float(0.0)
+    for j in range(n):
+        s += wp.abs(x[j] - x[i])
+    y[i] = s
+
+
+forces.options["fast_math"] = True
+
+
+@wp.kernel
+def accumulate(x: wp.array(dtype=float), y: wp.array(dtype=float), n: int):
+    i = wp.tid()
+    for j in range(n):
+        wp.atomic_add(y, j, x[i] * x[j])
+
+
+@wp.kernel
+def product(a: wp.array2d(dtype=float), b: wp.array2d(dtype=float), c: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    s = wp.tile_zeros(shape=(64, 64), dtype=float)
+    for k in range(16):
+        x = wp.tile_load(a, shape=(64, 16), offset=(i * 64, k * 16))
+        y = wp.tile_load(b, shape=(16, 64), offset=(k * 16, j * 64))
+        wp.tile_matmul(x, y, s)
+    wp.tile_store(c, s, offset=(i * 64, j * 64))
+
+
+SCHEDULES = {
+    "coarsen_threads": (scale, 1 << 24, "coarsening", "more loads of a thread are in flight"),
+    "coarsen_reductions": (total, 1 << 24, "coarsening", "one block reduction for all indices"),
+    "unroll_and_jam": (pairs, 1 << 18, "coarsening", "register tiling of a shared loop"),
+    "split_reduction": (forces, 1 << 12, "split_reduction", "the warps of a block split"),
+    "stage_transposes": (turn, (512, 512), "transpose_tile", "through shared memory (coalesced)"),
+    "reverse_order": (scale, 1 << 24, "reverse_order", "alternates for L2 reuse"),
+    "ring_reduction": (accumulate, 1 << 18, "loop", "lanes are skewed over iterations"),
+    "stage_shared_loads": (pairs, 1 << 18, "loop", "uniform loads staged through shared memory"),
+    "map_to_grid": (scale, 1000, "coarsening", "the launch is not large"),
+}
+
+
+@pytest.mark.parametrize("name", SCHEDULES)
+def test_each_schedule_describes_itself(name):
+    kernel, dim, what, reason = SCHEDULES[name]
+    choices = only(kernel.schedule(arch=90, dim=dim)).choices
+    assert any(c.what == what and reason in c.reason for c in choices), choices

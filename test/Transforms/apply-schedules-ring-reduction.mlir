@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-emit-entry --warp-rotate-loops \
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-apply-schedules --warp-emit-entry --warp-apply-schedules=stage=updates \
 // RUN:   | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>>

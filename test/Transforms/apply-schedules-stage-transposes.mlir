@@ -5,7 +5,7 @@
 // the block waits, and the thread stores four of a row.
 // CHECK-LABEL: gpu.func @turn(
 // CHECK-SAME: workgroup({{.*}} : memref<4224xi8
-// CHECK-SAME: tile = 32
+// CHECK-SAME: transpose_tile = 32
 // CHECK-COUNT-4: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-4: llvm.store {{.*}} : f32, !llvm.ptr<3>
 // CHECK: gpu.barrier
@@ -30,7 +30,7 @@ func.func @turn(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
 
 // An adjoint clears what it loads: the squares are used twice.
 // CHECK-LABEL: gpu.func @clear(
-// CHECK-SAME: tile = 32
+// CHECK-SAME: transpose_tile = 32
 // CHECK-COUNT-3: gpu.barrier
 // CHECK-NOT: gpu.barrier
 func.func @clear(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)

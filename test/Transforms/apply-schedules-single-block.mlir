@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-emit-entry | FileCheck %s
+// RUN: warp-opt %s --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
 

@@ -5,7 +5,7 @@
 // each; the first adds up what the others leave in block memory.
 // CHECK-LABEL: gpu.func @count(
 // CHECK-SAME: workgroup({{.*}} : memref<1024xi8
-// CHECK-SAME: split = 8
+// CHECK-SAME: split_reduction = 8
 // CHECK: gpu.thread_id y
 // CHECK: scf.for
 // CHECK: llvm.store {{.*}} : i32, !llvm.ptr<3>

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
       block = 128>

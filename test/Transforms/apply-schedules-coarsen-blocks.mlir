@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-join-blocks | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-apply-schedules=stage=tiles | FileCheck %s
 
 #variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block = 128, max_block_coarsening = 4>
 
