@@ -1,9 +1,9 @@
 """Calls of builtins by the signatures of their records.
 
 The generated table (`warp._src.builtin_calls`) has for each builtin its parameters, with types that
-letters tie together, the conditions on them, and the call. The binder gives arguments to parameters,
-converts and checks them, makes the call, and writes new values of `inout` parameters back. An entry
-of the table is resolved at the first call of its builtin in a process.
+letters tie together, the conditions on them, and the call. The binder gives arguments to
+parameters, converts and checks them, makes the call, and writes new values of `inout` parameters
+back. An entry of the table is resolved at the first call of its builtin in a process.
 """
 
 from __future__ import annotations

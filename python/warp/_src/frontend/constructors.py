@@ -357,7 +357,11 @@ class Constructors(Part):
         return self.construct(native, [int(i % (n + 1) == 0) for i in range(n * n)], {}, node)
 
     def from_rows(self, node, rows):
-        first = rows[0].type
+        natives = [row.type for row in rows]
+        if not rows or natives[0].kind != "vec" or natives != natives[:1] * len(rows):
+            shown = ", ".join(f"'{native.python_name}'" for native in natives)
+            raise self.context.type_error(node, f"expects vectors of one type, but got ({shown})")
+        first = natives[0]
         native = self.context.access.composite_type([len(rows), first.shape[0]], first.element)
         self.context.at(node)
         return self.builder.construct(native, rows)

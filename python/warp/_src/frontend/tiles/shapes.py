@@ -35,7 +35,7 @@ class TileShapes(TileTopic):
         given = range(len(old)) if axis is None else parts(self.context, axis)
         axes = set()
         for one in map(known, given):
-            if not -len(old) <= one < len(old):
+            if type(one) is not int or not -len(old) <= one < len(old):
                 raise self.context.value_error(
                     node,
                     f"tile_squeeze() axis {one} is out of bounds for tile with {len(old)} "
