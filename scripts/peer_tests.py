@@ -159,6 +159,7 @@ def run_file(path: Path, site: Path, folder: Path, timeout: float) -> dict:
         "WARP_EXAMPLE_ASSETS": str(site / "warp" / "examples" / "assets"),
         "CUDA_VISIBLE_DEVICES": "",
         "PYTHONDONTWRITEBYTECODE": "1",
+        "WARP_PEER_MESSAGES": "1",
         "PYTHONPATH": os.pathsep.join(search),
     }
     try:

@@ -84,44 +84,27 @@ std::string python::expectedText(const Param &param) {
   return pythonTypeName(param.type);
 }
 
-/// What NVIDIA Warp says of the same mistake; programs look for it.
-static std::string wordsOfWarp(const Param &param, PyObject *value) {
-  std::string name = Py_TYPE(value)->tp_name;
-  name = name.substr(name.rfind('.') + 1);
-  std::string expected = expectedText(param);
-  std::string lead = "argument '" + param.name + "' expects ";
+/// True if a value fails to become the number or the composite of a parameter:
+/// Python has an exception class of its own for that.
+static bool isConversion(const Param &param, PyObject *value) {
   // Indexed arrays are structs here.
-  bool isArrayParam = param.kind == Param::Kind::Array;
-  if (isArrayParam || expected.find("array(") != std::string::npos) {
-    if (!isArrayParam || !isArray(value))
-      return lead + "an array of type " + expected +
-             ", but passed value has type " + name;
-    ArrayObject *array = asArray(value);
-    std::string element =
-        array->typeId >= 0 ? typeText(array->typeId) : "unknown";
-    if (array->descriptor.ndim != param.rank)
-      return lead + "an array with " + std::to_string(param.rank) +
-             " dimension(s) but the passed array has " +
-             std::to_string(array->descriptor.ndim) + " dimension(s)";
-    return lead + "an array with dtype=" + pythonTypeName(param.element) +
-           " but passed array has dtype=" + pythonTypeName(element);
-  }
+  if (param.kind == Param::Kind::Array ||
+      expectedText(param).find("array(") != std::string::npos)
+    return false;
   if (value == Py_None && param.kind == Param::Kind::Struct)
-    return lead + expected + " but got None";
-  if (PyNumber_Check(value) && !PySequence_Check(value) &&
-      param.kind == Param::Kind::Composite)
-    return lead + expected + " but got a single value";
-  return "Failed to convert argument for param " + param.name + " to " +
-         expected;
+    return false;
+  return !(param.kind == Param::Kind::Composite && PyNumber_Check(value) &&
+           !PySequence_Check(value));
 }
 
 Error Packer::error(const PackParam &param, PyObject *value,
                     const std::string &more) const {
-  return Error(Error::Kind::LaunchType,
-               "launch('" + kernel + "'): argument '" + param.param->name +
-                   "' expects '" + expectedText(*param.param) + "', but got " +
-                   describeValue(value) + more +
-                   "\nas Warp says: " + wordsOfWarp(*param.param, value));
+  return Error(
+      Error::Kind::LaunchType,
+      "launch('" + kernel + "'): argument '" + param.param->name +
+          "' expects '" + expectedText(*param.param) + "', but got " +
+          describeValue(value) + more + "\ncode: launch-" +
+          (isConversion(*param.param, value) ? "conversion" : "argument"));
 }
 
 void Packer::raiseCount(size_t got) const {

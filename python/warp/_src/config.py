@@ -131,6 +131,13 @@ SETTINGS = {
     setting.name: setting
     for setting in (
         Setting("quiet", bool, False, "print no notices"),
+        Setting(
+            "peer_messages",
+            bool,
+            False,
+            "add the sentences of NVIDIA Warp to messages of errors, for programs that read them",
+            env=("WARP_PEER_MESSAGES",),
+        ),
         Setting("verbose", bool, False, "print a line per compiled kernel, with times by phase"),
         Setting("verbose_warnings", bool, False, "show warnings with their place in the source"),
         Setting("print_launches", bool, False, "print kernel, device and dimensions of launches"),
@@ -301,12 +308,13 @@ def _suggestion(name):
 
 
 def install(module_name, version) -> None:
-    """Turns the named module into the settings."""
-    module = sys.modules[module_name]
+    """Puts the settings in place of the named module, which is being imported."""
+    plain = sys.modules[module_name]
+    module = sys.modules[module_name] = ConfigModule(module_name)
     values = vars(module)
+    values.update(vars(plain))
     values["version"] = version
     values["DeterministicMode"] = DeterministicMode
     values["LaunchArrayAccessMode"] = LaunchArrayAccessMode
     for setting in SETTINGS.values():
         values[setting.name] = setting.initial()
-    module.__class__ = ConfigModule

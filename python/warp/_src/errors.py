@@ -14,6 +14,11 @@ The C++ side throws one exception class; `from_native` turns its kind into a cla
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 
 class WarpError(RuntimeError):
     """Base of all errors raised by this package.
@@ -25,8 +30,11 @@ class WarpError(RuntimeError):
         hint: what to do about it, when there is one answer.
         notes: further places or facts, one per line.
         source: text of the source line, when it cannot be read from `file`.
-        also: the words that NVIDIA Warp has for this error, which programs may look for.
+        code: names the mistake, for programs and tests; None where the class says it.
+        facts: values that belong to the code, by name.
     """
+
+    code: str | None = None
 
     def __init__(
         self,
@@ -39,7 +47,8 @@ class WarpError(RuntimeError):
         hint: str | None = None,
         notes: tuple[str, ...] = (),
         source: str | None = None,
-        also: str | None = None,
+        code: str | None = None,
+        facts: dict[str, object] | None = None,
     ):
         super().__init__(message)
         self.message = message
@@ -50,13 +59,21 @@ class WarpError(RuntimeError):
         self.hint = hint
         self.notes = tuple(notes)
         self.source = source
-        self.also = also
+        if code is not None:
+            self.code = code
+        self.facts = dict(facts or {})
+
+    def coded(self, code: str | None, **facts) -> WarpError:
+        """Sets code and facts; returns the error."""
+        self.code, self.facts = code, facts
+        return self
 
     def __str__(self) -> str:
         return format_error(self)
 
     def __reduce__(self):
-        return (_rebuild, (type(self), self.message, self.__dict__.copy()))
+        # Facts may be objects that no other process has.
+        return (_rebuild, (type(self), self.message, {**self.__dict__, "facts": {}}))
 
 
 def _rebuild(cls, message, state):
@@ -185,26 +202,34 @@ _KINDS = {
 }
 
 
+# Errors of the C++ side whose code says more than their kind.
+_CODES = {"launch-conversion": WarpLaunchConversionError}
+
+# peer_sentence(code, facts): how NVIDIA Warp says the same, or None; there if
+# `config.peer_messages` is set.
+peer_sentence: Callable[[str, dict[str, object]], str | None] | None = None
+
+
 def from_native(
     kind: str, message: str, file: str = "", line: int = 0, column: int = 0
 ) -> WarpError:
     """Builds the exception for an error reported by the C++ side.
 
-    Last lines of the message that start with `hint: ` and `as Warp says: ` become the hint and the
-    other words.
+    Last lines of the message that start with `hint: ` and `code: ` become the hint and the code.
     """
-    message, _, also = message.partition("\nas Warp says: ")
+    message, _, code = message.partition("\ncode: ")
     head, separator, hint = message.rpartition("\nhint: ")
     if not separator:
         head, hint = message, None
-    error = _KINDS.get(kind.lower(), WarpError)
-    if error is WarpLaunchTypeError and also.startswith("Failed to convert"):
-        error = WarpLaunchConversionError
-    return error(head, file=file or None, line=line, column=column, hint=hint, also=also or None)
+    error = _CODES.get(code) or _KINDS.get(kind.lower(), WarpError)
+    facts = {"message": head}
+    return error(
+        head, file=file or None, line=line, column=column, hint=hint, code=code or None, facts=facts
+    )
 
 
 def format_error(error: WarpError) -> str:
-    """The text of an error: place, message, source line with caret, notes, hint, other words."""
+    """The text of an error: place, message, source line with caret, notes, hint."""
     place = error.file or ""
     if place and error.line:
         place += f":{error.line}"
@@ -221,9 +246,15 @@ def format_error(error: WarpError) -> str:
     lines += [f"note: {note}" for note in error.notes]
     if error.hint:
         lines.append(f"hint: {error.hint}")
-    if error.also:
-        lines.append(f"as Warp says: {error.also}")
-    return "\n".join(lines)
+    return "\n".join(with_peer_sentence(lines, error.code, **error.facts))
+
+
+def with_peer_sentence(lines: list[str], code: str | None, **facts) -> list[str]:
+    """Lines of a message, with the sentence of NVIDIA Warp if `config.peer_messages` is set."""
+    if peer_sentence is None or code is None:
+        return lines
+    sentence = peer_sentence(code, facts)
+    return [*lines, f"as Warp says: {sentence}"] if sentence else lines
 
 
 def _caret(source: str, column: int, end_column: int) -> list[str]:

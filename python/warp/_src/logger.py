@@ -7,6 +7,8 @@ import typing
 import warnings
 
 from warp import _native, config
+from warp._src import config as settings
+from warp._src import errors
 from warp._src.argument_kinds import INTEGER, TEXT, Kind
 from warp._src.arguments import explained, spelled
 from warp._src.config import LOG_WARNING
@@ -139,3 +141,16 @@ class ScopedLogLevel(_native.Scope):
         if self._saved:
             (config.log_level,) = self._saved
         self._saved = ()
+
+
+def _add_peer_sentences(value) -> None:
+    """Lets messages of errors have the sentences of NVIDIA Warp, or not."""
+    errors.peer_sentence = None
+    if value:
+        from warp._src.compat.peer_messages import sentence
+
+        errors.peer_sentence = sentence
+
+
+settings.on_change("peer_messages", _add_peer_sentences)
+_add_peer_sentences(config.peer_messages)

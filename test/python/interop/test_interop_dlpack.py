@@ -313,7 +313,7 @@ def test_structs_have_no_type():
         (np.zeros(3, np.int8), wp.bool, "'bool'.*'int8'"),
         (np.zeros((1,) * 5), None, "1 to 4 dimensions"),
         (np.zeros(4)[::-1], None, "strides of at least 0"),
-        (object(), None, "expects .*DLPack capsule"),
+        (object(), None, "DLPack.*but got 'object'"),
     ],
 )
 def test_refusals(source, dtype, message):

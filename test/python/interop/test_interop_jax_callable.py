@@ -237,7 +237,7 @@ def test_outputs_have_the_shape_of_inputs_where_a_thread_writes_several(place):
 
 def test_extents_beyond_31_bits():
     many = jax.ShapeDtypeStruct((2**31 + 1,), jnp.float32)
-    with pytest.raises(ValueError, match="with extent 2147483649 in dimension 0"):
+    with pytest.raises(ValueError, match=r"below 2\^31, but got \(2147483649,"):
         jax.jit(lambda x: wp.jax_kernel(add, in_out_argnames=["total"])(x, x)).lower(many)
 
 
@@ -250,9 +250,12 @@ def test_extents_beyond_31_bits():
         (lambda: wp.jax_callable(twice, num_outputs=2)(jnp.ones(3)), "output 's'"),
         (lambda: wp.jax_callable(twice)(jnp.ones(3)), "expects 2 arguments, but got 1"),
         (lambda: wp.jax_callable(twice)(jnp.ones(3, jnp.int32), 1.0), "'float32'.*'int32'"),
-        (lambda: wp.jax_callable(twice, in_out_argnames=["y", "y"]), "duplicate names"),
-        (lambda: wp.jax_callable(twice, in_out_argnames=["z"]), "did not match any function"),
-        (lambda: wp.jax_callable(twice, 2, in_out_argnames=["y"]), "before output-only arguments"),
+        (lambda: wp.jax_callable(twice, in_out_argnames=["y", "y"]), "in-out arguments twice"),
+        (lambda: wp.jax_callable(twice, in_out_argnames=["z"]), "in-out arguments of"),
+        (
+            lambda: wp.jax_callable(twice, 2, in_out_argnames=["y"]),
+            "in-out arguments come before outputs",
+        ),
         (lambda: wp.jax_callable(twice, stage_in_argnames=["q"]), r"no argument \['q'\]"),
         (lambda: wp.jax_kernel(add, in_out_argnames=["total"], enable_backward=True), "no inputs"),
         (lambda: wp.jax_callable(twice, graph_mode=9), "graph_mode.*9|9 is not a valid"),
@@ -300,9 +303,9 @@ print("equal")
 
 
 def test_extents_of_launches_that_are_too_many():
-    for dims, place in (((2**31 + 1,), 0), ((1, 2**31 + 1), 1)):
+    for dims in ((2**31 + 1,), (1, 2**31 + 1)):
         function = wp.jax_kernel(scale, launch_dims=dims, output_dims=1)
-        with pytest.raises(ValueError, match=f"with extent 2147483649 in dimension {place}"):
+        with pytest.raises(ValueError, match=r"below 2\^31, but got .*2147483649"):
             jax.jit(lambda x, call=function: call(x, 2.0)).lower(jnp.ones(1, dtype=jnp.float32))
 
 

@@ -132,10 +132,10 @@ def test_questions_about_kernels(device):
     if device == "cpu":
         assert wp.get_suggested_block_size(double, device) == (1, 1)
         assert wp.get_suggested_block_size(of_any_type, device) == (1, 1)
-        with pytest.raises(RuntimeError, match="no CUDA properties.*\n.*requires a CUDA device"):
+        with pytest.raises(RuntimeError, match="no CUDA properties"):
             wp.get_cuda_kernel_properties(double, device)
     else:
-        with pytest.raises(RuntimeError, match="concrete overload"):
+        with pytest.raises(RuntimeError, match="is generic, its types are open"):
             wp.get_suggested_block_size(of_any_type, device)
         threads, blocks = wp.get_suggested_block_size(double, device)
         assert 32 <= threads <= 1024 and blocks >= 1
@@ -144,7 +144,7 @@ def test_questions_about_kernels(device):
         assert found["block_dim"] == 256 and 0 < found["occupancy"] <= 1
         assert found["binary_version"] // 10 == wp.get_device(device).arch // 10
         assert wp.get_cuda_kernel_properties(double, device, 64)["block_dim"] == 64
-    with pytest.raises(TypeError, match=r"expected a wp\.Kernel"):
+    with pytest.raises(TypeError, match="expects a kernel, but got 'function'"):
         wp.get_suggested_block_size(math, device)
     assert wp.get_cuda_max_cluster_dim(double, device) == 1
     with pytest.raises(ValueError):

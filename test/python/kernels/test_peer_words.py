@@ -10,6 +10,11 @@ import pytest
 import warp as wp
 
 
+@pytest.fixture(autouse=True)
+def peer_messages(monkeypatch):
+    monkeypatch.setattr(wp.config, "peer_messages", True)
+
+
 @wp.kernel
 def any_rank(x: wp.array[float, typing.Any], y: wp.array(dtype=float)):
     y[0] = float(x.shape[0])

@@ -131,9 +131,9 @@ def half_an_index(t: wp.array[Inner]):
         (scan, "expects a tile of numbers"),
         (wide, "too wide to use as an integer bound"),
         (outside, "stop=1099511627776 is out of range of int32"),
-        (uncountable, "more elements than can be counted"),
-        (shape_and_slice, "'shape' together with a slice"),
-        (half_an_index, "integers or slices"),
+        (uncountable, "elements, but a tile has at most"),
+        (shape_and_slice, "takes the extents from slices, so no shape"),
+        (half_an_index, "expects an integer as index of a tile"),
     ],
 )
 def test_refusals(function, words):

@@ -104,8 +104,8 @@ def copy(dest, src, dest_offset=0, src_offset=0, count=0, stream=None) -> None:
             f"expects elements of equal size to copy, but got '{dtypes.type_repr(src.dtype)}' "
             f"({src.item_size} bytes) and '{dtypes.type_repr(dest.dtype)}' "
             f"({dest.item_size} bytes)",
-            also=f"destination dtype={dtypes.type_repr(dest.dtype)}, "
-            f"source dtype={dtypes.type_repr(src.dtype)}",
+            code="copy-size",
+            facts={"dest": dtypes.type_repr(dest.dtype), "src": dtypes.type_repr(src.dtype)},
         )
     whole = not dest_offset and not src_offset and count in (0, src.size)
     if whole and dest.shape == src.shape:
@@ -129,12 +129,13 @@ def _check_range(dest_offset, src_offset, count) -> None:
         if not hasattr(value, "__index__"):
             raise errors.WarpTypeError(
                 f"expects ints as offsets and count of a copy, but got {value!r}",
-                also="Copy offsets and count must be integers",
+                code="copy-integers",
             )
         if value < 0:
             raise errors.WarpShapeError(
                 f"negative offsets and counts of a copy are out of range, but got {value}",
-                also=f"{word} must be non-negative",
+                code="copy-negative",
+                facts={"word": word},
             )
 
 
@@ -153,7 +154,8 @@ def _range(source, offset, count, name, shapes=""):
         raise errors.WarpShapeError(
             f"elements {offset} to {offset + count} are out of range for '{name}' with "
             f"{source.size} elements",
-            also=f"the range exceeds the {'source' if name == 'src' else 'destination'} size",
+            code="copy-range",
+            facts={"side": "source" if name == "src" else "destination"},
         )
     if not isinstance(source, _native.Array):
         return source.part(offset, count, name)
@@ -165,8 +167,8 @@ def _range(source, offset, count, name, shapes=""):
         raise errors.WarpShapeError(
             f"expects '{name}' to be contiguous or one-dimensional to copy a part of it; of arrays "
             "of one shape all is copied",
-            also="Copies of parts of arrays that are not contiguous are only supported for 1-D; "
-            + shapes,
+            code="copy-gaps",
+            facts={"shapes": shapes},
         )
     part = source._view(offset * stride, (count,), (stride,))
     return source._with_grad(part, lambda grad: _range(grad, offset, count, name, shapes))

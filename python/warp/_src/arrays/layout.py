@@ -63,13 +63,12 @@ def check_shape(shape) -> tuple:
         if extent < 0:
             raise errors.WarpShapeError(
                 f"expects extents of at least 0, but got {extent} in dimension {axis}",
-                also="Array shapes must be non-negative",
+                code="extent-negative",
             )
         if extent > MAX_EXTENT:
             raise errors.WarpShapeError(
                 f"expects extents of at most {MAX_EXTENT}, but got {extent} in dimension {axis}",
-                also="Array shapes must not exceed the maximum representable value of a signed "
-                "32-bit integer",
+                code="extent-large",
             )
     return extents
 
@@ -88,7 +87,8 @@ def check_strides(strides, extents) -> tuple:
     if len(strides) != len(extents):
         raise errors.WarpShapeError(
             f"expects {len(extents)} strides for shape {extents}, but got {len(strides)}",
-            also=f"Invalid number of strides, expected {len(extents)} strides, got {len(strides)}",
+            code="stride-count",
+            facts={"expected": len(extents), "given": len(strides)},
         )
     if min(strides) < 0:
         raise NotImplementedError(

@@ -159,8 +159,13 @@ class ArrayViews:
         if -1 in extents or math.prod(check_shape(extents)) != self.size:
             raise errors.WarpShapeError(
                 f"cannot reshape an array of shape {self.shape} into {_shown(shape)}",
-                also=f"cannot reshape array of shape {self.shape} (size {self.size}) into shape "
-                f"{tuple(extents)} (size {math.prod(extents)})",
+                code="reshape-size",
+                facts={
+                    "shape": self.shape,
+                    "size": self.size,
+                    "new_shape": tuple(extents),
+                    "new_size": math.prod(extents),
+                },
             )
         if not self.is_contiguous:
             raise errors.WarpShapeError(
@@ -217,7 +222,8 @@ class ArrayViews:
                     f"cannot view elements of type '{dtypes.type_repr(self.dtype)}' "
                     f"({self.item_size} bytes) with shape {self.shape} as "
                     f"'{dtypes.type_repr(dtype)}' ({size} bytes)",
-                    also=self._view_words(dtype),
+                    code="view-size",
+                    facts={"source": self.dtype, "target": dtype},
                 )
         if not shape:
             shape, strides = [1], [size]
@@ -234,24 +240,6 @@ class ArrayViews:
                 view, lambda grad: grad.view(dtype if grad.item_size == narrow else wide)
             )
         return self._with_grad(view, lambda grad: grad.view(dtype))
-
-    def _view_words(self, dtype) -> str:
-        """How NVIDIA Warp says that sizes do not fit."""
-        ours, other = dtypes.type_scalar_type(self.dtype), dtypes.type_scalar_type(dtype)
-        source, target = f"source dtype has size {self.item_size} bytes", "target dtype has size"
-        size = dtypes.type_size_in_bytes(dtype)
-        if ours is not self.dtype and other is dtype:
-            size_ours = dtypes.type_size_in_bytes(ours)
-            source = f"source scalar dtype {ours.__name__} has size {size_ours} bytes"
-        elif ours is self.dtype and other is not dtype:
-            target, size = (
-                f"target scalar dtype {other.__name__} has size",
-                dtypes.type_size_in_bytes(other),
-            )
-        return (
-            f"cannot create an array view with dtype {dtypes.type_repr(dtype)} from source dtype "
-            f"{dtypes.type_repr(self.dtype)}: {source}, but {target} {size} bytes"
-        )
 
     def _inner_packed(self, inner) -> bool:
         """True if the last dimensions have these extents and lie packed."""
@@ -292,7 +280,7 @@ def _resolve_slice(key, extent, axis):
         kind = errors.WarpShapeError if step == 0 else errors.WarpIndexError
         raise kind(
             f"expects a positive step in a slice, but got {step}",
-            also="slice step cannot be zero" if step == 0 else None,
+            code="slice-step" if step == 0 else None,
         )
     bounds = []
     for bound, default in ((key.start, 0), (key.stop, extent)):

@@ -224,9 +224,7 @@ class Tape(_native.Scope):
             depth += 1 if self.scopes[i][1] is None else -1
             if depth < 0:
                 return i
-        raise errors.WarpError(
-            "record_scope_end: no scope is open", also="ended tape scope, but scope not present"
-        )
+        raise errors.WarpError("record_scope_end: no scope is open", code="tape-scope")
 
     @property
     def kept_bytes(self) -> int:

@@ -225,13 +225,12 @@ class LaunchRecord(_native.Record):
             else:
                 why += ", of which the tape keeps a copy"
         place = f" by an array copy at {by.file}:{by.line}" if by.what == "copy" else ""
-        print(
+        text = (
             f"{by.file}:{by.line}: the {by.what} overwrites an array that has already been "
-            f"read from: {why}\nas Warp says: Array {version.array!r} is being written to{place} "
-            "but has already been read from in a previous launch. This may corrupt gradient "
-            "computation in the backward pass.",
-            file=sys.stderr,
+            f"read from: {why}"
         )
+        lines = errors.with_peer_sentence([text], "overwritten", array=version.array, place=place)
+        print("\n".join(lines), file=sys.stderr)
 
     def arrays(self) -> list[array]:
         return [leaf for _, leaf in self.call.leaves if leaf is not None] + self.behind

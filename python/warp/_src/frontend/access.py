@@ -89,7 +89,8 @@ class Access(Part):
                 node,
                 f"{names.describe(base)} has no attribute '{name}'",
                 kind=errors.WarpCodegenAttributeError,
-                also=f"`{name}` is not an attribute of '{base}'",
+                code="attribute-constant",
+                facts={"name": name, "base": str(base)},
             ) from None
 
     def field(self, base, name, node):
@@ -101,10 +102,9 @@ class Access(Part):
             if found is not None:
                 return self.context.capture(found, node)
             held = dtypes.dtype_of(base.type)
-            problem.also = (
-                f"`{name}` is not an attribute of '{ast.unparse(node.value)}' "
-                f"({held.__module__}.{held.__name__})"
-            )
+            spelled = f"{held.__module__}.{held.__name__}"
+            owner = ast.unparse(node.value)
+            problem.coded("attribute", name=name, owner=owner, dtype=spelled)
             raise
 
     @staticmethod
@@ -158,10 +158,12 @@ class Access(Part):
             f"'{self.context.type_name(base)}' has no attribute '{name}'",
             _OF_ARRAYS.get(name) if is_array else None,
             errors.WarpCodegenAttributeError,
-            also=f"`{name}` is not an attribute of '{ast.unparse(node.value)}' "
-            f"({self.context.type_name(base)})"
-            if isinstance(node, ast.Attribute)
-            else None,
+            code="attribute" if isinstance(node, ast.Attribute) else None,
+            facts={
+                "name": name,
+                "owner": ast.unparse(getattr(node, "value", node)),
+                "dtype": self.context.type_name(base),
+            },
         )
 
     def array_size(self, array, node):
@@ -189,7 +191,8 @@ class Access(Part):
                 node,
                 f"{names.describe(base)} cannot be indexed in a kernel",
                 "pass an array, or use a tuple of constants",
-                also=names.external_words(base),
+                code="external-reference",
+                facts={"kind": type(base)},
             )
         index = self.context.expressions.expr(node.slice)
         try:
@@ -294,7 +297,7 @@ class Access(Part):
                 f"expects at most {rank} {'index' if rank == 1 else 'indices'} for "
                 f"'{self.context.type_name(array)}', but got {len(items)}",
                 kind=errors.WarpCodegenIndexError,
-                also="Incorrect number of indices specified for array indexing",
+                code="index-count",
             )
         if any(isinstance(item, ast.Slice) for item in items):
             return self.array_slice(array, items, node)
@@ -368,7 +371,7 @@ class Access(Part):
             node,
             "slice step is zero",
             kind=errors.WarpCodegenValueError,
-            also="Slice step cannot be zero",
+            code="array-slice-step",
         )
 
     def slice_range(self, item, extent, node) -> range:

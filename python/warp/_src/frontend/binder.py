@@ -118,17 +118,17 @@ class Call:
         given = self.given.get(name)
         return given[1] if type(given) is tuple else self.node
 
-    def error(self, parameter, kind, message, hint=None, also=None):
+    def error(self, parameter, kind, message, hint=None, **coded):
         """An error about the `type` or the `value` of an argument."""
         make = self.context.type_error if kind == "type" else self.context.value_error
         text = f"{self.name}() {message}"
-        return make(self.place(parameter.name), text, hint, also=also)
+        return make(self.place(parameter.name), text, hint, **coded)
 
-    def unexpected(self, parameter, noun, found, hint=None, also=None, kind="type"):
+    def unexpected(self, parameter, noun, found, hint=None, kind="type", **coded):
         """The error for an argument, a type or binding, that is not what a noun says."""
         shown = self.context.type_name(found)
         message = f"expects {noun} as '{parameter.name}', but got '{shown}'"
-        return self.error(parameter, kind, message, hint, also)
+        return self.error(parameter, kind, message, hint, **coded)
 
 
 class Update:
@@ -156,11 +156,12 @@ class Binder(Part):
         call = Call(self.context, name, node, overload, given)
         values = [one.value(call) for one in overload.parameters]
         letters = [call.letters.get(letter) for letter in overload.letters]
-        for condition, message, is_type, hint, also in overload.requirements:
+        for condition, message, is_type, hint, peer in overload.requirements:
             if not condition(call, *values, *letters):
                 error = self.context.type_error if is_type else self.context.value_error
                 text = f"{name}() {message(call, *values, *letters)}"
-                raise error(node, text, hint, also=also)
+                code = "requirement" if peer else None
+                raise error(node, text, hint, code=code, facts={"sentence": peer})
         self.context.at(node)
         result = overload.expand(call, *values, *letters)
         if overload.updated:
@@ -233,7 +234,7 @@ class Binder(Part):
         if kind == "missing":
             return error(
                 node, f"{name}() expects the argument '{which}'", shown,
-                also=f"{name}() missing required keyword argument '{which}'",
+                code="argument-missing", facts={"name": name, "which": which},
             )  # fmt: skip
         if kind == "twice":
             return error(keywords[which][1], f"{name}() got '{which}' by position and by name")

@@ -175,10 +175,7 @@ class Calls(Part):
             results, updated = self.builder.builtin(name, values)
         except errors.WarpCodegenTypeError as problem:
             shown = [value.type.python_name for value in values]
-            problem.also = (
-                f"Couldn't find function overload for '{name}' that matched inputs with types: "
-                f"[{', '.join(shown)}]. Input types must be exactly the same, got {shown}"
-            )
+            problem.coded("builtin-types", name=name, types=shown)
             raise
         for position, value in updated:
             if position < len(places):
@@ -252,8 +249,8 @@ class Calls(Part):
             raise self.context.error(
                 node,
                 f"static expression failed: {problem}",
-                also=f"Error evaluating static expression: {problem}. Make sure all variables "
-                "used in the static expression are constant.",
+                code="static-failed",
+                facts={"problem": str(problem)},
             ) from problem
 
     def static_value(self, callee, expression):

@@ -130,8 +130,7 @@ class Constructors(Part):
             try:
                 return self.builder.cast(values[0], native)
             except errors.WarpCodegenError as problem:
-                if native.kind in ("vec", "mat"):
-                    problem.also = self.copy_words(native, values[0].type)
+                problem.coded("components", native=native, given=[values[0].type])
                 raise
         if native.kind == "mat" and len(values) > 1 and values[0].type.kind == "vec":
             raise self.context.type_error(
@@ -142,7 +141,8 @@ class Constructors(Part):
         try:
             return self.builder.construct(native, values)
         except errors.WarpCodegenError as problem:
-            problem.also = self.construct_words(native, values)
+            given = [value.type for value in values]
+            problem.coded("components", native=native, given=given)
             raise
 
     def constant_component(self, argument, element, node):
@@ -156,45 +156,6 @@ class Constructors(Part):
                 self.context.at(node)
                 return self.builder.constant(element, known)
         return value
-
-    def construct_words(self, native, values):
-        """How NVIDIA Warp says that a composite cannot be made of values."""
-        family = {"vec": "vector", "mat": "matrix", "quat": "quaternion"}.get(
-            native.kind, "transformation"
-        )
-        shape = tuple(native.shape)
-        of_shape = f"{family} of shape {shape}" if family == "matrix" else family
-        if family == "vector":
-            of_shape = f"vector of length {shape[0]}"
-        if len(values) == 1 and values[0].type.kind == native.kind:
-            return self.copy_words(native, values[0].type)
-        others = [value.type for value in values if value.type != native.element]
-        if others and all(other.kind in ("bool", "int", "float") for other in others):
-            if len(values) == 1:
-                return (
-                    f"the value used to fill this {family} is expected to be of the type "
-                    f"`{native.element.python_name}`"
-                )
-            return (
-                f"all values used to initialize this {family} are expected to be of the type "
-                f"`{native.element.python_name}`"
-            )
-        if native.kind == "transform":
-            of_shape = "transform; expected 0, 1, or 7"
-        return f"incompatible number of values given ({len(values)}) when constructing a {of_shape}"
-
-    @staticmethod
-    def copy_words(native, given):
-        """How NVIDIA Warp says that one composite cannot be made from another."""
-        if native.kind == "vec":
-            return (
-                f"incompatible vector of length {native.shape[0]} given when copy constructing a "
-                f"vector of length {given.shape[0]}"
-            )
-        return (
-            f"incompatible matrix of shape {tuple(native.shape)} given when copy constructing a "
-            f"matrix of shape {tuple(given.shape)}"
-        )
 
     def composite_keywords(self, native, keywords, node):
         orders = {
@@ -288,7 +249,7 @@ class Constructors(Part):
             raise self.context.type_error(
                 node,
                 "vector expects components or `length`",
-                also="the `length` argument must be specified when zero-initializing a vector",
+                code="vector-length",
             )
         if length is None:
             length = sum(
@@ -317,8 +278,7 @@ class Constructors(Part):
                     node,
                     f"{len(arguments)} components make no square matrix",
                     "give its `shape`",
-                    also="the `shape` argument must be specified when initializing a matrix by "
-                    "value",
+                    code="matrix-shape",
                 )
             shape = (side, side)
         return self.construct(

@@ -60,18 +60,18 @@ class Context(Values):
             self.source.encoded_file, node.lineno + self.source.line_offset, node.col_offset + 1
         )
 
-    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=(), also=None):
-        """The exception for a message about a node."""
-        return kind(message, hint=hint, notes=notes, also=also, **self.source.place(node))
+    def error(self, node, message, hint=None, kind=errors.WarpCodegenError, notes=(), **coded):
+        """The exception for a message about a node; `coded`: its `code` and `facts`."""
+        return kind(message, hint=hint, notes=notes, **coded, **self.source.place(node))
 
-    def type_error(self, node, message, hint=None, notes=(), also=None):
-        return self.error(node, message, hint, errors.WarpCodegenTypeError, notes, also)
+    def type_error(self, node, message, hint=None, notes=(), **coded):
+        return self.error(node, message, hint, errors.WarpCodegenTypeError, notes, **coded)
 
-    def value_error(self, node, message, hint=None, also=None):
-        return self.error(node, message, hint, errors.WarpCodegenValueError, also=also)
+    def value_error(self, node, message, hint=None, **coded):
+        return self.error(node, message, hint, errors.WarpCodegenValueError, **coded)
 
-    def unsupported(self, node, what, hint=None, also=None):
-        return self.error(node, f"{what} is not supported in kernels", hint, also=also)
+    def unsupported(self, node, what, hint=None, **coded):
+        return self.error(node, f"{what} is not supported in kernels", hint, **coded)
 
     def locate(self, error: errors.WarpError):
         """Completes an error of the builder with the place in the source."""
@@ -83,7 +83,8 @@ class Context(Values):
         message, _, fix = message.partition("; use ")
         hint = f"use {fix}" if fix else error.hint
         notes = (*error.notes, details.strip()) if details else error.notes
-        return type(error)(message, hint=hint, notes=notes, also=error.also, **place)
+        located = type(error)(message, hint=hint, notes=notes, **place)
+        return located.coded(error.code, **error.facts)
 
     # Names.
 

@@ -83,8 +83,7 @@ class Expressions(Part):
         if method is None:
             kind = type(node).__name__
             what = _UNSUPPORTED.get(kind, f"`ast.{kind}`")
-            also = f"Construct `ast.{kind}` not supported in kernels."
-            raise self.context.unsupported(node, what, also=also)
+            raise self.context.unsupported(node, what, code="construct", facts={"kind": kind})
         return method(node)
 
     def value(self, node):
@@ -117,9 +116,7 @@ class Expressions(Part):
             node,
             "a list",
             "use a vector, or `wp.zeros(shape, dtype)` for an array of the thread",
-            also="List constructs are not supported in kernels. Use vectors like `wp.vec3()` for "
-            "small fixed-size collections, or `wp.zeros(shape=N, dtype=...)` for stack-allocated "
-            "arrays.",
+            code="list",
         )
 
     # Operators.
@@ -181,10 +178,8 @@ class Expressions(Part):
         except errors.WarpCodegenTypeError as problem:
             shown = [operand.type.python_name for operand in operands]
             composite = all(operand.type.element is not None for operand in operands)
-            problem.also = (
-                f"Couldn't find function overload for '{name}': Input types must be "
-                f"{'exactly ' if composite else ''}the same, got {shown}"
-            )
+            exactly = "exactly " if composite else ""
+            problem.coded("operator-types", name=name, exactly=exactly, types=shown)
             raise
 
     @staticmethod
@@ -217,9 +212,8 @@ class Expressions(Part):
                 node,
                 f"operator '{name}' is not defined for {shown}",
                 f"define `@wp.func def {name}(...)`",
-                also=f"bitwise inplace operators do not support Warp struct tiles: {name}"
-                if name.startswith("bit_")
-                else None,
+                code="tile-struct-operator" if name.startswith("bit_") else None,
+                facts={"name": name},
             )
         return self.context.user_calls.call_function(function, list(operands), {}, node)
 

@@ -95,8 +95,7 @@ class LocalArrays(Part):
                 node,
                 "an array of a thread has its shape at compile time",
                 kind=errors.WarpCodegenValueError,
-                also="the `shape` argument must be specified as a constant when "
-                "zero-initializing an array",
+                code="local-array-shape",
             )
         if not 1 <= len(known) <= 4 or min(known) < 1:
             raise self.context.error(

@@ -76,19 +76,6 @@ def describe(value) -> str:
     return f"{'an' if name[0] in 'aeiou' else 'a'} '{name}'"
 
 
-def external_words(value) -> str | None:
-    """How NVIDIA Warp says that a kernel cannot refer to an object."""
-    kind = type(value)
-    shown = "warp._src.types.array" if dtypes.type_is_array(kind) else None
-    if shown is None:
-        shown = (
-            kind.__qualname__
-            if kind.__module__ == "builtins"
-            else f"{kind.__module__}.{kind.__qualname__}"
-        )
-    return f"Invalid external reference type: <class '{shown}'>"
-
-
 def resolve(context, name, node):
     """The Python object a free name refers to: closure, global, builtin."""
     function = context.function
@@ -138,7 +125,8 @@ def undefined(context, name, node):
         f"'{name}' is not defined",
         hint,
         errors.WarpCodegenKeyError,
-        also=f"Referencing undefined symbol: {name}",
+        code="undefined",
+        facts={"name": name},
     )
 
 
@@ -183,8 +171,8 @@ def _missing(context, module, name, node):
         f"module '{module.__name__}' has no attribute '{name}'",
         proposal(name, dir(module)),
         errors.WarpCodegenAttributeError,
-        also=f"`{name}` is not an attribute of '{module.__name__}'\n"
-        f"Could not find function {_written(node)}",
+        code="attribute-module",
+        facts={"name": name, "module": module.__name__, "called": _written(node)},
     )
 
 

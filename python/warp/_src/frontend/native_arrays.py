@@ -69,7 +69,7 @@ def call(context, function, node):
     for name, annotation in annotations_of(function.func).items():
         if name == "return" and annotation is not None and not _can_return(annotation):
             problem = f"the native code of '{function.key}', which returns {_shown(annotation)},"
-            raise context.unsupported(node, problem, _FIX, also="unsupported return type")
+            raise context.unsupported(node, problem, _FIX, code="native-return")
         if name != "return" and type_name(_value_type(annotation)) is None:
             problem = f"the native code of '{function.key}', whose '{name}' C++ has no type for,"
             raise context.unsupported(node, problem, _FIX)

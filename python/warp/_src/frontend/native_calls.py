@@ -57,7 +57,7 @@ def call_native(context, function, node):
         context.session.block_threads()
     elif result not in native_code.SCALARS:
         raise context.unsupported(
-            node, f"{what}, which returns no number,", _FIX, also="unsupported return type"
+            node, f"{what}, which returns no number,", _FIX, code="native-return"
         )
     place = native_code.place_of(context, node)
     build = context.session.build

@@ -23,7 +23,7 @@ class Output(Part):
             raise self.context.type_error(
                 node,
                 "printf expects a format string first",
-                also=None if called == "printf" else "unsupported built-in function 'printf'",
+                code="printf-format" if called != "printf" else None,
             )
         texts = iter([argument for argument in arguments[1:] if isinstance(argument, str)])
         values = [
@@ -43,8 +43,8 @@ class Output(Part):
                 node,
                 f"printf expects at most {_MOST} values, but got {len(values)}",
                 "print in several calls",
-                also="the maximum number of variadic arguments that can be passed to `printf` is "
-                f"{_MOST}",
+                code="printf-count",
+                facts={"most": _MOST},
             )
         self.context.at(node)
         self.builder.printf(spliced, values)
@@ -198,7 +198,7 @@ class Output(Part):
                 node,
                 f"expects two numbers or composites of one type to compare, but got "
                 f"'{left.type.python_name}' and '{right.type.python_name}'",
-                also="Can't test equality for objects with different types",
+                code="compare-types",
             )
         return left, right
 

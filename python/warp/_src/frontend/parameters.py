@@ -163,7 +163,7 @@ def _check_element(call, parameter, native, pattern, noun):
         family = "Warp struct" if native.element.kind == "struct" else "complex"
         raise call.unexpected(
             parameter, noun + _elements(pattern), native,
-            also=f"{call.name}() does not support {family} tiles",
+            code="tile-elements", facts={"name": call.name, "elements": family},
         )  # fmt: skip
     other = next(
         one.name for one in call.overload.parameters
@@ -236,13 +236,12 @@ def _shape(call, parameter, binding):
     if not all(isinstance(extent, int) and type(extent) is not bool for extent in found):
         raise call.error(
             parameter, "value", f"expects a {parameter.name} of compile time constants",
-            also="shape must be a tuple of constants",
+            code="tile-shape",
         )  # fmt: skip
     if not 1 <= len(found) <= 4 or min(found) < 1:
         raise call.error(
             parameter, "value", f"expects 1 to 4 positive extents, but got {tuple(found)}",
-            also=f"{call.name}() output must have between one and four dimensions, got "
-            f"{len(found)}",
+            code="tile-rank", facts={"name": call.name, "count": len(found)},
         )  # fmt: skip
     return [int(extent) for extent in found]
 
@@ -264,10 +263,8 @@ def _offsets(call, parameter, binding):
             parameter, "value",
             f"expects as many indices as '{parameter.name}' as '{other}' has dimensions, {rank}, "
             f"but got {len(found)}",
-            also=f"{call.name}() offset argument must have the same number of dimensions as the "
-            f"array to load from, got {len(found)} indices for an array with {rank} dimensions"
-            if "load" in call.name
-            else f"{call.name}() '{other}' argument must have {len(found)} dimensions, got {rank}",
+            code="tile-offset" if "load" in call.name else "tile-indices",
+            facts={"name": call.name, "other": other, "count": len(found), "rank": rank},
         )  # fmt: skip
     for one in found:
         if one.type.kind != "int":
@@ -284,7 +281,7 @@ def _axis(call, parameter, binding):
     raise call.error(
         parameter, "value",
         f"axis must be a dimension of the {kind}, which has {rank}, got {found}",
-        also=f"{call.name}() axis argument must be valid axis of the {kind}, got {found}.",
+        code="tile-axis", facts={"name": call.name, "kind": kind, "found": found},
     )  # fmt: skip
 
 
@@ -316,7 +313,8 @@ def _choice(call, parameter, binding):
     raise call.error(
         parameter, "value",
         f"{parameter.name} must be {', '.join(others)} or {last}, got {binding!r}",
-        also=f"{parameter.name} must be the string literal {choices[0]!r} or {choices[1]!r}",
+        code="choice",
+        facts={"name": parameter.name, "first": choices[0], "second": choices[1]},
     )  # fmt: skip
 
 

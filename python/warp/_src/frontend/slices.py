@@ -82,13 +82,14 @@ class Slices(Part):
             raise self.context.value_error(
                 node,
                 f"expects components of '{shown}' for a slice, but got '{native.python_name}'",
-                also=f"The provided vector is expected to be of length {count} with dtype {shown}.",
+                code="slice-components",
+                facts={"count": count, "shown": shown},
             )
         raise self.context.value_error(
             node,
             f"expects '{shown}' for components of a slice, but got '{native.python_name}'",
-            also=f"The provided value is expected to be a vector of length {count}, with dtype "
-            f"{shown}.",
+            code="slice-value",
+            facts={"count": count, "shown": shown},
         )
 
     def components(self, value, count, node, element=None):
@@ -115,10 +116,7 @@ class Slices(Part):
                 node,
                 f"slice has {count} components, but '{native.python_name}' has {len(places)}",
                 kind=errors.WarpCodegenValueError,
-                also=f"The length of the provided vector ({len(places)}) isn't compatible with the "
-                f"given slice (expected {count})."
-                if native.kind == "vec"
-                else f"The provided value is expected to be a vector of length {count}, with dtype "
-                f"{native.element.python_name}.",
+                code="slice-count" if native.kind == "vec" else "slice-value",
+                facts={"got": len(places), "count": count, "shown": native.element.python_name},
             )
         return [self.builder.extract(value, place) for place in places]

@@ -243,7 +243,8 @@ class Slots(Part):
                 raise self.context.type_error(
                     node,
                     f"expects '{shown}' for this part of the element, but got '{given}'",
-                    also=f"Composite slot assignment expects value of type {shown}, got {given}",
+                    code="slot-type",
+                    facts={"shown": shown, "given": given},
                 )
             self.builder.store(view, slot.indices, value)
 

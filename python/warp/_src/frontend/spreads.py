@@ -45,8 +45,7 @@ class Spreads(Part):
         raise self.context.type_error(
             node,
             f"expects a tuple or vector after `*`, but got '{self.context.type_name(binding)}'",
-            also="Starred expressions are only supported for tuples, vectors, matrices and slices "
-            "of arrays",
+            code="starred",
         )
 
     def spread_bound(self, node) -> int:
@@ -58,7 +57,7 @@ class Spreads(Part):
                 node,
                 problem.message,
                 kind=errors.WarpCodegenValueError,
-                also="Slice component must be a compile-time constant",
+                code="slice-constant",
             ) from None
 
     def spread_array(self, array, item, node):
@@ -69,17 +68,17 @@ class Spreads(Part):
         ]
         low, high, step = bounds
         if high is None or low < 0 or high < 0 or step <= 0:
-            words = "slice indices cannot be negative for arrays"
+            code = "unpack-negative"
             if high is None:
-                words = "unpacking an array requires explicit upper bound"
+                code = "unpack-end"
             elif low >= 0 and high >= 0:
-                words = "slice step cannot be negative"
+                code = "unpack-step"
             raise self.context.error(
                 node,
                 "`*` of a part of an array expects bounds of at least 0 and an end",
                 "write `*a[0:3]`",
                 errors.WarpCodegenValueError,
-                also=words,
+                code=code,
             )
         self.context.at(node)
         read = self.builder.load if array.type.rank == 1 else self.builder.view

@@ -115,7 +115,8 @@ class Statements(Part):
             node,
             f"a static expression that stands alone gives '{kind.__name__}', which kernels have "
             "no value for",
-            also=f"Static expression returns an unsupported value: {what}",
+            code="static-value",
+            facts={"what": what},
         )
 
     def statement_Assign(self, node):
@@ -212,8 +213,7 @@ class Statements(Part):
             node,
             "a kernel cannot return a value",
             "store it in an array",
-            also="Warp kernels cannot return values. Write results to output arguments, and omit "
-            "the return annotation or use `-> None`.",
+            code="kernel-return",
         )
 
     def check_result(self, binding, node):
@@ -233,42 +233,12 @@ class Statements(Part):
                 node,
                 f"'{self.context.source.name}' is annotated to return '{shown}', "
                 f"but returns '{self.context.type_name(binding)}'",
-                also=self.result_words(wanted, given),
+                code="result-type",
+                facts={
+                    "function": self.context.source.name,
+                    "written": self.context.function.__annotations__.get("return"),
+                    "wanted": wanted,
+                    "names": [self.context.type_name(part) for part in given],
+                    "is_local_array": type(given[0]) is LocalArray,
+                },
             )
-
-    def result_words(self, wanted, given):
-        """How NVIDIA Warp says that a function returns something else than annotated."""
-        head = f"The function `{self.context.source.name}`"
-        names = [self.context.type_name(part) for part in given]
-        declared = ["Any" if native is None else native.python_name for native in wanted]
-        written = self.context.function.__annotations__.get("return")
-        if written in (int, float, bool):
-            declared = [written.__name__]
-        if type(given[0]) is LocalArray:
-            element = getattr(wanted[0], "element", None)
-            shown = f"Array[{element.python_name}]" if element else declared[0]
-            return (
-                f"{head} returns a fixed-size array whereas it has its return type annotated as "
-                f"`{shown}`."
-            )
-        if len(wanted) == 1 and len(given) == 1:
-            return (
-                f"{head} has its return type annotated as `{declared[0]}` but the code returns a "
-                f"value of type `{names[0]}`."
-            )
-        if len(wanted) == 1:
-            shown = {"int32": "int", "float32": "float"}.get(declared[0], declared[0])
-            return (
-                f"{head} has its return type annotated as `{shown}` but the code returns "
-                f"{len(given)} values."
-            )
-        if len(wanted) != len(given):
-            return (
-                f"{head} has its return type annotated as a tuple of {len(wanted)} elements but "
-                f"the code returns {len(given)} values."
-            )
-        short = [{"int32": "int", "float32": "float"}.get(name, name) for name in declared]
-        return (
-            f"{head} has its return type annotated as `tuple[{', '.join(short)}]` but the code "
-            f"returns a tuple with types `({', '.join(names)})`."
-        )

@@ -62,7 +62,8 @@ class Targets(Part):
                 raise self.context.type_error(
                     node,
                     f"'{target.id}' is a derivative, a function, and cannot be changed",
-                    also=f"Cannot reassign local '{target.id}' that is bound to wp.grad(...)",
+                    code="reassign",
+                    facts={"name": target.id},
                 )
             if self.is_tile(target, left):
                 self.update_whole(node, self.context.slots.of(target))
@@ -155,9 +156,7 @@ class Targets(Part):
             raise self.context.type_error(
                 node,
                 f"bits of elements of type '{slot.type.python_name}' cannot be combined",
-                also="bitwise inplace operators do not support Warp struct tiles"
-                if scalar.kind == "struct"
-                else None,
+                code="tile-struct-bits" if scalar.kind == "struct" else None,
             )
         self.context.slots.write(slot, right, node, ATOMIC[type(op)])
         return True

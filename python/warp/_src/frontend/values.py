@@ -106,7 +106,8 @@ class Values:
             node,
             f"expects a value, but got {what}",
             "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None,
-            also=names.external_words(binding),
+            code="external-reference",
+            facts={"kind": type(binding)},
         )
 
     def materialize_struct(self, binding, node):

@@ -58,7 +58,7 @@ def from_dlpack(source, dtype=None, hint=None):
         if got == "PyCapsule":
             raise
         raise errors.WarpTypeError(
-            f"{error}, but got '{got}'", also=f"Expected a valid DLPack capsule, got {got}"
+            f"{error}, but got '{got}'", code="dlpack-capsule", facts={"got": got}
         ) from None
     pointer, kind, number, code, bits, lanes, extents, strides, flags = found
     scalar = CODES.get((code, bits)) if lanes == 1 else None
@@ -71,7 +71,7 @@ def from_dlpack(source, dtype=None, hint=None):
     except errors.WarpTypeError as error:
         # DLPack counts the bits of each type, those of truth values, too.
         held = "bool8" if scalar is scalars.bool else scalar.__name__
-        error.also = f"Incompatible data types: DLPack {held} and Warp {dtypes.type_repr(dtype)}"
+        error.coded("dlpack-types", held=held, dtype=dtypes.type_repr(dtype))
         raise
     index = _index(kind, number)
     owner = _native.dlpack_take(capsule)
@@ -91,7 +91,8 @@ def _index(kind, number) -> int:
         return exchange.cuda_index(number)
     raise errors.WarpTypeError(
         f"expects memory of the CPU or of CUDA, but got DLPack device type {kind}",
-        also=f"Unsupported source device for DLPack: device_type={kind}, device_id={number}",
+        code="dlpack-device",
+        facts={"kind": kind, "number": number},
     )
 
 

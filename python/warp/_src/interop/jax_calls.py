@@ -85,12 +85,13 @@ class Arguments:
                     f"expects 1 to {count} outputs and in-out arguments "
                     f"of {names}, but got {num_outputs} and {given}"
                 ),
-                also=f"in_out_argnames {unknown} did not match any function argument names",
+                code="in-out-unknown",
+                facts={"unknown": unknown},
             )
         if len(given) != len(self.in_outs):
             raise errors.WarpLaunchValueError(
                 self.message(f"got in-out arguments twice in {given}"),
-                also="in_out_argnames must not contain duplicate names",
+                code="in-out-twice",
             )
         if len(given) > num_outputs:
             raise errors.WarpLaunchValueError(
@@ -104,7 +105,7 @@ class Arguments:
         if late:
             raise errors.WarpLaunchValueError(
                 self.message(f"in-out arguments come before outputs, but {sorted(late)} does not"),
-                also="in_out arguments should be placed before output-only arguments",
+                code="in-out-late",
             )
 
     def message(self, text) -> str:
@@ -169,8 +170,8 @@ class Arguments:
             if extent > _MOST:
                 raise errors.WarpLaunchValueError(
                     self.message(f"{what} must be below 2^31, but got {shape}"),
-                    also=f"Warp cannot launch a kernel using wp.tid() with extent {extent} in "
-                    f"dimension {axis}",
+                    code="jax-extent",
+                    facts={"extent": extent, "axis": axis},
                 )
 
     def launch_dims(self, dims, shapes) -> tuple:

@@ -72,7 +72,7 @@ def compile_aot_module(
         raise errors.WarpError(
             f"module '{module.name}' has no kernels to compile",
             hint="give generic kernels overloads by `wp.overload`",
-            also="No compilable kernels found, expects a kernel or a generic kernel with overloads",
+            code="aot-empty",
         )
     _warn_of_generic(module)
     folder = _folder(module_dir)

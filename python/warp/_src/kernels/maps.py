@@ -57,9 +57,7 @@ def map(func, *inputs, out=None, return_kernel=False, block_dim=None, device=Non
         ValueError: there is no array, or shapes do not fit together.
     """
     if not inputs:
-        raise errors.WarpShapeError(
-            "map: expects at least one array", also="map requires at least one warp.array input"
-        )
+        raise errors.WarpShapeError("map: expects at least one array", code="map-arrays")
     function, identity = function_of(func)
     arguments = ", ".join(f"x{i}" for i in range(len(inputs)))
     name = "map_" + getattr(function, "key", "function")
@@ -88,9 +86,7 @@ def apply(name, expression, names, identity, inputs, out, return_kernel, block_d
     inputs = [(annotation, _gathered(value)) for annotation, value in inputs]
     arrays = [value for _, value in inputs if isinstance(value, array)]
     if not arrays:
-        raise errors.WarpShapeError(
-            "map: expects at least one array", also="map requires at least one warp.array input"
-        )
+        raise errors.WarpShapeError("map: expects at least one array", code="map-arrays")
     index = arrays[0].device_index if device is None else resolve_index(device)
     shape = _broadcast([found.shape for found in arrays])
     outputs = None if out is None else list(out) if isinstance(out, (list, tuple)) else [out]
@@ -173,7 +169,8 @@ def _broadcast(shapes) -> tuple:
                 shown = ", ".join(str(found) for found in shapes)
                 raise errors.WarpShapeError(
                     f"shapes {shown} do not broadcast to one shape",
-                    also=f"Shapes {' and '.join(str(one) for one in shapes)} are not broadcastable",
+                    code="broadcast",
+                    facts={"shapes": " and ".join(str(one) for one in shapes)},
                 )
             if extent != 1:
                 result[axis] = extent
@@ -209,29 +206,25 @@ def _check_arrays(outputs) -> None:
 def _check_outputs(outputs, shape, kinds) -> None:
     names = ", ".join(dtypes.type_repr(dtype) for dtype in kinds)
     if len(outputs) != len(kinds):
-        also = (
-            f"Invalid output provided, expected {len(kinds)} Warp arrays with shape {shape} and "
-            f"dtypes ({names})"
-            if len(outputs) == 1
-            else f"Number of provided output arrays ({len(outputs)}) does not match expected "
-            f"number of function outputs ({len(kinds)})"
-        )
         raise errors.WarpOutputError(
-            f"expects {len(kinds)} outputs of type {names}, but got {len(outputs)}", also=also
+            f"expects {len(kinds)} outputs of type {names}, but got {len(outputs)}",
+            code="map-out-single" if len(outputs) == 1 else "map-out-count",
+            facts={"shape": shape, "names": names, "wanted": len(kinds), "got": len(outputs)},
         )
     for i, (output, dtype) in enumerate(zip(outputs, kinds, strict=True)):
         which = f" {i}" if len(outputs) > 1 else ""
         if output.shape != shape:
             raise errors.WarpOutputError(
                 f"expects output{which} of shape {shape}, but got {output.shape}",
-                also=f"Output array{which} shape {output.shape} does not match expected shape "
-                f"{shape}",
+                code="map-out-shape",
+                facts={"which": which, "got": output.shape, "wanted": shape},
             )
         if output.dtype is not dtype:
             got, wanted = dtypes.type_repr(output.dtype), dtypes.type_repr(dtype)
             raise errors.WarpOutputError(
                 f"expects output{which} of type '{wanted}', but got '{got}'",
-                also=f"Output array{which} dtype {got} does not match expected dtype {wanted}",
+                code="map-out-dtype",
+                facts={"which": which, "got": got, "wanted": wanted},
             )
 
 
@@ -271,32 +264,15 @@ def _kernel(name, expression, names, identity, annotations, rank):
         except errors.WarpCodegenError as problem:
             shown = ", ".join(_element_text(annotation) for annotation in annotations)
             problem.notes = (*problem.notes, f"in '{name}' for elements of {shown}")
-            problem.also = _words(names.get("function"), annotations) or problem.also
+            function = getattr(names.get("function"), "func", None)
+            if hasattr(function, "__code__"):
+                types = [_element_type(annotation) for annotation in annotations]
+                problem.coded("map-function", function=function, types=types)
             raise
         kinds = [dtypes.dtype_of(native) for native in natives]
         function = _compile(name, expression, names, annotations, rank, kinds)
         found = _kernels[key] = Kernel(function, name, "warp.map"), kinds
     return found
-
-
-def _words(function, annotations) -> str | None:
-    """How NVIDIA Warp says that a function cannot be applied to such elements."""
-    code = getattr(getattr(function, "func", None), "__code__", None)
-    if code is None:
-        return None
-    if code.co_argcount != len(annotations):
-        return (
-            f"Number of input arguments ({len(annotations)}) does not match expected number of "
-            f"function arguments ({code.co_argcount})"
-        )
-    declared = [function.func.__annotations__.get(name) for name in code.co_varnames]
-    types = [_element_type(annotation) for annotation in annotations]
-    for given, wanted in zip(types, declared, strict=False):
-        if isinstance(wanted, type) and dtypes.canonical(wanted) is not given:
-            shown = ", ".join(dtypes.type_repr(dtype) for dtype in types)
-            name = function.func.__qualname__.replace(".<locals>.", "__locals__")
-            return f"Function {name} does not support the provided argument types {shown}"
-    return "The provided function must return a value"
 
 
 def _element_type(annotation):

@@ -45,7 +45,7 @@ def overload(kernel, arg_types=None):
     if kernel.__annotations__.get("return") not in (None, "None", type(None)):
         raise errors.WarpTypeError(
             f"overload of '{kernel.__name__}' has a return annotation, leave it out",
-            also="Return annotations are not allowed on @wp.overload stubs",
+            code="overload-return",
         )
     generic = _named(kernel)
     _specialized(generic, _declared(kernel))
@@ -66,7 +66,8 @@ def _named(function):
         found = "there are several kernels" if named else "there is no generic kernel"
         raise errors.WarpError(
             f"{found} '{kernel_name(function)}' to overload",
-            also=f"Ambiguous kernel lookup for '{kernel_name(function)}'" if named else None,
+            code="overload-ambiguous" if named else None,
+            facts={"name": kernel_name(function)},
         )
     return named[0]
 

@@ -53,7 +53,7 @@ def get_cuda_kernel_properties(kernel, device=None, block_dim=None) -> dict:
     if device.is_cpu:
         raise errors.WarpError(
             f"kernel '{kernel.key}' has no CUDA properties on device '{device}'",
-            also="get_cuda_kernel_properties() requires a CUDA device",
+            code="cuda-properties",
         )
     return _native.cuda_kernel_properties(native, device.index, block_dim or 0)
 
@@ -118,12 +118,14 @@ def _prepared(kernel, caller: str):
     if not isinstance(kernel, Kernel):
         raise errors.WarpTypeError(
             f"{caller}: expects a kernel, but got '{type(kernel).__name__}'",
-            also=f"expected a wp.Kernel, got {type(kernel).__name__}",
+            code="kernel-expected",
+            facts={"name": type(kernel).__name__},
         )
     if kernel.is_generic:
         raise errors.WarpError(
             f"{caller}: kernel '{kernel.key}' is generic, its types are open",
             hint="ask for what `wp.overload` gives",
-            also=f"{caller} requires a concrete overload, use wp.overload",
+            code="kernel-generic",
+            facts={"caller": caller},
         )
     return kernel.prepare()

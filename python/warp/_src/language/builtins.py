@@ -73,9 +73,7 @@ class Builtin:
                     cls.__name__ if cls in PYTHON_TYPES else dtypes.type_repr(cls)
                     for cls in classes
                 )
-                problem.also = (
-                    f"Couldn't find a function '{self.key}' compatible with the arguments '{shown}'"
-                )
+                problem.coded("builtin-arguments", name=self.key, types=shown)
                 raise
         return evaluator(values, args)
 

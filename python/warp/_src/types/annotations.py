@@ -126,7 +126,8 @@ def from_subscript(params, ndim, made=ArrayType):
         if ndim is not None and ndim > 1:
             raise errors.WarpTypeError(
                 f"expects an element type alone, but got {len(params)} parameters",
-                also=f"array{ndim}d[...] takes a single type parameter",
+                code="array-parameters",
+                facts={"ndim": ndim},
             )
         if len(params) != 2:
             raise TypeError(f"expects `wp.array[dtype, ndim]`, but got {len(params)} parameters")

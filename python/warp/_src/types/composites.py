@@ -86,7 +86,7 @@ class Composite:
         """
         if not ptr:
             raise errors.WarpError(
-                "expects a valid address, but got a null pointer", also="NULL pointer exception"
+                "expects a valid address, but got a null pointer", code="null-pointer"
             )
         return cls.from_buffer_copy((ctypes.c_char * ctypes.sizeof(cls)).from_address(ptr))
 
@@ -153,7 +153,8 @@ class Composite:
         spelled = key if isinstance(key, (str, int, float)) or key is None else shown(key)
         return errors.WarpKeyError(
             f"expects an int or slice as index of '{shown_name(type(self))}'",
-            also=f"Invalid key {spelled}, expected int or slice",
+            code="index-type",
+            facts={"spelled": spelled},
         )
 
     def _indices(self, key) -> range:
@@ -184,7 +185,8 @@ class Composite:
             wanted, given = self._wp_scalar_type_.__name__, shown_name(type(number))
             raise errors.WarpTypeError(
                 f"expects a '{wanted}' component for '{shown_name(type(self))}', but got '{given}'",
-                also=f"Expected to assign a `{wanted}` value but got `{given}` instead",
+                code="component-type",
+                facts={"wanted": wanted, "given": given},
             ) from None
 
     def _numbers_of(self, value, count) -> list:
@@ -195,7 +197,8 @@ class Composite:
         if isinstance(value, str):
             raise errors.WarpTypeError(
                 f"expects numbers, but got '{shown_name(type(value))}'",
-                also=f"Expected to assign a `{wanted}` value but got `str` instead",
+                code="component-string",
+                facts={"wanted": wanted},
             )
         numbers = flatten_numbers(value)
         if len(numbers) == count:
@@ -206,10 +209,10 @@ class Composite:
             given = shown_name(type(inner[0]))
             raise errors.WarpTypeError(
                 message,
-                also=f"Expected to assign a slice from a sequence of `{wanted}` values but got "
-                f"`{given}` instead",
+                code="slice-type",
+                facts={"wanted": wanted, "given": given},
             )
-        raise errors.WarpShapeError(message, also="Can only assign sequence of same size")
+        raise errors.WarpShapeError(message, code="slice-size")
 
     def _fill(self, numbers):
         if not self._wp_is_bit_converted_:
@@ -345,8 +348,8 @@ def construct_components(self, args):
 def _bad_count(self, count):
     raise errors.WarpShapeError(
         f"expects {self._length_} components for '{shown_name(type(self))}', but got {count}",
-        also=f"Invalid number of arguments in {self._wp_constructor_} constructor, expected "
-        f"{self._length_} elements, got {count}",
+        code="component-count",
+        facts={"constructor": self._wp_constructor_, "length": self._length_, "count": count},
     )
 
 

@@ -50,7 +50,8 @@ def constant(x):
         raise errors.WarpTypeError(
             f"expects a number, vector, matrix, quaternion or transform as a constant, "
             f"but got '{type(x).__name__}'",
-            also=f"Invalid constant type: {type(x)}",
+            code="constant-type",
+            facts={"kind": str(type(x))},
         )
     return x
 

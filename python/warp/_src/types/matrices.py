@@ -54,8 +54,8 @@ class Matrix(Composite):
                     raise errors.WarpRowError(
                         f"expects rows of {columns} components for '{shown_name(type(self))}', but "
                         f"got {len(row)}",
-                        also="Invalid argument in matrix constructor, expected row of length "
-                        f"{columns}, got {row}",
+                        code="matrix-row",
+                        facts={"columns": columns, "row": row},
                     )
             args = ([number for row in args for number in self._row_numbers(row)],)
         construct_components(self, args)
@@ -189,7 +189,8 @@ class Matrix(Composite):
         if len(keys) != 2:
             raise errors.WarpKeyError(
                 f"expects 1 or 2 indices for a matrix, but got {len(keys)}",
-                also=f"Invalid key, expected one or two indices, got {len(keys)}",
+                code="matrix-index-count",
+                facts={"count": len(keys)},
             )
         return tuple(map(_resolve, keys, self._shape_, ("row", "column")))
 
@@ -208,12 +209,14 @@ def _resolve(key, extent, what):
         )
         raise errors.WarpKeyError(
             f"expects an int or a slice as {what} index, but got '{type(key).__name__}'",
-            also=f"Invalid key {spelled}, expected int or pair of ints",
+            code="matrix-index-type",
+            facts={"spelled": spelled},
         ) from None
     if not -extent <= index < extent:
         raise errors.WarpIndexError(
             f"{what} index {index} is out of range for extent {extent}",
-            also=f"Invalid {what} index",
+            code="matrix-index",
+            facts={"what": what},
         )
     return index % extent
 
@@ -252,8 +255,8 @@ def matrix(shape=None, dtype=None, *, name=None):
         extents = f"{rank} dimension{'' if rank == 1 else 's'}"
         raise errors.WarpShapeError(
             f"expects a matrix shape of two extents, but got {_text(shape)}",
-            also=f"Matrix shape must have exactly two dimensions, got {extents} in shape "
-            f"{_text(shape)}",
+            code="matrix-rank",
+            facts={"extents": extents, "shape": _text(shape)},
         )
     rows, columns = shape
     if is_open(rows) or is_open(columns) or is_open(dtype):

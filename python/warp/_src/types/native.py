@@ -229,7 +229,8 @@ class ArrayType:
             spelled = repr(ndim) if isinstance(ndim, (int, str)) else shown(ndim)
             raise errors.WarpShapeError(
                 f"expects an array of 1 to 4 dimensions, but got {spelled}",
-                also=f"ndim must be between 1 and 4, got {spelled}",
+                code="array-rank",
+                facts={"spelled": spelled},
             )
         if dtype is None:
             dtype = typing.Any

@@ -200,23 +200,6 @@ class Field:
         )
         if isinstance(self.dtype, type) and issubclass(self.dtype, Composite) and is_number(value):
             message += f", construct the value: `{dtypes.type_repr(self.dtype)}(...)`"
-        return errors.WarpTypeError(message, also=self._words(value))
-
-    def _words(self, value):
-        """How NVIDIA Warp says that a value does not fit the field; None where it does not say."""
-        head = f"Struct field '{self.name}' expects"
-        record = getattr(self.dtype, "_wp_fields_", {})
-        expected = record.get("data") if "indexed" in record else self.dtype
-        if isinstance(expected, ArrayType):
-            if not dtypes.type_is_array(type(value)):
-                kind = "Warp indexed array" if record else "Warp array"
-                return f"{head} a {kind}, got {type(value).__name__}"
-            if not dtypes.types_equal(value.dtype, expected.dtype):
-                wanted, got = map(dtypes.type_repr, (expected.dtype, value.dtype))
-                return f"{head} dtype {wanted}, got {got}"
-            return (
-                f"{head} an array with {expected.ndim} dimension(s), got {value.ndim} dimension(s)"
-            )
-        if is_number(value) and not isinstance(expected, ScalarType):
-            return f"{head} {dtypes.type_repr(expected)} but got a single value"
-        return None
+        return errors.WarpTypeError(
+            message, code="field-type", facts={"field": self, "value": value}
+        )

@@ -315,7 +315,7 @@ def _make_struct(cls, namespaces):
         bases = ", ".join(base.__name__ for base in cls.__bases__)
         raise errors.WarpTypeError(
             f"struct '{name}' cannot inherit from '{bases}'",
-            also="Warp structs must be defined as base classes",
+            code="struct-bases",
         )
     declared = inspect.get_annotations(cls)
     annotations.check_annotations(name, declared)

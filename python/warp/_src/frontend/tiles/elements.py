@@ -22,7 +22,7 @@ class TileElements(TileTopic):
                 node,
                 f"tiles have to have the same shape, but got {shown}",
                 "use `wp.tile_broadcast(...)`",
-                also="Tile arguments to tile operators must have the same shape",
+                code="tile-shapes",
             )
         kinds = [getattr(one.type.element, "kind", None) for one in operands]
         if "struct" in kinds:
@@ -48,10 +48,8 @@ class TileElements(TileTopic):
             node,
             f"cannot {verb} '{operands[0].type.python_name}' by '{operands[1].type.python_name}'",
             "use `wp.tile_map(wp.cw_mul, ...)`, or `wp.cw_div`",
-            also="element type must be scalar"
-            if both
-            else f"Cannot {verb} {names[0]} by {names[1]}: at least one operand must be a scalar "
-            "type",
+            code="tile-scalars" if both else "tile-operands",
+            facts={"verb": verb, "left": names[0], "right": names[1]},
         )
 
     def of_fields(self, node, name, *elements):

@@ -30,7 +30,7 @@ class TileGathers(TileTopic):
             raise self.context.value_error(
                 node,
                 "tile_slice_indexed() expects a 1D tile of integers among the indices",
-                also="Tile indexing requires an integer index tile.",
+                code="tile-index-type",
             )
         return self.gathered(tile, *picked, node)
 
@@ -40,7 +40,7 @@ class TileGathers(TileTopic):
             raise self.context.value_error(
                 node,
                 f"tile indexing expects a 1D tile of integers, got '{indices.type.python_name}'",
-                also="expects an integer index tile",
+                code="tile-indices-type",
             )
         extents = list(tile.type.shape)
         count = indices.type.shape[0]

@@ -81,7 +81,7 @@ class TilePlaces(TileTopic):
             raise self.context.type_error(
                 node,
                 f"expects an integer as index of a tile, but got '{value.type.python_name}'",
-                also="tile indices must be integers or slices",
+                code="tile-index",
             )
         return value
 
@@ -226,7 +226,7 @@ class TilePlaces(TileTopic):
             raise self.context.value_error(
                 node,
                 "tile_view() takes the extents from slices, so no shape",
-                also="tile_view() cannot take 'shape' together with a slice",
+                code="tile-view-shape",
             )
         if not has_slices:
             self.check_offsets(native, offsets, node)

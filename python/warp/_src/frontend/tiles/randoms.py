@@ -33,8 +33,8 @@ class TileRandoms(TileTopic):
             raise self.context.type_error(
                 node,
                 f"{name}() expects constants of type '{kind.__name__}' as 'min' and 'max'",
-                also=f"{name}() 'min' and 'max' must both be "
-                f"{'integers' if kind is int else 'floats'}",
+                code="random-bounds",
+                facts={"name": name, "kinds": "integers" if kind is int else "floats"},
             )
         if kind is int and not all(-(2**31) <= one < 2**31 for one in (low, high)):
             raise self.context.value_error(

@@ -25,7 +25,7 @@ class TileStacks(TileTopic):
                 node,
                 "tile_stack() requires capacity to be a positive integer that is known at compile "
                 f"time, got {capacity!r}",
-                also="tile_stack() requires capacity to be a compile-time constant",
+                code="tile-stack-capacity",
             )
         self.context.at(node)
         zero = self.builder.zero(native)

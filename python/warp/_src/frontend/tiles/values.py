@@ -76,7 +76,7 @@ class TileValues(TileTopic):
                 node,
                 f"tile_arange() from {given[0]} to {given[1]} by {given[2]} has {count} elements, "
                 f"but a tile has at most {_MOST}",
-                also="tile_arange() spans more elements than can be counted",
+                code="tile-arange-count",
             )
         if count < 1:
             raise self.context.value_error(
@@ -115,7 +115,8 @@ class TileValues(TileTopic):
             raise self.context.value_error(
                 node,
                 f"tile_arange() of {native.python_name} expects integers, but got {number}",
-                also=f"tile_arange() {name}={number} has a fractional part",
+                code="tile-arange-fraction",
+                facts={"name": name, "number": number},
             )
         elif not _least(native) <= number <= _least(native) + 2**native.width - 1:
             raise self.context.value_error(
