@@ -26,6 +26,11 @@ for any float, `I` and `J` for any integer, `A` and `B` for any value; a small l
 transform. A function changes the variable that is passed for an `inout` parameter. Integers and floats do not
 mix: write `float(i)`.
 
+`tile<F, [M, K]>` is a tile of two dimensions, `tile<F, D>` a tile of any shape, `array<k, A>` an array of `k`
+dimensions and `value` a value of any type. `shape`, `dtype`, `const` and quoted strings have to be known when the
+kernel is compiled. `offsets<a>` stands for one index, or a tuple of them, for the dimensions of parameter `a`;
+`axis<a>` for one of these dimensions.
+
 An adjoint says what is added to the gradient of an operand, from the gradient `g` of the result. Behind
 `unless` stands where that is singular; zero is added there unless `wp.config.singular` says otherwise. A
 builtin whose derivative is by expansion is differentiated like the scalar arithmetic that computes it.
