@@ -1,4 +1,4 @@
-//===- Device.h - CPU and CUDA devices, streams, events ---------*- C++ -*-===//
+//===- Device.h - Devices, streams and events -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -26,6 +26,19 @@ namespace warp {
 struct StreamUse;
 
 inline constexpr int cpuDevice = -1;
+/// Whether memory of a device is memory of the host, and work is done on
+/// return.
+inline bool isHost(int device) { return device == cpuDevice; }
+
+/// Memory by who gave it; the peer package uses the same numbers.
+enum class MemoryKind : int {
+  Unknown = 0,
+  Host = 1,
+  Pinned = 2,
+  Device = 3,
+  Pool = 4,
+  Managed = 5,
+};
 
 struct DeviceInfo {
   /// "cpu" or "cuda:0".
@@ -65,7 +78,7 @@ WARP_API void *setCurrentCudaContext(void *context);
 /// next number.
 WARP_API int mapContext(void *context);
 
-/// A CUstream, owned or borrowed.
+/// A stream of a device that queues work (a CUstream), owned or borrowed.
 class WARP_API Stream {
 public:
   /// Creates a stream.
@@ -86,7 +99,7 @@ public:
   /// Negative numbers come first.
   int priority() const;
   void synchronize() const;
-  /// The runtime's record of the stream.
+  /// The device's record of the stream.
   StreamUse *use() const { return known; }
 
 private:

@@ -36,23 +36,30 @@ public:
   void *data() const { return memory; }
   size_t size() const { return bytes; }
   int device() const { return deviceIndex; }
-  bool pinned() const { return how == How::Pinned; }
+  bool pinned() const { return kind == MemoryKind::Pinned; }
   /// Enters the memory in the tracker, with the place that asked for it.
   void track(const std::string &site);
 
 private:
-  enum class How { Host, Pinned, Cuda, CudaPool };
-
   void *memory = nullptr;
   size_t bytes;
   int deviceIndex;
-  How how = How::Host;
+  MemoryKind kind = MemoryKind::Unknown;
   bool tracked = false;
 };
 
 WARP_API void copyMemory(void *dst, int dstDevice, const void *src,
                          int srcDevice, size_t bytes,
                          const Stream *stream = nullptr);
+/// The same from memory of the host, and to it.
+inline void upload(void *dst, int device, const void *src, size_t bytes,
+                   const Stream *stream = nullptr) {
+  copyMemory(dst, device, src, cpuDevice, bytes, stream);
+}
+inline void download(void *dst, const void *src, int device, size_t bytes,
+                     const Stream *stream = nullptr) {
+  copyMemory(dst, cpuDevice, src, device, bytes, stream);
+}
 WARP_API void setMemory(void *dst, int device, int byte, size_t bytes,
                         const Stream *stream = nullptr);
 /// Zeroes memory that nobody uses yet. While a graph is being captured that

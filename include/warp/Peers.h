@@ -39,15 +39,6 @@ WARP_API void setPoolReleaseThreshold(int device, uint64_t bytes);
 /// Bytes in use from the pool, now and at most so far.
 WARP_API std::pair<uint64_t, uint64_t> poolUse(int device);
 
-/// As the peer package numbers them.
-enum class MemoryKind : int {
-  Unknown = 0,
-  Host = 1,
-  Pinned = 2,
-  Device = 3,
-  Pool = 4,
-  Managed = 5,
-};
 WARP_API MemoryKind memoryKind(int device, const void *memory);
 
 /// Memory that all devices and the host reach, by moving pages.

@@ -13,8 +13,6 @@
 
 namespace warp {
 
-class Stream;
-
 /// Dimensions around runs of bytes that are packed on both sides.
 struct CopyNest {
   struct Dimension {
@@ -28,16 +26,17 @@ struct CopyNest {
   Dimension dims[maxRank];
 };
 
-/// Copies within a CUDA device by a kernel. False, with nothing done, if the
-/// copy is too small to be worth one or does not fit its arrays.
-bool copyByKernel(const CopyNest &nest, int device, const Stream *stream);
+/// The simplest form of a copy between views of one shape.
+CopyNest simplifyCopy(const ArrayDescriptor &dst, const ArrayDescriptor &src,
+                      int64_t elementSize);
+int64_t countElements(const ArrayDescriptor &array);
+/// The same shape, packed, in other memory.
+ArrayDescriptor packedLike(const ArrayDescriptor &array, size_t elementSize,
+                           void *data);
 
-/// The same for a source packed along another dimension than the destination.
-/// `dims` are in the order of the destination's strides, of words that all
-/// addresses allow. False where tiles of words do not fit.
-bool copyTransposed(const CopyNest::Dimension *dims, int rank, int64_t word,
-                    char *dst, const char *src, int device,
-                    const Stream *stream);
+/// Shortest prefix, of 1, 2, 4 bytes or the whole, whose repetition is the
+/// pattern.
+size_t shortestPeriod(const char *pattern, size_t size);
 
 } // namespace warp
 

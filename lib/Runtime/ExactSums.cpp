@@ -32,8 +32,7 @@ static constexpr size_t manyBytes = size_t(256) << 10;
 static ArrayDescriptor descriptorOf(const SummedArray &array,
                                     const void *params) {
   ArrayDescriptor descriptor;
-  std::memcpy(&descriptor,
-              static_cast<const char *>(params) + array.descriptor,
+  std::memcpy(&descriptor, static_cast<const char *>(params) + array.descriptor,
               sizeof(descriptor));
   return descriptor;
 }
@@ -86,8 +85,8 @@ static void checkArray(const std::string &kernel, const SummedArray &array,
 }
 
 ExactSums::ExactSums(const std::string &kernel, int device,
-                     const std::vector<SummedArray> &arrays,
-                     const void *params, size_t paramSize, const Stream *stream)
+                     const std::vector<SummedArray> &arrays, const void *params,
+                     size_t paramSize, const Stream *stream)
     : device(device), stream(stream), block(paramSize / 8) {
   std::memcpy(block.data(), params, paramSize);
   int64_t words = 0;
@@ -107,9 +106,9 @@ ExactSums::ExactSums(const std::string &kernel, int device,
   try {
     next = static_cast<int64_t *>(allocate(words * 8));
   } catch (const Error &error) {
-    throw Error(error.kind, "launch('" + kernel +
-                                "'): memory for deterministic sums: " +
-                                error.message);
+    throw Error(error.kind,
+                "launch('" + kernel +
+                    "'): memory for deterministic sums: " + error.message);
   }
   for (Sum &sum : sums) {
     SumDescriptor &descriptor = sum.descriptor;
@@ -137,8 +136,8 @@ void *ExactSums::allocate(size_t bytes) {
   void *memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
                       MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED)
-    throw Error(Error::Kind::Memory, "out of memory on 'cpu', requested " +
-                                         formatBytes(bytes));
+    throw Error(Error::Kind::Memory,
+                "out of memory on 'cpu', requested " + formatBytes(bytes));
   pages.memory = memory;
   pages.bytes = bytes;
   madvise(memory, bytes, MADV_HUGEPAGE);

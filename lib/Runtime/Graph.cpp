@@ -12,13 +12,9 @@
 
 #include "GraphImpl.h"
 
-#include "cuda/Device.h"
-#include "Support.h"
-#include "warp/Forks.h"
+#include "Device.h"
 
 #include <algorithm>
-#include <cstring>
-#include <dlfcn.h>
 #include <thread>
 
 using namespace warp;
@@ -67,14 +63,8 @@ std::unique_ptr<Capture> Capture::begin(int device,
                                         std::shared_ptr<Stream> stream,
                                         CaptureMode mode, bool external,
                                         bool traced) {
-  std::unique_ptr<CaptureBase> capture;
-  if (device == cpuDevice) {
-    capture = beginHostCapture();
-  } else {
-    if (!stream)
-      stream = currentStream(device);
-    capture = beginCudaCapture(device, std::move(stream), mode, external);
-  }
+  std::unique_ptr<CaptureBase> capture =
+      deviceAt(device).beginCapture(std::move(stream), mode, external);
   if (traced)
     capture->startTrace();
   return capture;
@@ -112,7 +102,7 @@ void CaptureBase::startTrace() {
 
 /// Whether a capture may have recorded a use of memory of a device.
 static bool mayUse(const Entry &entry, int device) {
-  if (device == cpuDevice)
+  if (isHost(device))
     return entry.thread == std::this_thread::get_id();
   return entry.capture->device() == device;
 }
@@ -133,7 +123,7 @@ bool warp::keepForCapture(int device, std::function<void()> release) {
 }
 
 GraphTrace *warp::findTrace(int device, const Stream *stream) {
-  if (device != cpuDevice &&
+  if (!isHost(device) &&
       !(stream ? stream : currentStream(device).get())->isCapturing())
     return nullptr;
   std::lock_guard lock(registry().mutex);
@@ -147,7 +137,7 @@ GraphTrace *warp::findTrace(int device, const Stream *stream) {
 bool warp::isCapturing(int device) {
   if (capturesInProgress.load(std::memory_order_relaxed) == 0)
     return false;
-  if (device == cpuDevice)
+  if (isHost(device))
     return threadRecorder() != nullptr;
   std::lock_guard lock(registry().mutex);
   return std::any_of(
@@ -156,78 +146,9 @@ bool warp::isCapturing(int device) {
 }
 
 void warp::checkNotCapturing(int device, const char *what) {
-  if (device != cpuDevice && isCapturing(device))
+  if (!isHost(device) && isCapturing(device))
     throw Error(Error::Kind::Runtime,
                 std::string("cannot ") + what + " '" +
                     deviceInfo(device).alias +
                     "' while a graph is being captured on it");
-}
-
-const void *warp::keepBytes(int device, const void *data, size_t size) {
-  if (!isCapturing(device))
-    return data;
-  auto copy = std::make_shared<std::vector<char>>(size);
-  std::memcpy(copy->data(), data, size);
-  keepForCapture(device, [copy] {});
-  return copy->data();
-}
-
-//===----------------------------------------------------------------------===//
-// The driver's calls
-//===----------------------------------------------------------------------===//
-
-static cuda::GraphDriver findGraphSymbols() {
-  cuda::GraphDriver table{};
-  if (!cuda::driver())
-    return table;
-  std::string library = environment("WARP_CUDA_DRIVER");
-  void *handle = dlopen(library.empty() ? "libcuda.so.1" : library.c_str(),
-                        RTLD_NOW | RTLD_LOCAL);
-  if (!handle)
-    return table;
-#define WARP_FIND(member, symbol, parameters)                                  \
-  table.member =                                                               \
-      reinterpret_cast<cuda::Result(*) parameters>(dlsym(handle, #symbol));
-  using namespace cuda;
-  WARP_CUDA_GRAPH_SYMBOLS(WARP_FIND)
-#undef WARP_FIND
-  table.supportsGraphs = table.beginCapture && table.endCapture &&
-                         table.exchangeMode && table.instantiate &&
-                         table.launch && table.destroyExec && table.destroy &&
-                         table.getNodes;
-  table.supportsConditions = table.supportsGraphs &&
-                             driver()->version >= 12040 && table.captureInfo &&
-                             table.updateDependencies && table.beginCaptureTo &&
-                             table.createCondition && table.addNode;
-  return table;
-}
-
-const cuda::GraphDriver &cuda::graphDriver() {
-  static const GraphDriver table = findGraphSymbols();
-  return table;
-}
-
-const char *cuda::graphSymbol(const std::string &member) {
-#define WARP_NAME(name, symbol, parameters)                                    \
-  if (member == #name)                                                         \
-    return #symbol;
-  WARP_CUDA_GRAPH_SYMBOLS(WARP_NAME)
-#undef WARP_NAME
-  return "the driver";
-}
-
-cuda::RelaxedCaptures::RelaxedCaptures() {
-  if (capturesInProgress.load(std::memory_order_relaxed) == 0 ||
-      !graphDriver().exchangeMode)
-    return;
-  changed = graphDriver().exchangeMode(&mode) == success;
-}
-
-cuda::RelaxedCaptures::~RelaxedCaptures() {
-  if (changed)
-    graphDriver().exchangeMode(&mode);
-}
-
-bool warp::supportsConditionalGraphs() {
-  return cuda::graphDriver().supportsConditions;
 }

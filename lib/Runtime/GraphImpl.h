@@ -10,7 +10,6 @@
 #ifndef WARP_LIB_RUNTIME_GRAPHIMPL_H
 #define WARP_LIB_RUNTIME_GRAPHIMPL_H
 
-#include "cuda/GraphDriver.h"
 #include "GraphTrace.h"
 #include "warp/Graph.h"
 #include "warp/Kernel.h"
@@ -80,21 +79,20 @@ template <typename Fn> bool recordOnHost(size_t bytes, Fn &&function) {
   return recorder != nullptr;
 }
 
+/// Host work that is done now unless this thread records it.
+template <typename Fn> void recordOrRun(size_t bytes, Fn &&function) {
+  if (HostRecorder *recorder = hostRecorder())
+    recorder->call(std::forward<Fn>(function), bytes);
+  else
+    function();
+}
+
 /// If graphs are being recorded that may use memory of a device (the CPU: on
 /// this thread), puts `release` off until they are destroyed. False if none.
 bool keepForCapture(int device, std::function<void()> release);
 
 /// Throws if a device is being captured, for what waits or reads results.
 void checkNotCapturing(int device, const char *what);
-
-/// A copy of host bytes that lives as long as the graph being recorded; `data`
-/// itself if no stream of the device is captured.
-const void *keepBytes(int device, const void *data, size_t size);
-
-std::unique_ptr<CaptureBase> beginHostCapture();
-std::unique_ptr<CaptureBase> beginCudaCapture(int device,
-                                              std::shared_ptr<Stream> stream,
-                                              CaptureMode mode, bool external);
 
 } // namespace warp
 

@@ -23,6 +23,7 @@
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "Support.h"
+#include "cuda/GraphDriver.h"
 #include "warp/FirstCode.h"
 #include "warp/KernelCache.h"
 #include "warp/LibraryCode.h"

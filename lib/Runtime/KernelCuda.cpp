@@ -10,9 +10,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "cuda/LibraryKernels.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
+#include "cuda/GraphDriver.h"
+#include "cuda/LibraryKernels.h"
 
 #include <algorithm>
 

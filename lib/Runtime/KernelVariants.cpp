@@ -9,10 +9,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "cuda/Driver.h"
-#include "cuda/LibraryKernels.h"
 #include "KernelImpl.h"
 #include "Overlap.h"
+#include "cuda/Driver.h"
+#include "cuda/LibraryKernels.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>

@@ -43,8 +43,7 @@ static size_t alignUp(size_t size, size_t unit) {
 static ArrayDescriptor descriptorOf(const CopiedArray &array,
                                     const void *params) {
   ArrayDescriptor descriptor;
-  std::memcpy(&descriptor,
-              static_cast<const char *>(params) + array.descriptor,
+  std::memcpy(&descriptor, static_cast<const char *>(params) + array.descriptor,
               sizeof(descriptor));
   return descriptor;
 }
@@ -117,8 +116,8 @@ static char *takeMemory(size_t bytes) {
   void *memory = mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
                       MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED)
-    throw Error(Error::Kind::Memory, "out of memory on 'cpu', requested " +
-                                         formatBytes(bytes));
+    throw Error(Error::Kind::Memory,
+                "out of memory on 'cpu', requested " + formatBytes(bytes));
   madvise(memory, bytes, MADV_HUGEPAGE);
   arena.memory = static_cast<char *>(memory);
   arena.bytes = bytes;

@@ -12,6 +12,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Device.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 
@@ -132,7 +133,8 @@ private:
 // Recording
 //===----------------------------------------------------------------------===//
 
-std::unique_ptr<CaptureBase> warp::beginHostCapture() {
+std::unique_ptr<CaptureBase> CpuDevice::beginCapture(std::shared_ptr<Stream>,
+                                                     CaptureMode, bool) {
   if (threadRecorder())
     throw Error(Error::Kind::Runtime,
                 "this thread is capturing a graph on 'cpu' already");

@@ -9,8 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Device.h"
 #include "GraphImpl.h"
-#include "Sequences.h"
 #include "warp/ThreadPool.h"
 
 #include <vector>
@@ -136,19 +136,8 @@ static void scanOnHost(NumberType kind, int width, Sequence out, Sequence in,
   }
 }
 
-void warp::scanNumbers(int device, NumberType kind, int width, Sequence out,
-                       Sequence in, int64_t count, bool inclusive,
-                       const Stream *stream) {
-  if (count <= 0)
-    return;
-  TraceScope tracing(device, stream);
-  if (tracing)
-    tracing->add(GraphOperation::Kind::Scan,
-                 graphs::Scan{out, in, count, static_cast<int32_t>(kind), width,
-                              inclusive, 0});
-  if (device != cpuDevice)
-    return scanOnCuda(device, kind, width, out, in, count, inclusive, stream);
-  auto run = [=] { scanOnHost(kind, width, out, in, count, inclusive); };
-  if (!recordOnHost(count * width * sizeOf(kind), run))
-    run();
+void CpuDevice::scan(NumberType kind, int width, Sequence out, Sequence in,
+                     int64_t count, bool inclusive, const Stream *) {
+  recordOrRun(count * width * sizeOf(kind),
+              [=] { scanOnHost(kind, width, out, in, count, inclusive); });
 }

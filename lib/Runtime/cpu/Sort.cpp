@@ -11,10 +11,9 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Device.h"
 #include "GraphImpl.h"
-#include "Sequences.h"
 #include "warp/Error.h"
-#include "warp/Memory.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -223,50 +222,12 @@ static void sortRange(const Pairs &pairs, int64_t begin, int64_t end,
   });
 }
 
-/// Notes a sort that is to be done again; the result is then in both places.
-static void note(TraceScope &tracing, const Pairs &pairs, int beginBit,
-                 int endBit) {
-  if (tracing)
-    tracing->add(GraphOperation::Kind::SortPairs,
-                 graphs::SortPairs{pairs.keys, pairs.values, pairs.count,
-                                   static_cast<int32_t>(pairs.kind),
-                                   pairs.valueSize, beginBit, endBit});
-}
-
-static bool sortOn(int device, const Pairs &pairs, int beginBit, int endBit,
-                   const Stream *stream) {
-  if (device != cpuDevice)
-    return sortOnCuda(device, pairs, beginBit, endBit, stream);
-  auto run = [=] { sortRange(pairs, 0, pairs.count, {beginBit, endBit}); };
+bool CpuDevice::sort(const Pairs &pairs, int beginBit, int endBit,
+                     const Stream *) {
   size_t bytes = pairs.count * (sizeOf(pairs.kind) + pairs.valueSize);
-  if (!recordOnHost(bytes, run))
-    run();
+  recordOrRun(bytes,
+              [=] { sortRange(pairs, 0, pairs.count, {beginBit, endBit}); });
   return false;
-}
-
-bool warp::sortPairsAnywhere(int device, const Pairs &pairs, int beginBit,
-                             int endBit, const Stream *stream) {
-  if (pairs.count <= 1 || beginBit >= endBit)
-    return false;
-  TraceScope tracing(device, stream);
-  note(tracing, pairs, beginBit, endBit);
-  return sortOn(device, pairs, beginBit, endBit, stream);
-}
-
-void warp::sortPairs(int device, const Pairs &pairs, int beginBit, int endBit,
-                     const Stream *stream) {
-  if (pairs.count <= 1 || beginBit >= endBit)
-    return;
-  TraceScope tracing(device, stream);
-  note(tracing, pairs, beginBit, endBit);
-  if (!sortOn(device, pairs, beginBit, endBit, stream))
-    return;
-  auto copy = [&](void *to, int64_t bytes) {
-    copyMemory(to, device, static_cast<char *>(to) + bytes, device, bytes,
-               stream);
-  };
-  copy(pairs.keys, pairs.count * sizeOf(pairs.kind));
-  copy(pairs.values, pairs.count * pairs.valueSize);
 }
 
 static void checkSegments(const Pairs &pairs, const int32_t *begins,
@@ -299,22 +260,12 @@ static void sortSegmentsOnHost(const Pairs &pairs, const int32_t *begins,
   ThreadPool::parallelFor(0, segments, grain, sortSome);
 }
 
-void warp::sortSegments(int device, const Pairs &pairs, const int32_t *begins,
-                        const int32_t *ends, int64_t segments,
-                        const Stream *stream) {
-  TraceScope tracing(device, stream);
-  if (tracing)
-    tracing->add(GraphOperation::Kind::SortSegments,
-                 graphs::SortSegments{pairs.keys, pairs.values, begins, ends,
-                                      pairs.count, segments,
-                                      static_cast<int32_t>(pairs.kind),
-                                      pairs.valueSize});
-  if (device != cpuDevice)
-    return sortSegmentsOnCuda(device, pairs, begins, ends, segments, stream);
-  auto run = [=] { sortSegmentsOnHost(pairs, begins, ends, segments); };
+void CpuDevice::sortSegments(const Pairs &pairs, const int32_t *begins,
+                             const int32_t *ends, int64_t segments,
+                             const Stream *) {
   size_t bytes = pairs.count * (sizeOf(pairs.kind) + pairs.valueSize);
-  if (!recordOnHost(bytes, run))
-    run();
+  recordOrRun(bytes,
+              [=] { sortSegmentsOnHost(pairs, begins, ends, segments); });
 }
 
 //===----------------------------------------------------------------------===//
@@ -361,19 +312,9 @@ template <typename T> static void findRunsOnHost(const Runs &runs) {
   *runs.runCount = static_cast<int32_t>(total);
 }
 
-void warp::findRuns(int device, const Runs &runs, const Stream *stream) {
-  TraceScope tracing(device, stream);
-  if (tracing)
-    tracing->add(GraphOperation::Kind::FindRuns,
-                 graphs::FindRuns{runs.numbers, runs.runNumbers,
-                                  runs.runLengths, runs.runCount, runs.count,
-                                  runs.size});
-  if (device != cpuDevice)
-    return findRunsOnCuda(device, runs, stream);
-  auto run = [=] {
+void CpuDevice::findRuns(const Runs &runs, const Stream *) {
+  recordOrRun(runs.count * (2 * runs.size + 4), [=] {
     runs.size == 4 ? findRunsOnHost<uint32_t>(runs)
                    : findRunsOnHost<uint64_t>(runs);
-  };
-  if (!recordOnHost(runs.count * (2 * runs.size + 4), run))
-    run();
+  });
 }

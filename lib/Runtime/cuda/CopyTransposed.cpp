@@ -12,7 +12,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "CopyNest.h"
+#include "CopyKernel.h"
 
 #include "warp/Forks.h"
 #include "warp/Kernel.h"

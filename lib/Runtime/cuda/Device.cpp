@@ -1,29 +1,18 @@
-//===- Device.cpp - CPU and CUDA devices ----------------------------------===//
+//===- Device.cpp - CUDA devices and contexts------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What a device is and what it has. CUDA devices are described once, when the
-// first question about any of them comes; asking creates no context except
-// where the answer needs one (free memory).
+// Devices are described once, when the first question about any of them comes;
+// asking creates no context except where the answer needs one (free memory).
 //
 //===----------------------------------------------------------------------===//
 
-#include "warp/Device.h"
-
-#include "Driver.h"
 #include "Device.h"
+
 #include "GraphImpl.h"
-#include "Support.h"
-#include "warp/Forks.h"
 
 #include <algorithm>
-#include <cstdio>
-#include <memory>
 #include <string>
-#include <sys/sysinfo.h>
-#include <sys/utsname.h>
-#include <thread>
-#include <vector>
 
 using namespace warp;
 
@@ -47,11 +36,10 @@ static int attribute(cuda::DeviceHandle handle, cuda::DeviceAttribute which) {
   return value;
 }
 
-static DeviceInfo describeCuda(int device) {
+static DeviceInfo describe(int device) {
   cuda::DeviceHandle handle;
   WARP_CUDA(deviceGet, &handle, device);
   DeviceInfo info;
-  info.alias = "cuda:" + std::to_string(device);
   char text[256] = {};
   WARP_CUDA(deviceGetName, text, sizeof(text) - 1, handle);
   info.name = text;
@@ -72,29 +60,11 @@ static DeviceInfo describeCuda(int device) {
   return info;
 }
 
-static std::string processorName() {
-  std::unique_ptr<FILE, int (*)(FILE *)> file(std::fopen("/proc/cpuinfo", "r"),
-                                              std::fclose);
-  char line[256];
-  while (file.get() && std::fgets(line, sizeof(line), file.get())) {
-    std::string text = line;
-    size_t colon = text.find(": ");
-    if (text.rfind("model name", 0) == 0 && colon != std::string::npos)
-      return text.substr(colon + 2, text.find('\n') - colon - 2);
-  }
-  utsname system;
-  return uname(&system) == 0 ? system.machine : "CPU";
-}
-
-static const DeviceInfo &describeCpu() {
-  static const DeviceInfo info = [] {
-    DeviceInfo cpu;
-    cpu.alias = "cpu";
-    cpu.name = processorName();
-    cpu.smCount = static_cast<int>(std::thread::hardware_concurrency());
-    return cpu;
-  }();
-  return info;
+CudaDevice::CudaDevice(DeviceInfo info, int index, int ordinal,
+                       cuda::Context context)
+    : Device(index, std::move(info)), ordinal(ordinal), context(context) {
+  this->info.alias = "cuda:" + std::to_string(index);
+  poolEnabled = this->info.hasMemoryPool;
 }
 
 namespace {
@@ -107,17 +77,11 @@ struct DeviceTable {
       add(i, nullptr);
   }
   int add(int ordinal, cuda::Context context) {
-    auto *state = new DeviceState;
-    state->info = describeCuda(ordinal);
-    state->info.alias = "cuda:" + std::to_string(count.load());
-    state->ordinal = ordinal;
-    state->context = context;
-    state->poolEnabled = state->info.hasMemoryPool;
-    states[count] = state;
+    states[count] = new CudaDevice(describe(ordinal), count, ordinal, context);
     return count++;
   }
 
-  DeviceState *states[capacity] = {};
+  CudaDevice *states[capacity] = {};
   std::atomic<int> count{0};
   ForkMutex mutex;
 };
@@ -128,9 +92,11 @@ static DeviceTable &deviceTable() {
   return *table;
 }
 
-int warp::knownDeviceCount() { return deviceTable().count; }
+int warp::acceleratorCount() { return deviceTable().count; }
 
-DeviceState &warp::cudaDeviceState(int device) {
+Device &warp::acceleratorAt(int device) { return cudaDeviceState(device); }
+
+CudaDevice &warp::cudaDeviceState(int device) {
   DeviceTable &table = deviceTable();
   if (device >= 0 && device < table.count.load(std::memory_order_acquire))
     return *table.states[device];
@@ -142,7 +108,7 @@ DeviceState &warp::cudaDeviceState(int device) {
   throw Error(Error::Kind::Runtime, message);
 }
 
-DeviceState *warp::findDeviceState(cuda::Context context) {
+CudaDevice *warp::findDeviceState(cuda::Context context) {
   DeviceTable &table = deviceTable();
   for (int i = 0; context && i < table.count; ++i)
     if (table.states[i]->context == context)
@@ -151,7 +117,7 @@ DeviceState *warp::findDeviceState(cuda::Context context) {
 }
 
 cuda::Context cuda::contextOf(int device) {
-  DeviceState &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDeviceState(device);
   std::call_once(state.contextOnce, [&] {
     if (state.context)
       return;
@@ -195,61 +161,22 @@ int warp::mapContext(void *pointer) {
   return table.add(ordinal, context);
 }
 
-const DeviceInfo &warp::deviceInfo(int device) {
-  return device == cpuDevice ? describeCpu() : cudaDeviceState(device).info;
-}
-
-static size_t availableHostMemory() {
-  std::unique_ptr<FILE, int (*)(FILE *)> file(std::fopen("/proc/meminfo", "r"),
-                                              std::fclose);
-  char line[256];
-  unsigned long long kilobytes;
-  while (file.get() && std::fgets(line, sizeof(line), file.get()))
-    if (std::sscanf(line, "MemAvailable: %llu kB", &kilobytes) == 1)
-      return kilobytes * 1024;
-  return 0;
-}
-
-std::pair<size_t, size_t> warp::deviceMemory(int device) {
-  if (device == cpuDevice) {
-    struct sysinfo info;
-    size_t total = sysinfo(&info) == 0 ? info.totalram * info.mem_unit : 0;
-    return {availableHostMemory(), total};
-  }
-  cudaDeviceState(device);
-  cuda::ContextScope scope(device);
+std::pair<size_t, size_t> CudaDevice::memoryUse() {
+  cuda::ContextScope scope(index);
   size_t free = 0, total = 0;
   WARP_CUDA(memGetInfo, &free, &total);
   return {free, total};
 }
 
 void *warp::cudaContext(int device) {
-  if (device == cpuDevice)
-    return nullptr;
-  cudaDeviceState(device);
-  return cuda::contextOf(device);
+  return isHost(device) ? nullptr : cuda::contextOf(device);
 }
 
-void warp::synchronizeDevice(int device) {
-  if (device == cpuDevice)
-    return;
-  cudaDeviceState(device);
-  checkNotCapturing(device, "wait for");
+void CudaDevice::synchronize() {
+  checkNotCapturing(index, "wait for");
   {
-    cuda::ContextScope scope(device);
+    cuda::ContextScope scope(index);
     WARP_CUDA(ctxSynchronize);
   }
-  DeviceErrorRecord::check(device);
-}
-
-void warp::synchronizeAll() {
-  // Devices that nobody used have no stream and nothing to wait for.
-  auto isUsed = [](int device) {
-    DeviceState &state = cudaDeviceState(device);
-    std::lock_guard lock(state.mutex);
-    return state.stream != nullptr;
-  };
-  for (int device = 0; device < knownDeviceCount(); ++device)
-    if (isUsed(device))
-      synchronizeDevice(device);
+  DeviceErrorRecord::check(index);
 }

@@ -8,11 +8,8 @@
 #define WARP_LIB_RUNTIME_CUDA_DEVICE_H
 
 #include "Driver.h"
-#include "warp/Compile.h"
-#include "warp/Device.h"
-#include "warp/Forks.h"
-#include "warp/Launch.h"
-#include "warp/Memory.h"
+#include "Runtime/Device.h"
+#include "Runtime/ErrorRecords.h"
 
 #include <atomic>
 #include <memory>
@@ -45,15 +42,73 @@ struct StreamUse {
   }
 };
 
-struct DeviceState {
-  DeviceInfo info;
-  int ordinal = 0;
+class CudaDevice final : public Device, public Queues {
+public:
+  CudaDevice(DeviceInfo info, int index, int ordinal, cuda::Context context);
+
+  Queues &queues() override { return *this; }
+  void synchronize() override;
+  void synchronizeBusyStreams() override;
+
+  std::pair<size_t, size_t> memoryUse() override;
+  std::pair<void *, MemoryKind> allocate(size_t bytes, bool pinned,
+                                         const Stream *stream) override;
+  void free(void *memory, size_t bytes, MemoryKind kind) override;
+  MemoryKind kindOf(const void *memory) override;
+  bool canReach(Device &owner, const void *memory) override;
+
+  void copy(void *dst, Device &to, const void *src, Device &from, size_t bytes,
+            const Stream *stream) override;
+  void copyStrided(const CopyNest &nest, size_t bytes,
+                   const Stream *stream) override;
+  void fill(void *dst, const void *pattern, size_t size, size_t count,
+            const Stream *stream) override;
+  void fillStrided(const ArrayDescriptor &dst, const void *pattern,
+                   size_t elementSize, const Stream *stream) override;
+  void initialize(void *dst, const void *contents, size_t bytes) override;
+
+  std::unique_ptr<CaptureBase> beginCapture(std::shared_ptr<Stream> stream,
+                                            CaptureMode mode,
+                                            bool external) override;
+
+  void scan(NumberType kind, int width, Sequence out, Sequence in,
+            int64_t count, bool inclusive, const Stream *stream) override;
+  bool sort(const Pairs &pairs, int beginBit, int endBit,
+            const Stream *stream) override;
+  void sortSegments(const Pairs &pairs, const int32_t *begins,
+                    const int32_t *ends, int64_t segments,
+                    const Stream *stream) override;
+  void findRuns(const Runs &runs, const Stream *stream) override;
+  void multiplyRows(const SparseProduct &product,
+                    const Stream *stream) override;
+  void buildTree(const TreeBuild &build, bool refits,
+                 const Stream *stream) override;
+
+  void *makeStream(int priority) override;
+  StreamUse *retainStream(void *stream) override;
+  void releaseStream(const Stream &stream, bool destroy) override;
+  bool isComplete(const Stream &stream) override;
+  bool isCapturing(const Stream &stream) override;
+  bool isBlocking(const Stream &stream) override;
+  int priorityOf(const Stream &stream) override;
+  void synchronize(const Stream &stream) override;
+  void join(const Stream &stream) override;
+  void *makeEvent(bool timing, bool interprocess) override;
+  void *importEvent(const IpcHandle &handle) override;
+  IpcHandle exportEvent(const Event &event) override;
+  void destroyEvent(const Event &event) override;
+  void record(const Event &event, const Stream &stream, bool external) override;
+  void wait(const Stream &stream, const Event &event, bool external) override;
+  bool isComplete(const Event &event) override;
+  void synchronize(const Event &event) override;
+  float elapsed(const Event &start, const Event &end) override;
+
+  /// Number of the physical device.
+  const int ordinal;
   std::once_flag contextOnce;
   cuda::Context context = nullptr;
 
-  ForkMutex mutex;
-  /// The current stream.
-  std::shared_ptr<Stream> stream;
+  using Device::mutex;
   std::vector<StreamUse *> uses;
 
   /// The stream that frees wait on; see Reclaim.cpp.
@@ -72,16 +127,19 @@ struct DeviceState {
 
   /// Name of the kernel launched last.
   std::atomic<const char *> lastKernel{nullptr};
+
+private:
+  cuda::Pointer allocateOwn(size_t bytes, bool &fromPool, const Stream *stream);
+  /// Frees no longer wait for the stream itself, which is destroyed next.
+  void reclaimStream(StreamUse &use, bool destroyed);
 };
 
 /// Throws for a device that does not exist or is the CPU.
-DeviceState &cudaDeviceState(int device);
-/// Physical devices and mapped contexts.
-int knownDeviceCount();
+CudaDevice &cudaDeviceState(int device);
 /// Whether some device may use the memory of another one directly.
 bool arePeersLinked();
 /// The device whose context this is; null if it is none of ours.
-DeviceState *findDeviceState(cuda::Context context);
+CudaDevice *findDeviceState(cuda::Context context);
 
 /// Work about to be queued on a stream, or on the device's current one, which
 /// other threads may exchange and let go of meanwhile. Makes the context
@@ -115,17 +173,9 @@ void *recyclePinned(size_t bytes);
 /// Gives the pinned memory that is kept for reuse back to the system.
 void trimPinned();
 
-/// Notes that an object for a stream was made, and that it goes away.
-StreamUse *retainStream(int device, cuda::StreamHandle handle);
-/// `destroyed`: the caller destroys the stream next.
-void releaseStream(int device, StreamUse *use, bool destroyed);
 /// Events after what was queued on the streams that have had work. They stay
 /// when a stream goes, and later calls record them again.
 std::vector<cuda::EventHandle> eventsOfStreams(int device);
-
-/// Throws what a failed check of a debug-mode kernel says.
-[[noreturn]] void raiseFailedCheck(const ErrorRecord &record,
-                                   const std::vector<Site> &sites);
 
 /// An error record that kernels on a CUDA device write to. Every
 /// synchronisation looks at all of them.

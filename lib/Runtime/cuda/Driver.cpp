@@ -150,7 +150,7 @@ static std::string faultText(Result result) {
   }
   Context context = nullptr;
   driver()->ctxGetCurrent(&context);
-  DeviceState *state = findDeviceState(context);
+  CudaDevice *state = findDeviceState(context);
   if (!state)
     return "";
   const char *kernel = state->lastKernel;

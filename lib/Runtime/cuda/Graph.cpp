@@ -240,18 +240,20 @@ void CudaGraph::writeDot(const std::string &path, bool verbose) const {
 //===----------------------------------------------------------------------===//
 
 std::unique_ptr<CaptureBase>
-warp::beginCudaCapture(int device, std::shared_ptr<Stream> stream,
-                       CaptureMode mode, bool external) {
+CudaDevice::beginCapture(std::shared_ptr<Stream> stream, CaptureMode mode,
+                         bool external) {
+  if (!stream)
+    stream = currentStream();
   if (!cuda::graphDriver().supportsGraphs)
-    throw captureError(device, "the CUDA driver has no graphs");
+    throw captureError(index, "the CUDA driver has no graphs");
   bool active = stream->isCapturing();
   if (external && !active)
-    throw captureError(device, "expects a stream that is being captured, but "
-                               "nobody began to");
+    throw captureError(index, "expects a stream that is being captured, but "
+                              "nobody began to");
   if (!external && active)
-    throw captureError(device, "the stream is being captured already");
+    throw captureError(index, "the stream is being captured already");
   auto capture =
-      std::make_unique<CudaCapture>(device, std::move(stream), mode, external);
+      std::make_unique<CudaCapture>(index, std::move(stream), mode, external);
   capture->start();
   return capture;
 }

@@ -1,4 +1,4 @@
-//===- Peers.cpp - Memory that others reach -------------------------------===//
+//===- Peers.cpp - Peer access, pools, managed and shared memory ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -97,7 +97,7 @@ static cuda::PoolHandle expectPool(int device) {
 }
 
 bool warp::isPoolAccessEnabled(int device, int peer) {
-  DeviceState &other = cudaDeviceState(peer);
+  CudaDevice &other = cudaDeviceState(peer);
   cuda::PoolHandle pool = memoryPool(device);
   if (!pool)
     return false;
@@ -111,7 +111,7 @@ bool warp::isPoolAccessEnabled(int device, int peer) {
 }
 
 void warp::setPoolAccessEnabled(int device, int peer, bool enable) {
-  DeviceState &other = cudaDeviceState(peer);
+  CudaDevice &other = cudaDeviceState(peer);
   if (!enable && !memoryPool(device))
     return;
   cuda::PoolHandle pool = expectPool(device);
@@ -127,17 +127,16 @@ void warp::setPoolAccessEnabled(int device, int peer, bool enable) {
   WARP_CUDA(memPoolSetAccess, pool, &access, 1);
 }
 
-MemoryKind warp::memoryKind(int device, const void *memory) {
-  if (!memory || cudaDeviceCount() == 0)
-    return device == cpuDevice && memory ? MemoryKind::Host
-                                         : MemoryKind::Unknown;
+MemoryKind CudaDevice::kindOf(const void *memory) {
+  if (!memory)
+    return MemoryKind::Unknown;
   const cuda::Driver *driver = cuda::driver();
-  cuda::ContextScope scope(std::max(device, 0));
+  cuda::ContextScope scope(index);
   unsigned type = 0;
   cuda::Result result = driver->pointerGetAttribute(
       &type, cuda::pointerMemoryType, addressOf(memory));
   if (result != cuda::success)
-    return device == cpuDevice ? MemoryKind::Host : MemoryKind::Unknown;
+    return MemoryKind::Unknown;
   unsigned managed = 0;
   driver->pointerGetAttribute(&managed, cuda::pointerIsManaged,
                               addressOf(memory));
@@ -150,24 +149,19 @@ MemoryKind warp::memoryKind(int device, const void *memory) {
   return pool ? MemoryKind::Pool : MemoryKind::Device;
 }
 
-bool warp::canAccess(int device, int owner, const void *memory) {
-  if (device == owner || !memory)
-    return true;
-  MemoryKind kind = memoryKind(owner, memory);
-  if (device == cpuDevice)
-    return kind == MemoryKind::Pinned || kind == MemoryKind::Managed;
-  switch (kind) {
+bool CudaDevice::canReach(Device &owner, const void *memory) {
+  switch (owner.kindOf(memory)) {
   case MemoryKind::Unknown:
   case MemoryKind::Host:
     return false;
   case MemoryKind::Pinned:
-    return deviceInfo(device).isUva;
+    return info.isUva;
   case MemoryKind::Managed:
-    return deviceInfo(device).hasManagedMemory;
+    return info.hasManagedMemory;
   case MemoryKind::Pool:
-    return isPoolAccessEnabled(owner, device);
+    return isPoolAccessEnabled(owner.index, index);
   case MemoryKind::Device:
-    return isPeerAccessEnabled(owner, device);
+    return isPeerAccessEnabled(owner.index, index);
   }
   return false;
 }
@@ -177,7 +171,7 @@ bool warp::canAccess(int device, int owner, const void *memory) {
 //===----------------------------------------------------------------------===//
 
 bool warp::isPoolEnabled(int device) {
-  return device != cpuDevice && cudaDeviceState(device).poolEnabled;
+  return !isHost(device) && cudaDeviceState(device).poolEnabled;
 }
 
 void warp::setPoolEnabled(int device, bool enable) {
@@ -213,7 +207,7 @@ std::pair<uint64_t, uint64_t> warp::poolUse(int device) {
 //===----------------------------------------------------------------------===//
 
 void *warp::allocateManaged(int device, size_t bytes) {
-  if (!deviceInfo(device).hasManagedMemory || device == cpuDevice)
+  if (!deviceInfo(device).hasManagedMemory)
     throw Error(Error::Kind::Runtime, "'" + deviceInfo(device).alias +
                                           "' does not support managed memory");
   cuda::ContextScope scope(device);

@@ -37,10 +37,10 @@ static constexpr size_t pinnedReserve = size_t(512) << 20;
 // Streams
 //===----------------------------------------------------------------------===//
 
-StreamUse *warp::retainStream(int device, StreamHandle handle) {
-  DeviceState &state = cudaDeviceState(device);
-  std::lock_guard lock(state.mutex);
-  for (StreamUse *use : state.uses)
+StreamUse *CudaDevice::retainStream(void *stream) {
+  auto handle = static_cast<StreamHandle>(stream);
+  std::lock_guard lock(mutex);
+  for (StreamUse *use : uses)
     if (use->handle == handle) {
       ++use->references;
       use->gone = false;
@@ -49,7 +49,7 @@ StreamUse *warp::retainStream(int device, StreamHandle handle) {
   auto *use = new StreamUse;
   use->handle = handle;
   use->references = 1;
-  state.uses.push_back(use);
+  uses.push_back(use);
   return use;
 }
 
@@ -59,7 +59,7 @@ static EventHandle makeEvent() {
   return event;
 }
 
-static bool isCapturing(StreamHandle stream) {
+static bool isCaptured(StreamHandle stream) {
   int status = 0;
   // The default stream cannot be captured and may not be asked.
   if (!stream)
@@ -68,9 +68,9 @@ static bool isCapturing(StreamHandle stream) {
   return status != 0;
 }
 
-static bool isCapturing(const DeviceState &state) {
+static bool isCaptured(const CudaDevice &state) {
   return std::any_of(state.uses.begin(), state.uses.end(), [](StreamUse *use) {
-    return use->exists() && isCapturing(use->handle);
+    return use->exists() && isCaptured(use->handle);
   });
 }
 
@@ -83,7 +83,7 @@ static EventHandle record(StreamUse &use) {
 }
 
 /// Lets the reclaim stream wait for a busy stream.
-static void waitFor(DeviceState &state, StreamUse &use) {
+static void waitFor(CudaDevice &state, StreamUse &use) {
   if (!use.busy.exchange(false, std::memory_order_acq_rel))
     return;
   if (!state.reclaim)
@@ -93,7 +93,7 @@ static void waitFor(DeviceState &state, StreamUse &use) {
 }
 
 std::vector<EventHandle> warp::eventsOfStreams(int device) {
-  DeviceState &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDeviceState(device);
   std::lock_guard lock(state.mutex);
   std::vector<EventHandle> events;
   for (StreamUse *use : state.uses)
@@ -106,7 +106,7 @@ std::vector<EventHandle> warp::eventsOfStreams(int device) {
 
 /// A stream that comes after all work queued so far: the one that did it all,
 /// or the reclaim stream. `apart`: that one in any case, for more to wait for.
-static StreamHandle afterAllWork(DeviceState &state, bool apart = false) {
+static StreamHandle afterAllWork(CudaDevice &state, bool apart = false) {
   StreamUse *only = nullptr;
   int count = 0;
   for (StreamUse *use : state.uses)
@@ -138,45 +138,42 @@ struct Pending {
 
 /// Records an event after all work of a device. False while it is captured.
 static bool recordPending(int device, std::vector<Pending> &list) {
-  DeviceState &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDeviceState(device);
   std::lock_guard lock(state.mutex);
   if (state.uses.empty())
     return true;
   cuda::ContextScope scope(device);
-  if (isCapturing(state))
+  if (isCaptured(state))
     return false;
   list.push_back({device, makeEvent()});
   WARP_CUDA(eventRecord, list.back().event, afterAllWork(state));
   return true;
 }
 
-void warp::releaseStream(int device, StreamUse *use, bool destroyed) {
-  DeviceState &state = cudaDeviceState(device);
-  std::lock_guard lock(state.mutex);
-  bool last = --use->references == 0;
+void CudaDevice::reclaimStream(StreamUse &use, bool destroyed) {
+  std::lock_guard lock(mutex);
+  bool last = --use.references == 0;
   if (!last && !destroyed)
     return;
-  if (!use->gone) {
+  if (!use.gone) {
     try {
-      cuda::ContextScope scope(device);
-      if (!isCapturing(use->handle))
-        waitFor(state, *use);
+      cuda::ContextScope scope(index);
+      if (!isCaptured(use.handle))
+        waitFor(*this, use);
     } catch (const Error &) {
     }
   }
-  use->busy = use->used = false;
-  use->gone = !last;
+  use.busy = use.used = false;
+  use.gone = !last;
 }
 
-void warp::joinStreams(const Stream &stream) {
-  int device = stream.device();
-  DeviceState &state = cudaDeviceState(device);
-  std::lock_guard lock(state.mutex);
-  cuda::ContextScope scope(device);
-  StreamHandle handle = afterAllWork(state);
+void CudaDevice::join(const Stream &stream) {
+  std::lock_guard lock(mutex);
+  cuda::ContextScope scope(index);
+  StreamHandle handle = afterAllWork(*this);
   if (handle == stream.handle())
     return;
-  EventHandle event = makeEvent();
+  EventHandle event = ::makeEvent();
   WARP_CUDA(eventRecord, event, handle);
   WARP_CUDA(streamWaitEvent, static_cast<StreamHandle>(stream.handle()), event,
             0);
@@ -194,7 +191,7 @@ public:
   explicit PeerWork(int device) {
     if (!arePeersLinked())
       return;
-    for (int other = 0; other < knownDeviceCount(); ++other)
+    for (int other = 0; other < acceleratorCount(); ++other)
       if (other != device)
         recordPending(other, events);
   }
@@ -217,7 +214,7 @@ private:
 };
 } // namespace
 
-static void freeNow(DeviceState &state, const PeerWork &peers,
+static void freeNow(CudaDevice &state, const PeerWork &peers,
                     cuda::Pointer memory, bool pooled) {
   const cuda::Driver *driver = cuda::driver();
   if (pooled) {
@@ -230,14 +227,14 @@ static void freeNow(DeviceState &state, const PeerWork &peers,
 }
 
 void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
-  DeviceState &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDeviceState(device);
   PeerWork peers(device);
   cuda::ContextScope scope(device);
   std::vector<std::pair<cuda::Pointer, bool>> batch;
   {
     std::lock_guard lock(state.mutex);
     state.deferred.emplace_back(memory, pooled);
-    if (isCapturing(state))
+    if (isCaptured(state))
       return;
     batch.swap(state.deferred);
   }
@@ -288,7 +285,7 @@ static void forgetEvents(PinnedBlock &block) {
 
 static void recordEvents(PinnedBlock &block) {
   block.known = true;
-  for (int device = 0; device < knownDeviceCount(); ++device)
+  for (int device = 0; device < acceleratorCount(); ++device)
     block.known &= recordPending(device, block.events);
   if (!block.known)
     forgetEvents(block);

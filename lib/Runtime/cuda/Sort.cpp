@@ -1,4 +1,4 @@
-//===- Sort.cpp - Scans and sorts on CUDA ---------------------------------===//
+//===- Sort.cpp - Radix sorts and runs on CUDA ----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -10,9 +10,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "LibraryKernels.h"
-#include "Sequences.h"
 #include "warp/Error.h"
-#include "warp/Memory.h"
 
 #include <algorithm>
 #include <cstdint>
@@ -22,8 +20,6 @@
 using namespace warp;
 
 static constexpr int threads = 256;
-/// Bytes that a thread of a scan has in registers.
-static constexpr int64_t scanBytes = 128;
 /// Blocks that count radix.
 static constexpr int64_t mostCounters = 1024;
 static constexpr int radixBits = 8;
@@ -35,44 +31,6 @@ template <typename... Args>
 static void launch(const QueuedWork &work, const LibraryKernel &kernel,
                    int64_t blocks, int64_t rows, Args... args) {
   launchKernel(work, kernel, blocks, rows, threads, args...);
-}
-
-//===----------------------------------------------------------------------===//
-// Scans
-//===----------------------------------------------------------------------===//
-
-static const char *sumName(NumberType kind) {
-  switch (kind) {
-  case NumberType::Int32:
-  case NumberType::UInt32:
-    return "u32";
-  case NumberType::Float32:
-    return "f32";
-  case NumberType::Int64:
-  case NumberType::UInt64:
-    return "u64";
-  case NumberType::Float64:
-    return "f64";
-  }
-  return nullptr;
-}
-
-void warp::scanOnCuda(int device, NumberType kind, int width, Sequence out,
-                      Sequence in, int64_t count, bool inclusive,
-                      const Stream *stream) {
-  // Sums of tiles and of groups of them are published in words with 32 of
-  // their bits.
-  int64_t tile = threads * (scanBytes / sizeOf(kind));
-  int64_t tiles = ceilDivide(count, tile);
-  int64_t sums = tiles + ceilDivide(tiles, threads);
-  int64_t words = tiles > 1 ? sums * width * (sizeOf(kind) / 4) : 0;
-  Buffer state(device, words * 8, false, stream);
-  if (words)
-    setMemory(state.data(), device, 0, state.size(), stream);
-  QueuedWork work(device, stream);
-  launch(work, kernelOf(device, "Scan", std::string("scan_") + sumName(kind)),
-         tiles * width, 1, in.data, in.stride, out.data, out.stride, count,
-         width, int(tiles), state.data(), int(inclusive));
 }
 
 //===----------------------------------------------------------------------===//
@@ -136,24 +94,24 @@ bool SortState::move(const QueuedWork &work, uint32_t *state) const {
   return passes % 2 != 0;
 }
 
-bool warp::sortOnCuda(int device, const Pairs &pairs, int beginBit, int endBit,
+bool CudaDevice::sort(const Pairs &pairs, int beginBit, int endBit,
                       const Stream *stream) {
   if (pairs.count > mostPairs)
     throw Error(Error::Kind::Value,
                 "a sort on CUDA takes at most " + std::to_string(mostPairs) +
                     " pairs, but got " + std::to_string(pairs.count));
-  SortState sort(device, pairs, beginBit, endBit);
-  Buffer buffer(device, sort.words() * 4, false, stream);
+  SortState sort(index, pairs, beginBit, endBit);
+  Buffer buffer(index, sort.words() * 4, false, stream);
   auto *state = static_cast<uint32_t *>(buffer.data());
-  setMemory(state, device, 0, buffer.size(), stream);
+  setMemory(state, index, 0, buffer.size(), stream);
 
-  QueuedWork work(device, stream);
+  QueuedWork work(index, stream);
   int keySize = sizeOf(pairs.kind);
   std::string key =
       (isFloat(pairs.kind) ? "f" : "i") + std::to_string(8 * keySize);
   int64_t counters =
       std::min(mostCounters, ceilDivide(pairs.count, 4 * threads));
-  launch(work, kernelOf(device, "Sort", "sort_count_" + key), counters, 1,
+  launch(work, kernelOf(index, "Sort", "sort_count_" + key), counters, 1,
          pairs.keys, pairs.count, signOf(pairs.kind), beginBit, endBit, state);
   return sort.move(work, state);
 }
@@ -174,9 +132,9 @@ static constexpr SegmentKernel segmentKernels[] = {
 /// Blocks for segments in a list, whose length only the device knows.
 static constexpr int64_t listBlocks = 1056;
 
-void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
-                              const int32_t *begins, const int32_t *ends,
-                              int64_t segments, const Stream *stream) {
+void CudaDevice::sortSegments(const Pairs &pairs, const int32_t *begins,
+                              const int32_t *ends, int64_t segments,
+                              const Stream *stream) {
   if (sizeOf(pairs.kind) != 4 || pairs.valueSize != 4)
     throw Error(Error::Kind::Value,
                 "a sort of segments on CUDA takes keys and values of 32 bits");
@@ -187,15 +145,15 @@ void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
     return;
   // How long the lists of the kernels are and how many segments blocks have
   // taken, then the lists; one is written while the one before is read.
-  Buffer buffer(device, (4 + 2 * segments) * 4, false, stream);
+  Buffer buffer(index, (4 + 2 * segments) * 4, false, stream);
   auto *sizes = static_cast<uint32_t *>(buffer.data());
   uint32_t *lists[] = {sizes + 4, sizes + 4 + segments};
-  setMemory(sizes, device, 0, 16, stream);
+  setMemory(sizes, index, 0, 16, stream);
 
-  QueuedWork work(device, stream);
+  QueuedWork work(index, stream);
   auto queue = [&](const char *code, const char *name, int64_t blocks,
                    auto... args) {
-    launch(work, kernelOf(device, code, name), blocks, 1, pairs.keys,
+    launch(work, kernelOf(index, code, name), blocks, 1, pairs.keys,
            pairs.values, pairs.count, static_cast<uint32_t>(signOf(pairs.kind)),
            int(isFloat(pairs.kind)), begins, ends, args...);
   };
@@ -220,7 +178,7 @@ void warp::sortSegmentsOnCuda(int device, const Pairs &pairs,
         lists[0], sizes);
 }
 
-void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {
+void CudaDevice::findRuns(const Runs &runs, const Stream *stream) {
   if (runs.count > INT32_MAX)
     throw Error(Error::Kind::Value,
                 "a search for runs on CUDA takes less than 2^31 numbers");
@@ -228,11 +186,11 @@ void warp::findRunsOnCuda(int device, const Runs &runs, const Stream *stream) {
     return;
   // As in the kernel: a thread has 16 numbers of 32 bits, or 8 of 64.
   int64_t tiles = ceilDivide(runs.count, threads * 64 / runs.size);
-  Buffer states(device, tiles * 8, false, stream);
-  setMemory(states.data(), device, 0, states.size(), stream);
-  QueuedWork work(device, stream);
+  Buffer states(index, tiles * 8, false, stream);
+  setMemory(states.data(), index, 0, states.size(), stream);
+  QueuedWork work(index, stream);
   launch(work,
-         kernelOf(device, "Runs", runs.size == 4 ? "runs_u32" : "runs_u64"),
+         kernelOf(index, "Runs", runs.size == 4 ? "runs_u32" : "runs_u64"),
          tiles, 1, runs.numbers, runs.count, runs.runNumbers, runs.runLengths,
          runs.runCount, states.data());
 }

@@ -8,11 +8,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "warp/SparseProduct.h"
-
 #include "LibraryKernels.h"
-#include "GraphTrace.h"
-#include "warp/Error.h"
-#include "warp/Memory.h"
 
 using namespace warp;
 
@@ -28,28 +24,16 @@ static void launch(const QueuedWork &work, const LibraryKernel &kernel,
                product.y, T(product.alpha), T(product.beta), sums);
 }
 
-void warp::multiplyRows(int device, const SparseProduct &product,
-                        const Stream *stream) {
+void CudaDevice::multiplyRows(const SparseProduct &product,
+                              const Stream *stream) {
   bool isWide = product.kind == NumberType::Float64;
-  if (device == cpuDevice)
-    throw Error(Error::Kind::Value, "'multiplyRows' is for CUDA devices");
-  if (!isWide && product.kind != NumberType::Float32)
-    throw Error(Error::Kind::Value, "a sparse product takes floats");
-  if (product.rows >= INT32_MAX || product.capacity > INT32_MAX)
-    throw Error(Error::Kind::Value,
-                "a sparse product takes less than 2^31 rows and entries");
-  if (product.rows <= 0)
-    return;
-  TraceScope tracing(device, stream);
-  if (tracing)
-    tracing->add(GraphOperation::Kind::MultiplyRows, product);
   int64_t tiles = ceilDivide(product.rows + product.capacity, tileLength);
-  // What a tile publishes: 32 bits of the number in a word.
-  Buffer sums(device, tiles * (isWide ? 16 : 8), false, stream);
-  setMemory(sums.data(), device, 0, sums.size(), stream);
-  QueuedWork work(device, stream);
+  // A tile's part of a row that goes on, in words with 32 bits of the number.
+  Buffer sums(index, tiles * (isWide ? 16 : 8), false, stream);
+  setMemory(sums.data(), index, 0, sums.size(), stream);
+  QueuedWork work(index, stream);
   LibraryKernel kernel =
-      kernelOf(device, "SparseProduct",
+      kernelOf(index, "SparseProduct",
                isWide ? "sparse_product_f64" : "sparse_product_f32");
   isWide ? launch<double>(work, kernel, tiles, product, sums.data())
          : launch<float>(work, kernel, tiles, product, sums.data());

@@ -3,20 +3,18 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Streams are created as blocking ones, so that work on the legacy default
-// stream, of other libraries too, keeps its order with ours. Each device has a
-// current stream, made at first use.
+// stream, of other libraries too, keeps its order with ours.
 //
 //===----------------------------------------------------------------------===//
 
-#include "Driver.h"
 #include "Device.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
-#include "warp/Device.h"
 
 #include <algorithm>
 
 using namespace warp;
+using cuda::ContextScope;
 using cuda::EventHandle;
 using cuda::StreamHandle;
 
@@ -35,97 +33,107 @@ static bool isDone(cuda::Result result, const char *call) {
   return true;
 }
 
-Stream::Stream(int device, int priority) : deviceIndex(device), owned(true) {
-  cudaDeviceState(device);
-  cuda::ContextScope scope(device);
-  StreamHandle created;
-  WARP_CUDA(streamCreate, &created, cuda::streamDefault, priority);
-  stream = created;
-  known = retainStream(device, created);
+//===----------------------------------------------------------------------===//
+// Streams
+//===----------------------------------------------------------------------===//
+
+void *CudaDevice::makeStream(int priority) {
+  ContextScope scope(index);
+  StreamHandle stream;
+  WARP_CUDA(streamCreate, &stream, cuda::streamDefault, priority);
+  return stream;
 }
 
-Stream::Stream(int device, void *handle)
-    : deviceIndex(device), stream(handle),
-      known(retainStream(device, static_cast<StreamHandle>(handle))) {}
-
-Stream::~Stream() {
+void CudaDevice::releaseStream(const Stream &stream, bool destroy) {
   if (cuda::isForked())
     return;
-  releaseStream(deviceIndex, known, owned);
+  reclaimStream(*stream.use(), destroy);
   // At exit the driver may be gone already; there is nobody to tell.
-  if (owned)
-    cuda::driver()->streamDestroy(raw(*this));
+  if (destroy)
+    cuda::driver()->streamDestroy(raw(stream));
 }
 
-bool Stream::isCapturing() const {
-  cuda::ContextScope scope(deviceIndex);
+bool CudaDevice::isCapturing(const Stream &stream) {
+  ContextScope scope(index);
   int status = 0;
-  if (stream)
-    WARP_CUDA(streamIsCapturing, raw(*this), &status);
+  if (stream.handle())
+    WARP_CUDA(streamIsCapturing, raw(stream), &status);
   return status != 0;
 }
 
-bool Stream::isBlocking() const {
-  cuda::ContextScope scope(deviceIndex);
+bool CudaDevice::isBlocking(const Stream &stream) {
+  ContextScope scope(index);
   unsigned flags = 0;
-  WARP_CUDA(streamGetFlags, raw(*this), &flags);
+  WARP_CUDA(streamGetFlags, raw(stream), &flags);
   return !(flags & cuda::streamNonBlocking);
 }
 
-int Stream::priority() const {
-  cuda::ContextScope scope(deviceIndex);
+int CudaDevice::priorityOf(const Stream &stream) {
+  ContextScope scope(index);
   int value = 0;
-  WARP_CUDA(streamGetPriority, raw(*this), &value);
+  WARP_CUDA(streamGetPriority, raw(stream), &value);
   return value;
 }
 
-bool Stream::isComplete() const {
-  cuda::ContextScope scope(deviceIndex);
-  return isDone(cuda::driver()->streamQuery(raw(*this)), "streamQuery");
+bool CudaDevice::isComplete(const Stream &stream) {
+  ContextScope scope(index);
+  return isDone(cuda::driver()->streamQuery(raw(stream)), "streamQuery");
 }
 
-void Stream::synchronize() const {
-  if (capturesInProgress && isCapturing())
-    checkNotCapturing(deviceIndex, "wait for a stream of");
+void CudaDevice::synchronize(const Stream &stream) {
+  if (capturesInProgress && isCapturing(stream))
+    checkNotCapturing(index, "wait for a stream of");
   {
-    cuda::ContextScope scope(deviceIndex);
-    WARP_CUDA(streamSynchronize, raw(*this));
+    ContextScope scope(index);
+    WARP_CUDA(streamSynchronize, raw(stream));
   }
-  DeviceErrorRecord::check(deviceIndex);
+  DeviceErrorRecord::check(index);
 }
 
-Event::Event(int device, bool enableTiming, bool interprocess)
-    : deviceIndex(device), timing(enableTiming) {
-  if (enableTiming && interprocess)
-    throw Error(Error::Kind::LaunchValue,
-                "expects an event with 'enable_timing' or 'interprocess', but "
-                "got both");
-  cuda::ContextScope scope(device);
-  EventHandle created;
-  WARP_CUDA(eventCreate, &created,
-            (enableTiming ? cuda::eventDefault : cuda::eventDisableTiming) |
+void CudaDevice::synchronizeBusyStreams() {
+  // Waiting would end a capture; what it recorded does not run yet.
+  if (cuda::isForked() || warp::isCapturing(index))
+    return;
+  // Other threads may queue work meanwhile, or destroy a stream.
+  for (EventHandle event : eventsOfStreams(index)) {
+    ContextScope scope(index);
+    WARP_CUDA(eventSynchronize, event);
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Events
+//===----------------------------------------------------------------------===//
+
+void *CudaDevice::makeEvent(bool timing, bool interprocess) {
+  ContextScope scope(index);
+  EventHandle event;
+  WARP_CUDA(eventCreate, &event,
+            (timing ? cuda::eventDefault : cuda::eventDisableTiming) |
                 (interprocess ? cuda::eventInterprocess : 0));
-  event = created;
+  return event;
 }
 
-Event::Event(int device, const IpcHandle &handle) : deviceIndex(device) {
-  cuda::ContextScope scope(device);
+void *CudaDevice::importEvent(const IpcHandle &handle) {
+  ContextScope scope(index);
   cuda::RawIpcHandle native;
   std::copy(handle.begin(), handle.end(), native.bytes);
-  EventHandle opened;
-  WARP_CUDA(ipcOpenEventHandle, &opened, native);
-  event = opened;
+  EventHandle event;
+  WARP_CUDA(ipcOpenEventHandle, &event, native);
+  return event;
 }
 
-Event::~Event() { cuda::driver()->eventDestroy(raw(*this)); }
-
-IpcHandle Event::ipcHandle() const {
-  cuda::ContextScope scope(deviceIndex);
+IpcHandle CudaDevice::exportEvent(const Event &event) {
+  ContextScope scope(index);
   cuda::RawIpcHandle native;
-  WARP_CUDA(ipcGetEventHandle, &native, raw(*this));
+  WARP_CUDA(ipcGetEventHandle, &native, raw(event));
   IpcHandle handle;
   std::copy(native.bytes, native.bytes + handle.size(), handle.begin());
   return handle;
+}
+
+void CudaDevice::destroyEvent(const Event &event) {
+  cuda::driver()->eventDestroy(raw(event));
 }
 
 /// What tells the driver that an event is no edge of the graph that a stream is
@@ -134,74 +142,44 @@ static unsigned externalFlag(const Stream &stream, bool external) {
   return external && capturesInProgress && stream.isCapturing() ? 1 : 0;
 }
 
-void Event::record(const Stream &stream, bool external) {
-  if (stream.device() != deviceIndex)
-    throw Error(Error::Kind::Runtime,
-                "expects a stream of '" + deviceInfo(deviceIndex).alias +
-                    "' to record an event of that device, but got one of '" +
-                    deviceInfo(stream.device()).alias + "'");
-  cuda::ContextScope scope(stream.device());
-  if (unsigned flag = externalFlag(stream, external || timing))
-    WARP_CUDA_GRAPH(recordEvent, raw(*this), raw(stream), flag);
+void CudaDevice::record(const Event &event, const Stream &stream,
+                        bool external) {
+  ContextScope scope(index);
+  if (unsigned flag = externalFlag(stream, external))
+    WARP_CUDA_GRAPH(recordEvent, raw(event), raw(stream), flag);
   else
-    WARP_CUDA(eventRecord, raw(*this), raw(stream));
+    WARP_CUDA(eventRecord, raw(event), raw(stream));
 }
 
-bool Event::isComplete() const {
-  cuda::ContextScope scope(deviceIndex);
-  return isDone(cuda::driver()->eventQuery(raw(*this)), "eventQuery");
-}
-
-void Event::synchronize() const {
-  {
-    cuda::ContextScope scope(deviceIndex);
-    WARP_CUDA(eventSynchronize, raw(*this));
-  }
-  DeviceErrorRecord::check(deviceIndex);
-}
-
-void warp::waitEvent(const Stream &stream, const Event &event, bool external) {
-  cuda::ContextScope scope(stream.device());
+void CudaDevice::wait(const Stream &stream, const Event &event, bool external) {
+  ContextScope scope(index);
   WARP_CUDA(streamWaitEvent, raw(stream), raw(event),
             externalFlag(stream, external));
 }
 
-float warp::elapsedMilliseconds(const Event &start, const Event &end) {
-  cuda::ContextScope scope(start.device());
+bool CudaDevice::isComplete(const Event &event) {
+  ContextScope scope(index);
+  return isDone(cuda::driver()->eventQuery(raw(event)), "eventQuery");
+}
+
+void CudaDevice::synchronize(const Event &event) {
+  {
+    ContextScope scope(index);
+    WARP_CUDA(eventSynchronize, raw(event));
+  }
+  DeviceErrorRecord::check(index);
+}
+
+float CudaDevice::elapsed(const Event &start, const Event &end) {
+  ContextScope scope(index);
   float milliseconds = 0;
   WARP_CUDA(eventElapsedTime, &milliseconds, raw(start), raw(end));
   return milliseconds;
 }
 
-std::shared_ptr<Stream> warp::currentStream(int device) {
-  DeviceState &state = cudaDeviceState(device);
-  {
-    std::lock_guard lock(state.mutex);
-    if (state.stream)
-      return state.stream;
-  }
-  auto made = std::make_shared<Stream>(device);
-  std::lock_guard lock(state.mutex);
-  // Another thread may have been first. `made` goes after the lock does, since
-  // that needs the mutex.
-  if (state.stream)
-    return state.stream;
-  state.stream = made;
-  return made;
-}
-
-void warp::setCurrentStream(int device, std::shared_ptr<Stream> stream) {
-  DeviceState &state = cudaDeviceState(device);
-  if (!stream || stream->device() != device)
-    throw Error(
-        Error::Kind::Runtime,
-        "expects a stream of 'cuda:" + std::to_string(device) + "', but got " +
-            (stream ? "one of 'cuda:" + std::to_string(stream->device()) + "'"
-                    : std::string("none")));
-  // The former one is released without the mutex, which that needs.
-  std::lock_guard lock(state.mutex);
-  state.stream.swap(stream);
-}
+//===----------------------------------------------------------------------===//
+// Work on a stream
+//===----------------------------------------------------------------------===//
 
 static const Stream *checked(int device, const Stream *stream) {
   if (stream && stream->device() != device)
@@ -215,18 +193,3 @@ static const Stream *checked(int device, const Stream *stream) {
 QueuedWork::QueuedWork(int device, const Stream *stream)
     : current(checked(device, stream) ? nullptr : currentStream(device)),
       use((current ? current.get() : stream)->use()), scope(device) {}
-
-void warp::synchronizeBusyStreams() {
-  if (cudaDeviceCount() == 0 || cuda::isForked())
-    return;
-  for (int device = 0; device < knownDeviceCount(); ++device) {
-    // Waiting would end a capture; what it recorded does not run yet.
-    if (isCapturing(device))
-      continue;
-    // Other threads may queue work meanwhile, or destroy a stream.
-    for (EventHandle event : eventsOfStreams(device)) {
-      cuda::ContextScope scope(device);
-      WARP_CUDA(eventSynchronize, event);
-    }
-  }
-}

@@ -10,7 +10,6 @@
 #include "warp/TreeBuild.h"
 
 #include "LibraryKernels.h"
-#include "GraphTrace.h"
 
 #include <algorithm>
 #include <string_view>
@@ -100,22 +99,6 @@ private:
   const int32_t *ordered = nullptr;
 };
 } // namespace
-
-TreeShape::TreeShape(int64_t count) : blocks(ceilDivide(count, width)) {
-  if (count == 0)
-    return;
-  levels = {ceilDivide(blocks, width)};
-  while (levels.front() > 1)
-    levels.insert(levels.begin(), ceilDivide(levels.front(), width));
-}
-
-TreeFindings::TreeFindings(int device)
-    : numbers(cpuDevice, 2 * sizeof(int32_t), true), done(device) {}
-
-std::pair<int, int> TreeFindings::wait() const {
-  done.synchronize();
-  return {memory()[0], memory()[1]};
-}
 
 Building::Building(int device, const TreeBuild &build, const Stream *stream)
     : device(device), build(build), stream(stream), shape(build.count),
@@ -237,29 +220,10 @@ void Building::fill(const QueuedWork &work) {
     launchKernel(work, kernel("tree_top"), 1, 1, toppers, levels, build.nodes);
 }
 
-static void note(GraphTrace &trace, const TreeBuild &build, bool refits) {
-  trace.add(GraphOperation::Kind::BuildTree,
-            graphs::BuildTree{build.first, build.second, build.nodes,
-                              build.blocks, build.scale, build.found,
-                              build.points, build.count, build.ofTriangles,
-                              build.alongCurve, refits});
-}
-
-void warp::buildTree(int device, const TreeBuild &build, const Stream *stream) {
-  if (build.count == 0)
-    return;
-  TraceScope tracing(device, stream);
-  if (tracing)
-    note(*tracing.operator->(), build, false);
-  Building(device, build, stream).run();
-}
-
-void warp::refitTree(int device, const TreeBuild &build, const Stream *stream) {
-  if (build.count == 0)
-    return;
-  TraceScope tracing(device, stream);
-  if (tracing)
-    note(*tracing.operator->(), build, true);
-  QueuedWork work(device, stream);
-  Building(device, build, stream).fill(work);
+void CudaDevice::buildTree(const TreeBuild &build, bool refits,
+                           const Stream *stream) {
+  if (!refits)
+    return Building(index, build, stream).run();
+  QueuedWork work(index, stream);
+  Building(index, build, stream).fill(work);
 }
