@@ -85,87 +85,6 @@ TEST_F(Cuda, DescribesDevices) {
   EXPECT_NE(cudaContext(0), nullptr);
 }
 
-TEST_F(Cuda, CopiesThereAndBack) {
-  for (size_t count : {1, 1000, 1000000}) {
-    std::vector<int> numbers = iota(count);
-    Buffer buffer(0, count * 4), second(0, count * 4);
-    copyMemory(buffer.data(), 0, numbers.data(), cpuDevice, count * 4);
-    copyMemory(second.data(), 0, buffer.data(), 0, count * 4);
-    std::vector<char> back = download(second.data(), 0, count * 4);
-    EXPECT_EQ(std::memcmp(back.data(), numbers.data(), count * 4), 0);
-  }
-}
-
-TEST_F(Cuda, PinnedMemory) {
-  Buffer pinned(cpuDevice, 4000, true), device(0, 4000);
-  EXPECT_TRUE(pinned.pinned());
-  std::vector<int> numbers = iota(1000);
-  std::memcpy(pinned.data(), numbers.data(), 4000);
-  copyMemory(device.data(), 0, pinned.data(), cpuDevice, 4000);
-  std::memset(pinned.data(), 0, 4000);
-  synchronizeDevice(0);
-  copyMemory(pinned.data(), cpuDevice, device.data(), 0, 4000);
-  synchronizeDevice(0);
-}
-
-TEST_F(Cuda, FillsPatternsOfAnySize) {
-  for (size_t size : {1, 2, 3, 4, 6, 8, 12, 16, 36})
-    for (size_t count : {1, 2, 7, 1000}) {
-      std::string pattern(size, 0);
-      std::iota(pattern.begin(), pattern.end(), 3);
-      if (size == 8)
-        pattern = "abcdabcd";
-      Buffer buffer(0, size * count + 8);
-      setMemory(buffer.data(), 0, '#', size * count + 8);
-      fillMemory(buffer.data(), 0, pattern.data(), size, count);
-      std::vector<char> back = download(buffer.data(), 0, size * count + 8);
-      std::string text(back.begin(), back.end());
-      for (size_t i = 0; i < count; ++i)
-        ASSERT_EQ(text.compare(i * size, size, pattern), 0) << size;
-      EXPECT_EQ(text.substr(size * count), "########");
-    }
-}
-
-// Every pairing of packed and strided views, host and device.
-TEST_F(Cuda, CopiesStridedViewsOfAnyMemory) {
-  std::vector<int> source = iota(24);
-  for (int srcDevice : {cpuDevice, 0})
-    for (int dstDevice : {cpuDevice, 0})
-      for (bool srcStrided : {false, true})
-        for (bool dstStrided : {false, true}) {
-          Buffer from(srcDevice, 96), to(dstDevice, 96);
-          copyMemory(from.data(), srcDevice, source.data(), cpuDevice, 96);
-          setMemory(to.data(), dstDevice, 0, 96);
-          std::vector<int> plain{12, 4}, gaps{4, 24};
-          ArrayDescriptor src =
-              view(from.data(), {4, 3}, srcStrided ? gaps : plain);
-          ArrayDescriptor dst =
-              view(to.data(), {4, 3}, dstStrided ? gaps : plain);
-          copyArray({&dst, dstDevice}, {&src, srcDevice}, 4);
-          std::vector<int> result(24);
-          copyMemory(result.data(), cpuDevice, to.data(), dstDevice, 96);
-          synchronizeDevice(0);
-          for (int i = 0; i < 4; ++i)
-            for (int j = 0; j < 3; ++j)
-              EXPECT_EQ(result[dstStrided ? i + 6 * j : 3 * i + j],
-                        srcStrided ? i + 6 * j : 3 * i + j);
-        }
-}
-
-TEST_F(Cuda, FillsStridedViews) {
-  Buffer buffer(0, 80);
-  setMemory(buffer.data(), 0, 0, 80);
-  int value = 5;
-  ArrayDescriptor every = view(buffer.data(), {4, 2}, {20, 8});
-  fillArray({&every, 0}, &value, 4);
-  std::vector<char> back = download(buffer.data(), 0, 80);
-  for (int i = 0; i < 20; ++i) {
-    int found;
-    std::memcpy(&found, back.data() + 4 * i, 4);
-    EXPECT_EQ(found, i % 5 == 0 || i % 5 == 2 ? 5 : 0) << i;
-  }
-}
-
 TEST_F(Cuda, CopiesBetweenDevices) {
   if (cudaDeviceCount() < 2)
     GTEST_SKIP() << "one device";
@@ -211,30 +130,6 @@ TEST_F(Cuda, FreesWhatItAllocates) {
     EXPECT_EQ(bytesInUse(), before + 2000);
   }
   EXPECT_EQ(bytesInUse(), before);
-}
-
-TEST_F(Cuda, StreamsAndEvents) {
-  Stream stream(0);
-  Event start(0, true), end(0, true);
-  start.record(stream);
-  Buffer buffer(0, 1 << 20);
-  setMemory(buffer.data(), 0, 1, buffer.size(), &stream);
-  end.record(stream);
-  waitEvent(*currentStream(0), end);
-  end.synchronize();
-  stream.synchronize();
-  EXPECT_TRUE(stream.isComplete());
-  EXPECT_TRUE(end.isComplete());
-  EXPECT_GE(elapsedMilliseconds(start, end), 0.0f);
-}
-
-TEST_F(Cuda, CurrentStreamCanBeReplaced) {
-  std::shared_ptr<Stream> before = currentStream(0);
-  auto mine = std::make_shared<Stream>(0);
-  setCurrentStream(0, mine);
-  EXPECT_EQ(currentStream(0), mine);
-  setCurrentStream(0, before);
-  EXPECT_THROW(setCurrentStream(0, nullptr), Error);
 }
 
 TEST_F(Cuda, ManyThreads) {
