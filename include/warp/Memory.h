@@ -73,10 +73,10 @@ WARP_API void fillMemory(void *dst, int device, const void *pattern,
                          size_t size, size_t count,
                          const Stream *stream = nullptr);
 
-/// A strided view as copies see it.
+/// A strided view as copies see it, of memory of the host unless said.
 struct ArrayView {
   const ArrayDescriptor *array;
-  int device;
+  int device = cpuDevice;
 };
 
 /// True if the elements lie packed in row-major order.

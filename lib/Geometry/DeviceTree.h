@@ -27,13 +27,13 @@ public:
   HostElements(const ArrayDescriptor &array, int device)
       : count(array.shape[0]), data(static_cast<const T *>(array.data)) {
     bool isPacked = array.strides[0] == sizeof(T);
-    if (count == 0 || (device == cpuDevice && isPacked))
+    if (count == 0 || (isHost(device) && isPacked))
       return;
     copy.resize(count);
     ArrayDescriptor packed = array;
     packed.data = copy.data();
     packed.strides[0] = sizeof(T);
-    copyArray({&packed, cpuDevice}, {&array, device}, sizeof(T));
+    copyArray({&packed}, {&array, device}, sizeof(T));
     data = copy.data();
   }
 
@@ -60,24 +60,19 @@ public:
     Tree tree{0, nullptr, nullptr, scale, int32_t(count)};
     if (host.nodes().empty())
       return tree;
-    if (device == cpuDevice) {
-      tree.nodes = host.nodes().data();
-      tree.blocks = host.leaves().data();
-      return tree;
-    }
     tree.nodes = static_cast<const Node *>(
-        upload(nodes, host.nodes().data(), host.nodes().size() * sizeof(Node)));
-    tree.blocks = upload(blocks, host.leaves().data(),
-                         host.leaves().size() * sizeof(Block));
+        reach(nodes, host.nodes().data(), host.nodes().size() * sizeof(Node)));
+    tree.blocks = reach(blocks, host.leaves().data(),
+                        host.leaves().size() * sizeof(Block));
     return tree;
   }
 
   /// Where they were described last.
   const void *nodesAt(const Hierarchy<Block> &host) const {
-    return device == cpuDevice ? host.nodes().data() : nodes->data();
+    return isHost(device) ? host.nodes().data() : nodes->data();
   }
   const void *blocksAt(const Hierarchy<Block> &host) const {
-    return device == cpuDevice ? host.leaves().data() : blocks->data();
+    return isHost(device) ? host.leaves().data() : blocks->data();
   }
 
   /// Parts that only some trees have, also copied to the device if need be.
@@ -99,13 +94,13 @@ private:
                     size_t bytes) {
     if (bytes == 0)
       return nullptr;
-    return device == cpuDevice ? from : upload(buffer, from, bytes);
+    return isHost(device) ? from : upload(buffer, from, bytes);
   }
   const void *upload(std::unique_ptr<Buffer> &buffer, const void *from,
                      size_t bytes) {
     if (!buffer || buffer->size() < bytes)
       buffer = std::make_unique<Buffer>(device, bytes);
-    copyMemory(buffer->data(), device, from, cpuDevice, bytes);
+    warp::upload(buffer->data(), device, from, bytes);
     return buffer->data();
   }
 

@@ -38,9 +38,9 @@ inline graphs::UpdateGeometry rebuildOf(graphs::UpdateGeometry note,
 /// Does an update now, or when the graph runs that this thread records.
 template <class Fn>
 void update(const Slot &slot, const graphs::UpdateGeometry &note, Fn &&run) {
-  if (slot.device() != cpuDevice)
+  if (!isHost(slot.device()))
     return run();
-  TraceScope tracing(cpuDevice, nullptr);
+  TraceScope tracing(slot.device(), nullptr);
   if (tracing)
     tracing->add(GraphOperation::Kind::UpdateGeometry, note);
   // Nobody knows how long it takes; it is not short.

@@ -165,9 +165,9 @@ HandleContents warp::readHandle(uint64_t id) {
     contents.kind = live->second.kind;
     memory = live->second.memory;
   }
-  copyMemory(contents.words.data(), cpuDevice,
-             reinterpret_cast<const void *>(handleAddress(id)), deviceOf(id),
-             slotSize);
+  download(contents.words.data(),
+           reinterpret_cast<const void *>(handleAddress(id)), deviceOf(id),
+           slotSize);
   findPointers(contents, memory);
   return contents;
 }

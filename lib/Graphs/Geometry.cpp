@@ -103,7 +103,7 @@ static bool hasMoments(const FileHandle &handle) {
 
 void Geometry::prepare(uint32_t number, const FileHandle &handle,
                        const UpdateGeometry &update) {
-  if (handle.kind != update.kind || device != cpuDevice)
+  if (handle.kind != update.kind || !isHost(device))
     throw Error(Error::Kind::Value, "an update has other geometry");
   if (!std::holds_alternative<std::unique_ptr<GeometryHandle>>(objects[number]))
     return;

@@ -69,7 +69,7 @@ private:
       std::variant<std::unique_ptr<GeometryHandle>, std::unique_ptr<Bvh>,
                    std::unique_ptr<Mesh>, std::unique_ptr<HashGrid>>;
   std::vector<Object> objects;
-  int device = cpuDevice;
+  int device = 0;
 };
 
 } // namespace warp::graphs

@@ -25,7 +25,7 @@ LoadedGraph::~LoadedGraph() = default;
 
 void Loader::checkTarget() const {
   bool forCpu = file.target == "cpu";
-  if (forCpu != (device == cpuDevice))
+  if (forCpu != isHost(device))
     throw format.error(origin, "was made for '" + file.target +
                                    "' and cannot run on '" +
                                    deviceInfo(device).alias + "'");
@@ -76,8 +76,7 @@ void Loader::allocate(const Stream *stream) {
     if (block.contents.empty())
       setMemory(start, device, 0, block.bytes, stream);
     else
-      copyMemory(start, device, block.contents.data(), cpuDevice, block.bytes,
-                 stream);
+      upload(start, device, block.contents.data(), block.bytes, stream);
   }
   buffers.push_back(std::make_unique<Buffer>(device, 256, false, stream));
   spare = reinterpret_cast<uint64_t>(buffers.back()->data());
@@ -92,8 +91,8 @@ void Loader::writeIds(const Stream *stream) {
     FileBlock &block = file.blocks[i];
     for (const HandleWord &word : block.handles) {
       uint64_t id = geometry.id(word.handle);
-      copyMemory(reinterpret_cast<void *>(rangeOf(uint32_t(i)).begin + word.at),
-                 device, &id, cpuDevice, sizeof id, stream);
+      upload(reinterpret_cast<void *>(rangeOf(uint32_t(i)).begin + word.at),
+             device, &id, sizeof id, stream);
     }
     if (stream && !block.handles.empty())
       stream->synchronize();
@@ -183,11 +182,11 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
   Loader loader(impl->file, impl->kernels, impl->buffers, impl->geometry,
                 device, origin);
   loader.checkTarget();
-  if (device == cpuDevice && isCapturing(device))
+  if (isHost(device) && isCapturing(device))
     throw format.error(origin,
                        "cannot be loaded while this thread captures a graph");
   std::shared_ptr<Stream> stream;
-  if (device != cpuDevice)
+  if (!isHost(device))
     stream = std::make_shared<Stream>(device);
   loader.loadKernels(files.modules);
   try {
@@ -200,7 +199,7 @@ std::shared_ptr<LoadedGraph> LoadedGraph::fromFiles(const GraphFiles &files,
   } catch (const Error &error) {
     // On a GPU the driver may have a reason of its own.
     if (error.kind == Error::Kind::Memory || isAboutFile(error) ||
-        (error.kind == Error::Kind::Runtime && device != cpuDevice))
+        (error.kind == Error::Kind::Runtime && !isHost(device)))
       throw;
     throw format.error(origin, "is damaged, " + error.message);
   }

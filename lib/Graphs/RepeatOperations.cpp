@@ -93,8 +93,8 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
                      stream);
   }
   case Kind::Upload:
-    return copyMemory(operation.read<Upload>().dst, device, constant.data(),
-                      cpuDevice, constant.size(), stream);
+    return upload(operation.read<Upload>().dst, device, constant.data(),
+                  constant.size(), stream);
   case Kind::FillBytes: {
     auto fill = operation.read<FillBytes>();
     return fillMemory(fill.dst, device, constant.data(), constant.size(),
@@ -118,7 +118,7 @@ void graphs::repeat(GraphOperation &operation, int device, int blockDim,
     return multiplyRows(device, operation.read<SparseProduct>(), stream);
   case Kind::BuildTree: {
     auto tree = operation.read<graphs::BuildTree>();
-    if (device == cpuDevice)
+    if (isHost(device))
       throw nonsense(operation);
     TreeBuild build{tree.first,
                     tree.points,

@@ -166,7 +166,7 @@ FileOperation Saver::fileOperation(size_t number) {
   if (entry.operation.kind == Kind::Launch) {
     entry.kernel = kernels[number];
     const Kernel::Plan &plan = entry.operation.plan;
-    if (device != cpuDevice && !plan.openBlock)
+    if (!isHost(device) && !plan.openBlock)
       entry.blockDim = plan.variant->key.blockDim;
     std::memset(arguments.data() + offsetof(LaunchHeader, errorRecord), 0, 8);
   }
@@ -210,12 +210,11 @@ void Saver::addNames() {
 }
 
 GraphFiles Saver::save() {
-  int arch = device == cpuDevice ? 0 : deviceInfo(device).arch;
+  int arch = deviceInfo(device).arch;
   file.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
   if (isCapturing(device))
     throw saveError(Error::Kind::Runtime, "another one is being captured");
-  if (device != cpuDevice)
-    synchronizeDevice(device);
+  synchronizeDevice(device);
   collectKernels();
   collectMemory();
   chooseContents();

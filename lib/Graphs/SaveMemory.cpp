@@ -62,9 +62,8 @@ void Saver::collectMemory() {
   // Ids in arrays lead to more memory.
   for (const auto &[range, where] : idArrays) {
     std::string bytes(range.end - range.begin, '\0');
-    copyMemory(bytes.data(), cpuDevice,
-               reinterpret_cast<const void *>(range.begin), device,
-               bytes.size());
+    download(bytes.data(), reinterpret_cast<const void *>(range.begin), device,
+             bytes.size());
     handles.findAll(bytes, 0, bytes.size(), where);
   }
   for (const HandleContents &found : handles.all())
@@ -83,7 +82,7 @@ void Saver::collectMemory() {
     if (range.begin == range.end || handles.around(range))
       continue;
     // The parts of a block stay as aligned as they are, see `packedAlignment`.
-    uint64_t begin = range.begin - (device == cpuDevice ? 0 : range.begin % 16);
+    uint64_t begin = range.begin - (isHost(device) ? 0 : range.begin % 16);
     if (!blocks.empty() && begin < blocks.back().range.end)
       blocks.back().range.end = std::max(blocks.back().range.end, range.end);
     else
@@ -152,7 +151,7 @@ void Saver::chooseContents() {
 }
 
 void Saver::readBlocks() {
-  uint64_t alignment = device == cpuDevice ? 64 : 256;
+  uint64_t alignment = isHost(device) ? 64 : 256;
   for (const Block &block : blocks) {
     FileBlock &saved = file.blocks.emplace_back();
     saved.lead = block.range.begin % alignment;
@@ -160,9 +159,9 @@ void Saver::readBlocks() {
     if (!block.needed)
       continue;
     saved.contents.resize(saved.bytes);
-    copyMemory(saved.contents.data(), cpuDevice,
-               reinterpret_cast<const void *>(block.range.begin), device,
-               saved.bytes);
+    download(saved.contents.data(),
+             reinterpret_cast<const void *>(block.range.begin), device,
+             saved.bytes);
     saved.handles = idsIn(block.range, saved.contents);
     if (saved.handles.empty() && !block.ofGeometry &&
         saved.contents.find_first_not_of('\0') == std::string::npos)

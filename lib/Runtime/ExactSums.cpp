@@ -123,7 +123,7 @@ ExactSums::ExactSums(const std::string &kernel, int device,
 
 /// Large pages save most page faults.
 void *ExactSums::allocate(size_t bytes) {
-  if (device != cpuDevice) {
+  if (!isHost(device)) {
     deviceMemory =
         std::make_unique<Buffer>(device, bytes, /*pinned=*/false, stream);
     setMemory(deviceMemory->data(), device, 0, bytes, stream);

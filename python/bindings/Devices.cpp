@@ -45,7 +45,7 @@ static py::dict describe(int device) {
   fields["is_uva"] = info.isUva;
   fields["has_memory_pool"] = info.hasMemoryPool;
   fields["has_managed_memory"] = info.hasManagedMemory;
-  fields["uuid"] = device == cpuDevice ? "" : uuidText(info);
+  fields["uuid"] = isHost(device) ? "" : uuidText(info);
   fields["pci_bus_id"] = info.pciBusId;
   return fields;
 }

@@ -254,7 +254,7 @@ static void bindTrees(py::module_ &m) {
         int device = python::asArray(memory.ptr())->device;
         auto *end = dataOf<int32_t>(memory) + words.shape[0];
         py::gil_scoped_release unlocked;
-        copyMemory(found, cpuDevice, end - 2, device, sizeof found);
+        download(found, end - 2, device, sizeof found);
         return std::pair(found[0], found[1]);
       },
       "The first face with a wrong index, or how many there are, and how many "

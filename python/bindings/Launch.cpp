@@ -104,7 +104,7 @@ void python::packArguments(Packer &packer, const Items &inputs,
 /// The current stream waits for the writers of foreign arrays; a stream named
 /// in the launch has to wait for them, too.
 static void followCurrent(int device, const Stream &stream) {
-  if (device == cpuDevice)
+  if (isHost(device))
     return;
   Event event(device);
   event.record(*currentStream(device));

@@ -43,7 +43,7 @@ Packer::~Packer() {
 //===----------------------------------------------------------------------===//
 
 static std::string deviceName(int device) {
-  return device == cpuDevice ? "cpu" : "cuda:" + std::to_string(device);
+  return isHost(device) ? "cpu" : "cuda:" + std::to_string(device);
 }
 
 static std::string arrayText(int ndim, const std::string &element) {
@@ -189,7 +189,7 @@ static bool readDescriptor(const Packer &packer, const PackParam &param,
     throw packer.error(param, value,
                        " of " + std::to_string(out.ndim) + " dimensions");
   if (reach != 0 && owner != device &&
-      (owner == cpuDevice || !canAccess(device, owner, out.data)))
+      (isHost(owner) || !canAccess(device, owner, out.data)))
     throw packer.error(param, value,
                        " on '" + deviceName(owner) + "', the launch is on '" +
                            deviceName(device) + "'");
@@ -210,8 +210,8 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
       throw error(param, value);
     bool reachable =
         array->device == device ||
-        (array->pinned && device != cpuDevice && deviceInfo(device).isUva) ||
-        (array->device != cpuDevice &&
+        (array->pinned && !isHost(device) && deviceInfo(device).isUva) ||
+        (!isHost(array->device) &&
          canAccess(device, array->device, array->descriptor.data));
     if (!reachable)
       throw error(param, value,
@@ -245,7 +245,7 @@ void Packer::checkStructArrays(const PackParam &param, PyObject *value,
     std::memcpy(&array, bytes + offset, sizeof(array));
     int reach = array.flags & ~readOnlyFlag, owner = reach - 2;
     if (reach != 0 && owner != device &&
-        (owner == cpuDevice || !canAccess(device, owner, array.data)))
+        (isHost(owner) || !canAccess(device, owner, array.data)))
       throw error(param, value,
                   " that holds an array on '" + deviceName(owner) +
                       "', the launch is on '" + deviceName(device) +

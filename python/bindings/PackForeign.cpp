@@ -165,7 +165,7 @@ static bool waitForWriter(const py::dict &fields, int device) {
 bool python::readForeignArray(const Packer &packer, const PackParam &param,
                               PyObject *value, int device, ArrayDescriptor &out,
                               std::vector<py::object> &keep) {
-  bool onHost = device == cpuDevice;
+  bool onHost = isHost(device);
   py::object fields = attribute(value, onHost ? "__array_interface__"
                                               : "__cuda_array_interface__");
   bool unmarked = false;

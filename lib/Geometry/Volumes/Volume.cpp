@@ -27,7 +27,7 @@ struct Volume::Impl {
   GridBytes toHost(size_t bytes) const;
   Levels levels(GridBytes &host) const;
   const VolumeSlot &readable() const;
-  bool isHere() const { return slot.device() == cpuDevice; }
+  bool isHere() const { return isHost(slot.device()); }
 
   Slot slot;
   uint8_t *data = nullptr;
@@ -48,7 +48,7 @@ GridBytes Volume::Impl::toHost(size_t bytes) const {
   if (isHere())
     return GridBytes::around(data, bytes);
   GridBytes host(bytes);
-  copyMemory(host.data(), cpuDevice, data, slot.device(), bytes);
+  download(host.data(), data, slot.device(), bytes);
   return host;
 }
 
@@ -65,8 +65,7 @@ void Volume::Impl::adopt(const GridBytes &grids) {
     data = grids.data();
   } else {
     auto copy = std::make_shared<Buffer>(slot.device(), grids.size());
-    copyMemory(copy->data(), slot.device(), grids.data(), cpuDevice,
-               grids.size());
+    upload(copy->data(), slot.device(), grids.data(), grids.size());
     // Kernels that are queued may read what is freed here.
     if (data)
       synchronizeDevice(slot.device());
@@ -89,8 +88,7 @@ void Volume::Impl::publish(GridBytes host) {
   std::shared_ptr<Buffer> made;
   if (bytes) {
     made = std::make_shared<Buffer>(slot.device(), bytes);
-    copyMemory(made->data(), slot.device(), leaves.numbers.data(), cpuDevice,
-               bytes);
+    upload(made->data(), slot.device(), leaves.numbers.data(), bytes);
   }
   contents = slotOf(levels, data, leaves,
                     made ? static_cast<uint32_t *>(made->data()) : nullptr);
@@ -161,7 +159,7 @@ uint32_t warp::missingRoom(const GridBytes &grid, const GridCounts &room) {
 void Volume::refresh() {
   size_t bytes = std::min(impl->size, size_t(headSize));
   GridBytes head(bytes);
-  copyMemory(head.data(), cpuDevice, impl->data, impl->slot.device(), bytes);
+  download(head.data(), impl->data, impl->slot.device(), bytes);
   impl->info = infoOf(head.data(), bytes);
 }
 

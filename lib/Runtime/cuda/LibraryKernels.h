@@ -44,7 +44,8 @@ void launchKernel(const QueuedWork &work, const LibraryKernel &kernel,
 }
 
 /// The words that a sort works with, zero at first: counts of each pass and
-/// digit, the next tile of each pass, and what each tile publishes.
+/// digit, the next tile of each pass, and the status words of the decoupled
+/// look-back, one for each tile and digit.
 class SortState {
 public:
   SortState(int device, const Pairs &pairs, int beginBit, int endBit);

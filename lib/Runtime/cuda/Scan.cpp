@@ -34,8 +34,8 @@ static const char *sumName(NumberType kind) {
 
 void CudaDevice::scan(NumberType kind, int width, Sequence out, Sequence in,
                       int64_t count, bool inclusive, const Stream *stream) {
-  // Sums of tiles and of groups of them are published in words with 32 of
-  // their bits.
+  // Status words of the decoupled look-back, each with 32 bits of the sum of a
+  // tile or of a group of tiles.
   int64_t tile = threads * (scanBytes / sizeOf(kind));
   int64_t tiles = ceilDivide(count, tile);
   int64_t sums = tiles + ceilDivide(tiles, threads);

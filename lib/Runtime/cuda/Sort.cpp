@@ -81,13 +81,12 @@ bool SortState::move(const QueuedWork &work, uint32_t *state) const {
   char *otherValues = values + pairs.count * pairs.valueSize;
   LibraryKernel move = kernelOf(
       device, "Sort", "sort_move_" + types + (isShort ? "_short" : ""));
-  uint32_t *heads = state + counts, *published = heads + keySize;
+  uint32_t *heads = state + counts, *statuses = heads + keySize;
   for (int pass = 0; pass < passes; ++pass) {
     int shift = beginBit + pass * radixBits;
     launch(work, move, tiles, 1, keys, values, otherKeys, otherValues,
            pairs.count, flip, shift, std::min(radixBits, endBit - shift),
-           state + pass * radix, heads + pass,
-           published + pass * tiles * radix);
+           state + pass * radix, heads + pass, statuses + pass * tiles * radix);
     std::swap(keys, otherKeys);
     std::swap(values, otherValues);
   }
