@@ -82,7 +82,7 @@ static PyObject *newArray(PyTypeObject *type, PyObject *, PyObject *) {
   ArrayObject *array = asArray(object);
   array->descriptor = ArrayDescriptor();
   array->typeId = array->packId = -1;
-  array->device = cpuDevice;
+  array->device = defaultDevice;
   array->contiguous = true;
   return object;
 }

@@ -39,7 +39,7 @@ static BvhConstructor constructorOf(int number) {
 
 /// Lets graphs that this thread records on the CPU keep what an update needs.
 template <class... Arrays> static void holdAll(Arrays... arrays) {
-  (python::hold(cpuDevice, arrays.ptr()), ...);
+  (python::hold(arrays.ptr()), ...);
 }
 
 static void bindBvh(py::module_ &m) {

@@ -144,7 +144,7 @@ static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
 
 static PyObject *schedules(PyObject *self, PyObject *args, PyObject *names) {
   static const char *keywords[] = {"device", "arch", "dim", nullptr};
-  int device = cpuDevice, arch = 0;
+  int device = defaultDevice, arch = 0;
   PyObject *extents = Py_None;
   if (!PyArg_ParseTupleAndKeywords(args, names, "|iiO",
                                    const_cast<char **>(keywords), &device,

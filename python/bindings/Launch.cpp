@@ -155,15 +155,15 @@ PyObject *python::evaluate(PyObject *self, PyObject *const *args,
     Items inputs(args[0]), outputs(args[1]);
     Block block(kernel.parameterSize());
     std::vector<py::object> keep;
-    packArguments(*asKernel(self)->packer, inputs, outputs, cpuDevice,
+    packArguments(*asKernel(self)->packer, inputs, outputs, defaultDevice,
                   block.data(), keep);
     LaunchDim one;
     one.extent[0] = 1;
-    Kernel::Plan plan = kernel.tryPrepare(cpuDevice, one, block.data());
+    Kernel::Plan plan = kernel.tryPrepare(defaultDevice, one, block.data());
     if (!plan.variant) {
       Hold hold(inputs, outputs);
       warp::python::Unlocked unlocked;
-      plan = kernel.prepare(cpuDevice, one, block.data());
+      plan = kernel.prepare(defaultDevice, one, block.data());
     }
     kernel.runAtOnce(plan, block.data());
     Py_RETURN_NONE;
@@ -180,7 +180,7 @@ PyObject *python::launch(PyObject *self, PyObject *const *args,
     Packer &packer = *asKernel(self)->packer;
     LaunchDim dim = readDim(kernel, args[0]);
     Items inputs(args[1]), outputs(count > 2 ? args[2] : nullptr);
-    int device = count > 3 ? intArgument(args[3]) : cpuDevice;
+    int device = count > 3 ? intArgument(args[3]) : defaultDevice;
     const Stream *stream = asStream(count > 4 ? args[4] : nullptr);
     int blockDim = count > 5 ? intArgument(args[5]) : 0;
     Block block(kernel.parameterSize());

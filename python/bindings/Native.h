@@ -11,6 +11,7 @@
 #ifndef WARP_PYTHON_BINDINGS_NATIVE_H
 #define WARP_PYTHON_BINDINGS_NATIVE_H
 
+#include "warp/Device.h"
 #include "warp/Error.h"
 #include "warp/Launch.h"
 
@@ -36,6 +37,9 @@ void bindScopes(pybind11::module_ &m);
 void bindSequences(pybind11::module_ &m);
 void bindXlaFfi(pybind11::module_ &m);
 
+/// The device of arrays and launches that name none.
+constexpr int defaultDevice = cpuDevice;
+
 /// Sets the Python exception for an error.
 void setPythonError(const Error &error);
 
@@ -54,6 +58,9 @@ inline void hold(int device, PyObject *object) {
   if (__builtin_expect(capturesInProgress != 0, 0))
     holdForCaptures(device, object);
 }
+
+/// The same for work of this thread on the host.
+inline void hold(PyObject *object) { hold(cpuDevice, object); }
 
 /// Of `ArrayDescriptor::flags` in Python's structs: the memory must not be
 /// written. The bits below are the array's device plus 2, or 0.

@@ -211,7 +211,7 @@ static PyObject *newLaunch(PyTypeObject *type, PyObject *args,
   static const char *keywords[] = {"kernel", "dim",    "inputs",    "outputs",
                                    "device", "stream", "block_dim", nullptr};
   PyObject *kernel, *dim, *inputs, *outputs = Py_None, *stream = Py_None;
-  int device = cpuDevice, blockDim = 0;
+  int device = defaultDevice, blockDim = 0;
   if (!PyArg_ParseTupleAndKeywords(
           args, names, "O!OO|OiOi", const_cast<char **>(keywords), kernelType,
           &kernel, &dim, &inputs, &outputs, &device, &stream, &blockDim))

@@ -30,7 +30,7 @@ AdjointQueries &python::adjointQueries() {
 static PyObject *newRecord(PyTypeObject *type, PyObject *, PyObject *) {
   PyObject *object = type->tp_alloc(type, 0);
   if (object) {
-    asRecord(object)->device = cpuDevice;
+    asRecord(object)->device = defaultDevice;
     asRecord(object)->pending = true;
   }
   return object;

@@ -134,7 +134,7 @@ void python::bindSavedModule(py::module_ &m) {
       py::arg("kernel"), py::arg("device"), py::arg("block_dim") = 0,
       "Compiles and loads what an ordinary launch needs.");
   m.def("save_module", saveModule, py::arg("path"), py::arg("name"),
-        py::arg("kernels"), py::arg("arch"), py::arg("device") = cpuDevice,
+        py::arg("kernels"), py::arg("arch"), py::arg("device") = defaultDevice,
         "Writes the code of (kernel, name) pairs; arch 0 is the CPU.");
   m.def("cuda_kernel_properties", propertiesOf, py::arg("kernel"),
         py::arg("device"), py::arg("block_dim") = 0);

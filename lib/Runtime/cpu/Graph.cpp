@@ -58,7 +58,7 @@ struct Step {
 
 class HostGraph : public Graph {
 public:
-  HostGraph() : Graph(cpuDevice) {}
+  HostGraph() : Graph(hostDevice().index) {}
 
   void launch(const Stream *stream) override;
   size_t size() const override { return steps.size(); }
@@ -78,7 +78,7 @@ public:
 
 class HostCapture final : public CaptureBase, public HostRecorder {
 public:
-  HostCapture() : CaptureBase(cpuDevice), graph(new HostGraph) {
+  HostCapture() : CaptureBase(hostDevice().index), graph(new HostGraph) {
     setThreadRecorder(this);
   }
   ~HostCapture() override {
@@ -221,7 +221,7 @@ static void run(const Steps &steps, char *flags) {
 }
 
 void HostGraph::launch(const Stream *) {
-  TraceScope tracing(cpuDevice, nullptr);
+  TraceScope tracing(device(), nullptr);
   if (tracing)
     tracing->addGraph(*this);
   auto self = std::static_pointer_cast<HostGraph>(shared_from_this());
