@@ -58,7 +58,7 @@ TEST_P(DeviceMemory, IsReachableByItsOwner) {
   Buffer own(number, 64), host(cpuDevice, 64), pinned(cpuDevice, 64, true);
   EXPECT_TRUE(canAccess(number, number, own.data()));
   EXPECT_TRUE(canAccess(number, cpuDevice, pinned.data()));
-  EXPECT_EQ(device().canReach(hostDevice(), pinned.data()), true);
+  EXPECT_TRUE(device().canReach(hostDevice(), pinned.data()));
   EXPECT_EQ(canAccess(number, cpuDevice, host.data()), isHost());
   EXPECT_EQ(canAccess(cpuDevice, number, own.data()), isHost());
 }

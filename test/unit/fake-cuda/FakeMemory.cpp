@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <map>
+#include <set>
 
 using namespace fake;
 
@@ -31,6 +32,8 @@ size_t highWater = 0;
 int poolAccess = 0;
 /// Plain and managed allocations, which do not come from the pool.
 std::map<uint64_t, bool> plainBlocks;
+/// Pinned memory of the host.
+std::set<uint64_t> pinnedBlocks;
 
 bool isDevice(uint64_t address, size_t bytes) {
   auto next = deviceBlocks.upper_bound(address);
@@ -150,6 +153,10 @@ EXPORT int cuMemFree_v2(uint64_t address) {
 }
 EXPORT int cuPointerGetAttribute(void *out, int which, uint64_t address) {
   std::lock_guard<std::mutex> lock(mutex);
+  if (pinnedBlocks.count(address)) {
+    *static_cast<unsigned *>(out) = which == 2;
+    return success;
+  }
   if (!isDevice(address, 1))
     return invalidValue;
   uint64_t base = std::prev(deviceBlocks.upper_bound(address))->first;
@@ -217,10 +224,14 @@ EXPORT int cuMemFreeAsync(uint64_t address, void *stream) {
   return release(address, true);
 }
 EXPORT int cuMemHostAlloc(void **out, size_t bytes, unsigned) {
+  std::lock_guard<std::mutex> lock(mutex);
   *out = std::aligned_alloc(4096, (bytes + 4095) / 4096 * 4096);
+  pinnedBlocks.insert(reinterpret_cast<uint64_t>(*out));
   return success;
 }
 EXPORT int cuMemFreeHost(void *memory) {
+  std::lock_guard<std::mutex> lock(mutex);
+  pinnedBlocks.erase(reinterpret_cast<uint64_t>(memory));
   std::free(memory);
   return success;
 }
