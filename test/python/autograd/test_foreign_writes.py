@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.errors import WarpGradientError
+from warp.extend import errors
 
 N = 4
 
@@ -104,7 +104,9 @@ def test_recorded_exchanges_have_the_right_gradient(exchange):
 
 @pytest.mark.parametrize("exchange", [by_numpy, by_parts, by_torch])
 def test_exchange_that_the_tape_cannot_know_is_an_error(exchange):
-    with pytest.raises(WarpGradientError, match=r"test_foreign_writes.*another library wrote"):
+    with pytest.raises(
+        errors.WarpGradientError, match=r"test_foreign_writes.*another library wrote"
+    ):
         gradient(exchange)
 
 

@@ -387,4 +387,4 @@ CASES = [run for run in autodiff_catalogue.runs() if run[0] in LOOPS]
 @pytest.mark.parametrize(("number", "precision"), CASES, ids=map("-".join, CASES))
 def test_cases_of_the_catalogue(number, precision, device, monkeypatch):
     monkeypatch.setattr(wp.config, "tape", "global")
-    autodiff_catalogue.run_case(number, precision, device)
+    autodiff_catalogue.check_case(number, precision, device)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 REAL = wp.float64
 rng = np.random.default_rng(11)

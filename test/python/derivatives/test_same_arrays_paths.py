@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 N = 5
 R = wp.float64

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 R = wp.float64
 Matrix = wp.array2d(dtype=R)

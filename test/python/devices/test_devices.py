@@ -54,9 +54,13 @@ def test_default_device(device):
 
 
 def test_synchronize(device):
-    wp.synchronize()
-    wp.synchronize_device(device)
-    wp.synchronize_stream(device)
+    x = wp.zeros(1000, dtype=float, device=device)
+    waits = (wp.synchronize, wp.synchronize_device, wp.synchronize_stream)
+    for number, wait in enumerate(waits, 1):
+        x.fill_(float(number))
+        wait(*([device] if number > 1 else []))
+        assert x.device.is_cpu or x.device.stream.is_complete
+        assert (x.numpy() == number).all()
 
 
 def test_timer_prints_one_line(capsys):

@@ -5,7 +5,7 @@ import typing
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 
 def refused(define, *words, kind=errors.WarpCodegenError, inputs=()):

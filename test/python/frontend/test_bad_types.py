@@ -7,7 +7,7 @@ import pytest
 
 import warp as wp
 from frontend_programs import define, run
-from warp._src import errors
+from warp.extend import errors
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 
 @wp.struct
@@ -233,7 +233,7 @@ def test_recorded_launches(device):
 # Mistakes.
 
 
-def blamed(kernel, inputs, device, *words):
+def check_blamed(kernel, inputs, device, *words):
     with pytest.raises(errors.WarpError) as caught:
         wp.launch(kernel, 3, inputs, device=device)
         wp.synchronize_device(device)
@@ -248,8 +248,8 @@ def blamed(kernel, inputs, device, *words):
 def test_debug_mode_finds_indices_out_of_bounds(device, monkeypatch):
     monkeypatch.setattr(wp.config, "mode", "debug")
     x, y = wp.zeros(4, dtype=float, device=device), wp.zeros(3, dtype=float, device=device)
-    blamed(square, [x[ints([1, 2], device)], y], device, "(2,)", "'x.indices0' of shape (2,)")
-    blamed(square, [x[ints([1, 9, 2], device)], y], device, "(9,)", "'x.data' of shape (4,)")
+    check_blamed(square, [x[ints([1, 2], device)], y], device, "(2,)", "'x.indices0' of shape (2,)")
+    check_blamed(square, [x[ints([1, 9, 2], device)], y], device, "(9,)", "'x.data' of shape (4,)")
 
 
 def test_arguments_that_do_not_fit(device):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 
 @wp.struct

@@ -9,7 +9,7 @@ import pytest
 
 import warp as wp
 from frontend_programs import define, run
-from warp._src import errors
+from warp.extend import errors
 
 
 @wp.func

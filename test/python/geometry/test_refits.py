@@ -21,7 +21,7 @@ def words_of(address, count):
     return np.nan_to_num(words, nan=7e7, posinf=8e8, neginf=-8e8) + 0.0
 
 
-def same(one, other, block):
+def check_same(one, other, block):
     assert len(one.order) == len(other.order) and one.scale == other.scale
     a, b = (words_of(v.nodes, NODE * len(v.order)).reshape(-1, NODE) for v in (one, other))
     assert (a[:, :48] == b[:, :48]).all()
@@ -37,7 +37,7 @@ def test_triangles_are_refitted_as_by_the_runtime(n):
     moving = wp.array(points, dtype=wp.vec3, device="cpu")
     by_kernels = wp.Mesh(moving, indices)
     by_runtime = wp.Mesh(wp.clone(moving), indices)
-    before = same(by_kernels._native.view, by_runtime._native.view, TRIANGLES).copy()
+    before = check_same(by_kernels._native.view, by_runtime._native.view, TRIANGLES).copy()
     moved = points.copy()
     moved[: 3 * n] = np.random.default_rng(1).permutation(points[: 3 * n] * 0.9)
     if n > 100:
@@ -46,7 +46,7 @@ def test_triangles_are_refitted_as_by_the_runtime(n):
     slot = slot_of(by_kernels.id, "cpu")
     Refit(by_kernels._native.view, wp.get_device("cpu"), True, slot).refit(moving, indices)
     by_runtime.points = wp.clone(moving)
-    after = same(by_kernels._native.view, by_runtime._native.view, TRIANGLES)
+    after = check_same(by_kernels._native.view, by_runtime._native.view, TRIANGLES)
     assert n < 100 or (before[:, :48] != after[:, :48]).any()
 
 
@@ -72,7 +72,7 @@ def test_boxes_are_refitted_as_by_the_runtime(n):
     slot = slot_of(by_kernels.id, "cpu")
     Refit(by_kernels._native.view, wp.get_device("cpu"), False, slot).refit(*corners)
     by_runtime.refit()
-    same(by_kernels._native.view, by_runtime._native.view, BOXES)
+    check_same(by_kernels._native.view, by_runtime._native.view, BOXES)
 
 
 @wp.kernel

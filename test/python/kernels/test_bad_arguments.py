@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 
 @wp.kernel
@@ -36,7 +36,7 @@ def floats(device, *shape):
     return wp.ones(shape, dtype=float, device=device)
 
 
-def fails(words, kernel, dim, inputs, device, kind=errors.WarpError):
+def check_failure(words, kernel, dim, inputs, device, kind=errors.WarpError):
     """The launch raises `kind`, its message names the kernel and holds all `words`."""
     with pytest.raises(kind) as caught:
         wp.launch(kernel, dim, inputs, device=device)
@@ -49,32 +49,32 @@ def test_wrong_dtype(device):
     x, y = floats(device, 4), floats(device, 4)
     for other in (wp.int32, wp.float64, wp.vec3, wp.float16, wp.uint32):
         bad = wp.zeros(4, dtype=other, device=device)
-        fails(["'x'"], saxpy, 4, [2.0, bad, y], device)
-    fails(["'y'"], saxpy, 4, [2.0, x, wp.zeros(4, dtype=wp.vec2, device=device)], device)
-    fails(["'x'"], shift, 4, [x, wp.vec3(), 1], device)
+        check_failure(["'x'"], saxpy, 4, [2.0, bad, y], device)
+    check_failure(["'y'"], saxpy, 4, [2.0, x, wp.zeros(4, dtype=wp.vec2, device=device)], device)
+    check_failure(["'x'"], shift, 4, [x, wp.vec3(), 1], device)
 
 
 def test_wrong_rank(device):
     y = floats(device, 4)
     for bad in (floats(device, 4, 4), floats(device, 2, 2, 2), floats(device, 1, 1, 1, 4)):
-        fails(["'x'", "1"], saxpy, 4, [2.0, bad, y], device)
+        check_failure(["'x'", "1"], saxpy, 4, [2.0, bad, y], device)
 
 
 def test_wrong_kind_of_value(device):
     x = floats(device, 4)
     for bad in (1.0, "text", object(), [1.0, "two"], {}, wp.vec3(), saxpy):
-        fails(["'x'"], saxpy, 4, [2.0, bad, x], device)
+        check_failure(["'x'"], saxpy, 4, [2.0, bad, x], device)
     for bad in ("text", x, object(), wp.vec3(), None, [1.0]):
-        fails(["'a'"], saxpy, 4, [bad, x, x], device)
+        check_failure(["'a'"], saxpy, 4, [bad, x, x], device)
     v = wp.zeros(4, dtype=wp.vec3, device=device)
     for bad in ("abc", (1.0, 2.0), (1.0, 2.0, 3.0, 4.0), (1.0, 2.0, "x"), None, 3.0, wp.vec2()):
-        fails(["'by'"], shift, 4, [v, bad, 1], device)
+        check_failure(["'by'"], shift, 4, [v, bad, 1], device)
 
 
 def test_number_that_does_not_fit_its_parameter(device):
     v = wp.zeros(4, dtype=wp.vec3, device=device)
     for bad in (2**31, -(2**31) - 1, 2**70):
-        fails(["'n'"], shift, 4, [v, wp.vec3(), bad], device)
+        check_failure(["'n'"], shift, 4, [v, wp.vec3(), bad], device)
 
 
 def test_none_is_an_empty_array_and_an_error_for_a_struct(device):
@@ -89,14 +89,14 @@ def test_none_is_an_empty_array_and_an_error_for_a_struct(device):
     out = floats(device, 3)
     wp.launch(optional, 3, [None, out], device=device)
     assert out.numpy().tolist() == [-1.0] * 3
-    fails(["'p'"], use_pair, 3, [None, out], device)
+    check_failure(["'p'"], use_pair, 3, [None, out], device)
 
 
 def test_missing_and_extra_arguments(device):
     x = floats(device, 4)
-    fails(["3", "2"], saxpy, 4, [2.0, x], device)
-    fails(["3", "0"], saxpy, 4, [], device)
-    fails(["3", "4"], saxpy, 4, [2.0, x, x, x], device)
+    check_failure(["3", "2"], saxpy, 4, [2.0, x], device)
+    check_failure(["3", "0"], saxpy, 4, [], device)
+    check_failure(["3", "4"], saxpy, 4, [2.0, x, x, x], device)
     with pytest.raises(errors.WarpError):
         wp.launch(saxpy, 4, [2.0, x], [x, x], device=device)
 
@@ -146,11 +146,11 @@ def test_unknown_device():
 @pytest.mark.cuda
 def test_array_of_another_device():
     host, card = floats("cpu", 4), floats("cuda:0", 4)
-    fails(["'x'", "cpu", "cuda:0"], saxpy, 4, [2.0, host, card], "cuda:0")
-    fails(["'y'", "cpu", "cuda:0"], saxpy, 4, [2.0, host, card], "cpu")
+    check_failure(["'x'", "cpu", "cuda:0"], saxpy, 4, [2.0, host, card], "cuda:0")
+    check_failure(["'y'", "cpu", "cuda:0"], saxpy, 4, [2.0, host, card], "cpu")
     pair = Pair()
     pair.b = host
-    fails(["'p'"], use_pair, 4, [pair, card], "cuda:0")
+    check_failure(["'p'"], use_pair, 4, [pair, card], "cuda:0")
 
 
 def test_wrong_struct(device):
@@ -159,7 +159,7 @@ def test_wrong_struct(device):
         a: float
         b: wp.array(dtype=float)
 
-    fails(["'p'", "Pair"], use_pair, 3, [Other(), floats(device, 3)], device)
+    check_failure(["'p'", "Pair"], use_pair, 3, [Other(), floats(device, 3)], device)
     pair = Pair()
     with pytest.raises((errors.WarpError, TypeError, RuntimeError)):
         pair.b = wp.zeros(3, dtype=int, device=device)
@@ -180,7 +180,7 @@ def test_not_a_kernel(device):
 def test_a_failed_launch_leaves_the_kernel_usable(device):
     x, y = floats(device, 4), floats(device, 4)
     for _ in range(3):
-        fails(["'x'"], saxpy, 4, [2.0, None if False else "x", y], device)
+        check_failure(["'x'"], saxpy, 4, [2.0, None if False else "x", y], device)
         wp.launch(saxpy, 4, [1.0, x, y], device=device)
     assert (y.numpy() == 4.0).all()
 

@@ -32,7 +32,7 @@ print("right", count)
 """)
 
 
-def right(folder, count=1):
+def check_right(folder, count=1):
     """Run the program with its cache in `folder`; it must succeed."""
     status, out, err = programs.run(PROGRAM, count, WARP_CACHE_PATH=folder)
     assert status == 0, f"status {status}\n{out}\n{err}"
@@ -45,10 +45,10 @@ def entries(folder):
 
 
 def test_cache_is_filled_and_used(tmp_path):
-    right(tmp_path)
+    check_right(tmp_path)
     before = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in entries(tmp_path)}
     assert before
-    right(tmp_path)
+    check_right(tmp_path)
     after = {path: path.read_bytes() for path in entries(tmp_path)}
     assert after == {path: content for path, (_, content) in before.items()}
 
@@ -75,66 +75,66 @@ def damage_foreign(content):
 
 @pytest.mark.parametrize("damage", [damage_truncate, damage_flip, damage_foreign])
 def test_damaged_entries_are_recompiled(tmp_path, damage):
-    right(tmp_path)
+    check_right(tmp_path)
     for path in entries(tmp_path):
         content = path.read_bytes()
         for bad in damage(content):
             path.write_bytes(bad)
-            right(tmp_path)
+            check_right(tmp_path)
             path.write_bytes(content)
 
 
 def test_damaged_entry_is_replaced(tmp_path):
-    right(tmp_path)
+    check_right(tmp_path)
     whole = {path: path.read_bytes() for path in entries(tmp_path)}
     for path, content in whole.items():
         path.write_bytes(content[: len(content) // 2])
-    right(tmp_path)
-    right(tmp_path)
+    check_right(tmp_path)
+    check_right(tmp_path)
     for path, content in whole.items():
         assert len(path.read_bytes()) >= len(content) // 2 + 1
 
 
 def test_entry_of_another_kernel(tmp_path):
     """Contents exchanged between entries: the key inside does not match, so neither is used."""
-    right(tmp_path, 2)
+    check_right(tmp_path, 2)
     files = entries(tmp_path)
     contents = [path.read_bytes() for path in files]
     for path, content in zip(files, contents[1:] + contents[:1]):
         path.write_bytes(content)
-    right(tmp_path, 2)
+    check_right(tmp_path, 2)
 
 
 def test_entry_that_is_a_folder_or_a_dead_link(tmp_path):
-    right(tmp_path)
+    check_right(tmp_path)
     for path in entries(tmp_path):
         path.unlink()
         path.mkdir()
-    right(tmp_path)
+    check_right(tmp_path)
     for path in list(tmp_path.rglob("*")):
         if path.is_dir() and not any(path.iterdir()):
             path.rmdir()
             path.symlink_to("/nonexistent/target")
             break
-    right(tmp_path)
+    check_right(tmp_path)
 
 
 def test_cache_folder_that_cannot_be_written(tmp_path):
     blocked = tmp_path / "a file"
     blocked.write_text("in the way")
-    right(blocked / "cache")
-    right("/proc/no-such-folder")
-    right("/dev/null")
+    check_right(blocked / "cache")
+    check_right("/proc/no-such-folder")
+    check_right("/dev/null")
     assert blocked.read_text() == "in the way"
 
 
 def test_read_only_cache_is_read(tmp_path):
-    right(tmp_path)
+    check_right(tmp_path)
     for path in tmp_path.rglob("*"):
         path.chmod(0o555 if path.is_dir() else 0o444)
     tmp_path.chmod(0o555)
     try:
-        right(tmp_path, 2)
+        check_right(tmp_path, 2)
     finally:
         tmp_path.chmod(0o755)
         for path in tmp_path.rglob("*"):
@@ -166,7 +166,7 @@ def test_process_killed_while_writing(tmp_path):
         process.send_signal(signal.SIGKILL)
         process.communicate()
         killed += process.returncode == -signal.SIGKILL
-        right(folder, 40)
+        check_right(folder, 40)
     assert killed
 
 
@@ -176,14 +176,14 @@ def test_sixteen_processes_compile_the_same_kernels(tmp_path):
         out, err = process.communicate(timeout=240)
         assert process.returncode == 0, err
         assert out.strip() == "right 4"
-    right(tmp_path, 4)
+    check_right(tmp_path, 4)
 
 
 def test_clear_kernel_cache(fresh_cache):
     import warp as wp
 
-    right(fresh_cache)
+    check_right(fresh_cache)
     (fresh_cache / "keep.txt").write_text("not ours")
     wp.clear_kernel_cache()
     assert [path.name for path in entries(fresh_cache)] == ["keep.txt"]
-    right(fresh_cache)
+    check_right(fresh_cache)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 
 @pytest.fixture
@@ -12,7 +12,7 @@ def debug(monkeypatch):
     monkeypatch.setattr(wp.config, "mode", "debug")
 
 
-def blamed(kernel, dim, inputs, device, *words, line="# here"):
+def check_blamed(kernel, dim, inputs, device, *words, line="# here"):
     with pytest.raises(errors.WarpError) as caught:
         wp.launch(kernel, dim, inputs, device=device)
         wp.synchronize_device(device)
@@ -31,7 +31,7 @@ def test_load(device, debug):
         out[i] = values[i + 3]  # here
 
     values, out = (wp.zeros(10, dtype=float, device=device) for _ in range(2))
-    blamed(read, 8, [values, out], device, "'values'", "10")
+    check_blamed(read, 8, [values, out], device, "'values'", "10")
 
 
 def test_store_and_rank_two(device, debug):
@@ -41,7 +41,7 @@ def test_store_and_rank_two(device, debug):
         grid[i, j + 5] = wp.vec3(1.0, 2.0, 3.0)  # here
 
     grid = wp.zeros((4, 7), dtype=wp.vec3, device=device)
-    blamed(write, (4, 3), [grid], device, "'grid'", "4", "7")
+    check_blamed(write, (4, 3), [grid], device, "'grid'", "4", "7")
     assert (grid.numpy()[:, :5] == 0.0).all()
 
 
@@ -51,7 +51,7 @@ def test_atomic_and_negative_index(device, debug):
         i = wp.tid()
         wp.atomic_add(total, i - 100, 1.0)  # here
 
-    blamed(add, 1, [wp.zeros(4, dtype=float, device=device)], device, "'total'", "-100", "4")
+    check_blamed(add, 1, [wp.zeros(4, dtype=float, device=device)], device, "'total'", "-100", "4")
 
 
 def test_access_inside_a_function(device, debug):
@@ -65,7 +65,7 @@ def test_access_inside_a_function(device, debug):
         out[i] = fetch(source, 50)
 
     values, out = (wp.zeros(10, dtype=float, device=device) for _ in range(2))
-    blamed(outer, 1, [values, out], device, "50", "10")
+    check_blamed(outer, 1, [values, out], device, "50", "10")
 
 
 def test_right_programs_run_and_negative_indices_wrap(device, debug):
@@ -87,7 +87,7 @@ def test_launches_after_an_error_work(device, debug):
         a[i + k] = 1.0  # here
 
     a = wp.zeros(4, dtype=float, device=device)
-    blamed(maybe, 4, [a, 1], device, "'a'")
+    check_blamed(maybe, 4, [a, 1], device, "'a'")
     wp.launch(maybe, 4, [a, 0], device=device)
     wp.synchronize_device(device)
     assert a.numpy().tolist() == [1.0] * 4

@@ -31,7 +31,7 @@ def expected(x):
     return power
 
 
-def run(kernel, count):
+def check_run(kernel, count):
     x = np.linspace(-1.0, 2.0, 200, dtype=np.float32)[:count]
     y, total = wp.zeros(count, dtype=float, device="cpu"), wp.zeros(1, dtype=int, device="cpu")
     wp.launch(kernel, count, [wp.array(x, device="cpu"), y, total], device="cpu")
@@ -46,36 +46,36 @@ def kinds(kernel):
 
 @pytest.mark.parametrize("count", [1, 2, 15, 16, 17, 200])
 def test_any_number_of_threads(count):
-    run(make_kernel(), count)
+    check_run(make_kernel(), count)
 
 
 def test_elements_have_the_same_bits_in_both():
     kernel = make_kernel()
-    few = run(kernel, 15)
-    many = run(kernel, 200)[:15]
+    few = check_run(kernel, 15)
+    many = check_run(kernel, 200)[:15]
     x = np.linspace(-1.0, 2.0, 200, dtype=np.float32)
     assert few.tobytes() == many.tobytes(), x[:15][few != many]
 
 
 def test_few_threads_have_scalar_code_of_their_own():
     kernel = make_kernel()
-    run(kernel, 3)
-    run(kernel, 7)
+    check_run(kernel, 3)
+    check_run(kernel, 7)
     assert len(kinds(kernel)) == 1
     assert "few threads" in kinds(kernel)[0]
     assert any(
         choice.what == "lanes" and choice.value == "1"
         for choice in kernel.schedule("cpu")[0].choices
     )
-    run(kernel, 100)
+    check_run(kernel, 100)
     assert len(kinds(kernel)) == 2
     assert "few threads" not in kinds(kernel)[1]
 
 
 def test_code_for_many_threads_serves_few():
     kernel = make_kernel()
-    run(kernel, 100)
-    run(kernel, 3)
+    check_run(kernel, 100)
+    check_run(kernel, 3)
     assert len(kinds(kernel)) == 1
 
 

@@ -53,7 +53,7 @@ def launch(kernel, dim, arguments, device, block):
     wp.launch(kernel, dim, arguments, device=device, block_dim=block)
 
 
-def close(got, wanted, tolerance):
+def check_close(got, wanted, tolerance):
     """Agreement within a share of the largest element."""
     np.testing.assert_allclose(got, wanted, rtol=0, atol=tolerance * np.abs(wanted).max())
 
@@ -70,8 +70,8 @@ def test_adjoint_of_all_pairs(device, real, threads, trips, block):
         launch(attraction(scalar), threads, [x, y, trips, out], device, block)
     tape.backward(grads={out: wp.array(values[2], dtype=vec3, device=device)})
     wanted = pull_gradients(*(v.astype(np.float64) for v in values))
-    close(x.grad.numpy(), wanted[0], REALS[real])
-    close(y.grad.numpy(), wanted[1], REALS[real])
+    check_close(x.grad.numpy(), wanted[0], REALS[real])
+    check_close(y.grad.numpy(), wanted[1], REALS[real])
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -107,7 +107,7 @@ def test_sums_over_threads(device, real, threads, trips, block):
     ]
     launch(spread, threads, [arrays[0], first, last, *arrays[1:]], device, block)
     values = x.astype(np.float64)[:, None] * np.arange(first + 1, last + 1)
-    close(arrays[1].numpy(), values.sum(0)[::-1], 10 * REALS[real])
+    check_close(arrays[1].numpy(), values.sum(0)[::-1], 10 * REALS[real])
     rounded = x[:, None] * np.arange(first + 1, last + 1).astype(real)
     np.testing.assert_array_equal(arrays[2].numpy()[first:], rounded.max(0))
     assert (arrays[2].numpy()[:first] == real(-1e30)).all()

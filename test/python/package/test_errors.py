@@ -5,7 +5,7 @@ import pickle
 import pytest
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 
 @pytest.mark.parametrize(

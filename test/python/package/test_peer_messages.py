@@ -8,8 +8,8 @@ import pytest
 
 import programs
 import warp as wp
-from warp._src import errors
 from warp._src.compat import peer_messages
+from warp.extend import errors
 
 ROOT = Path(wp.__file__).parent / "_src"
 # Codes that the binding of launch arguments gives (Pack.cpp).

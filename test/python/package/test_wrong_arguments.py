@@ -11,9 +11,8 @@ from support.argument_walk import judge
 from support.random_runs import seeds
 
 import warp as wp
-from warp._src import errors
-from warp._src.argument_kinds import COUNT, FLAG, NUMBER, PATH, POINT
-from warp._src.arguments import checked, shown
+from warp.extend import checked, errors, shown
+from warp.extend.kinds import COUNT, FLAG, NUMBER, PATH, POINT
 
 # Calls of each function, method, operator and setter.
 CALLS = 3

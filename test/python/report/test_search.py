@@ -1,6 +1,7 @@
 """The generated search: it finds planted defects, and what it once found stays mended."""
 
 import json
+import subprocess
 import sys
 
 import numpy as np
@@ -11,9 +12,17 @@ from warp.report.__main__ import main
 
 mp = pytest.importorskip("mpmath")
 
-from warp.report.search._judge import FORMULAS  # noqa: E402
-from warp.report.search._operands import SPECIAL, STRATEGIES  # noqa: E402
-from warp.report.search._search import overloads, search, without_reference  # noqa: E402
+from warp.report.search import (  # noqa: E402
+    FORMULAS,
+    SPECIAL,
+    STRATEGIES,
+    overloads,
+    search,
+    without_reference,
+)
+
+# Operands at singular points.
+SINGULAR = {SPECIAL: STRATEGIES[SPECIAL]}
 
 
 @pytest.mark.parametrize(
@@ -36,17 +45,11 @@ def test_cancellation_is_a_defect(monkeypatch):
         y[i] = 1.0 - wp.cos(x[i])
 
     monkeypatch.setitem(FORMULAS, "sin", lambda x: 2 * mp.sin(x / 2) ** 2)
-    monkeypatch.setattr("warp.report.search._search.make_kernel", lambda *about: wp.kernel(naive))
-    value, gradient = search(["sin"], dtypes=("float32",), rows=16)
+    make = lambda *about: wp.kernel(naive)  # noqa: E731
+    value, gradient = search(["sin"], dtypes=("float32",), rows=16, make=make)
     assert value.verdict == "defect" and value.got == 0.0 and 0.0 < value.exact < 1e-7
     assert value.operands[0] ** 2 / 2 == pytest.approx(value.exact, rel=1e-3)
     assert gradient.verdict == "good"
-
-
-def keep_special(monkeypatch):
-    """Only operands at singular points."""
-    special = {SPECIAL: STRATEGIES[SPECIAL]}
-    monkeypatch.setattr("warp.report.search._operands.STRATEGIES", special)
 
 
 # The derivative of (1 - cos(x)) / x at 0 is 1/2, not that of the constant that stands for 0/0.
@@ -59,18 +62,22 @@ def test_limits_at_singular_points(monkeypatch):
             y[i] = (wp.float64(1.0) - wp.cos(x[i])) / x[i]
 
     monkeypatch.setitem(FORMULAS, "sin", lambda x: 2 * mp.sin(x / 2) ** 2 / x)
-    keep_special(monkeypatch)
-    monkeypatch.setattr("warp.report.search._search.make_kernel", lambda *about: wp.kernel(guarded))
-    value, gradient = search(["sin"], dtypes=("float64",), rows=16)
+    value, gradient = search(
+        ["sin"],
+        dtypes=("float64",),
+        rows=16,
+        make=lambda *about: wp.kernel(guarded),
+        strategies=SINGULAR,
+    )
     assert value.verdict == "good" and value.checked
     assert gradient.verdict == "defect" and (gradient.got, gradient.operands) == (0.0, [0.0])
     assert gradient.exact == pytest.approx(0.5)
 
 
 # Paths that do not agree are no reference: the length has no derivative at zero.
-def test_no_limit_at_a_kink(monkeypatch):
-    keep_special(monkeypatch)
-    found = list(search(["length", "normalize", "abs", "max"], dtypes=("float64",), rows=8))
+def test_no_limit_at_a_kink():
+    names = ["length", "normalize", "abs", "max"]
+    found = list(search(names, dtypes=("float64",), rows=8, strategies=SINGULAR))
     assert [str(one) for one in found if one.verdict != "good"] == []
 
 
@@ -90,9 +97,10 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert main(["search", "no_such", "--output", str(tmp_path)]) == 2
     assert "no reference for 'no_such'" in capsys.readouterr().err
     assert "stop_gradient" in without_reference() and not set(without_reference()) & set(FORMULAS)
-    monkeypatch.setitem(sys.modules, "warp.report.search._search", None)
-    assert main(["search", "cbrt", "--output", str(tmp_path)]) == 2
-    assert "needs the package" in capsys.readouterr().err
+    program = "import sys\nsys.modules['mpmath'] = None\nfrom warp.report.__main__ import main\n"
+    program += f"sys.exit(main(['search', 'cbrt', '--output', {str(tmp_path)!r}]))\n"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 2 and "needs the package 'mpmath'" in done.stderr
 
 
 def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeypatch):
@@ -101,7 +109,7 @@ def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeyp
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("warp.report.search._search.search", interrupted)
+        patch.setattr("warp.report.search.search", interrupted)
         assert main(["search", "cbrt", "--output", str(tmp_path)]) == 0
     said = capsys.readouterr()
     assert "interrupted" in said.err and "2 good" in said.out

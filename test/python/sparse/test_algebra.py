@@ -10,7 +10,7 @@ from sparse_reference import Triplets, dense, vector
 BLOCKS = [(1, 1), (3, 3), (2, 3)]
 
 
-def close(matrix, expected):
+def check_close(matrix, expected):
     np.testing.assert_allclose(dense(matrix), expected, atol=1e-12)
 
 
@@ -18,13 +18,13 @@ def close(matrix, expected):
 def test_sums_and_factors(device, block):
     a, b = Triplets(1, 7, 5, block, 20), Triplets(2, 7, 5, block, 11)
     A, B = a.matrix(device), b.matrix(device)
-    close(2.0 * A + B, 2 * a.dense + b.dense)
-    close(A - 3.0 * B, a.dense - 3 * b.dense)
-    close((-A / 2.0).eval(), -a.dense / 2)
+    check_close(2.0 * A + B, 2 * a.dense + b.dense)
+    check_close(A - 3.0 * B, a.dense - 3 * b.dense)
+    check_close((-A / 2.0).eval(), -a.dense / 2)
     assert sp.bsr_axpy(B, A, 0.5, 2.0) is A
-    close(A, 0.5 * b.dense + 2 * a.dense)
-    close(sp.bsr_axpy(A, A, 1.0, 1.0), b.dense + 4 * a.dense)
-    close(sp.bsr_scale(B, 3.0), 3 * b.dense)
+    check_close(A, 0.5 * b.dense + 2 * a.dense)
+    check_close(sp.bsr_axpy(A, A, 1.0, 1.0), b.dense + 4 * a.dense)
+    check_close(sp.bsr_scale(B, 3.0), 3 * b.dense)
 
 
 @pytest.mark.parametrize("block", BLOCKS)
@@ -64,11 +64,11 @@ def test_products_of_matrices(device, block):
     a, b = Triplets(7, 7, 5, block, 20), Triplets(8, 5, 6, (cols, rows), 14)
     c = Triplets(9, 7, 6, (rows, rows), 9)
     A, B = a.matrix(device), b.matrix(device)
-    close(A @ B, a.dense @ b.dense)
+    check_close(A @ B, a.dense @ b.dense)
     work = sp.bsr_mm_work_arrays()
     C = c.matrix(device)
     sp.bsr_mm(A, B, C, 2.0, 0.5, work_arrays=work)
-    close(C, 2 * a.dense @ b.dense + 0.5 * c.dense)
+    check_close(C, 2 * a.dense @ b.dense + 0.5 * c.dense)
     # The blocks of the result stay those that it had.
     C = c.matrix(device)
     mask = dense(C) != 0
@@ -83,24 +83,24 @@ def test_a_product_with_known_topology(device):
     C = sp.bsr_mm(A, A, work_arrays=work)
     sp.bsr_scale(A, 2.0)
     sp.bsr_mm(A, A, C, work_arrays=work, reuse_topology=True)
-    close(C, 4 * a.dense @ a.dense)
+    check_close(C, 4 * a.dense @ a.dense)
     B = sp.bsr_copy(A)
     sp.bsr_mm(B, B, B)
-    close(B, 4 * a.dense @ a.dense)
+    check_close(B, 4 * a.dense @ a.dense)
 
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_transposed(device, block):
     a = Triplets(11, 7, 5, block, 20)
-    close(a.matrix(device).transpose(), a.dense.T)
-    close((2.0 * a.matrix(device)).transpose(), 2 * a.dense.T)
+    check_close(a.matrix(device).transpose(), a.dense.T)
+    check_close((2.0 * a.matrix(device)).transpose(), 2 * a.dense.T)
 
 
 def test_other_blocks(device):
     a = Triplets(12, 6, 4, (4, 6), 13)
     A = a.matrix(device)
     for shape in ((2, 3), (1, 1), (8, 12), (8, 3)):
-        close(sp.bsr_copy(A, block_shape=shape), a.dense)
+        check_close(sp.bsr_copy(A, block_shape=shape), a.dense)
     half = sp.bsr_copy(A, scalar_type=wp.float32)
     np.testing.assert_allclose(dense(half), a.dense.astype(np.float32))
 
@@ -110,6 +110,6 @@ def test_diagonals(device):
     blocks = [a.dense[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(5)]
     diagonal = sp.bsr_get_diag(a.matrix(device))
     np.testing.assert_allclose(diagonal.numpy(), blocks)
-    close(sp.bsr_diag(diagonal), np.where(np.kron(np.eye(5), np.ones((3, 3))), a.dense, 0))
-    close(sp.bsr_identity(4, wp.mat22, device), np.eye(8))
-    close(sp.bsr_diag(wp.float64(3.0), 2, 4, device=device), 3 * np.eye(2, 4))
+    check_close(sp.bsr_diag(diagonal), np.where(np.kron(np.eye(5), np.ones((3, 3))), a.dense, 0))
+    check_close(sp.bsr_identity(4, wp.mat22, device), np.eye(8))
+    check_close(sp.bsr_diag(wp.float64(3.0), 2, 4, device=device), 3 * np.eye(2, 4))

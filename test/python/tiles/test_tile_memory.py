@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp._src.errors import WarpCompileError
+from warp.extend import errors
 
 
 def reversed_rows(rows):
@@ -36,6 +36,6 @@ def test_launches_ask_for_what_is_not_there_anyway():
 def test_more_than_a_block_can_get(arch, most):
     fits = most // 512
     assert ".entry" in reversed_rows(fits).ir("ptx", arch=arch)
-    with pytest.raises(WarpCompileError, match=f"which has {most}; make") as error:
+    with pytest.raises(errors.WarpCompileError, match=f"which has {most}; make") as error:
         reversed_rows(fits + 1).ir("ptx", arch=arch)
     assert f"tile(dtype=float32, shape=({fits + 1}, 128))" in str(error.value)

@@ -9,7 +9,7 @@ from warp._src.sparse.checks import ATTRIBUTES, check_contents, check_storage
 from warp._src.sparse.expressions import InPlaceOperators, Operations, Operators
 from warp._src.sparse.lookup import _write_row_ends, _write_rows
 from warp.extend import canonical, checked, type_is_matrix, type_repr, type_scalar_type, type_size
-from warp.extend.kinds import ARRAY, COUNT
+from warp.extend.kinds import ARRAY, COUNT, NUMBER
 from warp.types import SCALAR_TYPES
 
 BSR_STATUS_SUCCESS = 0
@@ -108,6 +108,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         """The blocks as an array of three dimensions: block, row, column."""
         return as_blocks(self.values)
 
+    @checked()
     def check(self) -> None:
         """Checks the arrays of the matrix, which programs may replace and write to.
 
@@ -120,6 +121,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         check_storage(self)
         check_contents(self)
 
+    @checked(x=ARRAY, y=ARRAY, alpha=NUMBER, beta=NUMBER)
     def multiply(self, x, y, alpha=1.0, beta=0.0, is_checked=False):
         """Sets `y` to `alpha A x + beta y` as `bsr_mv` does, for vectors of `x` and `y`.
 

@@ -21,7 +21,7 @@ def main(arguments=None):
     options = parser.parse_args(arguments)
     wp.config.quiet = True
     try:
-        from warp.report.search._search import search, without_reference
+        from warp.report.search import search, without_reference
     except ModuleNotFoundError as error:
         print(f"warp.report search: needs the package '{error.name}'", file=sys.stderr)
         return 2

@@ -140,8 +140,8 @@ STRATEGIES = {
 }
 
 
-def operands(random, count, kinds, dtype):
+def operands(random, count, kinds, dtype, strategies):
     """(strategy, arrays) with a row of numbers for each of `count` operands, rounded to `dtype`."""
     tiny = float(np.finfo(dtype).tiny)
-    for name, strategy in STRATEGIES.items():
+    for name, strategy in strategies.items():
         yield name, [value.astype(dtype) for value in strategy(random, count, kinds, tiny)]

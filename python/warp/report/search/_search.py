@@ -12,7 +12,7 @@ from warp import extend
 from warp.report.search._judge import FORMULAS, UNIT, Exact, Finding, Judge, NoReferenceError
 from warp.report.search._limits import limit_of, with_limits
 from warp.report.search._numbers import parse_signature
-from warp.report.search._operands import LONG, SPECIAL, operands
+from warp.report.search._operands import LONG, SPECIAL, STRATEGIES, operands
 
 #: Overloads that the registry describes as of any type, or of which a part alone is unique.
 SIGNATURES = {
@@ -78,7 +78,7 @@ def make_kernel(name, kinds, results, real):
     return wp.kernel(extend.function_from_text(text, scope, module=__name__))
 
 
-def run(name, kinds, results, dtype, values, seeds, device):
+def run(kernel, kinds, results, dtype, values, seeds, device):
     """Results of all rows, and gradients of the seeds' weighted sums by each operand."""
     real, rows = getattr(wp, dtype), len(seeds)
 
@@ -90,7 +90,6 @@ def run(name, kinds, results, dtype, values, seeds, device):
     outs = [
         wp.zeros(rows, dtype=kind.of(real), device=device, requires_grad=True) for kind in results
     ]
-    kernel = make_kernel(name, tuple(kinds), tuple(results), real)
     with wp.Tape() as tape:
         wp.launch(kernel, rows, arrays, outs, device=device)
     ends = np.cumsum([kind.size for kind in results])[:-1]
@@ -128,7 +127,9 @@ def _with_reference(exact, values):
     return [value[rows] for value in values], numbers
 
 
-def search_overload(name, signature, parsed, dtype, rows, seed, device):
+def search_overload(
+    name, signature, parsed, dtype, rows, seed, device, make=make_kernel, strategies=None
+):
     """Findings of values and of gradients."""
     _, kinds, results = parsed
     count = sum(result.size for result in results)
@@ -138,7 +139,8 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
     judges = Judge(value, random), Judge(slope, random)
     exact, sizes = Exact(name, kinds), [kind.size for kind in kinds]
     parts = [result.size for result in results]
-    for strategy, values in operands(random, rows, kinds, dtype):
+    kernel = make(name, tuple(kinds), tuple(results), getattr(wp, dtype))
+    for strategy, values in operands(random, rows, kinds, dtype, strategies or STRATEGIES):
         if name in UNIT and strategy == LONG:
             continue
         is_special = strategy == SPECIAL
@@ -148,7 +150,7 @@ def search_overload(name, signature, parsed, dtype, rows, seed, device):
             if not numbers:
                 continue
             seeds = random.choice([-1.0, 0.5, 1.0], size=(len(numbers), count)).astype(dtype)
-            found, gradients = run(name, kinds, results, dtype, values, seeds, device)
+            found, gradients = run(kernel, kinds, results, dtype, values, seeds, device)
             if name in UNIT:
                 gradients = _tangents(kinds, values, gradients)
             for row, these in enumerate(numbers):
@@ -167,7 +169,17 @@ def _finish(task):
     return search_overload(*task)
 
 
-def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="cpu", processes=1):
+def search(
+    names=(),
+    *,
+    dtypes=("float32", "float64"),
+    rows=32,
+    seed=0,
+    device="cpu",
+    processes=1,
+    make=make_kernel,
+    strategies=None,
+):
     """Findings for every overload with a reference, of all builtins or of some.
 
     Args:
@@ -178,6 +190,8 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
         device: where kernels run.
         processes: how many overloads are searched at once; the findings and their order are the
             same.
+        make: `make(name, kinds, results, scalar)` gives the kernel that stores results of rows.
+        strategies: kinds of operands, by name; by default `STRATEGIES`.
 
     Raises:
         ValueError: a name has no reference.
@@ -187,7 +201,7 @@ def search(names=(), *, dtypes=("float32", "float64"), rows=32, seed=0, device="
         known = ", ".join(sorted(FORMULAS))
         raise ValueError(f"no reference for '{unknown[0]}'; there are {known}")
     tasks = [
-        (name, signature, parsed, dtype, rows, seed, device)
+        (name, signature, parsed, dtype, rows, seed, device, make, strategies)
         for name, signature, parsed in overloads(names)
         for dtype in dtypes
     ]

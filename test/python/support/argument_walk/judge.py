@@ -9,7 +9,7 @@ import os
 import traceback
 
 import warp as wp
-from warp._src import errors
+from warp.extend import errors
 
 _PACKAGE = os.path.dirname(wp.__file__)
 _HERE = os.path.dirname(__file__)

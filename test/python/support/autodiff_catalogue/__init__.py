@@ -1,6 +1,6 @@
 """The catalogue of gradients: numbered cases, each with an expected value of its own.
 
-`run_case` runs one under whichever package is imported as `warp`; `python -m autodiff_catalogue`
+`check_case` runs one under whichever package is imported as `warp`; `python -m autodiff_catalogue`
 runs many and prints a line of JSON for each. The cases are in files by topic.
 """
 
@@ -24,7 +24,7 @@ from .problem import Problem
 from .registry import ABSENT, CASES, ERROR, EXACT, FAILED
 
 
-def run_case(number, precision, device):
+def check_case(number, precision, device):
     """Runs a case; raises what it raises."""
     CASES[number].function(Problem(precision, device))
 
