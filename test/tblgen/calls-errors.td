@@ -3,6 +3,7 @@
 // RUN: not warp-tblgen -gen-python-calls -DTYPE %s 2>&1 | FileCheck %s --check-prefix=TYPE
 // RUN: not warp-tblgen -gen-python-calls -DEARLIER %s 2>&1 | FileCheck %s --check-prefix=EARLIER
 // RUN: not warp-tblgen -gen-python-calls -DTWICE %s 2>&1 | FileCheck %s --check-prefix=TWICE
+// RUN: not warp-tblgen -gen-python-calls -DDEFAULT %s 2>&1 | FileCheck %s --check-prefix=DEFAULT
 // RUN: not warp-tblgen -gen-python-calls -DRESULT %s 2>&1 | FileCheck %s --check-prefix=RESULT
 // RUN: not warp-tblgen -gen-python-calls -DNAME %s 2>&1 | FileCheck %s --check-prefix=NAME
 // RUN: not warp-tblgen -gen-python-calls -DCOUNT %s 2>&1 | FileCheck %s --check-prefix=COUNT
@@ -26,6 +27,11 @@ def Warp_TryName : Warp_Try<["(a: tile<A>, i: axis<b>) -> A"], ["a"]>;
 #ifdef TWICE
 // TWICE: error: overload of 'try' expects another name than 'a'
 def Warp_TryName : Warp_Try<["(a: Any, a: Any) -> Any"], ["a"]>;
+#endif
+
+#ifdef DEFAULT
+// DEFAULT: error: overload of 'try' expects a default value, as the parameter before has one, at column 20
+def Warp_TryName : Warp_Try<["(a: Any = 1, b: Any) -> Any"], ["a"]>;
 #endif
 
 #ifdef RESULT

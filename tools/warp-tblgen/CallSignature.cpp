@@ -199,6 +199,11 @@ bool Parser::parseParameter(CallSignature &signature, bool isKeywordOnly) {
   rest = behind;
   if (tryToken("=") && !parseDefault(parameter.defaultValue))
     return false;
+  bool hadDefault = any_of(signature.parameters, [](const CallParameter &one) {
+    return !one.defaultValue.empty();
+  });
+  if (hadDefault && parameter.defaultValue.empty() && !isKeywordOnly)
+    return fail("a default value, as the parameter before has one,");
   // `offsets<a>` names a parameter, which may be a letter.
   if (!is_contained({"axis", "index", "offsets"}, parameter.type.name))
     collectLetters(parameter.type, signature.letters);

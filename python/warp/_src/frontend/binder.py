@@ -17,6 +17,14 @@ from warp._src.frontend.context import Part
 from warp._src.frontend.parameters import Parameter
 
 _RESOLVED: dict[str, list[Overload]] = {}
+# Functions whose result has no gradient with NVIDIA Warp.
+_WITHOUT_GRADIENT = frozenset(
+    (
+        *("tile_arange", "tile_diag_add", "tile_max", "tile_min", "tile_reduce"),
+        *("tile_scan_exclusive", "tile_scan_inclusive", "tile_scan_max_inclusive"),
+        "tile_scan_min_inclusive",
+    )
+)
 
 
 class Overload:
@@ -25,6 +33,7 @@ class Overload:
     Attributes:
         parameters: in order.
         order: those that arguments go to by position, up to a variadic one.
+        names: of these. least: how many have no default.
         following: those that arguments go to by position behind a variadic one.
         by_name: the parameters by their names.
         variadic: the one that takes any number of arguments, or None.
@@ -33,8 +42,8 @@ class Overload:
     """
 
     __slots__ = (
-        *("by_name", "expand", "following", "has_result", "letters", "order", "parameters"),
-        *("requirements", "updated", "variadic"),
+        *("by_name", "expand", "following", "has_result", "least", "letters", "names", "order"),
+        *("parameters", "requirements", "updated", "variadic"),
     )
 
     def __init__(self, parameters, letters, requirements, has_result, expand):
@@ -49,6 +58,8 @@ class Overload:
                 self.variadic = one
             elif one.kind != "keyword":
                 (self.order if self.variadic is None else self.following).append(one)
+        self.names = [one.name for one in self.order]
+        self.least = sum(one.default is ... for one in self.parameters)
 
     def shown(self) -> str:
         """The parameters as a caller sees them."""
@@ -149,10 +160,9 @@ class Binder(Part):
         if overloads is None:
             overloads = _RESOLVED[name] = [Overload(*one) for one in CALLS[name]]
         positional, keywords = self.arguments(node)
-        overload = overloads[0]
-        if len(overloads) > 1:
-            overload = self.choose(overloads, positional, keywords)
-        given = self.given(name, overload, positional, keywords, node)
+        overload, given, problem = _chosen(overloads, positional, keywords)
+        if problem is not None:
+            raise self.wrong_arguments(name, overload, problem, positional, keywords, node)
         call = Call(self.context, name, node, overload, given)
         values = [one.value(call) for one in overload.parameters]
         letters = [call.letters.get(letter) for letter in overload.letters]
@@ -166,8 +176,8 @@ class Binder(Part):
         result = overload.expand(call, *values, *letters)
         if overload.updated:
             result = self.write_back(call, result)
-        if config.peer_tile_gradients and name.startswith("tile_"):
-            return self.context.tiles.without_gradient(name, result, node)
+        if name in _WITHOUT_GRADIENT and config.peer_tile_gradients:
+            return self.context.tiles.elements.constant(result, node)
         return result
 
     def write_back(self, call, result):
@@ -206,26 +216,6 @@ class Binder(Part):
             keywords[keyword.arg] = (expr(keyword.value), keyword.value)
         return positional, keywords
 
-    def choose(self, overloads, positional, keywords):
-        """The overload that arguments fit, or the one to report errors about."""
-        named = incomplete = None
-        for overload in overloads:
-            given, problem = _bound(overload, positional, keywords)
-            if problem is None:
-                named = overload
-                if all(o.accepts(given[o.name][0]) for o in overload.order if o.name in given):
-                    return overload
-            elif problem[0] == "missing":
-                incomplete = incomplete or overload
-        return named or incomplete or overloads[-1]
-
-    def given(self, name, overload, positional, keywords, node):
-        """Arguments by parameter."""
-        given, problem = _bound(overload, positional, keywords)
-        if problem is not None:
-            raise self.wrong_arguments(name, overload, problem, positional, keywords, node)
-        return given
-
     def wrong_arguments(self, name, overload, problem, positional, keywords, node):
         """The error for an argument that has no parameter, or a parameter without an argument."""
         kind, which = problem
@@ -250,11 +240,28 @@ class Binder(Part):
         )
 
 
+def _chosen(overloads, positional, keywords):
+    """The overload that arguments fit, or the one to report errors about; then as `_bound`."""
+    found = {}
+    for overload in overloads:
+        given, problem = _bound(overload, positional, keywords)
+        if problem is None and (
+            len(overloads) == 1
+            or all(one.accepts(given[one.name][0]) for one in overload.order if one.name in given)
+        ):
+            return overload, given, None
+        found.setdefault(problem and problem[0], (overload, given, problem))
+    return found.get(None) or found.get("missing") or (overload, given, problem)
+
+
 def _bound(overload, positional, keywords):
     """Arguments by the names of parameters, and (kind, name) of the first problem, or None."""
-    given = dict(zip([one.name for one in overload.order], positional, strict=False))
-    rest = positional[len(overload.order) :]
-    variadic = overload.variadic
+    given = dict(zip(overload.names, positional, strict=False))
+    count, variadic = len(positional), overload.variadic
+    # Those without a default come first.
+    if not keywords and variadic is None and overload.least <= count <= len(overload.names):
+        return given, None
+    rest = positional[len(overload.names) :]
     if variadic is not None:
         by_name = overload.by_name
         others = []

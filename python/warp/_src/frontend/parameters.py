@@ -28,26 +28,27 @@ class Parameter:
         name, kind, default: as in the table; `...` is no default.
         type: name of its type.
         arguments: of the type.
-        convert: the function for the type.
+        convert: the function for the type. is_ready: the default need not be converted.
     """
 
-    __slots__ = ("arguments", "convert", "default", "kind", "name", "type")
+    __slots__ = ("arguments", "convert", "default", "is_ready", "kind", "name", "type")
 
     def __init__(self, name, type, kind, default):
         self.name, self.kind, self.default = name, kind, default
         self.type, *self.arguments = type if isinstance(type, tuple) else (type,)
         self.convert = _CONVERSIONS.get(self.type, _scalar)
+        self.is_ready = self.type in _UNCHANGED or (default is None and self.type != "offsets")
 
     def value(self, call):
         """The argument of a call, converted."""
         given = call.given.get(self.name)
-        if self.kind == "*":
+        if given is None:
+            value = self.default if self.is_ready else self.convert(call, self, self.default)
+        elif self.kind == "*":
             value = [self.convert(call, self, binding) for binding, _ in given]
         else:
-            value = self.default if given is None else given[0]
-            is_left_out = value is None and self.default is None and self.type != "offsets"
-            if not is_left_out and (given is not None or self.type not in _UNCHANGED):
-                value = self.convert(call, self, value)
+            left_out = given[0] is None and self.default is None and self.is_ready
+            value = None if left_out else self.convert(call, self, given[0])
         call.values[self.name] = value
         return value
 

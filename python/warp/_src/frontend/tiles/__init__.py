@@ -43,14 +43,6 @@ _TOPICS = {
     "values": TileValues,
     "views": TileViews,
 }
-# Functions whose result has no gradient with NVIDIA Warp.
-_WITHOUT_GRADIENT = frozenset(
-    f"tile_{name}"
-    for name in (
-        *("diag_add", "min", "max", "reduce", "scan_inclusive", "scan_exclusive"),
-        *("scan_max_inclusive", "scan_min_inclusive", "arange"),
-    )
-)
 
 
 class Tiles:
@@ -67,10 +59,6 @@ class Tiles:
         self.placed = {}
         for name, kind in _TOPICS.items():
             setattr(self, name, kind(context))
-
-    def without_gradient(self, name, result, node):
-        """The result of a builtin with the gradient that NVIDIA Warp gives it."""
-        return self.elements.constant(result, node) if name in _WITHOUT_GRADIENT else result
 
     def attribute(self, native, name, node):
         """`shape`, `dtype`, `ndim`, `size` of a tile's type."""
