@@ -81,11 +81,10 @@ def show_gradients(in_use=False) -> list:
 
 def arrays_of(call) -> list:
     """The arrays behind the handles that are arguments of a launch."""
-    kinds = getattr(call.kernel, "handles", None)
-    if not kinds or not _alive:
+    checks = call.kernel.hook("handles")
+    if checks is None or not _alive:
         return []
-    names = call.kernel.func.__code__.co_varnames
-    values = [call.values[names.index(name)] for name in kinds]
+    values = [call.values[position] for _, position, _ in checks.kinds]
     ids = {int(getattr(value, "value", value)) for value in values}
     return [
         one
