@@ -67,6 +67,9 @@ function(warp_embed_compressed name file)
   add_dependencies(warp_embed_${name} ${name}_packed)
 endfunction()
 
+# What all of them are compiled against.
+set(prototypes "${PROJECT_BINARY_DIR}/include/DeviceLib/Prototypes.h")
+
 function(warp_compile_device_bitcode name)
   cmake_parse_arguments(arg "" "TARGET" "SOURCES;OPTIONS" ${ARGN})
   if(arg_TARGET STREQUAL "x86-64")
@@ -90,10 +93,11 @@ function(warp_compile_device_bitcode name)
       COMMAND "${WARP_CLANG}" --target=${triple} -std=c++20 -O2 ${flags}
         -ffreestanding -fno-exceptions -fno-rtti -fno-math-errno
         -ffp-contract=off -fvisibility=hidden -nostdinc++
-        -I "${PROJECT_SOURCE_DIR}/lib/DeviceLib" ${arg_OPTIONS}
+        -I "${PROJECT_SOURCE_DIR}/lib/DeviceLib"
+        -I "${PROJECT_BINARY_DIR}/include" ${arg_OPTIONS}
         -MD -MF "${part}.d" -MT "${part}"
         -emit-llvm -c "${source}" -o "${part}"
-      DEPENDS "${source}" DEPFILE "${part}.d"
+      DEPENDS "${source}" "${prototypes}" DEPFILE "${part}.d"
       COMMENT "Building ${arg_TARGET} bitcode ${stem}" VERBATIM)
     list(APPEND parts "${part}")
   endforeach()
@@ -139,9 +143,9 @@ function(warp_add_device_objects name)
           -ffreestanding -fno-exceptions -fno-rtti -fno-math-errno
           -fno-asynchronous-unwind-tables -ffp-contract=off -fvisibility=hidden
           -nostdinc++ -Wno-psabi -I "${PROJECT_SOURCE_DIR}/lib/DeviceLib"
-          ${arg_OPTIONS} -MD -MF "${part}.d" -MT "${part}"
+          -I "${PROJECT_BINARY_DIR}/include" ${arg_OPTIONS} -MD -MF "${part}.d" -MT "${part}"
           -c "${source}" -o "${part}"
-        DEPENDS "${source}" DEPFILE "${part}.d"
+        DEPENDS "${source}" "${prototypes}" DEPFILE "${part}.d"
         COMMENT "Building ${processor} object ${stem}" VERBATIM)
       list(APPEND parts "${part}")
     endforeach()

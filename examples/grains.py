@@ -63,9 +63,7 @@ def forces(
 
 
 @wp.kernel
-def move(
-    x: wp.array[wp.vec3], v: wp.array[wp.vec3], f: wp.array[wp.vec3], dt: float
-):
+def move(x: wp.array[wp.vec3], v: wp.array[wp.vec3], f: wp.array[wp.vec3], dt: float):
     i = wp.tid()
     v[i] = v[i] + f[i] * dt
     x[i] = x[i] + v[i] * dt

@@ -16,5 +16,6 @@ if [ ! "$bundle/libwarp.so.xz" -nt "$package/libwarp.so" ] ||
   xz -T0 -4 -f "$bundle/libwarp.so"
   echo "$package" >"$bundle/origin"
 fi
-cp "$package"/_src/builtin_{table,calls}.py "$package/__init__.pyi" "$bundle/"
+cp "$package"/_src/{builtin_table,builtin_calls,device_table}.py \
+  "$package/include/warp/HandleKinds.inc" "$package"/{__init__,config}.pyi "$bundle/"
 du -ch "$bundle"/* | sed 's/^/device bundle: /'

@@ -23,12 +23,22 @@ namespace warp {
 /// so are the results. It may be called with anything for lanes that do not
 /// run.
 struct LibraryFunction {
+  /// How GPU kernels get machine code of it: not, beside other functions, or
+  /// for its own sake.
+  enum class Assembly : uint8_t { None, Short, Long };
+
   llvm::StringRef symbol, operands, results;
   /// Registers that a thread of a GPU is given where the function searches,
   /// step by step through memory; 0: as many as it likes.
   int registers = 0;
   /// How many operands lanes share there; -1 without that form.
   int shared = -1;
+  Assembly assembly = Assembly::None;
+  /// True if only targets with products of tiles in their archive have that
+  /// machine code.
+  bool isProduct = false;
+  /// True if it gives the slot of a handle, its first operand.
+  bool findsSlot = false;
 };
 
 inline constexpr llvm::StringLiteral lanesSuffix = "_lanes";
@@ -43,6 +53,8 @@ inline constexpr llvm::StringLiteral isDifferentiated =
 
 /// Of both forms; null if the library has no such function.
 const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);
+/// True if a call gives the address of the slot of a handle.
+bool findsSlot(LibraryCallOp call);
 /// The type of a letter.
 mlir::Type getLibraryType(mlir::MLIRContext *context, char letter);
 

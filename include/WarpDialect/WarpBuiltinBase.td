@@ -199,6 +199,8 @@ class Warp_LibraryFunction<string name, list<string> overloadsOf,
   string pythonName = name;
   string module = ?;
   string group = ?;
+  /// The HandleKind of the first parameter, if that is called `id`.
+  string handle = "";
   list<string> overloads = overloadsOf;
   string summary = summaryOf;
 }

@@ -13,7 +13,8 @@
 
 include "WarpBuiltinBase.td"
 
-let module = "geometry.mesh_queries", group = "Meshes" in {
+let module = "geometry.mesh_queries", group = "Meshes",
+    handle = "Mesh" in {
 def : Warp_LibraryFunction<"mesh_query_point",
     ["(id: uint64, point: vec3f, max_dist: float) -> MeshQueryPoint",
      "(id: uint64, point: vec3f, max_dist: float, inside: float, face: int, "
@@ -76,7 +77,8 @@ def : Warp_LibraryFunction<"mesh_get_bvh", ["(id: uint64) -> uint64"],
     "hierarchy over the faces of a mesh, for `bvh_query_*`">;
 }
 
-let module = "geometry.mesh_signs", group = "Meshes" in {
+let module = "geometry.mesh_signs", group = "Meshes",
+    handle = "Mesh" in {
 def : Warp_LibraryFunction<"mesh_query_point_sign_winding_number",
     ["(id: uint64, point: vec3f, max_dist: float, accuracy: float = 2.0, "
      "threshold: float = 0.5) -> MeshQueryPoint",
@@ -108,7 +110,8 @@ def : Warp_LibraryFunction<"mesh_get_group_root",
     "there is none">;
 }
 
-let module = "geometry.tree_queries", group = "Meshes" in {
+let module = "geometry.tree_queries", group = "Meshes",
+    handle = "Mesh" in {
 def : Warp_LibraryFunction<"mesh_query_aabb",
     ["(id: uint64, low: vec3f, high: vec3f) -> MeshQueryAABB"],
     "faces of a mesh whose bounds overlap a box, borders included">;
@@ -123,7 +126,8 @@ def : Warp_LibraryFunction<"mesh_query_aabb_next",
     "`mesh_query_next`">;
 }
 
-let module = "geometry.tree_queries", group = "Bounding volume hierarchies" in {
+let module = "geometry.tree_queries", group = "Bounding volume hierarchies",
+    handle = "Bvh" in {
 def : Warp_LibraryFunction<"bvh_query_aabb",
     ["(id: uint64, low: vec3f, high: vec3f, root: int = -1) -> BvhQuery"],
     "boxes of a Bvh that overlap a box, borders included">;
@@ -143,7 +147,8 @@ def : Warp_LibraryFunction<"bvh_query_next",
     "`max_dist` is a ray's end, in units of its direction">;
 }
 
-let module = "geometry.mesh_signs", group = "Bounding volume hierarchies" in {
+let module = "geometry.mesh_signs", group = "Bounding volume hierarchies",
+    handle = "Bvh" in {
 def : Warp_LibraryFunction<"bvh_get_group_root",
     ["(id: uint64, group: int) -> int"],
     "node that holds the boxes of a group, for queries with a `root`; -1 if "
@@ -151,6 +156,7 @@ def : Warp_LibraryFunction<"bvh_get_group_root",
 }
 
 let module = "geometry.tile_queries", group = "Queries of a block" in {
+let handle = "Bvh" in {
 def : Warp_LibraryFunction<"tile_bvh_query_aabb",
     ["(id: uint64, low: vec3f, high: vec3f) -> BvhQueryTiled"],
     "boxes of a Bvh that overlap a box, borders included, found by a block "
@@ -163,18 +169,6 @@ def : Warp_LibraryFunction<"tile_bvh_query_next",
     ["(query: BvhQueryTiled) -> Any"],
     "next boxes, a tile with one for each thread of the block; -1 where it "
     "has none left">;
-def : Warp_LibraryFunction<"tile_mesh_query_aabb",
-    ["(id: uint64, low: vec3f, high: vec3f) -> MeshQueryAABBTiled"],
-    "faces of a mesh whose bounds overlap a box, borders included, found by "
-    "a block together. All threads of the block give the same arguments">;
-def : Warp_LibraryFunction<"tile_mesh_query_aabb_next",
-    ["(query: MeshQueryAABBTiled) -> Any"],
-    "next faces, a tile with one for each thread of the block; -1 where it "
-    "has none left">;
-def : Warp_LibraryFunction<"tile_query_valid",
-    ["(query: BvhQueryTiled | MeshQueryAABBTiled) -> bool"],
-    "true at first, and after a tile in which a thread had a result: the "
-    "block is to ask on">;
 def : Warp_LibraryFunction<"bvh_query_aabb_tiled",
     ["(id: uint64, low: vec3f, high: vec3f) -> BvhQueryTiled"],
     "`tile_bvh_query_aabb`, by its name of before 1.18">;
@@ -184,6 +178,16 @@ def : Warp_LibraryFunction<"bvh_query_ray_tiled",
 def : Warp_LibraryFunction<"bvh_query_next_tiled",
     ["(query: BvhQueryTiled) -> Any"],
     "`tile_bvh_query_next`, by its name of before 1.18">;
+}
+let handle = "Mesh" in {
+def : Warp_LibraryFunction<"tile_mesh_query_aabb",
+    ["(id: uint64, low: vec3f, high: vec3f) -> MeshQueryAABBTiled"],
+    "faces of a mesh whose bounds overlap a box, borders included, found by "
+    "a block together. All threads of the block give the same arguments">;
+def : Warp_LibraryFunction<"tile_mesh_query_aabb_next",
+    ["(query: MeshQueryAABBTiled) -> Any"],
+    "next faces, a tile with one for each thread of the block; -1 where it "
+    "has none left">;
 def : Warp_LibraryFunction<"mesh_query_aabb_tiled",
     ["(id: uint64, low: vec3f, high: vec3f) -> MeshQueryAABBTiled"],
     "`tile_mesh_query_aabb`, by its name of before 1.18">;
@@ -191,8 +195,14 @@ def : Warp_LibraryFunction<"mesh_query_aabb_next_tiled",
     ["(query: MeshQueryAABBTiled) -> Any"],
     "`tile_mesh_query_aabb_next`, by its name of before 1.18">;
 }
+def : Warp_LibraryFunction<"tile_query_valid",
+    ["(query: BvhQueryTiled | MeshQueryAABBTiled) -> bool"],
+    "true at first, and after a tile in which a thread had a result: the "
+    "block is to ask on">;
+}
 
-let module = "geometry.grid_queries", group = "Hash grids" in {
+let module = "geometry.grid_queries", group = "Hash grids",
+    handle = "HashGrid" in {
 def : Warp_LibraryFunction<"hash_grid_query",
     ["(id: uint64, point: Any, max_dist: Any) -> HashGridQuery",
      "(id: uint64, point: Any, max_dist: Any, group: int) -> Any"],
@@ -221,7 +231,8 @@ def : Warp_LibraryFunction<"intersect_tri_tri",
     "too">;
 }
 
-let module = "geometry.volumes.queries", group = "Volumes" in {
+let module = "geometry.volumes.queries", group = "Volumes",
+    handle = "Volume" in {
 def : Warp_LibraryFunction<"volume_sample",
     ["(id: uint64, uvw: vec3f, sampling_mode: int, dtype: Any) -> Any"],
     "value at a point of index space, of voxels of type `dtype`">;

@@ -20,7 +20,7 @@ def Warp_LibraryCallOp : Warp_Op<"library_call",
     while a kernel runs, so for passes it reads nothing. One without results
     changes the memory at addresses that it gets. Lanes of a CPU call it one by
     one, or together with vectors, by a name that ends in `_lanes`, where it has
-    such a form. Which functions there are says lib/Dialect/LibraryOps.cpp.
+    such a form. Functions.td has the records of the functions.
 
     (C1) the library has the function, or its name begins with `warp_native_`:
     a snippet of the program, compiled by Clang. (C2) operands and results are

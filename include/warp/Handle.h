@@ -19,12 +19,16 @@
 
 namespace warp {
 
+/// The records are in include/WarpDialect/Functions.td.
 enum class GeometryKind : uint8_t {
-  HashGrid = 1,
-  Bvh = 2,
-  Mesh = 3,
-  Volume = 4
+#define WARP_HANDLE_KIND(KIND, NUMBER) KIND = NUMBER,
+#include "warp/HandleKinds.inc"
 };
+/// Kinds are numbered from 1 to this.
+inline constexpr uint8_t lastGeometryKind = 0
+#define WARP_HANDLE_KIND(KIND, NUMBER) +1
+#include "warp/HandleKinds.inc"
+    ;
 
 namespace geometry {
 class Slot;

@@ -1,4 +1,4 @@
-//===- GeometryMemory.cpp - Geometry memory of the runtime ----------------===//
+//===- GeometryMemory.cpp - Alias analysis of memory behind handles -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,13 +16,18 @@ using namespace mlir;
 /// The call that gave the address of a handle's slot, or null.
 static warp::LibraryCallOp slotAt(Value address) {
   auto call = address.getDefiningOp<warp::LibraryCallOp>();
-  return call && call.getCallee() == "warp_slot" ? call : nullptr;
+  return call && warp::findsSlot(call) ? call : nullptr;
 }
 
-static bool isConstant(Value value, llvm::ArrayRef<int64_t> numbers) {
-  APInt number;
-  return matchPattern(value, m_ConstantInt(&number)) &&
-         llvm::is_contained(numbers, number.getSExtValue());
+/// True if only the runtime writes what a word of a slot leads to.
+static bool isReadOnly(int64_t kind, int64_t word) {
+#define WARP_HANDLE_KIND(KIND, NUMBER)                                         \
+  constexpr int64_t KIND [[maybe_unused]] = NUMBER;
+#define WARP_SLOT_FIELD(KIND, FORM, NAME, WORD, SIZE, IS_READ_ONLY)            \
+  if (IS_READ_ONLY && kind == KIND && word == WORD)                            \
+    return true;
+#include "warp/HandleKinds.inc"
+  return false;
 }
 
 /// The load of the address that memory lies at from a handle's slot, or null.
@@ -40,24 +45,19 @@ bool warp::isBehindHandle(Value array) {
 }
 
 bool warp::isGeometryMemory(Value array) {
-  // python/warp/_src/geometry: handles.py, grid_queries.py, volumes/places.py.
-  constexpr int64_t kindOfGrid = 1, startsOfCells = 4, order = 11;
-  constexpr int64_t kindOfVolume = 4, headerOfGrid = 1;
   auto memory = rootOf(array).getDefiningOp<ArrayAtOp>();
   if (!memory)
     return false;
   if (slotAt(memory.getAddress()))
     return true;
   LoadComponentsOp word = wordOfSlot(memory);
-  if (!word)
+  // Values of a volume's grid, which kernels write, are in rows.
+  if (!word || memory.getExtents().size() != 1)
     return false;
   auto slot = cast<ArrayAtOp>(rootOf(word.getArray()).getDefiningOp());
-  Value kind = slotAt(slot.getAddress()).getArgs()[1];
-  Value place = word.getIndices().front();
-  // Values of a grid are in rows.
-  bool isHeader = memory.getExtents().size() == 1;
-  return (isConstant(kind, {kindOfGrid}) &&
-          isConstant(place, {startsOfCells, order})) ||
-         (isHeader && isConstant(kind, {kindOfVolume}) &&
-          isConstant(place, {headerOfGrid}));
+  APInt kind, place;
+  return matchPattern(slotAt(slot.getAddress()).getArgs()[1],
+                      m_ConstantInt(&kind)) &&
+         matchPattern(word.getIndices().front(), m_ConstantInt(&place)) &&
+         isReadOnly(kind.getSExtValue(), place.getSExtValue());
 }

@@ -1,4 +1,4 @@
-//===- GeometryMemory.h - Geometry memory of the runtime --------*- C++ -*-===//
+//===- GeometryMemory.h - Alias analysis of handles -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -11,9 +11,9 @@
 
 namespace warp {
 
-/// True if an array is the slot of a handle, the cells or the order of a hash
-/// grid, or the header of a volume's grid: the runtime made them for itself,
-/// and no kernel of a user writes there.
+/// True if an array is the slot of a handle, or what a field leads to that
+/// Functions.td has as `ReadOnly`, such as the cells of a hash grid: no store
+/// of a kernel aliases it.
 bool isGeometryMemory(mlir::Value array);
 /// True if an array is what a handle leads to, whoever writes there.
 bool isBehindHandle(mlir::Value array);

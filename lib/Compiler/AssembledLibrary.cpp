@@ -7,6 +7,7 @@
 #include "AssembledLibrary.h"
 #include "Embedded.h"
 
+#include "WarpDialect/LibraryOps.h"
 #include "warp/Forks.h"
 #include "warp/LibraryCode.h"
 
@@ -100,42 +101,24 @@ std::string warp::kernelText(const std::string &file) {
              : std::string(found.front().begin(), found.front().end());
 }
 
-static bool isOneOf(llvm::StringRef symbol,
-                    llvm::ArrayRef<llvm::StringRef> groups) {
-  return llvm::any_of(
-      groups, [&](llvm::StringRef group) { return symbol.starts_with(group); });
-}
-
-/// What searches and products need besides, too short to be worth linking for
-/// it alone.
-static bool isShort(llvm::StringRef symbol, llvm::StringRef target) {
-  if (isOneOf(symbol, {"warp_slot", "warp_group_root"}))
-    return true;
-  return hasProducts(target) &&
-         isOneOf(symbol, {"warp_tile_await_", "warp_tile_close_",
-                          "warp_tile_fetch_", "warp_tile_publish_"});
-}
-
-static bool isLong(llvm::StringRef symbol, llvm::StringRef target) {
-  if (isOneOf(symbol, {"warp_mesh_", "warp_overlap_next", "warp_tile_factor_",
-                       "warp_tile_differentiate_factor_",
-                       "warp_tile_substitute_", "warp_tile_transform_"}))
-    return true;
-  return hasProducts(target) &&
-         isOneOf(symbol,
-                 {"warp_tile_add_", "warp_tile_give_", "warp_tile_multiply_",
-                  "warp_tile_set_", "warp_tile_store_", "warp_tile_stream_",
-                  "warp_tile_take_"});
+/// How the archive for a target has a function.
+static LibraryFunction::Assembly assemblyOf(llvm::StringRef symbol,
+                                            llvm::StringRef target) {
+  const LibraryFunction *function = findLibraryFunction(symbol);
+  return function && (!function->isProduct || hasProducts(target))
+             ? function->assembly
+             : LibraryFunction::Assembly::None;
 }
 
 bool warp::isAssembled(llvm::StringRef symbol, llvm::StringRef target) {
   return hasAssembledLibrary(target.str()) &&
-         (isShort(symbol, target) || isLong(symbol, target));
+         assemblyOf(symbol, target) != LibraryFunction::Assembly::None;
 }
 
 bool warp::callsAssembled(const llvm::Module &module, llvm::StringRef target) {
   return llvm::any_of(module, [&](const llvm::Function &function) {
-    return function.isDeclaration() && isLong(function.getName(), target);
+    return function.isDeclaration() && assemblyOf(function.getName(), target) ==
+                                           LibraryFunction::Assembly::Long;
   });
 }
 

@@ -2,8 +2,6 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions of the table in lib/Dialect/LibraryOps.cpp.
-//
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Handles.h"
@@ -15,7 +13,7 @@ using namespace warp::geometry;
 WARP_GEOMETRY warp_slot(u64 id, i32 kind, u64 *result) {
   const void *slot = slotOf(id, u64(kind));
   const void *none = &noMesh;
-  if (u64(kind) == kindOfGrid)
+  if (u64(kind) == kindOfHashGrid)
     none = &noGrid;
   if (u64(kind) == kindOfVolume)
     none = &noVolume;

@@ -2,8 +2,6 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions of the table in lib/Dialect/LibraryOps.cpp.
-//
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Crossings.h"
@@ -28,12 +26,6 @@ WARP_GEOMETRY warp_mesh_furthest(u64 mesh, f32 x, f32 y, f32 z, f32 minDist,
 WARP_GEOMETRY warp_mesh_side(u64 mesh, f32 x, f32 y, f32 z, f32 *result) {
   *result = sideByRays(treeOf(mesh, kindOfMesh), {x, y, z});
 }
-
-/// The closest point and its side by normals.
-struct SignedPoint {
-  ClosestPoint point;
-  f32 sign;
-};
 
 WARP_GEOMETRY warp_mesh_closest_signed(u64 mesh, f32 x, f32 y, f32 z,
                                        f32 maxDist, f32 epsilon,

@@ -2,20 +2,12 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions of the table in lib/Dialect/LibraryOps.cpp.
-//
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Exports.h"
 #include "geometry/Shapes.h"
 
 using namespace warp::geometry;
-
-/// What an iterator gives: a primitive or -1, and where it is then.
-struct NextOverlap {
-  i32 primitive, node, level, block, left;
-  u64 lowTrail, highTrail;
-};
 
 WARP_GEOMETRY warp_overlap_next(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                 f32 e, f32 f, f32 g, f32 limit, i32 node,

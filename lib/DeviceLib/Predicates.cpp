@@ -2,8 +2,6 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions of the table in lib/Dialect/LibraryOps.cpp.
-//
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Predicates.h"

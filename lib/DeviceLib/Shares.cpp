@@ -2,8 +2,6 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions of the table in lib/Dialect/LibraryOps.cpp.
-//
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Shares.h"
@@ -11,12 +9,6 @@
 #include "geometry/Shapes.h"
 
 using namespace warp::geometry;
-
-/// Where an iterator starts that is one thread's share of a query.
-struct OverlapShare {
-  i32 node, level, block, left;
-  u64 lowTrail, highTrail;
-};
 
 WARP_GEOMETRY warp_overlap_share(u64 id, i32 shape, f32 a, f32 b, f32 c, f32 d,
                                  f32 e, f32 f, f32 g, i32 thread, i32 threads,

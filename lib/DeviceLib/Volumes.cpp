@@ -2,8 +2,6 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions of the table in lib/Dialect/LibraryOps.cpp.
-//
 //===----------------------------------------------------------------------===//
 
 #include "geometry/Exports.h"
@@ -40,10 +38,6 @@ WARP_GEOMETRY warp_volume_index(u64 id, i32 i, i32 j, i32 k, i32 *result) {
   Voxel voxel{i, j, k};
   *result = indexAt(volume, findVoxel(volume, voxel), voxel);
 }
-
-struct CellIndices {
-  i32 index[8];
-};
 
 WARP_GEOMETRY warp_volume_cell_index(u64 id, i32 i, i32 j, i32 k,
                                      CellIndices *result) {

@@ -36,31 +36,49 @@ struct Layout {
 
 } // namespace
 
-/// As in Mesh.cpp and HashGrid.cpp.
 static Layout layoutOf(GeometryKind kind) {
-  constexpr uint32_t size = sizeof(ArrayDescriptor);
-  constexpr uint32_t nodes = offsetof(Tree, nodes);
-  constexpr uint32_t blocks = offsetof(Tree, blocks);
-  constexpr uint32_t moments = extrasOffset + offsetof(TreeExtras, moments);
-  constexpr uint32_t groups = extrasOffset + offsetof(TreeExtras, groups);
-  switch (kind) {
-  case GeometryKind::HashGrid:
-    return {{}, {{32, 4}, {32 + size, 4}, {32 + 2 * size, 4}}};
-  case GeometryKind::Bvh:
-    return {{nodes, blocks, moments, groups}, {}};
-  case GeometryKind::Mesh: {
-    constexpr uint32_t first = sizeof(Tree);
-    return {{nodes, blocks, moments, groups},
-            {{first, 12}, {first + size, 12}, {first + 2 * size, 4}}};
-  }
-  case GeometryKind::Volume:
-    return {{offsetof(VolumeSlot, grid), offsetof(VolumeSlot, root),
-             offsetof(VolumeSlot, leaves), offsetof(VolumeSlot, leavesEnd),
-             offsetof(VolumeSlot, numbers)},
-            {}};
-  }
-  return {};
+  Layout layout;
+  auto addNumber = [](uint32_t, int64_t) {};
+  auto addPointer = [&](uint32_t word, int64_t) {
+    layout.pointers.push_back(8 * word);
+  };
+  auto addArray = [&](uint32_t word, int64_t elementSize) {
+    layout.arrays.push_back({8 * word, elementSize});
+  };
+#define WARP_SLOT_FIELD(KIND, FORM, NAME, WORD, SIZE, IS_READ_ONLY)            \
+  if (kind == GeometryKind::KIND)                                              \
+    add##FORM(WORD, SIZE);
+#include "warp/HandleKinds.inc"
+  return layout;
 }
+
+// Slots are C++ structs, too.
+namespace {
+#define WARP_SLOT_FIELD(KIND, FORM, NAME, WORD, SIZE, IS_READ_ONLY)            \
+  constexpr size_t byteOf##KIND##_##NAME [[maybe_unused]] = 8 * WORD;
+#include "warp/HandleKinds.inc"
+static_assert(sizeof(ArrayDescriptor) == 7 * 8);
+static_assert(offsetof(Tree, nodes) == byteOfMesh_nodes);
+static_assert(offsetof(Tree, nodes) == byteOfBvh_nodes);
+static_assert(offsetof(Tree, blocks) == byteOfMesh_blocks);
+static_assert(offsetof(Tree, blocks) == byteOfBvh_blocks);
+static_assert(sizeof(Tree) == byteOfMesh_points);
+static_assert(extrasOffset == byteOfMesh_moments);
+static_assert(extrasOffset == byteOfBvh_moments);
+static_assert(offsetof(TreeExtras, groups) ==
+              byteOfMesh_group_roots - extrasOffset);
+static_assert(offsetof(TreeExtras, groupCount) ==
+              byteOfMesh_tree_counts - extrasOffset);
+static_assert(offsetof(VolumeSlot, grid) == byteOfVolume_grid);
+static_assert(offsetof(VolumeSlot, root) == byteOfVolume_root);
+static_assert(offsetof(VolumeSlot, leaves) == byteOfVolume_leaves);
+static_assert(offsetof(VolumeSlot, type) == byteOfVolume_type);
+static_assert(offsetof(VolumeSlot, voxels) == byteOfVolume_voxels);
+static_assert(offsetof(VolumeSlot, gradient) == byteOfVolume_gradient);
+static_assert(offsetof(VolumeSlot, leavesEnd) == byteOfVolume_leaves_end);
+static_assert(offsetof(VolumeSlot, numbers) == byteOfVolume_numbers);
+static_assert(offsetof(VolumeSlot, lowest) == byteOfVolume_box);
+} // namespace
 
 std::vector<uint32_t> warp::pointerWords(GeometryKind kind) {
   Layout layout = layoutOf(kind);
@@ -75,6 +93,10 @@ std::vector<uint32_t> warp::pointerWords(GeometryKind kind) {
   return words;
 }
 
+static bool isTree(GeometryKind kind) {
+  return kind == GeometryKind::Bvh || kind == GeometryKind::Mesh;
+}
+
 bool warp::geometry::isPossible(
     GeometryKind kind, const std::array<uint64_t, handleWords> &words) {
   const auto *bytes = reinterpret_cast<const char *>(words.data());
@@ -85,7 +107,7 @@ bool warp::geometry::isPossible(
         !possibleRangeOf(array.grad, array, at.elementSize, 1))
       return false;
   }
-  if (kind != GeometryKind::Bvh && kind != GeometryKind::Mesh)
+  if (!isTree(kind))
     return true;
   Tree tree;
   TreeExtras extras;
@@ -112,7 +134,7 @@ rangesOf(const HandleContents &contents,
     if (part.data == tree.nodes)
       nodeBytes = part.bytes;
   }
-  if (contents.kind != GeometryKind::Bvh && contents.kind != GeometryKind::Mesh)
+  if (!isTree(contents.kind))
     return ranges;
   TreeExtras extras;
   std::memcpy(&extras, bytes + extrasOffset, sizeof extras);

@@ -173,8 +173,22 @@ HandleContents warp::readHandle(uint64_t id) {
 }
 
 static const char *nameOf(GeometryKind kind) {
-  static constexpr const char *names[] = {"HashGrid", "Bvh", "Mesh", "Volume"};
-  return names[int(kind) - 1];
+  switch (kind) {
+#define WARP_HANDLE_KIND(KIND, NUMBER)                                         \
+  case GeometryKind::KIND:                                                     \
+    return #KIND;
+#include "warp/HandleKinds.inc"
+  }
+  return "";
+}
+
+/// True if a handle of one kind is accepted for another.
+static bool isFor(GeometryKind kind, GeometryKind wanted) {
+#define WARP_HANDLE_BASE(KIND, BASE)                                           \
+  if (kind == GeometryKind::KIND && wanted == GeometryKind::BASE)              \
+    return true;
+#include "warp/HandleKinds.inc"
+  return kind == wanted;
 }
 
 std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {
@@ -188,9 +202,7 @@ std::string warp::describeHandle(uint64_t id, GeometryKind kind, int device) {
     return std::string("that of a freed ") + nameOf(last->second);
   }
   GeometryKind found = live->second.kind;
-  bool fits = found == kind ||
-              (kind == GeometryKind::Bvh && found == GeometryKind::Mesh);
-  if (!fits)
+  if (!isFor(found, kind))
     return std::string("that of a ") + nameOf(found);
   int lives = deviceOf(id);
   if (lives == device)

@@ -48,9 +48,7 @@ static void writeHandle(Writer &out, const FileHandle &handle) {
 /// `kind` is checked where it says how many addresses there are.
 static FileHandle readHandle(Reader &in) {
   FileHandle handle;
-  handle.kind =
-      in.number<uint8_t>(uint8_t(GeometryKind::HashGrid),
-                         uint8_t(GeometryKind::Volume), "the kind of geometry");
+  handle.kind = in.number<uint8_t>(1, lastGeometryKind, "the kind of geometry");
   for (uint64_t &word : handle.words)
     word = in.number<uint64_t>();
   if (in.ok())

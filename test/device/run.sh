@@ -52,10 +52,11 @@ share() {
 assemble() {
   rm -rf "$package" && mkdir -p "$package/_src" &&
     cp -r python/warp/. "$package/" &&
-    cp "$bundle"/builtin_{table,calls}.py "$package/_src/" &&
-    cp "$bundle/__init__.pyi" "$package/" &&
+    cp "$bundle"/{builtin_table,builtin_calls,device_table}.py "$package/_src/" &&
+    cp "$bundle"/{__init__,config}.pyi "$package/" &&
     mkdir -p "$package/include" "$package/cmake" &&
     cp -r include/warp "$package/include/" &&
+    cp "$bundle/HandleKinds.inc" "$package/include/warp/" &&
     cp cmake/warpConfig.cmake "$package/cmake/" || return 1
   "$python" - "$bundle/libwarp.so.xz" "$package/libwarp.so" <<'PYTHON' || return 1
 import lzma, shutil, sys

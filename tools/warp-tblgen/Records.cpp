@@ -152,6 +152,8 @@ std::vector<Builtin> warp::tblgen::readBuiltins(const RecordKeeper &records) {
        records.getAllDerivedDefinitions("Warp_LibraryFunction")) {
     builtins.push_back(readCommon(record));
     builtins.back().module = record->getValueAsString("module");
+    if (builtins.back().overloads.front().starts_with("(id: "))
+      builtins.back().handle = record->getValueAsString("handle");
   }
   llvm::sort(builtins, [](const Builtin &a, const Builtin &b) {
     return a.pythonName < b.pythonName;

@@ -30,6 +30,8 @@ struct Builtin {
   std::string opName, className;
   /// The module of warp._src with the function, if it is a library function.
   llvm::StringRef module;
+  /// The kind of the handle that its first parameter is, if it is one.
+  llvm::StringRef handle;
   /// The kind of the derivative and its name in the documentation.
   llvm::StringRef derivativeKind = "None", derivative;
   std::vector<llvm::StringRef> domain, smoothDomain;

@@ -13,6 +13,8 @@
 #ifndef WARP_DEVICELIB_CPU_TILES_H
 #define WARP_DEVICELIB_CPU_TILES_H
 
+#include "DeviceLib/Prototypes.h"
+
 using i32 = int;
 using i64 = long long;
 using u64 = unsigned long long;

@@ -24,6 +24,8 @@
 
 #include "Tree.h"
 
+#include "DeviceLib/Prototypes.h"
+
 namespace warp::geometry {
 
 /// A point of a triangle: weights of its second and third corner, and what it
@@ -143,12 +145,6 @@ closestOnTriangle(Point<f64> a, Point<f64> b, Point<f64> c) {
   Point<f64> corner[3] = {a, b, c};
   return closestOnThin(corner);
 }
-
-struct ClosestPoint {
-  i32 face;
-  /// Weights of the first and the second corner.
-  f32 u, v;
-};
 
 /// The corner furthest from p, of all that are further than `minDist`.
 inline ClosestPoint findFurthest(const Tree &tree, Point<f32> p, f32 minDist) {

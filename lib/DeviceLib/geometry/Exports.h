@@ -2,12 +2,14 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Before the names of functions that lib/Dialect/LibraryOps.cpp lists.
+// Before the names of functions that include/WarpDialect/Functions.td has.
 //
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_DEVICELIB_GEOMETRY_EXPORTS_H
 #define WARP_DEVICELIB_GEOMETRY_EXPORTS_H
+
+#include "DeviceLib/Prototypes.h"
 
 #define WARP_GEOMETRY                                                          \
   extern "C" __attribute__((used, noinline, visibility("default"))) void

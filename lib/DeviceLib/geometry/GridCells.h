@@ -9,6 +9,8 @@
 
 #include "Vectors.h"
 
+#include "DeviceLib/Prototypes.h"
+
 namespace warp::geometry {
 
 /// Cells along an axis before the grid wraps: the first one, and how many, each
@@ -43,11 +45,6 @@ inline i32 wrapCell(i32 cell, i32 cells) {
   i32 rest = cell % cells;
   return rest < 0 ? rest + cells : rest;
 }
-
-/// The same along x, y and z, wrapped; no layers if a query has no cells.
-struct CellBox {
-  i32 x, xCount, y, yCount, z, zCount;
-};
 
 /// True if a query has cells at all.
 template <class F> bool asksGrid(F x, F y, F z, F distance) {

@@ -13,13 +13,14 @@
 #include "Tree.h"
 #include "Volume.h"
 
+#include "DeviceLib/Prototypes.h"
+
 namespace warp::geometry {
 namespace {
 
-/// As lib/Geometry/Slots.h and include/warp/Handle.h have them.
+/// As lib/Geometry/Slots.h has them.
 constexpr int generationShift = 49, deviceShift = 58;
 constexpr u64 slotSize = 256;
-constexpr u64 kindOfGrid = 1, kindOfBvh = 2, kindOfMesh = 3, kindOfVolume = 4;
 
 /// As include/warp/Launch.h has it.
 struct ArrayDescriptor {

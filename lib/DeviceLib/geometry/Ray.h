@@ -19,6 +19,8 @@
 
 #include "Tree.h"
 
+#include "DeviceLib/Prototypes.h"
+
 namespace warp::geometry {
 
 inline f32 powerOfTwo(i32 exponent) {
@@ -160,11 +162,6 @@ inline Meeting meetTriangles(const TriangleBlock &block, const Ray &ray) {
   Floats t = fma(u, z[0], fma(v, z[1], w * z[2])) * ray.shearZ / sum;
   return {u / sum, v / sum, t, sum, isMet & (t >= zero)};
 }
-
-struct RayHit {
-  i32 face;
-  f32 u, v, t;
-};
 
 } // namespace warp::geometry
 

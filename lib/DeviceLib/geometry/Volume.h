@@ -17,6 +17,8 @@
 
 #include "Vectors.h"
 
+#include "DeviceLib/Prototypes.h"
+
 namespace warp::geometry {
 
 /// The slot of a Volume; lib/Geometry/Volumes/Contents.cpp
@@ -209,10 +211,6 @@ void forCorners(const VolumeSlot &volume, Voxel v, Visit &&visit) {
 inline u64 firstLeaf(const VolumeSlot &volume, u32 type) {
   return u64(volume.leaves - volume.grid) >> numberShift(type);
 }
-
-struct CellPlaces {
-  u64 at[8];
-};
 
 /// The walk from the root is called by kernels on GPUs; the table lookup is
 /// inlined into them.

@@ -15,6 +15,8 @@
 
 #include "../nvidia/TileInstructions.h"
 
+#include "DeviceLib/Prototypes.h"
+
 using i32 = int;
 using u16 = unsigned short;
 using u32 = unsigned;

@@ -25,7 +25,7 @@ static bool isFixed(Value value) {
     return true;
   auto call = dyn_cast<warp::LibraryCallOp>(op);
   auto load = dyn_cast<warp::LoadComponentsOp>(op);
-  bool isOfHandle = (call && call.getCallee() == "warp_slot") ||
+  bool isOfHandle = (call && warp::findsSlot(call)) ||
                     (load && warp::isGeometryMemory(load.getArray())) ||
                     isa<warp::ArrayAtOp>(op);
   return isOfHandle && llvm::all_of(op->getOperands(), isFixed);

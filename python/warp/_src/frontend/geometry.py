@@ -23,8 +23,16 @@ class Geometry(Part):
         arguments = [self.context.expressions.expr(argument) for argument in node.args[1:]]
         values = [self.context.materialize(binding, node) for binding in arguments]
         self.context.at(node)
+        values = [part for value in values for part in self._parts(value)]
         results, _ = self.builder.builtin("_" + symbol, values)
         return results[0] if len(results) == 1 else tuple(results)
+
+    def _parts(self, value) -> list:
+        """The operands of a value in C: the components of a vector."""
+        if value.type.kind != "vec":
+            return [value]
+        indices = [self.builder.constant(INT32, index) for index in range(value.type.shape[0])]
+        return [self.builder.extract(value, [index]) for index in indices]
 
     def note_handle(self, function, node):
         """Lets launches check an argument of the kernel that goes to a query unchanged."""

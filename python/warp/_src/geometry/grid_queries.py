@@ -9,7 +9,8 @@ caller's to check.
 # What is assigned to a reference, the caller reads.
 # ruff: noqa: F841
 
-from warp._src.geometry.handles import GRID, integers, publish, words
+from warp._src.device_table import WORDS
+from warp._src.geometry.handles import EXTENT, GRID, integers, publish, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types import dtypes
@@ -59,8 +60,10 @@ class HashGridGroupQuery:
     group: int32
 
 
-# Words of the slot, as lib/Geometry/HashGrid.cpp and device/grid.py write it.
-_CELLS_XY, _CELLS_Z, _INVERSE, _STARTS, _ORDER, _GROUPS, _GROUP_COUNT = 1, 2, 3, 4, 11, 18, 20
+_SLOT = WORDS["HashGrid"]
+_CELLS_XY, _CELLS_Z, _INVERSE = _SLOT["cells_xy"], _SLOT["cells_z"], _SLOT["inverse"]
+_STARTS, _ORDER, _GROUPS = _SLOT["starts"], _SLOT["order"], _SLOT["groups"]
+_GROUP_COUNT = _GROUPS + EXTENT
 
 
 def _number_of_points(slot: ArrayType(uint64, 1)):
@@ -84,17 +87,13 @@ def _cells_single(
     point: vec3f, max_dist: float32, inverse: float32, nx: int32, ny: int32, nz: int32
 ):
     """The first cell and how many along each axis; as the build has it where they wrap."""
-    return wp._library_call(
-        "warp_grid_cells_f32", inverse, nx, ny, nz, point[0], point[1], point[2], max_dist
-    )
+    return wp._library_call("warp_grid_cells_f32", inverse, nx, ny, nz, point, max_dist)
 
 
 def _cells_double(
     point: vec3d, max_dist: float64, inverse: float64, nx: int32, ny: int32, nz: int32
 ):
-    return wp._library_call(
-        "warp_grid_cells_f64", inverse, nx, ny, nz, point[0], point[1], point[2], max_dist
-    )
+    return wp._library_call("warp_grid_cells_f64", inverse, nx, ny, nz, point, max_dist)
 
 
 def _query_single(id: uint64, point: vec3f, max_dist: float32):

@@ -4,11 +4,15 @@ A handle leads to a slot of 256 bytes (lib/Geometry/Slots.h). In kernels `words(
 bytes: of the object, or of an empty one where the handle is none of that kind that is alive.
 """
 
+from warp._src.builtin_table import HANDLES
+from warp._src.device_table import KINDS
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.scalars import int32, uint64
 
-GRID, BVH, MESH, VOLUME = 1, 2, 3, 4
+GRID, BVH, MESH, VOLUME = (KINDS[name] for name in ("HashGrid", "Bvh", "Mesh", "Volume"))
+# Words of an array descriptor from its first one: the address of gradients, the extent.
+GRADIENTS, EXTENT = 1, 2
 
 
 def _words(id: uint64, kind: int):
@@ -27,6 +31,5 @@ def publish(functions: dict) -> None:
     """Makes functions public names of kernels, whose launches check the handles they get."""
     for name, function in functions.items():
         function.__module__ = "warp"
-        if not name.endswith(("_next", "_next_tiled", "_valid")):
-            kind = name.removeprefix("tile_").partition("_")[0]
-            function.handle = {"hash": GRID, "bvh": BVH, "mesh": MESH}[kind]
+        if name in HANDLES:
+            function.handle = KINDS[HANDLES[name]]

@@ -1,17 +1,19 @@
 """The arrays of a mesh in kernels."""
 
-from warp._src.geometry.handles import MESH, words
+from warp._src.device_table import WORDS
+from warp._src.geometry.handles import EXTENT, GRADIENTS, MESH, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import vec3f
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import int32, uint64
 
-# Words of the slot, as lib/Geometry/Mesh.cpp writes it: address of each array and of its gradients,
-# extent.
-_POINTS, POINT_GRADIENTS, _POINT_COUNT = 4, 5, 6
-_VELOCITIES, VELOCITY_GRADIENTS, _VELOCITY_COUNT = 11, 12, 13
-_INDICES, _INDEX_COUNT = 18, 20
+_POINTS, _VELOCITIES, _INDICES = (
+    WORDS["Mesh"][name] for name in ("points", "velocities", "indices")
+)
+POINT_GRADIENTS, VELOCITY_GRADIENTS = _POINTS + GRADIENTS, _VELOCITIES + GRADIENTS
+_POINT_COUNT, _VELOCITY_COUNT = _POINTS + EXTENT, _VELOCITIES + EXTENT
+_INDEX_COUNT = _INDICES + EXTENT
 
 
 def _array_vec3(address: uint64, gradients: uint64, count: uint64):

@@ -96,7 +96,7 @@ def mesh_get_bvh(id: uint64) -> uint64:
 
 def mesh_query_point_no_sign(id: uint64, point: vec3f, max_dist: float):
     """The closest point of a mesh that is nearer than `max_dist`."""
-    face, u, v = wp._library_call("warp_mesh_closest", id, point[0], point[1], point[2], max_dist)
+    face, u, v = wp._library_call("warp_mesh_closest", id, point, max_dist)
     a, b, c = corners(points(id), indices(id), face)
     at = weights(a, b, c, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, 0.0, face, at[0], at[1])
@@ -104,7 +104,7 @@ def mesh_query_point_no_sign(id: uint64, point: vec3f, max_dist: float):
 
 def mesh_query_furthest_point_no_sign(id: uint64, point: vec3f, min_dist: float):
     """The corner of a mesh that is furthest, if it is further than `min_dist`."""
-    face, u, v = wp._library_call("warp_mesh_furthest", id, point[0], point[1], point[2], min_dist)
+    face, u, v = wp._library_call("warp_mesh_furthest", id, point, min_dist)
     return MeshQueryPoint(face >= 0, 0.0, face, constant(u), constant(v))
 
 
@@ -115,7 +115,7 @@ def mesh_query_point(id: uint64, point: vec3f, max_dist: float):
     """
     found = no_sign(id, point, max_dist)
     if found.result:
-        side = wp._library_call("warp_mesh_side", id, point[0], point[1], point[2])
+        side = wp._library_call("warp_mesh_side", id, point)
         found.sign = constant(side)
     return found
 
@@ -125,9 +125,7 @@ def mesh_query_point_sign_normal(id: uint64, point: vec3f, max_dist: float, epsi
 
     epsilon: corners of faces are one if they are this close, in parts of the longest edge there.
     """
-    face, u, v, sign = wp._library_call(
-        "warp_mesh_closest_signed", id, point[0], point[1], point[2], max_dist, epsilon
-    )
+    face, u, v, sign = wp._library_call("warp_mesh_closest_signed", id, point, max_dist, epsilon)
     a, b, c = corners(points(id), indices(id), face)
     at = weights(a, b, c, point, constant(u), constant(v))
     return MeshQueryPoint(face >= 0, constant(sign), face, at[0], at[1])
@@ -182,7 +180,7 @@ def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int
     """Where a ray first meets a mesh, at 0 <= t < max_t; back faces count."""
     check_root(id, root)
     face, u, v, t = wp._library_call(
-        "warp_mesh_ray", id, start[0], start[1], start[2], dir[0], dir[1], dir[2], max_t, root
+        "warp_mesh_ray", id, start, dir, max_t, root
     )  # fmt: skip
     normal = face_normal(id, face)
     sign = wp.where(wp.dot(normal, dir) < 0.0, 1.0, -1.0)
@@ -221,7 +219,7 @@ def mesh_query_ray_anyhit(
     """Whether a ray meets a mesh at 0 <= t < max_t."""
     check_root(id, root)
     met = wp._library_call(
-        "warp_mesh_ray_any", id, start[0], start[1], start[2], dir[0], dir[1], dir[2], max_t, root
+        "warp_mesh_ray_any", id, start, dir, max_t, root
     )  # fmt: skip
     return met != 0
 

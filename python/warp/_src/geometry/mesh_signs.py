@@ -56,9 +56,7 @@ def mesh_query_point_sign_winding_number(
     """
     found = no_sign(id, point, max_dist)
     if found.result:
-        side = wp._library_call(
-            "warp_mesh_side_winding", id, point[0], point[1], point[2], accuracy, threshold
-        )
+        side = wp._library_call("warp_mesh_side_winding", id, point, accuracy, threshold)
         found.sign = constant(side)
     return found
 
@@ -77,9 +75,7 @@ def mesh_query_point_sign_parity(
     """
     found = no_sign(id, point, max_dist)
     if found.result:
-        side = wp._library_call(
-            "warp_mesh_side_parity", id, point[0], point[1], point[2], n_sample, perturbation_scale
-        )
+        side = wp._library_call("warp_mesh_side_parity", id, point, n_sample, perturbation_scale)
         found.sign = constant(side)
     return found
 
@@ -145,9 +141,7 @@ def mesh_query_ray_count_intersections(id: uint64, start: vec3f, dir: vec3f, roo
     A ray through an edge or a corner crosses once where the surface goes on behind it.
     """
     check_root(id, root)
-    return wp._library_call(
-        "warp_mesh_ray_count", id, start[0], start[1], start[2], dir[0], dir[1], dir[2], root
-    )
+    return wp._library_call("warp_mesh_ray_count", id, start, dir, root)
 
 
 def mesh_get_group_root(id: uint64, group: int) -> int:

@@ -4,6 +4,7 @@ Both are worked out in 64 bits. Triangles that touch meet: where rounding could 
 it is found exactly (lib/DeviceLib/geometry/Predicates.h).
 """
 
+from warp._src.geometry.handles import publish
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import vec3d, vec3f
@@ -83,9 +84,7 @@ def _side(a: vec3d, b: vec3d, c: vec3d, d: vec3d) -> int32:
     elif volume < -float64(_ROUNDING) * size:
         result = -1
     else:
-        result = wp._library_call(
-            "warp_orient3d", a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], d[0], d[1], d[2]
-        )
+        result = wp._library_call("warp_orient3d", a, b, c, d)
     return result
 
 
@@ -205,5 +204,4 @@ FUNCTIONS = {
     "intersect_tri_tri": Function(intersect_tri_tri),
 }
 FUNCTIONS["intersect_tri_tri"].add_overload(_intersect_single)
-for _function in FUNCTIONS.values():
-    _function.__module__ = "warp"
+publish(FUNCTIONS)

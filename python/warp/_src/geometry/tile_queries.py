@@ -47,9 +47,8 @@ class MeshQueryAABBTiled:
 def _share(id: uint64, shape: int, a: vec3f, b: vec3f):
     thread = wp.untile(wp.tile_arange(wp.block_dim(), dtype=int32))
     node, level, block, left, low, high = wp._library_call(
-        "warp_overlap_share", id, shape, a[0], a[1], a[2], b[0], b[1], b[2], 0.0,
-        thread, wp.block_dim(),
-    )  # fmt: skip
+        "warp_overlap_share", id, shape, a, b, 0.0, thread, wp.block_dim()
+    )
     return Cursor(node, level, block, left, low, high)
 
 

@@ -5,6 +5,7 @@ A query is a shape and a cursor (lib/DeviceLib/geometry/Overlap.h); the device l
 
 # What is assigned to a reference, the caller reads.
 
+from warp._src.device_table import WORDS
 from warp._src.geometry.handles import BVH, MESH, publish, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -16,8 +17,8 @@ from warp._src.types.structs import struct
 
 _BOX, _BALL, _RAY, _CAPSULE, _TRIANGLE_BALL = 0, 1, 2, 3, 4
 _INFINITY = float("inf")
-# Words of the slot (lib/DeviceLib/geometry/Tree.h): where nodes are, and how many (upper half).
-_NODES, _COUNTS = 1, 27
+# Words of the slot: the address of nodes, and their number in the upper half.
+_NODES, _COUNTS = WORDS["Mesh"]["nodes"], WORDS["Mesh"]["tree_counts"]
 
 
 @struct
@@ -106,7 +107,7 @@ def mesh_query_sphere(id: uint64, center: vec3f, radius: float):
 
 def _step(id: uint64, shape: int, a: vec3f, b: vec3f, r: float, limit: float, at: Cursor):
     index, node, level, block, left, low, high = wp._library_call(
-        "warp_overlap_next", id, shape, a[0], a[1], a[2], b[0], b[1], b[2], r, limit,
+        "warp_overlap_next", id, shape, a, b, r, limit,
         at.node, at.level, at.block, at.left, at.low, at.high,
     )  # fmt: skip
     return index, Cursor(node, level, block, left, low, high)

@@ -6,10 +6,11 @@ import typing
 
 from warp import _native
 from warp._src import errors
+from warp._src.device_table import KINDS
 from warp._src.devices.devices import by_index
 from warp._src.kernels.hooks import LaunchHook
 
-_NAMES = {1: "HashGrid", 2: "Bvh", 3: "Mesh", 4: "Volume"}
+_NAMES = {number: name for name, number in KINDS.items()}
 # prepare_winding(values): prepares the meshes among the values of a launch for winding numbers.
 # `geometry.mesh` puts it here; without that module there are no meshes.
 prepare_winding: typing.Callable | None = None

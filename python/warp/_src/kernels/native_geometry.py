@@ -5,6 +5,8 @@ nodes of up to eight children, so to a snippet the root is a leaf that holds all
 it as a root.
 """
 
+from warp._src.device_table import DECLARATIONS, KINDS
+
 RAYS = """namespace wp {
 /// True if a ray meets a triangle, watertight along edges; u and v are the weights of a and b.
 inline bool intersect_ray_tri_woop(const vec3 &p, const vec3 &dir, const vec3 &a, const vec3 &b,
@@ -51,20 +53,10 @@ inline bool intersect_ray_tri_woop(const vec3 &p, const vec3 &dir, const vec3 &a
 } // namespace wp
 """
 
-MESHES = """extern "C" {
-void warp_slot(uint64_t id, int32_t kind, uint64_t *result);
-void warp_mesh_closest(uint64_t mesh, float x, float y, float z, float max_dist, void *result);
-void warp_mesh_closest_signed(uint64_t mesh, float x, float y, float z, float max_dist,
-                              float epsilon, void *result);
-void warp_mesh_side(uint64_t mesh, float x, float y, float z, float *result);
-void warp_mesh_side_parity(uint64_t mesh, float x, float y, float z, int32_t rays, float spread,
-                           float *result);
-void warp_mesh_side_winding(uint64_t mesh, float x, float y, float z, float accuracy,
-                            float threshold, float *result);
-void warp_mesh_ray(uint64_t mesh, float x, float y, float z, float dx, float dy, float dz,
-                   float max_t, int32_t root, void *result);
-}
-namespace warp_native {
+MESHES = (
+    DECLARATIONS
+    + f"constexpr int32_t warp_native_kind_of_mesh = {KINDS['Mesh']};\n"
+    + """namespace warp_native {
 /// As lib/DeviceLib/geometry/Tree.h has them.
 struct Node {
   float low[3][8], high[3][8];
@@ -81,7 +73,7 @@ struct Slot {
 };
 inline const Slot &slot_of(uint64_t id) {
   uint64_t found;
-  warp_slot(id, 3, &found);
+  warp_slot(id, warp_native_kind_of_mesh, &found);
   return *(const Slot *)found;
 }
 } // namespace warp_native
@@ -234,3 +226,4 @@ inline mesh_query_ray_t mesh_query_ray(uint64_t id, const vec3 &p, const vec3 &d
 }
 } // namespace wp
 """
+)

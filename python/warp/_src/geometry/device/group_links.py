@@ -7,11 +7,12 @@ all before each say where they are among those of their height.
 from __future__ import annotations
 
 import warp as wp
+from warp._src.device_table import WORDS
 from warp._src.geometry.device.group_order import GROUPS, SKIPPED
 from warp._src.geometry.device.refit import CHILD_BLOCKS, CHILD_NODES, MASKS, NODE, PARENT, SCALE
 
-# The word of a slot with the number of groups.
-_GROUP_COUNT = wp.constant(54)
+# The word of 32 bits of a slot with the number of groups.
+_GROUP_COUNT = wp.constant(2 * WORDS["Mesh"]["tree_counts"])
 # What coordinates resolve, at their distance from the origin.
 _FAR = wp.constant(wp.float64(2.0**-20))
 

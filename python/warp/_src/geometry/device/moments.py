@@ -7,6 +7,7 @@ lib/Geometry/Moments.cpp, in 64 bits. Nothing is read on the host, so graphs may
 from __future__ import annotations
 
 import warp as wp
+from warp._src.device_table import WORDS
 from warp._src.geometry.device.refit import (
     CHILD_BLOCKS,
     CHILD_NODES,
@@ -17,9 +18,9 @@ from warp._src.geometry.device.refit import (
     words,
 )
 
-# Words of 32 bits per node; the word of 64 bits of a slot that leads to them.
+# Words of 32 bits per node.
 _MOMENTS = wp.constant(128)
-MOMENTS_IN_SLOT = 25
+MOMENTS_IN_SLOT = WORDS["Mesh"]["moments"]
 
 # Of a set of triangles: area, area times center, area times normal, and that times the center.
 _Sums = wp.types.vector(16, wp.float64)

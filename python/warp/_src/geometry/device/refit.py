@@ -7,13 +7,14 @@ when a hierarchy is built, is the same. Nothing is read on the host, so graphs m
 from __future__ import annotations
 
 import warp as wp
+from warp._src.device_table import WORDS
 from warp._src.types import dtypes
 
 # Words of nodes and blocks (lib/DeviceLib/geometry/Tree.h).
 NODE, CHILD_NODES, CHILD_BLOCKS, PARENT, MASKS = 64, 48, 49, 50, 51
 TRIANGLES, TRIANGLE_IDS, BOXES, BOX_IDS = 80, 72, 56, 48
-# The word of a slot with the scale of coordinates.
-SCALE = wp.constant(6)
+# The word of 32 bits of a slot with the scale of coordinates.
+SCALE = wp.constant(2 * WORDS["Mesh"]["scale"])
 _NONE = wp.constant(wp.uint32(0x7FC00000))
 
 

@@ -6,6 +6,7 @@ does it matter which ones are there.
 """
 
 from warp._src.arrays.gradients import has_gradient
+from warp._src.device_table import WORDS
 from warp._src.geometry.handles import VOLUME, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -13,8 +14,9 @@ from warp._src.types.dtypes import type_size, type_size_in_bytes
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import uint64
 
-# Words of the slot.
-_GRID, _LEAVES, _TYPE, GRADIENTS, _LEAVES_END = 1, 3, 4, 6, 12
+_SLOT = WORDS["Volume"]
+_GRID, _TYPE, GRADIENTS = _SLOT["grid"], _SLOT["type"], _SLOT["gradient"]
+_LEAVES, _LEAVES_END = _SLOT["leaves"], _SLOT["leaves_end"]
 # Memory without an end is rows of this many bytes.
 _ROW, _MOST = 64, 2**31 - 1
 

@@ -1,13 +1,14 @@
 """Points of index space: the nearest voxel, the cell around; and the way from and to the world."""
 
+from warp._src.device_table import WORDS
 from warp._src.geometry.handles import VOLUME, words
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import vec3d, vec3f
 from warp._src.types.scalars import float64, int32, uint64
 
-# Words of the slot, and doubles of the grid's header from its matrix on.
-_GRID, _VOXELS = 1, 5
+_GRID, _VOXELS = WORDS["Volume"]["grid"], WORDS["Volume"]["voxels"]
+# Doubles of the grid's header.
 _MATRIX, _INVERSE, _SHIFT = 48, 57, 66
 
 

@@ -3,7 +3,7 @@
 Functions of one type, such as `volume_sample_f`, are the same ones without the type as an argument.
 """
 
-from warp._src.geometry.handles import VOLUME
+from warp._src.geometry.handles import publish
 from warp._src.geometry.volumes import places, typed
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -100,6 +100,4 @@ FUNCTIONS = {
 sample_single, lookup_single = _made["volume_sample_f"], _made["volume_lookup_f"]
 to_index = places.FUNCTIONS["volume_world_to_index"]
 _made["volume_lookup"].add_overload(_lookup_voxel)
-for _function in FUNCTIONS.values():
-    _function.__module__ = "warp"
-    _function.handle = VOLUME
+publish(FUNCTIONS)

@@ -209,7 +209,7 @@ def indexed(value):
 
     def _nearest_element(id: uint64, uvw: vec3f, data: ArrayType(value, 1), background: value):
         at = nearest(uvw)
-        index = wp._library_call("warp_volume_index", id, at[0], at[1], at[2])
+        index = wp._library_call("warp_volume_index", id, at)
         return element(data, background, index)
 
     def _sample(
