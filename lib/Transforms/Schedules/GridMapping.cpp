@@ -62,6 +62,17 @@ bool warp::onlyLoads(Operation &op, bool loops) {
   return !result.wasInterrupted() && (loops || !hasLoop(op));
 }
 
+Value warp::cloneComputation(OpBuilder &b, Value value, Operation &scope,
+                             IRMapping &map) {
+  Operation *op = value.getDefiningOp();
+  if (op && !map.contains(value) && scope.isProperAncestor(op)) {
+    for (Value operand : op->getOperands())
+      cloneComputation(b, operand, scope, map);
+    b.clone(*op, map);
+  }
+  return map.lookupOrDefault(value);
+}
+
 void warp::cloneInterleaved(OpBuilder &b, Operation &op,
                             MutableArrayRef<IRMapping> copies) {
   for (IRMapping &copy : copies)

@@ -72,6 +72,11 @@ protected:
 bool onlyLoads(mlir::Operation &op, bool loops);
 bool hasLoop(mlir::Operation &op);
 
+/// Copies the operations in `scope` that compute a value, but those that are
+/// mapped; returns the copy of the value.
+mlir::Value cloneComputation(mlir::OpBuilder &b, mlir::Value value,
+                             mlir::Operation &scope, mlir::IRMapping &map);
+
 /// Copies an operation once per index of a thread, so that the code of the
 /// indices is interleaved operation by operation.
 void cloneInterleaved(mlir::OpBuilder &b, mlir::Operation &op,

@@ -34,6 +34,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "GridMapping.h"
 #include "LoopSchedule.h"
 #include "RingLoop.h"
 
@@ -78,7 +79,6 @@ private:
   void buildStep(Value tile, Value number, ValueRange carried);
   void accumulate(Update &update, AtomicComponentsOp op, Value offset);
   void publish(Update &update, Value iteration);
-  Value cloneIndex(Value value, IRMapping &clones);
   void readUpdates();
 
   Value bitOr(Value x, Value y) { return arith::OrIOp::create(b, loc, x, y); }
@@ -169,17 +169,6 @@ void RingReduction::buildStep(Value tile, Value number, ValueRange carried) {
   scf::YieldOp::create(b, loc, sums);
 }
 
-/// An index or array of an update, in the iteration that `clones` says.
-Value RingReduction::cloneIndex(Value value, IRMapping &clones) {
-  Operation *op = value.getDefiningOp();
-  if (clones.contains(value) || !op || !loop->isProperAncestor(op))
-    return clones.lookupOrDefault(value);
-  for (Value operand : op->getOperands())
-    clones.map(operand, cloneIndex(operand, clones));
-  b.clone(*op, clones);
-  return clones.lookup(value);
-}
-
 /// Each lane updates the element of its iteration, if any lane did.
 void RingReduction::publish(Update &update, Value iteration) {
   OpBuilder::InsertionGuard guard(b);
@@ -196,12 +185,12 @@ void RingReduction::publish(Update &update, Value iteration) {
   AtomicComponentsOp op = update.op;
   SmallVector<Value> indices, sums;
   for (Value index : op.getIndices())
-    indices.push_back(cloneIndex(index, clones));
+    indices.push_back(cloneComputation(b, index, *loop, clones));
   for (auto [slot, type] : llvm::zip_equal(update.slots, op.getResultTypes()))
     sums.push_back(load(slot, type));
-  AtomicComponentsOp::create(b, op.getLoc(), op.getResultTypes(),
-                             combiningKind(op.getKind()), sums,
-                             cloneIndex(op.getArray(), clones), indices);
+  AtomicComponentsOp::create(
+      b, op.getLoc(), op.getResultTypes(), combiningKind(op.getKind()), sums,
+      cloneComputation(b, op.getArray(), *loop, clones), indices);
 }
 
 void RingReduction::buildTile(Value tile, ValueRange carried) {

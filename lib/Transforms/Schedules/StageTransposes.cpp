@@ -58,7 +58,11 @@ public:
   bool hasIndependentBlocks() const override { return true; }
 
 private:
-  using Maps = MutableArrayRef<IRMapping>;
+  /// Where the elements of some indices of a thread are in the tiles.
+  struct Part {
+    SmallVector<IRMapping> maps;
+    Values offsets;
+  };
 
   bool isTransposed(AccessOp access);
   bool isTransposed(Operation &op) {
@@ -67,10 +71,8 @@ private:
   Values build() override;
   void findTile(Value &top, Value &left);
   void buildTile(Value top, Value left, Value column, Value row);
-  void stageLoads(Maps own, Maps other, ValueRange ownWords,
-                  ValueRange otherWords, Value memory);
-  void stageStores(Maps own, Maps other, ValueRange ownWords,
-                   ValueRange otherWords, Value memory);
+  void stageLoads(Part &own, Part &other, Value memory);
+  void stageStores(Part &own, Part &other, Value memory);
   void buildBorder(Value top, Value left, Value column, Value row);
 
   /// Transposed accesses.
@@ -246,69 +248,50 @@ private:
 /// Copies the index arithmetic of an access, and the access.
 static Operation *cloneAccess(OpBuilder &b, Operation *access, Block *thread,
                               IRMapping &map) {
-  SmallVector<Operation *> needed;
-  std::function<void(Value)> collect = [&](Value value) {
-    Operation *op = value.getDefiningOp();
-    if (!op || op->getBlock() != thread || llvm::is_contained(needed, op))
-      return;
-    for (Value operand : op->getOperands())
-      collect(operand);
-    needed.push_back(op);
-  };
   for (Value index : cast<AccessOp>(access).getIndices())
-    collect(index);
-  for (Operation *op : needed)
-    if (!map.contains(op->getResult(0)))
-      b.clone(*op, map);
+    cloneComputation(b, index, *thread->getParentOp(), map);
   return b.clone(*access, map);
 }
 
-/// Loads elements for the indices that `other` maps, and reads from the tile
-/// those of the indices that `own` maps.
-void StageTransposes::stageLoads(Maps own, Maps other, ValueRange ownWords,
-                                 ValueRange otherWords, Value memory) {
+/// Loads the elements of `other`, and reads those of `own` from the tiles.
+void StageTransposes::stageLoads(Part &own, Part &other, Value memory) {
   SmallVector<SmallVector<Operation *>> loaded(loads.size());
   for (auto [load, copies] : llvm::zip_equal(loads, loaded))
-    for (IRMapping &map : other)
+    for (IRMapping &map : other.maps)
       copies.push_back(cloneAccess(b, load, thread, map));
   SharedTiles to(b, loc, memory), from(b, loc, memory);
   for (ArrayRef<Operation *> copies : loaded)
-    for (unsigned i = 0; i < copies.front()->getNumResults(); ++i)
-      to.store(llvm::map_to_vector(copies,
-                                   [&](Operation *copy) -> Value {
-                                     return copy->getResult(i);
-                                   }),
-               ownWords);
+    for (unsigned i = 0; i < copies.front()->getNumResults(); ++i) {
+      auto get = [&](Operation *copy) -> Value { return copy->getResult(i); };
+      to.store(llvm::map_to_vector(copies, get), own.offsets);
+    }
   synchronizeBlock(b, loc);
   for (Operation *load : loads)
     for (Value result : load->getResults())
-      for (auto [map, value] :
-           llvm::zip_equal(own, from.load(result.getType(), otherWords)))
+      for (auto [map, value] : llvm::zip_equal(
+               own.maps, from.load(result.getType(), other.offsets)))
         map.map(result, value);
 }
 
-/// Writes the elements of the indices that `own` maps to the tile, and stores
-/// those of the indices that `other` maps.
-void StageTransposes::stageStores(Maps own, Maps other, ValueRange ownWords,
-                                  ValueRange otherWords, Value memory) {
+/// Writes the elements of `own` to the tiles, and stores those of `other`.
+void StageTransposes::stageStores(Part &own, Part &other, Value memory) {
   SharedTiles to(b, loc, memory), from(b, loc, memory);
   for (Operation *store : stores)
-    for (Value component : cast<StoreComponentsOp>(store).getComponents())
-      to.store(llvm::map_to_vector(own,
-                                   [&](IRMapping &map) {
-                                     return map.lookupOrDefault(component);
-                                   }),
-               ownWords);
+    for (Value word : cast<StoreComponentsOp>(store).getComponents()) {
+      auto get = [&](IRMapping &map) { return map.lookupOrDefault(word); };
+      to.store(llvm::map_to_vector(own.maps, get), own.offsets);
+    }
   synchronizeBlock(b, loc);
   for (Operation *store : stores) {
     SmallVector<Values> words;
     for (Type type : getTypes(store))
-      words.push_back(from.load(type, otherWords));
-    for (auto [i, map] : llvm::enumerate(other))
+      words.push_back(from.load(type, other.offsets));
+    for (auto [i, map] : llvm::enumerate(other.maps)) {
+      auto get = [&](const Values &word) { return word[i]; };
       cast<StoreComponentsOp>(cloneAccess(b, store, thread, map))
           .getComponentsMutable()
-          .assign(llvm::map_to_vector(
-              words, [&](const Values &word) { return word[i]; }));
+          .assign(llvm::map_to_vector(words, get));
+    }
   }
 }
 
@@ -319,31 +302,29 @@ void StageTransposes::buildTile(Value top, Value left, Value column,
       b.getI8Type(), std::max(countBytes(loads), countBytes(stores)));
   Value memory = makeShared(b, loc, site.function->getParentOfType<ModuleOp>(),
                             type, "transpose_tiles");
-  int64_t count = side / rows;
-  SmallVector<IRMapping> own(count), other(count);
-  Values ownWords, otherWords;
-  auto map = [&](IRMapping &map, Value y, Value x) {
+  Part own, other;
+  auto append = [&](Part &part, Value y, Value x) {
     Values mapped(outer);
     mapped.append({add(top, y), add(left, x)});
-    map.map(indices(), mapped);
+    part.maps.emplace_back().map(indices(), mapped);
   };
-  for (int64_t i = 0; i < count; ++i) {
-    Value below = add(row, constant32(i * rows));
-    map(own[i], below, column);
-    map(other[i], column, below);
-    ownWords.push_back(add(mul(below, constant32(pitch)), column));
-    otherWords.push_back(add(mul(column, constant32(pitch)), below));
+  for (int64_t i = 0; i < side; i += rows) {
+    Value below = add(row, constant32(i));
+    append(own, below, column);
+    append(other, column, below);
+    own.offsets.push_back(add(mul(below, constant32(pitch)), column));
+    other.offsets.push_back(add(mul(column, constant32(pitch)), below));
   }
   if (!loads.empty())
-    stageLoads(own, other, ownWords, otherWords, memory);
+    stageLoads(own, other, memory);
   // Stores use the same memory.
   if (!loads.empty() && !stores.empty())
     synchronizeBlock(b, loc);
   for (Operation &op : thread->without_terminator())
     if (!isTransposed(op))
-      cloneInterleaved(b, op, own);
+      cloneInterleaved(b, op, own.maps);
   if (!stores.empty())
-    stageStores(own, other, ownWords, otherWords, memory);
+    stageStores(own, other, memory);
 }
 
 /// A tile at the border of the launch, index by index.
