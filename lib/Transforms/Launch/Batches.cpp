@@ -6,8 +6,8 @@
 // most of the time. Blocks do not wait for each other, so as many as a vector
 // has lanes go through the kernel together: each of its parts between factors
 // and solves is a loop over them, and these are one call for all. That needs
-// memory for each of the blocks. What a block uses later is computed again, or
-// lies there, too, if that cannot be done.
+// memory for each of the blocks. A value that a block uses later is computed
+// again, or is kept there, too, if that cannot be done.
 //
 //===----------------------------------------------------------------------===//
 
@@ -28,11 +28,11 @@ using namespace mlir;
 using warp::Batches;
 using warp::SystemCalls;
 
-/// Of a worker's stack, and of a line of a cache.
+/// Bytes of a worker's stack, and of a cache line.
 constexpr int64_t mostBytes = 512 << 10, line = 64;
 
-/// Whether blocks may go through an operation in turn, with others in between:
-/// not if it may wait for another block, or has memory of the thread.
+/// True if blocks may run an operation in turn, with others in between: not if
+/// it may wait for another block, or has memory of the thread.
 static bool mayTakeTurns(Operation *op) {
   if (isa<scf::WhileOp, warp::ScratchOp, warp::AtomicCasOp>(op))
     return false;
@@ -86,7 +86,7 @@ private:
   llvm::SetVector<Value> found;
 };
 
-/// Whether anything after the calls sees the factor.
+/// True if an operation after the calls reads the factor.
 static bool isFactorUsed(const SystemCalls &calls, Block *block) {
   int64_t bytes = warp::getByteSize(calls.real);
   int64_t end = calls.out + calls.n * calls.n * bytes;
@@ -124,7 +124,7 @@ static SmallVector<warp::BatchPart> cut(Block *block) {
       parts.back().ops.push_back(&op);
       continue;
     }
-    // What lies between may be computed before or after.
+    // Pure operations in between may be computed before or after.
     bool follows = parts.size() > 1 && llvm::all_of(parts.back().ops, isPure);
     if (follows && parts[parts.size() - 2].calls->append(*calls))
       continue;

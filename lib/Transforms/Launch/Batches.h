@@ -13,7 +13,7 @@
 
 namespace warp {
 
-/// What a block does, in turn: operations, or calls.
+/// A part of the work of a block: operations, or calls.
 struct BatchPart {
   llvm::SmallVector<mlir::Operation *> ops;
   std::optional<SystemCalls> calls;
@@ -26,18 +26,19 @@ struct Batches {
   static constexpr int64_t width = 16;
 
   llvm::SmallVector<BatchPart> parts;
-  /// Numbers that parts have from parts before them, and their places in the
-  /// memory of a block.
+  /// Numbers that parts use of earlier parts, and their offsets in the scratch
+  /// space of a block.
   llvm::DenseMap<mlir::Value, int64_t> kept;
-  /// Bytes from a block's memory to the next, and of all with what calls need.
+  /// Bytes from the scratch space of a block to the next, and of all with the
+  /// scratch of calls.
   int64_t blockBytes = 0, bytes = 0;
 };
 
-/// Whether an operation only computes, so that every part makes a copy.
+/// True if an operation only computes, so that every part copies it.
 bool isRepeated(mlir::Operation *op);
 
-/// Of a kernel of phase `launch` on a CPU; none where blocks have to run one
-/// after the other, or have no small systems.
+/// The batches of a kernel of phase `launch` on a CPU; none where blocks have
+/// to run one after the other, or have no small systems.
 std::optional<Batches> findBatches(mlir::FunctionOpInterface kernel,
                                    ThreadsOp threads);
 

@@ -170,8 +170,8 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
   }
 }
 
-/// Whether all components are one constant, so that it does not matter which
-/// thread stores which.
+/// True if all components are one constant, so that any thread may store any
+/// of them.
 static bool isOneConstant(ValueRange components) {
   Attribute first;
   return matchPattern(components.front(), m_Constant(&first)) &&

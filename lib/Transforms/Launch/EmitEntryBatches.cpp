@@ -33,7 +33,7 @@ public:
       : b(b), block(block), map(std::move(map)), batches(batches),
         memory(memory) {}
 
-  /// What only computes is copied where it is needed.
+  /// Copies an operation; pure ones are copied where they are needed.
   void copy(Operation *op) {
     if (warp::isRepeated(op))
       return;

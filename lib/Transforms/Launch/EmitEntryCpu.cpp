@@ -24,7 +24,7 @@ using warp::EntryBuilder;
 /// Bodies of more operations have one copy. The library is called for all
 /// lanes whatever the mask.
 constexpr int64_t longestTwice = 400, longestTwiceWithCalls = 80;
-/// What an elementary function counts, which becomes part of the body.
+/// Operations that an elementary function counts, which is inlined.
 constexpr int64_t costOfCall = 140;
 
 static int64_t countOperations(Region &region) {
@@ -55,7 +55,7 @@ EntryBuilder::Values EntryBuilder::buildCpu() {
     return {};
   }
   bool inLanes = threads.getLanes().has_value();
-  // Of a range that ends before it begins, vectors would be counted wrongly.
+  // Vectors of a range that ends before it begins would be counted wrongly.
   if (inLanes && rank == 1)
     end = arith::MaxSIOp::create(b, loc, begin, end);
   Values sums = identities(inLanes);

@@ -15,7 +15,7 @@
 
 using namespace mlir;
 
-/// Whether a value is an argument of the kernel, or found from handles that
+/// True if a value is an argument of the kernel, or found from handles that
 /// are: the same wherever that is done.
 static bool isFixed(Value value) {
   Operation *op = value.getDefiningOp();

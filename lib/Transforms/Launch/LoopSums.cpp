@@ -44,7 +44,7 @@ bool SumFinder::isOpen(Operation *op) {
                              arith::FastMathFlags::reassoc));
 }
 
-/// Whether `value` is what the loop carries plus something, on every path.
+/// True if `value` is the carried value plus a term, on every path.
 bool SumFinder::isSum(Value value, Value carried) {
   if (value == carried)
     return true;

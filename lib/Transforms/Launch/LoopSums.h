@@ -11,7 +11,7 @@
 
 namespace warp {
 
-/// Whether all that a loop carries are sums whose terms may be added in any
+/// True if a loop carries nothing but sums whose terms may be added in any
 /// order: integers, floats that are marked so (`reassoc`), all floats if
 /// `anyOrder`. Nothing in the loop looks at a sum.
 bool carriesSums(mlir::scf::ForOp loop, bool anyOrder);

@@ -28,7 +28,7 @@ static void nest(RunLoop &run) {
   Location loc = run.loop.getLoc();
   Block *body = run.loop.getAfterBody();
   auto yield = cast<scf::YieldOp>(body->getTerminator());
-  // What a run changes but its place.
+  // Values that a run changes, but its position.
   SmallVector<unsigned> changed = run.changed();
   llvm::erase(changed, run.place);
   SmallVector<Value> inits, next;

@@ -76,8 +76,8 @@ static Value getWritten(Operation *op) {
   return isOnlyWritten ? access.getArray() : Value();
 }
 
-/// Whether an operation can stand anywhere between those that its operands come
-/// from and its uses.
+/// True if an operation can stand anywhere between the definitions of its
+/// operands and its uses.
 static bool isPureOp(Operation *op) {
   return isMemoryEffectFree(op) && !warp::isShuffle(op);
 }
@@ -141,7 +141,7 @@ private:
 
 } // namespace
 
-/// Whether an operation writes what no load is waited for.
+/// True if an operation writes constants, which wait for no load.
 static bool writesConstants(Operation *op) {
   return countWords(cast<warp::AccessOp>(op).getWritten()) == 0;
 }

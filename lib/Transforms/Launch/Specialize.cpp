@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A kernel is compiled once per kind of launch: its rank, which arrays are
-// packed, whether 32 bits index everything. Those facts enter the IR here, as
+// packed, whether 32 bits index everything. Such facts enter the IR here, as
 // an attribute of the kernel function unless it has that already, and no pass
 // after this one has options.
 //

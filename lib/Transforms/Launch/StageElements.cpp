@@ -48,20 +48,20 @@ using namespace mlir;
 /// Bytes of shared memory that a block may have, and of those for slabs.
 constexpr int64_t mostShared = 48 * 1024;
 constexpr int64_t mostOfSlabs = 40 * 1024;
-/// Registers of loads that are under way together.
+/// Registers of loads that are in flight together.
 constexpr int64_t mostInFlight = 96;
 
 //===----------------------------------------------------------------------===//
 // Indices
 //===----------------------------------------------------------------------===//
 
-/// Whether an index is one more in the next thread of a row. Where it wraps
+/// True if an index is one more in the next thread of a row. Where it wraps
 /// around, an access is out of bounds.
 static bool followsThreads(Value index, const warp::ThreadVariance &variance) {
   return variance.step(index) == 1 && !variance.dependsOnMoment(index);
 }
 
-/// Whether values are the same for the threads of a warp that lies in a row.
+/// True if values are the same for the threads of a warp that lies in a row.
 static bool areUniform(ValueRange values,
                        const warp::ThreadVariance &variance) {
   return llvm::all_of(values, [&](Value value) {
@@ -70,7 +70,7 @@ static bool areUniform(ValueRange values,
   });
 }
 
-/// Whether an array is the same for all threads and has no gaps.
+/// True if an array is the same for all threads and has no gaps.
 static bool isPacked(Value array, const warp::ThreadVariance &variance) {
   while (Operation *op = array.getDefiningOp()) {
     if (auto view = dyn_cast<warp::ViewOp>(op)) {
@@ -153,7 +153,7 @@ private:
 
 } // namespace
 
-/// Whether elements at these indices follow each other in a warp.
+/// True if elements at these indices follow each other in a warp.
 bool Finder::isStretch(Value array, ValueRange indices, Block *block) {
   if (!variance)
     variance.emplace(entry);

@@ -18,7 +18,7 @@ namespace warp {
 
 /// Accesses of an entry that whole warps perform together.
 struct StagedAccesses {
-  /// Loads that are under way together, under the first; the others have an
+  /// Loads that are in flight together, under the first; the others have an
   /// empty group.
   llvm::DenseMap<mlir::Operation *, llvm::SmallVector<LoadComponentsOp>> loads;
   llvm::DenseSet<mlir::Operation *> stores;
@@ -26,7 +26,7 @@ struct StagedAccesses {
   mlir::Value lane;
   /// Shared memory of the warp.
   mlir::Value slab;
-  /// Whether threads of a warp differ in the last index of the launch only;
+  /// True if threads of a warp differ in the last index of the launch only;
   /// null if that is so anyway.
   mlir::Value inRow;
 };
@@ -38,7 +38,7 @@ StagedAccesses findStagedAccesses(mlir::LLVM::LLVMFuncOp entry);
 /// `count` words.
 int64_t getSlabPeriod(int64_t count);
 
-/// Whether all threads of a warp come to the insertion point together.
+/// True if all threads of a warp come to the insertion point together.
 mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
                         const StagedAccesses &staged);
 
@@ -53,7 +53,7 @@ public:
 
   llvm::SmallVector<mlir::Value> loadShare();
   void storeShare(mlir::ValueRange words);
-  /// What the thread has of its own element, from what it has as its share.
+  /// Words of the thread's own element, from those of its share.
   llvm::SmallVector<mlir::Value> shareToElement(mlir::ValueRange words);
   llvm::SmallVector<mlir::Value> elementToShare(mlir::ValueRange words);
 

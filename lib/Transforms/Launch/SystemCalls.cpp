@@ -20,7 +20,7 @@ using warp::SystemCalls;
 /// Rows of a matrix: with more, a launch of few blocks would take longer for
 /// lanes that are idle.
 constexpr int64_t mostRows = 32;
-/// Of a vector that has an element of each block.
+/// Bytes of a vector that has an element of each block.
 constexpr int64_t lineBytes = 64;
 
 bool SystemCalls::append(const SystemCalls &next) {
@@ -51,7 +51,7 @@ int64_t SystemCalls::getScratchBytes() const {
   return lineBytes * (vectors + 16);
 }
 
-/// The place in the block's memory that an address is.
+/// The offset of an address in the scratch space of the block.
 static std::optional<int64_t> getPlace(Value address) {
   auto pointer = address.getDefiningOp<warp::PointerOp>();
   auto array =
@@ -88,7 +88,7 @@ static std::optional<SystemCalls> matchSolve(warp::LibraryCallOp op) {
     return std::nullopt;
   int64_t n = *numbers[0], row = *numbers[2], column = *numbers[3];
   bool backwards = *numbers[4];
-  // Of a lower matrix, or the transpose of an upper one, as it lies there.
+  // Steps of a lower matrix, or of the transpose of an upper one, in memory.
   bool inRows = row == n && column == 1, inColumns = row == 1 && column == n;
   if (!inRows && !inColumns)
     return std::nullopt;

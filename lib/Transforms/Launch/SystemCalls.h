@@ -15,7 +15,7 @@ namespace warp {
 /// differentiates a factor: one call of the library for all blocks of a batch
 /// (lib/DeviceLib/cpu/TileSystems.cpp and TileSystemAdjoints.cpp).
 struct SystemCalls {
-  /// What the library is asked for.
+  /// Steps that the library is asked for.
   enum Step {
     factors = 1,
     isUpper = 2,
@@ -33,12 +33,12 @@ struct SystemCalls {
 
   mlir::Type real;
   int64_t n = 0, columns = 0, steps = 0;
-  /// Places in the block's memory; -1: none.
+  /// Offsets in the scratch space of the block; -1: none.
   int64_t out = -1, in = -1, sides = -1;
   mlir::Operation *first = nullptr, *last = nullptr;
 };
 
-/// What a call of the library for a whole tile does, if that is one of those
+/// The steps of a call of the library for a whole tile, if it is one of those
 /// and the matrix is small.
 std::optional<SystemCalls> findSystemCall(mlir::Operation *op);
 

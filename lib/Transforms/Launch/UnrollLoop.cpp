@@ -47,7 +47,7 @@ void warp::unroll(scf::ForOp loop) {
     for (Operation &op : loop.getBody()->without_terminator()) {
       Operation *copy = b.clone(op, map);
       SmallVector<Value> folded;
-      // What folds in place has no other results.
+      // Operations that fold in place have no other results.
       if (failed(b.tryFold(copy, folded)) || folded.empty())
         continue;
       map.map(op.getResults(), folded);

@@ -53,7 +53,7 @@ using namespace mlir;
 constexpr int64_t copies = 4;
 /// Instructions of a body that is worth copies.
 constexpr int64_t mostInstructions = 40;
-/// What a function that is called counts, or a division in f64.
+/// Instructions that a call of a function counts, or a division in f64.
 constexpr int64_t manyInstructions = 24;
 
 /// Rough instructions of an operation; 0 if it is none.
@@ -75,7 +75,7 @@ static int64_t countInstructions(Operation *op) {
   return 1;
 }
 
-/// Whether a block does nothing but load, if it may, and compute; adds up its
+/// True if a block only loads, if it may, and computes; adds up its
 /// instructions.
 static bool isSimple(Block &block, bool mayLoad, int64_t &instructions) {
   for (Operation &op : block) {
@@ -126,8 +126,8 @@ private:
 
   scf::WhileOp loop;
   OpBuilder b;
-  /// The condition is that all of these hold. Those of `bounds` compare a
-  /// counter that grows by 1 with something that stays.
+  /// The condition is that all of these hold. The tests of `bounds` compare a
+  /// counter that grows by 1 with an invariant.
   SmallVector<Value> tests;
   SmallVector<arith::CmpIOp> bounds;
 };

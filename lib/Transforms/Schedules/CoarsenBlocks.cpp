@@ -44,7 +44,7 @@ constexpr int64_t mostExtent = 256;
 /// Accumulators that a thread can hold: of matrix instructions, and of FMAs.
 constexpr int64_t mostSums = 128, mostOwnSums = 64;
 constexpr int64_t mostBlocks = 4;
-/// Of shared memory, so that there is room for pipeline stages.
+/// Bytes of shared memory, so that there is room for pipeline stages.
 constexpr int64_t mostBytes = 128 * 1024;
 
 class CoarsenBlocks : public Schedule {
@@ -272,7 +272,7 @@ bool CoarsenBlocks::spread() {
   return agree;
 }
 
-/// Whether one block does what several do if it does that once.
+/// True if one block does once what several blocks do.
 bool CoarsenBlocks::isAllowed(Operation *op) const {
   if (isa<TileStoreOp, TileAtomicOp>(op))
     return windows.contains(op);
@@ -320,18 +320,18 @@ int64_t CoarsenBlocks::countWideBytes() const {
   return bytes;
 }
 
-/// Whether a tile, or one that is turned, is a product's second factor.
+/// True if a tile, or its transpose, is the second factor of a product.
 bool CoarsenBlocks::isFactor(Value tile) const {
   return llvm::all_of(tile.getUses(), [&](OpOperand &use) {
-    if (auto turned = dyn_cast<TileTransposeOp>(use.getOwner()))
-      return isFactor(turned.getResult());
+    if (auto transpose = dyn_cast<TileTransposeOp>(use.getOwner()))
+      return isFactor(transpose.getResult());
     auto product = dyn_cast<TileMatmulOp>(use.getOwner());
     return product && use.get() == product.getB();
   });
 }
 
-/// Whether threads can hold the sums of so many blocks, and memory what loops
-/// load ahead, at least one step.
+/// True if registers hold the accumulators of so many blocks, and shared memory
+/// at least one pipeline stage ahead.
 bool CoarsenBlocks::isGood(TileMatmulOp op, int64_t factor) const {
   TargetAttr target = site.variant.getTarget();
   TileType type = tileType(op.getResult());

@@ -44,7 +44,7 @@ namespace {
 /// A load of one element per iteration, the same for the warp.
 struct Staged {
   LoadComponentsOp load;
-  /// Where its elements begin in the slab.
+  /// Where its elements begin in the memory of a warp.
   int64_t offset = 0, elementSize = 0;
 };
 
@@ -72,7 +72,7 @@ private:
 
   SmallVector<Staged> stages;
   int64_t bytes = 0;
-  /// What lanes must agree on for bounds and arrays to be the same.
+  /// Values that lanes must agree on for bounds and arrays to be the same.
   llvm::SetVector<Value> compared;
   Value lane, memory;
 };
@@ -143,7 +143,7 @@ void StageSharedLoads::allocate() {
                                ArrayRef<LLVM::GEPArg>(offset));
 }
 
-/// Address of a component of an element in the slab.
+/// Address of a component of a staged element.
 Value StageSharedLoads::slot(Staged &staged, Value number, int64_t component) {
   int64_t before = staged.offset;
   for (Value result : staged.load.getResults().take_front(component))
@@ -155,7 +155,7 @@ Value StageSharedLoads::slot(Staged &staged, Value number, int64_t component) {
                              ArrayRef<LLVM::GEPArg>(int32_t(before)));
 }
 
-/// What this lane loads of the tile that begins at `first`.
+/// Loads the element of this lane of the tile that begins at `first`.
 SmallVector<Value> StageSharedLoads::loadAhead(Value first) {
   SmallVector<Value> loaded;
   Value number = add(first, widen(lane));
@@ -193,7 +193,7 @@ void StageSharedLoads::fill(ValueRange loaded) {
   synchronizeWarp(b, loc);
 }
 
-/// One iteration with what the slab has for it.
+/// One iteration with its staged elements.
 SmallVector<Value> StageSharedLoads::buildStep(Value tile, Value step,
                                                ValueRange carried) {
   IRMapping clones;
@@ -217,7 +217,7 @@ SmallVector<Value> StageSharedLoads::buildStep(Value tile, Value step,
   return next;
 }
 
-/// The loop over tiles, with what it carries and what was loaded ahead.
+/// The loop over tiles; carries the values of the loop and the loads ahead.
 void StageSharedLoads::buildTiles(Value end) {
   SmallVector<Value> inits(loop.getInitArgs());
   size_t count = inits.size();
