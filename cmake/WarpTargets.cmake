@@ -18,7 +18,7 @@ function(warp_add_objects name)
     "${CMAKE_CURRENT_SOURCE_DIR}" "${PROJECT_SOURCE_DIR}/lib")
   target_compile_definitions(${name} PRIVATE
     WARP_VERSION="${PROJECT_VERSION}")
-  add_dependencies(${name} WarpHandleKinds)
+  add_dependencies(${name} WarpHandleKinds WarpLaunchContract)
   if(arg_LLVM)
     target_link_libraries(${name} PUBLIC warp_llvm)
     add_dependencies(${name} WarpDialectHeaders)

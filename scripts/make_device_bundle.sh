@@ -17,5 +17,6 @@ if [ ! "$bundle/libwarp.so.xz" -nt "$package/libwarp.so" ] ||
   echo "$package" >"$bundle/origin"
 fi
 cp "$package"/_src/{builtin_table,builtin_calls,device_table}.py \
-  "$package/include/warp/HandleKinds.inc" "$package"/{__init__,config}.pyi "$bundle/"
+  "$package"/include/warp/{HandleKinds,LaunchContract.h}.inc \
+  "$package"/{__init__,config}.pyi "$bundle/"
 du -ch "$bundle"/* | sed 's/^/device bundle: /'

@@ -1,4 +1,4 @@
-//===- WarpAttributes.h - What is known of a launch -------------*- C++ -*-===//
+//===- WarpAttributes.h - Attributes of launches ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- WarpAttributes.td - What is known of a launch ---------*- tablegen -*-=//
+//===- WarpAttributes.td - Attributes of launches ------------*- tablegen -*-=//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -15,6 +15,7 @@
 
 include "mlir/IR/AttrTypeBase.td"
 include "mlir/IR/EnumAttr.td"
+include "Launch.td"
 include "WarpDialect.td"
 
 class Warp_Enum<string name, string text, list<I32EnumAttrCase> enumCases>
@@ -67,60 +68,56 @@ def Warp_TargetAttr : Warp_Attr<"Target", "target"> {
   }];
 }
 
-def Warp_Determinism
-    : Warp_Enum<"Determinism", "how sums have the same bits in every run", [
-    I32EnumAttrCase<"none", 0>, I32EnumAttrCase<"ordered", 1>,
-    I32EnumAttrCase<"exact", 2>]>;
+/// An attribute whose parameters are the launch facts that it has, in the order
+/// of their records' names, behind the `first`. Their accessors, `with` and the
+/// verifier come from the records of Launch.td.
+class Warp_FactsAttr<string name, string attrMnemonic, list<LaunchFact> all,
+                     dag first> : Warp_Attr<name, attrMnemonic> {
+  list<LaunchFact> facts = !filter(fact, all, fact.inAttribute);
+  list<AttrOrTypeParameter> types = !foreach(fact, facts,
+      !if(fact.type.isOptional,
+          !cast<AttrOrTypeParameter>(
+              OptionalParameter<fact.type.attributeType, fact.summary>),
+          !cast<AttrOrTypeParameter>(
+              DefaultValuedParameter<fact.type.attributeType, fact.type.initial,
+                                     fact.summary>)));
+  let parameters = !con(first, !dag(ins, types,
+                                    !foreach(fact, facts, fact.name)));
+}
 
-def Warp_VariantAttr : Warp_Attr<"Variant", "variant"> {
+def Warp_VariantAttr : Warp_FactsAttr<"Variant", "variant",
+    !instances<VariantFact>(), (ins "::warp::TargetAttr":$target)> {
   let summary = "the kind of launch that code is for";
   let description = [{
-    `contiguous`, bit i: argument i is an array packed in row-major order (for a
-    GPU one that begins at a multiple of its elements' size or of 16 bytes), or
-    an integer that is not negative. `index32`: no array and no launch has 2^31
-    elements or more. `flat`: one linear grid axis for all dimensions of a GPU
-    launch. `large`: the launch fills the GPU many times over; `underfilled`:
-    it has fewer threads than fill the GPU, or on a CPU fewer than 16 (scalar
-    code, compiled with less effort, where no loop may be long); `skinny`:
-    32 x 32 tiles of the last two dimensions would be mostly empty;
-    `max_block_coarsening`: so many neighbouring blocks may be merged without
-    leaving multiprocessors idle. `disjoint`: no memory that the launch writes
-    overlaps another one. `block`: threads of a GPU block. `threads`: those that
-    would share a CPU launch. `min_blocks`:
-    fewest blocks that a multiprocessor shall hold, 0 leaves it open. `lanes`:
-    threads that are to be lanes of a vector on a CPU; 1 keeps them scalar, 0
-    leaves it open. `inner_extent`: upper bound of the extent of the last
-    dimension of a CPU launch, whose threads are lanes; 0 leaves it open.
-
-    (C1) `rank` is 1 to 4. (C2) `block` and `threads` are 1 or more. (C3) `lanes`
-    and `inner_extent` are 0 or a power of two up to 64. (C4) `max_block_coarsening` is 1, 2 or 4.
+    The variant facts of Launch.td, but for those that passes have no use for.
+    Each number lies in the range of its record.
 
     ```mlir
     #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, debug = true>
     ```
   }];
-  let parameters = (ins "::warp::TargetAttr":$target, Warp_Number<"1">:$rank,
-                        DefaultValuedParameter<"uint64_t", "0">:$contiguous,
-                        Warp_Flag<"true">:$index32, Warp_Flag<>:$flat,
-                        Warp_Flag<>:$large, Warp_Flag<>:$underfilled,
-                        Warp_Flag<>:$skinny, Warp_Number<"1">:$max_block_coarsening,
-                        Warp_Flag<>:$disjoint,
-                        Warp_Number<"256">:$block, Warp_Number<"16">:$threads,
-                        Warp_Number<"0">:$min_blocks, Warp_Number<"0">:$lanes,
-                        Warp_Number<"0">:$inner_extent, Warp_Flag<>:$debug, Warp_Flag<>:$fast_math,
-                        DefaultValuedParameter<"::warp::Determinism",
-                            "::warp::Determinism::none">:$deterministic);
   let genVerifyDecl = 1;
   let extraClassDeclaration = [{
-    /// That of a kernel of which nothing is known but the target.
+#define GET_LAUNCH_VARIANT_ACCESSORS
+#include "warp/LaunchContract.h.inc"
+    /// The default of each fact.
+    static VariantAttr getDefault(::warp::TargetAttr target);
+    /// The variant of a kernel without one: nothing is known of its launches.
     static VariantAttr getUnknown(::mlir::MLIRContext *context);
     bool isGpu() const { return getTarget().isGpu(); }
-    bool isDeterministic() const {
-      return getDeterministic() != ::warp::Determinism::none;
+    bool isDeterministic() const { return getDeterministic(); }
+    /// Deterministic sums that do not depend on an order.
+    bool hasExactSums() const { return getDeterministic() && !getOrdered(); }
+    /// Updates whose result is used are made in the order of the threads.
+    bool keepsThreadOrder() const {
+      return getThreadOrder() && !getDeterministic() && !isGpu();
     }
-    /// Bit i of `contiguous`.
-    bool isContiguous(unsigned argument) const {
-      return argument < 64 && (getContiguous() >> argument & 1);
+    /// Bits of `packed` and `non_negative`.
+    bool isPacked(unsigned argument) const {
+      return argument < 64 && (getPacked() >> argument & 1);
+    }
+    bool isNonNegative(unsigned argument) const {
+      return argument < 64 && (getNonNegative() >> argument & 1);
     }
     /// Whether the blocks of a GPU launch are made of full warps.
     bool hasWholeWarps() const;
@@ -164,52 +161,23 @@ def Warp_CopiedAttr : Warp_Attr<"Copied", "copied"> {
                         Warp_Number<"0">:$atomic_time);
 }
 
-def Warp_ScheduleAttr : Warp_Attr<"Schedule", "schedule"> {
+def Warp_ScheduleAttr : Warp_FactsAttr<"Schedule", "schedule",
+    !instances<ScheduleFact>(), (ins)> {
   let summary = "how the runtime is to launch an entry";
   let description = [{
-    `coarsening`: launch indices per GPU thread; `row_coarsening`: those of them
-    that follow each other in the dimension before the last. `transpose_tile`:
-    side of the square tile, in the last two dimensions, that a GPU block stages
-    in shared memory; 0 without. `split_reduction`: threads of a GPU block that
-    share one launch index. `block_coarsening`: neighbouring GPU blocks, in the
-    dimension before the last, that are merged. `size_facts`: the facts of a
-    launch's size that the code depends on, a mask of `SizeFact`
-    (warp/SizeFacts.h). `reverse_order`: every other launch may run its GPU
-    blocks last to first. `single_block`: threads of the only block of a GPU
-    launch, 0 if it has several. `exclusive`: one thread runs a CPU launch;
-    `copied`: or several workers with copies of these arrays. `cost`: rough operations of
-    one thread. `lanes`: threads that are lanes of a vector on a CPU, from
-    warp-widen-threads on. `sums`: the arrays with exact sums, then the others;
-    their descriptors follow the arguments in the parameter block.
+    The schedule facts of Launch.td, but for those that are read off the finished
+    code.
+
+    ```mlir
+    #warp.schedule<coarsening = 8, row_coarsening = 2>
+    ```
   }];
-  let parameters = (ins Warp_Number<"1">:$coarsening,
-                        Warp_Number<"1">:$row_coarsening,
-                        Warp_Number<"0">:$transpose_tile,
-                        Warp_Number<"1">:$split_reduction,
-                        Warp_Number<"1">:$block_coarsening,
-                        Warp_Number<"0">:$size_facts,
-                        Warp_Flag<>:$reverse_order, Warp_Flag<>:$exclusive,
-                        Warp_Number<"0">:$single_block,
-                        OptionalParameter<"::warp::CopiedAttr">:$copied,
-                        Warp_Number<"0">:$cost, Warp_Number<"1">:$lanes,
-                        OptionalParameter<"::mlir::ArrayAttr">:$sums);
+  let genVerifyDecl = 1;
   let extraClassDeclaration = [{
-    /// A launch of which nothing is known.
-    static ScheduleAttr getUnknown(::mlir::MLIRContext *context);
-    ScheduleAttr withCoarsening(int64_t coarsening) const;
-    ScheduleAttr withRowCoarsening(int64_t coarsening) const;
-    ScheduleAttr withTransposeTile(int64_t side) const;
-    ScheduleAttr withSplitReduction(int64_t parts) const;
-    ScheduleAttr withBlockCoarsening(int64_t coarsening) const;
-    /// In addition to those that it has.
-    ScheduleAttr withSizeFacts(int64_t facts) const;
-    ScheduleAttr withReverseOrder(bool value) const;
-    ScheduleAttr withExclusive(bool value) const;
-    ScheduleAttr withSingleBlock(int64_t threads) const;
-    ScheduleAttr withCopied(::warp::CopiedAttr copied) const;
-    ScheduleAttr withCost(int64_t cost) const;
-    ScheduleAttr withLanes(int64_t lanes) const;
-    ScheduleAttr withSums(::mlir::ArrayAttr sums) const;
+#define GET_LAUNCH_SCHEDULE_ACCESSORS
+#include "warp/LaunchContract.h.inc"
+    /// A launch of which nothing is known: the default of each fact.
+    static ScheduleAttr getDefault(::mlir::MLIRContext *context);
     ::llvm::SmallVector<::warp::SummedArrayAttr> getSummedArrays() const;
     /// Descriptors of sums in the parameter block.
     int64_t countSums() const;
@@ -228,7 +196,7 @@ def Warp_UpdateScope
 def Warp_UpdateAttr : Warp_Attr<"Update", "update"> {
   let summary = "how an atomic update is to be made";
   let description = [{
-    What warp-plan-updates decided. `scope`: the threads that make one update
+    The decision of warp-plan-updates. `scope`: the threads that make one update
     together. `thread`: each makes its own. `lanes`: those of a vector or warp,
     if they agree on the element. `ring`: in a loop, each lane of a warp begins
     at another iteration, and sums travel from lane to lane. `group`: all of a

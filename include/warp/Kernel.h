@@ -30,7 +30,7 @@ struct LaunchDim {
   int64_t extent[maxRank] = {0, 0, 0, 0};
 };
 
-/// What the caller may choose about a kernel's code.
+/// Options of a kernel's code that the caller may choose.
 struct KernelOptions {
   bool debug = false;
   bool fastMath = false;
@@ -61,7 +61,7 @@ struct SavedKernel;
 struct SavedVariant;
 struct Translation;
 
-/// What the driver says of a kernel's machine code.
+/// Properties of a kernel's machine code, by the driver.
 struct CudaProperties {
   /// Per thread.
   int registers = 0, localMemory = 0;
@@ -81,9 +81,11 @@ struct CudaProperties {
 /// How launches of one kind are made: what the compiler decided, and what the
 /// runtime adds.
 struct LaunchSchedule {
-  /// What tells this kind from others.
+  /// The facts that tell this kind of launch from others.
   std::string launch;
   std::vector<Choice> choices;
+  /// The facts that the compiler decided.
+  Schedule schedule;
 };
 
 class WARP_API Kernel {
@@ -119,7 +121,7 @@ public:
     /// CUDA: nobody asked for a block of a certain size.
     bool openBlock = false;
     int64_t items = 0;
-    /// Of the arrays and their gradients.
+    /// Bytes of the arrays and their gradients.
     int64_t bytes = 0;
     /// CPU: rough operations of the whole launch.
     double work = 0;
@@ -142,12 +144,12 @@ public:
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
 
-  /// Whether a launch gives its thread back at once, or nearly so.
+  /// True if a launch gives its thread back at once, or nearly so.
   static bool isShort(const Plan &plan);
   /// True if a plan's code reports errors, for which it writes into the block
   /// of parameters.
   static bool reports(const Plan &plan);
-  /// Whether a plan's code prints.
+  /// True if a plan's code prints.
   static bool prints(const Plan &plan);
 
   /// Compiles the variants that a saved module has. `arch` 0 is the CPU. With a

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What crosses the border between a compiled kernel and its caller, defined
+// Data that cross the border between a compiled kernel and its caller, defined
 // here and nowhere else: the compiler takes sizes and offsets from these types,
 // Python from the bindings. Code on disk has them too, so each is asserted.
 //
@@ -37,6 +37,7 @@ struct ArrayDescriptor {
   /// In bytes.
   int32_t strides[maxRank] = {0, 0, 0, 0};
   int32_t ndim = 0;
+  /// Facts that whoever makes the array knows; 0 says nothing.
   int32_t flags = 0;
 };
 static_assert(sizeof(ArrayDescriptor) == 56 && alignof(ArrayDescriptor) == 8 &&
@@ -47,8 +48,11 @@ static_assert(sizeof(ArrayDescriptor) == 56 && alignof(ArrayDescriptor) == 8 &&
               offsetof(ArrayDescriptor, ndim) == 48 &&
               offsetof(ArrayDescriptor, flags) == 52);
 
-/// What the data and gradient of an array are multiples of where a GPU's code
-/// takes it for packed: 16 bytes at most, for an access of that many.
+/// A bit of `ArrayDescriptor::flags`: elements are packed in row-major order.
+inline constexpr int32_t packedFlag = 1 << 17;
+
+/// Alignment of the data and gradient of an array that a GPU's code takes for
+/// packed: 16 bytes at most, for an access of that many.
 constexpr int64_t packedAlignment(int64_t elementSize) {
   int64_t lowest = elementSize & -elementSize;
   return lowest == 0 ? 1 : lowest < 16 ? lowest : 16;
@@ -67,7 +71,7 @@ struct LaunchHeader {
 static_assert(sizeof(LaunchHeader) == 24 && offsetof(LaunchHeader, dim) == 0 &&
               offsetof(LaunchHeader, errorRecord) == 16);
 
-/// Where the first argument may lie in the parameter block.
+/// Lowest offset of an argument in the parameter block.
 inline constexpr size_t firstArgument = sizeof(LaunchHeader);
 
 /// The finding of a check: an index outside of an array, of another object, or

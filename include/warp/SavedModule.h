@@ -39,20 +39,11 @@
 
 namespace warp {
 
-/// Code and the launches that it fits.
-struct SavedVariant {
-  int rank = 1;
-  /// Arguments that have to be packed arrays or non-negative integers.
-  uint64_t contiguous = 0;
-  bool index32 = false;
-  bool flat = false;
-  bool large = false;
-  bool disjoint = false;
-  /// CPU: the code keeps the order of threads where updates tell who came
-  /// first. Launches that do not ask for it may run that as well.
-  bool threadOrder = false;
-  /// GPU: threads per block.
-  int blockDim = 0;
+/// Code and the launches that it fits: those with the same rank and block, whose
+/// arguments have all bits of `packed` and `nonNegative` and which have each of the other facts
+/// that the code counts on (KernelSaved.cpp). Code that keeps the order of
+/// threads serves launches that do not ask for it as well.
+struct SavedVariant : LaunchFacts {
   Code code;
 };
 

@@ -35,10 +35,7 @@ public:
   /// Lowers to phase `launch` and says what is plain to see there.
   std::vector<Choice> describeLaunch();
   void translate();
-  /// Whether LLVM has to keep the bits of every result, of the translated
-  /// module; not asked on GPUs.
-  bool hasExactFloats() const;
-  /// Whether the translated module, for a GPU, calls functions that there is
+  /// True if the translated module, for a GPU, calls functions that there is
   /// machine code of.
   bool callsAssembled() const;
   /// Goes on with `quickOptions`.
@@ -49,28 +46,16 @@ public:
   std::string moduleText();
   std::string llvmText();
 
-  std::string entry;
-  std::vector<Site> sites;
-  double cost = 0;
-  bool usesPrintf = false;
-  /// Threads are lanes already.
-  bool hasLanes = false;
+  /// All but the binary, which LLVM makes.
+  Code code;
   /// For a launch of few threads that are soon over: compiled quickly, of use
   /// for no other.
   bool isBrief = false;
-  bool exclusive = false, atomics = false, isLong = false;
-  int coarsening = 1, singleBlock = 0;
-  bool fixedBlock = false, cooperative = false, ragged = false;
-  int sizeFacts = 0, dynamicBytes = 0, leastBlocks = 0, mostRegisters = 0;
-  int rowCoarsening = 1, transposeTile = 0, splitReduction = 1;
-  int blockCoarsening = 1;
-  bool reverseOrder = false;
-  CopiedArrays copied;
-  std::vector<SummedArray> sums;
-  std::vector<TensorMap> tensorMaps;
-  /// What passes noted about the schedule.
+  /// Rough operations of one thread.
+  double cost = 0;
+  int leastBlocks = 0, mostRegisters = 0;
+  /// Decisions that passes noted.
   std::vector<Choice> choices;
-  std::map<std::string, double> phaseMs;
 
   /// Stage texts go to the folder that WARP_DUMP names.
   void dump(llvm::StringRef extension);
@@ -89,11 +74,14 @@ private:
   mlir::LogicalResult runPasses(mlir::ModuleOp module, Phase phase);
   std::string textBefore(Phase phase, const std::string &pass);
   void collectFacts(mlir::ModuleOp module);
+  /// True if LLVM has to keep the bits of every result of the translated module;
+  /// not asked on GPUs.
+  bool hasExactFloats() const;
 
   CompileOptions options;
   std::shared_ptr<Module::Impl> source;
   mlir::OwningOpRef<mlir::ModuleOp> op;
-  /// What LLVM's passes reported.
+  /// Errors of LLVM's passes.
   std::string llvmErrors;
   // The module must go before its context.
   std::unique_ptr<llvm::LLVMContext> llvmContext;

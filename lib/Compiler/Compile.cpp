@@ -95,7 +95,7 @@ struct Phases {
 
 } // namespace
 
-/// Whether a thread may take long: it works on tiles, whose elements are lanes,
+/// True if a thread may take long: it works on tiles, whose elements are lanes,
 /// or has a loop.
 static bool mayTakeLong(ModuleOp module) {
   return module
@@ -155,7 +155,7 @@ warp::Abandonable::~Abandonable() { abandoned = nullptr; }
 bool warp::isAbandoned() { return abandoned && *abandoned; }
 
 void Compilation::time(const std::string &phase, double since) {
-  phaseMs[phase] += now() - since;
+  code.phaseMs[phase] += now() - since;
   if (isAbandoned())
     throw Error(Error::Kind::Compile, "the process ends");
 }

@@ -29,49 +29,19 @@
 
 using namespace mlir;
 
-/// All that passes found out on the way to LLVM IR.
-static warp::Code describe(warp::Compilation &run) {
-  warp::Code code;
-  code.entry = run.entry;
-  code.sites = std::move(run.sites);
-  code.cost = run.cost;
-  code.usesPrintf = run.usesPrintf;
-  code.exclusive = run.exclusive;
-  code.atomics = run.atomics;
-  code.isLong = run.isLong;
-  code.isExact = run.hasExactFloats();
-  code.copied = std::move(run.copied);
-  code.coarsening = run.coarsening;
-  code.singleBlock = run.singleBlock;
-  code.fixedBlock = run.fixedBlock;
-  code.cooperative = run.cooperative;
-  code.ragged = run.ragged;
-  code.dynamicBytes = run.dynamicBytes;
-  code.tensorMaps = std::move(run.tensorMaps);
-  code.rowCoarsening = run.rowCoarsening;
-  code.transposeTile = run.transposeTile;
-  code.splitReduction = run.splitReduction;
-  code.blockCoarsening = run.blockCoarsening;
-  code.reverseOrder = run.reverseOrder;
-  code.sizeFacts = run.sizeFacts;
-  code.sums = std::move(run.sums);
-  return code;
-}
-
 /// From LLVM IR to bytes.
-static warp::Code finish(warp::Compilation &run, warp::Code code) {
+static warp::Code finish(warp::Compilation &run) {
   run.optimizeModule();
   llvm::SmallVector<char, 0> bytes = run.emitCode(/*asText=*/false);
-  code.binary.assign(bytes.begin(), bytes.end());
-  code.phaseMs = std::move(run.phaseMs);
-  return code;
+  run.code.binary.assign(bytes.begin(), bytes.end());
+  return std::move(run.code);
 }
 
 warp::Code warp::compile(const Module &module, const CompileOptions &options) {
   Compilation run(module, options);
   run.lowerTo(Phase::LLVM);
   run.translate();
-  return finish(run, describe(run));
+  return finish(run);
 }
 
 /// Operations of the largest launch that begins with quickly compiled code: it
@@ -79,11 +49,12 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
 static constexpr double mostQuickWork = 4e6;
 
 bool warp::isQuickEnough(const Code &code, int64_t items) {
-  if (!code.isExact)
+  const Schedule &schedule = code.schedule;
+  if (!schedule.isExact)
     return false;
-  if (code.isLong && !code.exclusive && items != anyItems)
+  if (schedule.isLong && !schedule.exclusive && items != anyItems)
     return true;
-  return std::max(code.cost, 1.0) * static_cast<double>(items) <= mostQuickWork;
+  return std::max(schedule.cost, 1.0) * static_cast<double>(items) <= mostQuickWork;
 }
 
 warp::CompileOptions warp::quickOptions(CompileOptions wanted) {
@@ -100,12 +71,11 @@ warp::FirstCode warp::compileFirst(const Module &module,
   Compilation run(module, options);
   run.lowerTo(Phase::LLVM);
   run.translate();
-  Code code = describe(run);
   bool isQuick =
-      isGpu(options) ? run.callsAssembled() : isQuickEnough(code, items);
+      isGpu(options) ? run.callsAssembled() : isQuickEnough(run.code, items);
   if (isQuick)
     run.compileQuickly();
-  return {finish(run, std::move(code)), isQuick};
+  return {finish(run), isQuick};
 }
 
 std::string warp::emitText(const Module &module, const CompileOptions &options,
@@ -134,7 +104,7 @@ std::string warp::emitText(const Module &module, const CompileOptions &options,
   return std::string(bytes.begin(), bytes.end());
 }
 
-/// What code depends on besides its module.
+/// The text of all that code depends on besides its module.
 static std::string describe(const warp::CompileOptions &options) {
   std::string text = warp::toText(options);
   if (!warp::isGpu(options))

@@ -15,12 +15,10 @@
 #include "Transforms/Emit/LowerLibraryCalls.h"
 #include "Transforms/KernelFunction.h"
 #include "Transforms/Tiles/TensorMapAttributes.h"
-#include "Transforms/Updates/CopiedArrays.h"
 #include "Transforms/Variant.h"
 
 #include "warp/FirstCode.h"
 #include "warp/NativeCode.h"
-#include "warp/SizeFacts.h"
 
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
@@ -59,7 +57,7 @@ void Compilation::translate() {
         info->print(printer);
       },
       &llvmErrors);
-  llvmModule = translateModuleToLLVMIR(*op, *llvmContext, entry);
+  llvmModule = translateModuleToLLVMIR(*op, *llvmContext, code.entry);
   if (!llvmModule)
     throw diagnostics.toError(Error::Kind::Compile,
                               "cannot translate the kernel to LLVM IR");
@@ -68,10 +66,20 @@ void Compilation::translate() {
   if (llvm::verifyModule(*llvmModule, &stream))
     throw Error(Error::Kind::Compile,
                 "the kernel's LLVM IR is malformed: " + malformed);
+  code.schedule.isExact = hasExactFloats();
   time("translate", start);
 }
 
-/// Whether threads of a block wait for each other.
+/// True if a function has an operation of that kind.
+static bool contains(LLVM::LLVMFuncOp function,
+                     function_ref<bool(Operation *)> isOne) {
+  return function
+      .walk([&](Operation *op) {
+        return isOne(op) ? WalkResult::interrupt() : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 static bool waitsForBlock(Operation *op) {
   auto call = dyn_cast<LLVM::CallIntrinsicOp>(op);
   return isa<NVVM::Barrier0Op, NVVM::BarrierOp>(op) ||
@@ -82,76 +90,64 @@ static bool waitsForBlock(Operation *op) {
 /// milliseconds.
 static constexpr int longCode = 4000;
 
-static bool hasLongCode(LLVM::LLVMFuncOp function) {
+/// The facts that only the finished function shows.
+static void readCodeFacts(LLVM::LLVMFuncOp function, bool gpu,
+                          Schedule &schedule) {
+  schedule.atomics =
+      contains(function, llvm::IsaPred<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>);
   int left = longCode;
-  return function
-      .walk([&](Operation *) {
-        return --left == 0 ? WalkResult::interrupt() : WalkResult::advance();
-      })
-      .wasInterrupted();
+  schedule.isLong = contains(function, [&](Operation *) { return --left == 0; });
+  schedule.cooperative = function->hasAttr(attr::blockThreads);
+  schedule.ragged = function->hasAttr(attr::ragged);
+  schedule.fixedBlock =
+      schedule.cooperative || contains(function, waitsForBlock);
+  schedule.dynamicBytes = gpu ? int(getDynamicBytes(function)) : 0;
+  if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
+    for (auto map : list.getAsRange<DenseI64ArrayAttr>())
+      schedule.tensorMaps.push_back(
+          {map[0], map[1], map[2], map[3], map[4], map[5]});
 }
 
-/// What the LLVM dialect's module says about the code.
+static std::vector<Site> readSites(LLVM::LLVMFuncOp function) {
+  std::vector<Site> sites;
+  auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
+  if (!table)
+    return sites;
+  auto primal = function->getAttrOfType<StringAttr>(attr::primal);
+  std::string kernel = primal ? primal.str() : function.getName().str();
+  for (auto site : table.getAsRange<ArrayAttr>())
+    sites.push_back({kernel, cast<StringAttr>(site[0]).str(),
+                     cast<StringAttr>(site[3]).str(),
+                     int(cast<IntegerAttr>(site[1]).getInt()),
+                     int(cast<IntegerAttr>(site[2]).getInt())});
+  return sites;
+}
+
+/// Reads off the LLVM dialect's module how it is to be launched.
 void Compilation::collectFacts(ModuleOp module) {
+  bool usesPrintf = false;
   for (auto function : module.getOps<LLVM::LLVMFuncOp>()) {
     usesPrintf |=
         function.getName() == "warp_printf" || function.getName() == "vprintf";
     if (!function->hasAttr(attr::entry))
       continue;
-    entry = function.getName().str();
-    ScheduleAttr schedule = getSchedule(function);
-    exclusive = schedule.getExclusive();
-    coarsening = int(schedule.getCoarsening());
-    singleBlock = int(schedule.getSingleBlock());
-    rowCoarsening = int(schedule.getRowCoarsening());
-    transposeTile = int(schedule.getTransposeTile());
-    splitReduction = int(schedule.getSplitReduction());
-    blockCoarsening = int(schedule.getBlockCoarsening());
-    reverseOrder = schedule.getReverseOrder();
-    sizeFacts = int(schedule.getSizeFacts()) | (isBrief ? underfilledFact : 0);
-    hasLanes = schedule.getLanes() > 1;
-    for (SummedArrayAttr array : schedule.getSummedArrays())
-      sums.push_back({array.getWidth(), array.getDescriptor(),
-                      array.getGradient(), array.getElementSize(),
-                      array.getStrideScale()});
-    copied = readCopied(schedule);
-    atomics = function
-                  .walk([](Operation *op) {
-                    return isa<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>(op)
-                               ? WalkResult::interrupt()
-                               : WalkResult::advance();
-                  })
-                  .wasInterrupted();
-    isLong = hasLongCode(function);
-    cooperative = function->hasAttr(attr::blockThreads);
-    ragged = function->hasAttr(attr::ragged);
-    if (auto blocks = function->getAttrOfType<IntegerAttr>(attr::leastBlocks))
-      leastBlocks = int(blocks.getInt());
-    if (auto most = function->getAttrOfType<IntegerAttr>(attr::mostRegisters))
-      mostRegisters = int(most.getInt());
-    if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
-      for (auto map : list.getAsRange<DenseI64ArrayAttr>())
-        tensorMaps.push_back({map[0], map[1], map[2], map[3], map[4], map[5]});
-    dynamicBytes = isGpu(options) ? int(getDynamicBytes(function)) : 0;
-    fixedBlock = cooperative || function
-                                    .walk([](Operation *op) {
-                                      return waitsForBlock(op)
-                                                 ? WalkResult::interrupt()
-                                                 : WalkResult::advance();
-                                    })
-                                    .wasInterrupted();
+    code.entry = function.getName().str();
+    code.sites = readSites(function);
+    code.schedule = readSchedule(getSchedule(function));
+    // Not rounded, and without what one pass bounds it by.
+    code.schedule.cost = cost;
+    if (isBrief)
+      code.schedule.sizeFacts |= underfilledFact;
+    readCodeFacts(function, isGpu(options), code.schedule);
     choices = readChoices(function);
-    auto table = function->getAttrOfType<ArrayAttr>(attr::sites);
-    if (!table)
-      continue;
-    auto primal = function->getAttrOfType<StringAttr>(attr::primal);
-    std::string kernel = primal ? primal.str() : entry;
-    for (auto site : table.getAsRange<ArrayAttr>())
-      sites.push_back({kernel, cast<StringAttr>(site[0]).str(),
-                       cast<StringAttr>(site[3]).str(),
-                       int(cast<IntegerAttr>(site[1]).getInt()),
-                       int(cast<IntegerAttr>(site[2]).getInt())});
+    auto number = [&](StringRef name) {
+      auto value = function->getAttrOfType<IntegerAttr>(name);
+      return value ? int(value.getInt()) : 0;
+    };
+    leastBlocks = number(attr::leastBlocks);
+    mostRegisters = number(attr::mostRegisters);
   }
+  code.schedule.usesPrintf = usesPrintf;
 }
 
 bool Compilation::hasExactFloats() const {
@@ -178,10 +174,10 @@ void Compilation::optimizeModule() {
     prepareGpuModule(*llvmModule, **machine, options);
   else
     prepareCpuModule(*llvmModule, **machine, options);
-  // What the user asks for comes first, and a target takes one of both. Code
+  // The user's bounds come first, and a target takes one of both. Code
   // that is linked has other registers.
   if (options.minBlocks == 0 && options.maxRegisters == 0 && !options.linked) {
-    llvm::Function *kernel = llvmModule->getFunction(entry);
+    llvm::Function *kernel = llvmModule->getFunction(code.entry);
     if (leastBlocks)
       kernel->addFnAttr("nvvm.minctasm", std::to_string(leastBlocks));
     else if (mostRegisters)
@@ -190,7 +186,8 @@ void Compilation::optimizeModule() {
   time("libraries", start);
   dump("input.ll");
   start = now();
-  optimize(*llvmModule, **machine, options, hasLanes, isBrief);
+  optimize(*llvmModule, **machine, options, code.schedule.lanes > 1,
+           isBrief);
   time("optimise", start);
   dump("ll");
 }
@@ -199,14 +196,14 @@ SmallVector<char, 0> Compilation::emitCode(bool asText) {
   if (!dumpFolder().empty()) {
     // Emission uses a module up.
     auto copy = llvm::CloneModule(*llvmModule);
-    SmallVector<char, 0> text = emit(*copy, **machine, entry, /*asText=*/true,
+    SmallVector<char, 0> text = emit(*copy, **machine, code.entry, /*asText=*/true,
                                      /*brief=*/isBrief);
     writeStage(isGpu(options) ? "ptx" : "s",
                StringRef(text.data(), text.size()));
   }
   double start = now();
   SmallVector<char, 0> bytes =
-      emit(*llvmModule, **machine, entry, asText || isGpu(options),
+      emit(*llvmModule, **machine, code.entry, asText || isGpu(options),
            /*brief=*/isBrief);
   if (!llvmErrors.empty())
     throw Error(Error::Kind::Compile,

@@ -1,4 +1,4 @@
-//===- Schedule.cpp - What the compiler decided about a variant -----------===//
+//===- Schedule.cpp - Decisions about a variant, for readers --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -68,14 +68,14 @@ static void describe(Operation *op, std::vector<Choice> &choices) {
   }
 }
 
-std::vector<Choice> warp::schedule(const Module &module,
-                                   const CompileOptions &options) {
-  std::vector<Choice> choices = Compilation(module, options).describeLaunch();
+warp::Decisions warp::schedule(const Module &module,
+                               const CompileOptions &options) {
+  std::vector<Choice> seen = Compilation(module, options).describeLaunch();
   Compilation run(module, options);
   run.lowerTo(Phase::LLVM);
   run.translate();
-  choices.insert(choices.begin(), run.choices.begin(), run.choices.end());
-  return choices;
+  run.choices.insert(run.choices.end(), seen.begin(), seen.end());
+  return {std::move(run.choices), std::move(run.code.schedule)};
 }
 
 std::vector<Choice> warp::Compilation::describeLaunch() {

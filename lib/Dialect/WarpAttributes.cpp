@@ -1,4 +1,4 @@
-//===- WarpAttributes.cpp - What is known of a launch ---------------------===//
+//===- WarpAttributes.cpp - Attributes of launches ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -67,170 +67,21 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 }
 
 //===----------------------------------------------------------------------===//
-// Variant
+// Variant and schedule
 //===----------------------------------------------------------------------===//
 
-LogicalResult warp::VariantAttr::verify(EmitError emitError, TargetAttr,
-                                        int64_t rank, uint64_t, bool, bool,
-                                        bool, bool, bool, int64_t coarsening,
-                                        bool, int64_t block, int64_t threads,
-                                        int64_t, int64_t lanes, int64_t inner,
-                                        bool, bool, Determinism) {
-  if (rank < 1 || rank > 4)
-    return emitError() << "(C1) expects a launch of 1 to 4 dimensions, but got "
-                       << rank;
-  if (block < 1 || threads < 1)
-    return emitError() << "(C2) expects 1 thread or more, but got "
-                       << std::min(block, threads);
-  for (auto [number, what] : {std::pair(lanes, "lanes"), {inner, "in a row"}})
-    if (number < 0 || number > 64 ||
-        (number > 0 && !llvm::isPowerOf2_64(number)))
-      return emitError() << "(C3) expects 1 to 64 " << what
-                         << ", a power of two, or 0, but got " << number;
-  if (coarsening != 1 && coarsening != 2 && coarsening != 4)
-    return emitError()
-           << "(C4) expects a block coarsening of 1, 2 or 4 at most, but got "
-           << coarsening;
-  return success();
-}
+#define GET_LAUNCH_ATTRIBUTES
+#include "warp/LaunchContract.h.inc"
 
 warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
   auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
-  return get(context, target, /*rank=*/1, /*contiguous=*/0, /*index32=*/false,
-             /*flat=*/false, /*large=*/false, /*underfilled=*/false,
-             /*skinny=*/false, /*max_block_coarsening=*/1, /*disjoint=*/false,
-             /*block=*/256,
-             /*threads=*/16, /*min_blocks=*/0, /*lanes=*/0, /*inner_extent=*/0,
-             /*debug=*/false, /*fast_math=*/false, Determinism::none);
+  return getDefault(target).withIndex32(false);
 }
 
 bool warp::VariantAttr::hasWholeWarps() const {
   bool oneAxis = getRank() == 1 || getFlat();
-  return getBlock() % 32 == 0 && (oneAxis || llvm::isPowerOf2_64(getBlock()));
-}
-
-//===----------------------------------------------------------------------===//
-// Schedule
-//===----------------------------------------------------------------------===//
-
-namespace {
-/// The fields of a schedule, so that one of them can be changed.
-struct Fields {
-  explicit Fields(warp::ScheduleAttr schedule)
-      : context(schedule.getContext()), coarsening(schedule.getCoarsening()),
-        rowCoarsening(schedule.getRowCoarsening()),
-        transposeTile(schedule.getTransposeTile()),
-        splitReduction(schedule.getSplitReduction()),
-        blockCoarsening(schedule.getBlockCoarsening()),
-        sizeFacts(schedule.getSizeFacts()), cost(schedule.getCost()),
-        lanes(schedule.getLanes()), reverseOrder(schedule.getReverseOrder()),
-        exclusive(schedule.getExclusive()),
-        singleBlock(schedule.getSingleBlock()), copied(schedule.getCopied()),
-        sums(schedule.getSums()) {}
-
-  operator warp::ScheduleAttr() const {
-    return warp::ScheduleAttr::get(
-        context, coarsening, rowCoarsening, transposeTile, splitReduction,
-        blockCoarsening, sizeFacts, reverseOrder, exclusive, singleBlock,
-        copied, cost, lanes, sums);
-  }
-
-  MLIRContext *context;
-  int64_t coarsening, rowCoarsening, transposeTile, splitReduction,
-      blockCoarsening, sizeFacts, singleBlock, cost, lanes;
-  bool reverseOrder, exclusive;
-  warp::CopiedAttr copied;
-  ArrayAttr sums;
-};
-} // namespace
-
-warp::ScheduleAttr warp::ScheduleAttr::getUnknown(MLIRContext *context) {
-  return get(context, /*coarsening=*/1, /*rowCoarsening=*/1,
-             /*transposeTile=*/0, /*splitReduction=*/1, /*blockCoarsening=*/1,
-             /*sizeFacts=*/0, /*reverseOrder=*/false, /*exclusive=*/false,
-             /*singleBlock=*/0, CopiedAttr(), /*cost=*/0,
-             /*lanes=*/1, ArrayAttr());
-}
-
-warp::ScheduleAttr
-warp::ScheduleAttr::withCoarsening(int64_t coarsening) const {
-  Fields fields(*this);
-  fields.coarsening = coarsening;
-  return fields;
-}
-
-warp::ScheduleAttr
-warp::ScheduleAttr::withRowCoarsening(int64_t coarsening) const {
-  Fields fields(*this);
-  fields.rowCoarsening = coarsening;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withTransposeTile(int64_t side) const {
-  Fields fields(*this);
-  fields.transposeTile = side;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withSplitReduction(int64_t parts) const {
-  Fields fields(*this);
-  fields.splitReduction = parts;
-  return fields;
-}
-
-warp::ScheduleAttr
-warp::ScheduleAttr::withBlockCoarsening(int64_t coarsening) const {
-  Fields fields(*this);
-  fields.blockCoarsening = coarsening;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withSizeFacts(int64_t facts) const {
-  Fields fields(*this);
-  fields.sizeFacts |= facts;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withCopied(CopiedAttr copied) const {
-  Fields fields(*this);
-  fields.copied = copied;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withCost(int64_t cost) const {
-  Fields fields(*this);
-  fields.cost = cost;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withLanes(int64_t lanes) const {
-  Fields fields(*this);
-  fields.lanes = lanes;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withSums(ArrayAttr sums) const {
-  Fields fields(*this);
-  fields.sums = sums;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withReverseOrder(bool value) const {
-  Fields fields(*this);
-  fields.reverseOrder = value;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withExclusive(bool value) const {
-  Fields fields(*this);
-  fields.exclusive = value;
-  return fields;
-}
-
-warp::ScheduleAttr warp::ScheduleAttr::withSingleBlock(int64_t threads) const {
-  Fields fields(*this);
-  fields.singleBlock = threads;
-  return fields;
+  return getBlockDim() % 32 == 0 &&
+         (oneAxis || llvm::isPowerOf2_64(getBlockDim()));
 }
 
 SmallVector<warp::SummedArrayAttr> warp::ScheduleAttr::getSummedArrays() const {

@@ -117,41 +117,75 @@ std::string Reader::text() {
 
 /// Bounds of numbers in files: far above what compilers and users make, and so
 /// low that sums and products of a few of them stay exact.
-static constexpr int32_t mostItems = 1 << 20, mostBlockBytes = 1 << 24;
+static constexpr int32_t mostEntries = 1 << 20;
 static constexpr int64_t mostElementBytes = int64_t(1) << 31;
+
+namespace {
+/// Writes the value of each fact.
+struct FactWriter {
+  void operator()(const FactInfo &, bool value) { out.number<uint8_t>(value); }
+  void operator()(const FactInfo &, int value) { out.number<int32_t>(value); }
+  void operator()(const FactInfo &, uint64_t value) { out.number(value); }
+  void operator()(const FactInfo &, double value) { out.number(value); }
+  template <typename Entry>
+  void operator()(const FactInfo &, const std::vector<Entry> &list) {
+    out.number<int32_t>(list.size());
+    for (const Entry &entry : list)
+      out.number(entry);
+  }
+  void operator()(const FactInfo &fact, const CopiedArrays &copied) {
+    (*this)(fact, copied.list);
+    out.number(copied.plainTime);
+    out.number(copied.atomicTime);
+  }
+
+  Writer &out;
+};
+
+/// Reads it, and checks it against the fact's range.
+struct FactReader {
+  void operator()(const FactInfo &, bool &value) { value = in.flag(); }
+  void operator()(const FactInfo &fact, int &value) {
+    value = in.number<int32_t>(int32_t(fact.least), int32_t(fact.most),
+                               fact.name);
+    if (!fact.allows(value))
+      in.fail(std::string(fact.name) + " is '" + std::to_string(value) +
+              "', but has to be a power of two");
+  }
+  void operator()(const FactInfo &, uint64_t &value) {
+    value = in.number<uint64_t>();
+  }
+  void operator()(const FactInfo &fact, double &value) {
+    value = in.amount(fact.name);
+  }
+  template <typename Entry>
+  void operator()(const FactInfo &fact, std::vector<Entry> &list) {
+    auto count = in.number<int32_t>(0, mostEntries, fact.name);
+    for (int32_t i = 0; i < count && in.ok(); ++i)
+      list.push_back(in.number<Entry>());
+  }
+  void operator()(const FactInfo &fact, CopiedArrays &copied) {
+    (*this)(fact, copied.list);
+    copied.plainTime = in.amount(fact.name);
+    copied.atomicTime = in.amount(fact.name);
+  }
+
+  Reader &in;
+};
+} // namespace
+
+void warp::writeFacts(Writer &out, const LaunchFacts &facts) {
+  LaunchFacts::visit(facts, FactWriter{out});
+}
+
+void warp::readFacts(Reader &in, LaunchFacts &facts) {
+  LaunchFacts::visit(facts, FactReader{in});
+}
 
 void warp::writeCode(Writer &out, const Code &code) {
   out.string(code.entry);
   out.string(code.binary.data(), code.binary.size());
-  out.number(code.cost);
-  out.number<uint8_t>(code.usesPrintf);
-  out.number<uint8_t>(code.exclusive);
-  out.number<uint8_t>(code.atomics);
-  out.number<uint8_t>(code.isLong);
-  out.number<uint8_t>(code.isExact);
-  out.number<int32_t>(code.copied.list.size());
-  for (const CopiedArray &array : code.copied.list)
-    out.number(array);
-  out.number(code.copied.plainTime);
-  out.number(code.copied.atomicTime);
-  out.number<int32_t>(code.coarsening);
-  out.number<int32_t>(code.singleBlock);
-  out.number<uint8_t>(code.fixedBlock);
-  out.number<uint8_t>(code.cooperative);
-  out.number<uint8_t>(code.ragged);
-  out.number<int32_t>(code.dynamicBytes);
-  out.number<int32_t>(code.tensorMaps.size());
-  for (const TensorMap &map : code.tensorMaps)
-    out.number(map);
-  out.number<int32_t>(code.rowCoarsening);
-  out.number<int32_t>(code.transposeTile);
-  out.number<int32_t>(code.splitReduction);
-  out.number<int32_t>(code.blockCoarsening);
-  out.number<uint8_t>(code.reverseOrder);
-  out.number<uint8_t>(code.sizeFacts);
-  out.number<int32_t>(code.sums.size());
-  for (const SummedArray &array : code.sums)
-    out.number(array);
+  Schedule::visit(code.schedule, FactWriter{out});
   out.number<uint64_t>(code.sites.size());
   for (const Site &site : code.sites) {
     out.string(site.kernel);
@@ -169,39 +203,7 @@ Code warp::readCode(Reader &in) {
   if (code.entry.empty() || binary.empty())
     in.fail("a kernel has no code");
   code.binary.assign(binary.begin(), binary.end());
-  code.cost = in.amount("the cost of a thread");
-  code.usesPrintf = in.flag();
-  code.exclusive = in.flag();
-  code.atomics = in.flag();
-  code.isLong = in.flag();
-  code.isExact = in.flag();
-  auto copies = in.number<int32_t>(0, mostItems, "the number of copied arrays");
-  for (int32_t i = 0; i < copies && in.ok(); ++i)
-    code.copied.list.push_back(in.number<CopiedArray>());
-  code.copied.plainTime = in.amount("the time of a thread");
-  code.copied.atomicTime = in.amount("the time of a thread");
-  code.coarsening = in.number<int32_t>(1, mostItems, "the indices of a thread");
-  code.singleBlock =
-      in.number<int32_t>(0, 1024, "the threads of the only block");
-  code.fixedBlock = in.flag();
-  code.cooperative = in.flag();
-  code.ragged = in.flag();
-  code.dynamicBytes =
-      in.number<int32_t>(0, mostBlockBytes, "the memory of a block");
-  auto maps = in.number<int32_t>(0, mostItems, "the number of maps");
-  for (int32_t i = 0; i < maps && in.ok(); ++i)
-    code.tensorMaps.push_back(in.number<TensorMap>());
-  code.rowCoarsening =
-      in.number<int32_t>(1, code.coarsening, "the rows of a thread");
-  code.transposeTile = in.number<int32_t>(0, mostItems, "the side of a square");
-  code.splitReduction = in.number<int32_t>(1, 1024, "the threads of an index");
-  code.blockCoarsening =
-      in.number<int32_t>(1, 1024, "the number of joined blocks");
-  code.reverseOrder = in.flag();
-  code.sizeFacts = in.number<uint8_t>(0, allFacts, "the facts of a size");
-  auto sums = in.number<int32_t>(0, mostItems, "the number of sums");
-  for (int32_t i = 0; i < sums && in.ok(); ++i)
-    code.sums.push_back(in.number<SummedArray>());
+  Schedule::visit(code.schedule, FactReader{in});
   uint64_t sites = in.count(32);
   for (uint64_t i = 0; i < sites && in.ok(); ++i) {
     Site site;

@@ -78,6 +78,10 @@ private:
   std::string firstProblem;
 };
 
+/// The facts of a variant, as they lie in Launch.td.
+void writeFacts(Writer &out, const LaunchFacts &facts);
+void readFacts(Reader &in, LaunchFacts &facts);
+
 /// The fields of `Code`, in the kernel cache and in saved modules. Readers
 /// check each field; FileChecks.h has how fields fit together.
 void writeCode(Writer &out, const Code &code);

@@ -46,7 +46,7 @@ static AddressRange addressesOf(const SummedArray &array, const void *params) {
 bool warp::overlap(const std::vector<SummedArray> &arrays, const void *params) {
   for (const SummedArray &sum : arrays) {
     if (!sum.width)
-      break;
+      continue;
     AddressRange own = addressesOf(sum, params);
     for (const SummedArray &other : arrays)
       if (!other.width && own.overlaps(addressesOf(other, params)))

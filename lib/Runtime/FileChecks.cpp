@@ -1,4 +1,4 @@
-//===- FileChecks.cpp - Whether fields of files fit together --------------===//
+//===- FileChecks.cpp - Validation of files: fields fit together ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -92,13 +92,16 @@ std::string warp::problemOf(const Code &code, const std::vector<Param> &params,
   auto fits = [&](const auto &array) {
     return isPossible(array) && isArray(array.descriptor);
   };
-  if (!std::all_of(code.copied.list.begin(), code.copied.list.end(), fits) ||
-      !std::all_of(code.sums.begin(), code.sums.end(), fits) ||
-      !std::all_of(code.tensorMaps.begin(), code.tensorMaps.end(), fits))
+  const Schedule &schedule = code.schedule;
+  if (schedule.rowCoarsening > schedule.coarsening)
+    return "the code of '" + code.entry + "' has no possible coarsening";
+  if (!std::all_of(schedule.copied.list.begin(), schedule.copied.list.end(), fits) ||
+      !std::all_of(schedule.sums.begin(), schedule.sums.end(), fits) ||
+      !std::all_of(schedule.tensorMaps.begin(), schedule.tensorMaps.end(), fits))
     return "the code of '" + code.entry + "' is about arrays that it lacks";
   // The block ends behind the last map.
   int64_t least = int64_t(paramSize);
-  for (const TensorMap &map : code.tensorMaps) {
+  for (const TensorMap &map : schedule.tensorMaps) {
     if (map.place % int64_t(tensorMapAlignment) != 0 ||
         !isWithin(map.place, least, mostParameterBytes))
       return "the code of '" + code.entry + "' has maps where arguments are";

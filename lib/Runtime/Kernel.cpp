@@ -17,6 +17,7 @@
 #include "FileChecks.h"
 #include "GraphImpl.h"
 #include "KernelImpl.h"
+#include "Overlap.h"
 #include "PrivateCopies.h"
 #include "cuda/TensorMaps.h"
 #include "warp/SavedModule.h"
@@ -30,6 +31,8 @@ using namespace warp;
 /// Operations worth a second thread.
 static constexpr double parallelThreshold = 32768;
 
+bool warp::isWorthThreads(double work) { return work >= parallelThreshold; }
+
 Kernel::Kernel(Module module, std::string name, KernelOptions options)
     : impl(std::make_shared<Impl>(std::move(module))) {
   impl->name = std::move(name);
@@ -38,19 +41,19 @@ Kernel::Kernel(Module module, std::string name, KernelOptions options)
 }
 
 Kernel::Kernel(Translation translation, std::string name, KernelOptions options)
-    : impl(std::make_shared<Impl>(std::move(translation))) {
+    : impl(std::make_shared<Impl>(std::move(translation), options)) {
   impl->name = std::move(name);
-  impl->options = options;
 }
 
 Kernel::Impl::Impl(Module module) : module(std::move(module)) {}
 
-Kernel::Impl::Impl(Translation &&translation)
+Kernel::Impl::Impl(Translation &&translation, const KernelOptions &options)
     : module(nullptr), text(std::move(translation.text)),
       knownHashes(std::move(translation.hashes)), knownRank(translation.rank),
-      accesses(std::move(translation.accesses)), hasAccesses(true) {
+      options(options) {
   std::call_once(hashed, [] {});
   setParameters(std::move(translation.params));
+  setAccesses(std::move(translation.accesses));
 }
 
 Kernel::Impl::~Impl() {
@@ -62,6 +65,16 @@ Kernel::Impl::~Impl() {
 void Kernel::Impl::setParameters(std::vector<Param> list) {
   params = std::move(list);
   paramSize = parameterBytes(params);
+  for (size_t i = 0; i < params.size(); ++i) {
+    const Param &param = params[i];
+    uint64_t bit = i < 64 ? uint64_t(1) << i : 0;
+    if (isIntegerScalar(param))
+      integers.push_back({param.offset + param.size - 1, bit});
+    bool isWhole = param.kind == Param::Kind::Array;
+    for (int64_t offset : param.arrays)
+      arrays.push_back({param.offset + offset, isWhole ? bit : 0,
+                        isWhole ? param.elementSize : 0});
+  }
 }
 
 Kernel::~Kernel() = default;
@@ -99,6 +112,19 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
   return impl->compileOptions(impl->usualKey(rank), arch);
 }
 
+Kernel::Variant *Kernel::Impl::choose(const VariantKey &key, int rank,
+                                      int64_t items, bool mayMake) {
+  Variant *variant = find(key);
+  if (!variant && key.device == cpuDevice)
+    variant = findForAnyRows(key, rank, items);
+  if (variant && isTooSlow(*variant, items)) {
+    if (!mayMake)
+      return nullptr;
+    improve(*variant);
+  }
+  return variant || !mayMake ? variant : make(key, items);
+}
+
 Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
                                 int blockDim, bool mayMake) {
   Plan plan;
@@ -113,48 +139,24 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
       return plan;
     findAccesses();
   }
-  key.disjoint = isDisjoint(key, params);
+  key.disjoint =
+      (device != cpuDevice || overlapMatters) && areDisjoint(accesses, params);
   LaunchHeader header;
   for (int i = 0; i < dim.rank; ++i)
     header.dim[i] = static_cast<int32_t>(dim.extent[i]);
   std::memcpy(params, &header, sizeof(header));
-  auto choose = [&] {
-    plan.variant = find(key);
-    if (!plan.variant && device == cpuDevice)
-      plan.variant = findForAnyRows(key, dim.rank, plan.items);
-    if (plan.variant && isTooSlow(*plan.variant, plan.items)) {
-      if (mayMake)
-        improve(*plan.variant);
-      else
-        plan.variant = nullptr;
-    }
-    if (!plan.variant && mayMake)
-      plan.variant = make(key, plan.items);
-  };
-  choose();
-  if (plan.variant && !plan.variant->code.sums.empty() &&
-      overlap(plan.variant->code.sums, params)) {
-    key.ordered = true;
-    choose();
-  }
-  if (plan.variant && !plan.variant->code.tensorMaps.empty() &&
-      !canMap(plan.variant->code.tensorMaps, params)) {
-    key.unmapped = true;
-    choose();
-  }
-  auto estimate = [&] {
-    if (plan.variant)
-      plan.work = plan.variant->code.cost * static_cast<double>(plan.items);
-  };
-  estimate();
-  if (!isShort(plan) && !plan.variant->code.copied.list.empty() &&
-      chooseUpdates(plan.variant->code.copied, params, plan.items) ==
-          UpdateMode::Atomic) {
-    // Code that does not know that arrays are disjoint makes no copies.
-    key.disjoint = false;
-    choose();
-    estimate();
-  }
+  // Code that is made now may need more than what is known.
+  const LaunchNeeds *known;
+  do {
+    known = needs.load(std::memory_order_acquire);
+    VariantKey needed = key;
+    if (known)
+      applyNeeds(*known, plan, params, needed);
+    plan.variant = choose(needed, dim.rank, plan.items, mayMake);
+  } while (known != needs.load(std::memory_order_acquire));
+  if (plan.variant)
+    plan.work =
+        plan.variant->code.schedule.cost * static_cast<double>(plan.items);
   return plan;
 }
 
@@ -170,11 +172,11 @@ Kernel::Plan Kernel::prepare(int device, const LaunchDim &dim, void *params,
 
 bool Kernel::isShort(const Plan &plan) {
   return !plan.variant || plan.device != cpuDevice ||
-         plan.work < parallelThreshold;
+         !isWorthThreads(plan.work);
 }
 
 bool Kernel::prints(const Plan &plan) {
-  return plan.variant && plan.variant->code.usesPrintf;
+  return plan.variant && plan.variant->code.schedule.usesPrintf;
 }
 
 bool Kernel::reports(const Plan &plan) {
@@ -195,7 +197,7 @@ void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   if (plan.device == cpuDevice)
     if (HostRecorder *recorder = hostRecorder())
       return recorder->launch(*this, plan, params);
-  const std::vector<SummedArray> &arrays = plan.variant->code.sums;
+  const std::vector<SummedArray> &arrays = plan.variant->code.schedule.sums;
   if (arrays.empty())
     return impl->run(plan, params, stream);
   ExactSums sums(impl->name, plan.device, arrays, params, impl->paramSize,
@@ -214,10 +216,12 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     if (variant.record)
       setErrorRecord(params, variant.record->address());
     // Maps, and other extents, are for this launch alone.
-    if (variant.code.tensorMaps.empty() && variant.code.blockCoarsening == 1)
+    if (variant.code.schedule.tensorMaps.empty() &&
+        variant.code.schedule.blockCoarsening == 1)
       return launchOnCuda(variant, name, params, stream, plan.openBlock,
                           plan.bytes);
-    MappedParameters mapped(variant.code.tensorMaps, params, paramSize);
+    MappedParameters mapped(variant.code.schedule.tensorMaps, params,
+                            paramSize);
     return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock,
                         plan.bytes);
   }
@@ -230,7 +234,7 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
     if (record.flag)
       raiseFailedCheck(record, variant.code.sites);
   }
-  if (variant.code.usesPrintf)
+  if (variant.code.schedule.usesPrintf)
     std::fflush(stdout);
 }
 

@@ -37,7 +37,7 @@ using namespace warp;
 namespace {
 
 constexpr char magic[] = {'W', 'A', 'R', 'P', 'C', 'O', 'D', 'E'};
-constexpr uint32_t formatVersion = 9;
+constexpr uint32_t formatVersion = 10;
 constexpr const char *suffix = ".code";
 constexpr const char *temporaryPrefix = ".writing-";
 /// Leftovers of killed writers are removed after this many seconds.

@@ -132,6 +132,8 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   }
   if (!variant->cuda)
     load(*variant);
+  // Who finds the variant knows what it needs.
+  noteNeeds(variant->code.schedule);
   variant->next = variants.load(std::memory_order_relaxed);
   variants.store(variant.get(), std::memory_order_release);
   return variant.release();
@@ -148,7 +150,7 @@ static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;
 
 void Kernel::Impl::load(Variant &variant) {
-  variant.code.cost = std::clamp(variant.code.cost, 1.0, 1e12);
+  variant.code.schedule.cost = std::clamp(variant.code.schedule.cost, 1.0, 1e12);
   Stopwatch watch(times);
   if (variant.key.device == cpuDevice) {
     variant.cpu = reinterpret_cast<CpuEntry>(Jit::get().load(variant.code));
@@ -174,7 +176,7 @@ void Kernel::Impl::load(Variant &variant) {
 // Quickly compiled code
 //===----------------------------------------------------------------------===//
 
-/// Whether drivers take the assembled library, until one does not.
+/// True until a driver rejects the assembled library.
 static std::atomic<bool> linksLibrary{true};
 
 bool Kernel::Impl::mayBeQuick(const VariantKey &key,
@@ -260,7 +262,7 @@ void Kernel::Impl::improve(Variant &variant) {
     else if (!isAbandoned())
       entry = loadOnCuda(variant, code);
   } catch (...) {
-    // What there is does the same.
+    // The tier-0 code does the same.
   }
   std::lock_guard lock(mutex);
   addTimes(times, spent);

@@ -40,9 +40,9 @@ static std::shared_mutex &updateGate() {
 /// Items that are worth handing to another thread. Multiples of 64 keep vector
 /// code whole, and threads off each other's lines.
 static int64_t grainOf(const Code &code) {
-  if (code.cost > chunkWork)
+  if (code.schedule.cost > chunkWork)
     return 1;
-  return (static_cast<int64_t>(chunkWork / code.cost) / 64 + 1) * 64;
+  return (static_cast<int64_t>(chunkWork / code.schedule.cost) / 64 + 1) * 64;
 }
 
 void Kernel::Variant::run(const void *params, int64_t begin,
@@ -57,7 +57,7 @@ void Kernel::Variant::run(const void *params, int64_t begin,
 
 static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
-  PrivateCopies copies(variant.code.copied, params, paramSize);
+  PrivateCopies copies(variant.code.schedule.copied, params, paramSize);
   auto run = [&](int64_t begin, int64_t end) {
     variant.run(copies.paramsOf(ThreadPool::worker()), begin, end);
   };
@@ -70,7 +70,7 @@ static void launchOnCopies(const Kernel::Variant &variant, const void *params,
 static void launchAlone(const Kernel::Variant &variant, const void *params,
                         size_t paramSize, int64_t items, bool serial) {
   std::unique_lock<std::shared_mutex> alone(updateGate());
-  const CopiedArrays &copied = variant.code.copied;
+  const CopiedArrays &copied = variant.code.schedule.copied;
   if (!serial && !copied.list.empty() &&
       chooseUpdates(copied, params, items) == UpdateMode::Copies)
     return launchOnCopies(variant, params, paramSize, items);
@@ -80,10 +80,10 @@ static void launchAlone(const Kernel::Variant &variant, const void *params,
 
 void warp::launchOnCpu(const Kernel::Variant &variant, const void *params,
                        size_t paramSize, int64_t items, bool serial) {
-  if (variant.code.exclusive)
+  if (variant.code.schedule.exclusive)
     return launchAlone(variant, params, paramSize, items, serial);
   std::shared_lock<std::shared_mutex> shared;
-  if (variant.code.atomics)
+  if (variant.code.schedule.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
   if (serial)
     return variant.run(params, 0, items);

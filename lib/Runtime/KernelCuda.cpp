@@ -2,15 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// The last dimension of a launch lies on the grid's x axis, the one before on
-// y, the product of the rest on z. Blocks are shaped to the launch: wide in x,
-// where memory is contiguous, and no wider than the launch is. Launches that
-// an axis cannot hold, and those of rank 4, use a variant with one linear
-// index.
+// Loads the code of a variant and queues its launches, each by the grid that its
+// schedule asks for (Grid.cpp).
 //
 //===----------------------------------------------------------------------===//
 
 #include "GraphImpl.h"
+#include "Grid.h"
 #include "KernelImpl.h"
 #include "cuda/GraphDriver.h"
 #include "cuda/LibraryKernels.h"
@@ -19,80 +17,7 @@
 
 using namespace warp;
 
-namespace {
-struct Extent {
-  int64_t x = 1, y = 1, z = 1;
-};
-
-struct Shape {
-  Extent grid, block;
-};
-} // namespace
-
-static constexpr int64_t maxGridX = INT32_MAX;
-static constexpr int64_t maxGridYZ = 65535;
-static constexpr int64_t maxBlockZ = 64;
 static constexpr int maxBlock = 1024;
-
-static int64_t powerAtLeast(int64_t value) {
-  int64_t power = 1;
-  while (power < value)
-    power *= 2;
-  return power;
-}
-
-static int64_t countThreads(const int32_t *dim, int rank) {
-  int64_t count = 1;
-  for (int i = 0; i < rank; ++i)
-    count *= dim[i];
-  return count;
-}
-
-static Shape shapeOf(const int32_t *dim, int rank, bool flat, int blockDim,
-                     int items = 1) {
-  Extent all;
-  if (flat || rank == 1) {
-    for (int i = 0; i < rank; ++i)
-      all.x *= dim[i];
-    return {{ceilDivide(all.x, blockDim)}, {blockDim}};
-  }
-  all.x = dim[rank - 1];
-  all.y = dim[rank - 2];
-  for (int i = 0; i < rank - 2; ++i)
-    all.z *= dim[i];
-  Extent block;
-  // A few rows per block where there are rows, for the sake of neighbours;
-  // fewer where a thread has neighbours of its own.
-  int64_t rows =
-      std::min<int64_t>({items > 1 ? 4 : 8, powerAtLeast(all.y), blockDim});
-  block.x = std::min<int64_t>(std::max<int64_t>(1, blockDim / rows),
-                              powerAtLeast(all.x));
-  block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
-  block.z = std::min<int64_t>(
-      {blockDim / (block.x * block.y), powerAtLeast(all.z), maxBlockZ});
-  // Blocks are full even where the launch is small: kernels that combine
-  // values over a block count on its warps.
-  block.x = std::max<int64_t>(block.x, blockDim / (block.y * block.z));
-  return {{ceilDivide(all.x, block.x), ceilDivide(all.y, block.y),
-           ceilDivide(all.z, block.z)},
-          block};
-}
-
-/// A square of indices of the last two dimensions for each block, all along one
-/// axis.
-static Shape tiledShape(const int32_t *dim, int rank, int64_t side,
-                        int64_t blockDim) {
-  int64_t count =
-      ceilDivide(dim[rank - 1], side) * ceilDivide(dim[rank - 2], side);
-  for (int i = 0; i < rank - 2; ++i)
-    count *= dim[i];
-  return {{count}, {side, blockDim / side}};
-}
-
-static int64_t countThreads(const Shape &shape) {
-  const Extent &grid = shape.grid, &block = shape.block;
-  return grid.x * grid.y * grid.z * block.x * block.y * block.z;
-}
 
 int warp::chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
                       int smCount) {
@@ -104,7 +29,7 @@ int warp::chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
     int spared = entry.residentHalves - 2 * entry.residentBlocks;
     return spared > 0 || (spared == 0 && entry.keepsStack) ? half : whole;
   }
-  // All blocks run at a time. What the busiest multiprocessor gets decides.
+  // All blocks run at a time. The share of the busiest multiprocessor decides.
   int64_t busiest = ceilDivide(blocks, smCount) * whole;
   int64_t halves = ceilDivide(ceilDivide(threads, half), smCount) * half;
   return halves < busiest ? half : whole;
@@ -123,16 +48,12 @@ int Kernel::Impl::checkedBlockDim(int asked) const {
   return threads;
 }
 
-bool warp::fitsGrid(const int32_t *dim, int rank, int blockDim) {
-  if (rank == 1)
-    return true;
-  if (rank > 3)
-    return false;
-  Shape shape = shapeOf(dim, rank, false, blockDim);
-  return shape.grid.y <= maxGridYZ && shape.grid.z <= maxGridYZ;
+bool warp::fitsGrid(const LaunchDim &dim, int blockDim) {
+  return dim.rank == 1 ||
+         (dim.rank <= 3 && gridFor({}, dim, blockDim, /*flat=*/false).fits({}));
 }
 
-/// What a thread has in memory if it searches a hierarchy; others spill less.
+/// Bytes of stack of a thread that searches a hierarchy; others spill less.
 static constexpr int stackBytes = 512;
 
 std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
@@ -147,11 +68,11 @@ std::unique_ptr<CudaEntry> warp::loadOnCuda(const Kernel::Variant &variant,
     assembleOnCuda(variant.key.device, code);
   entry->loaded.load(code);
   entry->function = entry->loaded.function(code.entry);
-  if (variant.code.dynamicBytes)
+  if (variant.code.schedule.dynamicBytes)
     WARP_CUDA(funcSetAttribute, entry->function,
-              cuda::functionMostDynamicShared, variant.code.dynamicBytes);
+              cuda::functionMostDynamicShared, variant.code.schedule.dynamicBytes);
   int threads = variant.key.blockDim;
-  if (variant.code.fixedBlock || threads % 64 != 0)
+  if (variant.code.schedule.fixedBlock || threads % 64 != 0)
     return entry;
   WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentBlocks, entry->function,
             threads, 0);
@@ -193,20 +114,20 @@ static void checkRows(const int32_t *dim, const VariantKey &key,
 }
 
 static cuda::Result queue(const Kernel::Variant &variant,
-                          const CudaEntry &entry, const Shape &shape,
+                          const CudaEntry &entry, const Grid &grid,
                           cuda::StreamHandle stream, void *params) {
   void *arguments[] = {params};
-  const Extent &grid = shape.grid, &block = shape.block;
+  const Extent &blocks = grid.blocks, &block = grid.block;
   cuda::LaunchConfig config{
-      {unsigned(grid.x), unsigned(grid.y), unsigned(grid.z)},
+      {unsigned(blocks.x), unsigned(blocks.y), unsigned(blocks.z)},
       {unsigned(block.x), unsigned(block.y), unsigned(block.z)},
-      unsigned(variant.code.dynamicBytes),
+      unsigned(variant.code.schedule.dynamicBytes),
       stream};
   return queueKernel(entry.function, config, arguments, entry.programmatic);
 }
 
-/// Whether a launch in reverse order may run its blocks last to first: every
-/// other one of those whose arrays do not fit into the cache.
+/// True for every other launch whose arrays do not fit into the cache: it finds
+/// there what the launch before touched last.
 static bool isReversed(int device, int64_t bytes) {
   if (bytes <= deviceInfo(device).cacheBytes)
     return false;
@@ -220,50 +141,36 @@ void warp::launchOnCuda(const Kernel::Variant &variant, const std::string &name,
                         void *params, const Stream *stream, bool openBlock,
                         int64_t bytes) {
   const VariantKey &key = variant.key;
+  const Schedule &schedule = variant.code.schedule;
   const CudaEntry &entry = *variant.cuda.load(std::memory_order_acquire);
-  auto &given = *static_cast<LaunchHeader *>(params);
-  int joined = variant.code.blockCoarsening;
-  if (joined > 1)
-    given.dim[key.rank - 2] /= joined;
-  LaunchHeader header = given;
-  Shape shape;
-  if (variant.code.singleBlock) {
-    shape.block.x = variant.code.singleBlock;
-  } else if (variant.code.transposeTile != 0) {
-    shape = tiledShape(header.dim, key.rank, variant.code.transposeTile,
-                       key.blockDim);
-  } else {
-    // A thread takes several indices of the first dimension, or several threads
-    // share one.
-    const Code &code = variant.code;
-    header.dim[0] = int32_t(
-        ceilDivide(header.dim[0], code.coarsening / code.rowCoarsening));
-    if (code.rowCoarsening > 1)
-      header.dim[key.rank - 2] =
-          int32_t(ceilDivide(header.dim[key.rank - 2], code.rowCoarsening));
-    int blockDim = key.blockDim;
-    if (openBlock)
-      blockDim =
-          chooseBlock(entry, blockDim, countThreads(header.dim, key.rank),
-                      deviceInfo(key.device).smCount);
-    if (code.cooperative && !code.ragged)
-      checkRows(header.dim, key, name);
-    shape = shapeOf(header.dim, key.rank, variant.flat || code.cooperative,
-                    blockDim / code.splitReduction, code.coarsening);
-    shape.block.y *= code.splitReduction;
-  }
-  if (shape.grid.x > maxGridX)
+  auto &header = *static_cast<LaunchHeader *>(params);
+  if (schedule.cooperative && !schedule.ragged)
+    checkRows(header.dim, key, name);
+  LaunchDim dim;
+  dim.rank = key.rank;
+  std::copy(header.dim, header.dim + key.rank, dim.extent);
+  int blockDim = key.blockDim;
+  if (openBlock)
+    blockDim = chooseBlock(entry, blockDim, coarsenedThreads(schedule, dim),
+                           deviceInfo(key.device).smCount);
+  Grid grid = gridFor(schedule, dim, blockDim, variant.flat);
+  if (!grid.fits({}))
+    grid = gridFor(schedule, dim, key.blockDim, variant.flat);
+  if (!grid.fits({}))
     throw Error(Error::Kind::LaunchValue,
                 "launch('" + name + "'): expects at most 2^31 - 1 blocks of " +
                     std::to_string(key.blockDim) + " threads, but got " +
-                    std::to_string(shape.grid.x));
+                    std::to_string(grid.blocks.x));
+  // Code of merged blocks knows no others.
+  if (schedule.blockCoarsening > 1)
+    header.dim[key.rank - 2] /= schedule.blockCoarsening;
   QueuedWork work(key.device, stream);
-  if (variant.code.reverseOrder)
-    given.reversed = isReversed(key.device, bytes);
-  cuda::Result result = queue(variant, entry, shape, work.stream(), params);
+  if (schedule.reverseOrder)
+    header.reversed = isReversed(key.device, bytes);
+  cuda::Result result = queue(variant, entry, grid, work.stream(), params);
   if (result == cuda::success) {
     if (variant.isQuick.load(std::memory_order_relaxed))
-      variant.quick->spendLaunch(countThreads(shape) * joined);
+      variant.quick->spendLaunch(grid.threads() * schedule.blockCoarsening);
     cudaDeviceState(key.device)
         .lastKernel.store(variant.label, std::memory_order_relaxed);
     return;

@@ -1,4 +1,4 @@
-//===- KernelCudaQuery.cpp - What a CUDA kernel uses ----------------------===//
+//===- KernelCudaQuery.cpp - Resources of a CUDA kernel -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,13 +16,13 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   result.registers = attributeOf(function, cuda::functionRegisters);
   result.localMemory = attributeOf(function, cuda::functionLocalSize);
   result.sharedMemory = attributeOf(function, cuda::functionSharedSize) +
-                        variant.code.dynamicBytes;
+                        variant.code.schedule.dynamicBytes;
   result.constantMemory = attributeOf(function, cuda::functionConstantSize);
   result.maxThreads = attributeOf(function, cuda::functionMaxThreads);
   result.binaryVersion = attributeOf(function, cuda::functionBinaryVersion);
   result.blockDim = variant.key.blockDim;
   WARP_CUDA(occupancyMaxActiveBlocks, &result.blocksPerMultiprocessor, function,
-            result.blockDim, variant.code.dynamicBytes);
+            result.blockDim, variant.code.schedule.dynamicBytes);
   int threads = 0;
   WARP_CUDA(deviceGetAttribute, &threads, cuda::maxThreadsPerMultiprocessor,
             cudaDeviceState(device).ordinal);

@@ -22,64 +22,24 @@
 
 namespace warp {
 
-/// What tells the variants of one kernel apart.
-struct VariantKey {
+/// The facts by which the variants of one kernel differ.
+struct VariantKey : LaunchFacts {
   int device = cpuDevice;
-  int rank = 1;
-  bool index32 = true;
-  bool flat = false;
-  bool large = false;
-  bool underfilled = false;
-  bool skinny = false;
-  /// `CompileOptions::maxBlockCoarsening`.
-  int maxBlockCoarsening = 1;
-  bool disjoint = false;
-  bool ordered = false;
-  /// On a CPU: the launch has so few threads that updates that tell who came
-  /// first are in the order of threads.
-  bool threadOrder = false;
-  /// TMA cannot load boxes of the arrays: their rows are not aligned.
+  /// TMA cannot load tiles of the arrays: their rows are not aligned.
   bool unmapped = false;
-  int blockDim = 0;
-  /// `CompileOptions::innerExtent`.
-  int innerExtent = 0;
-  uint64_t contiguous = 0;
 
-  bool operator==(const VariantKey &other) const {
-    return device == other.device && rank == other.rank &&
-           index32 == other.index32 && flat == other.flat &&
-           large == other.large && underfilled == other.underfilled &&
-           skinny == other.skinny &&
-           maxBlockCoarsening == other.maxBlockCoarsening &&
-           disjoint == other.disjoint && ordered == other.ordered &&
-           threadOrder == other.threadOrder && unmapped == other.unmapped &&
-           blockDim == other.blockDim && innerExtent == other.innerExtent &&
-           contiguous == other.contiguous;
-  }
-
-  /// The same but for what does not count of the size of the launch, of which
-  /// `facts` does.
-  bool matches(VariantKey other, int facts) const {
-    if (!(facts & largeFact))
-      other.large = large;
-    if (!(facts & underfilledFact))
-      other.underfilled = underfilled;
-    if (!(facts & skinnyFact))
-      other.skinny = skinny;
-    if (!(facts & innerExtentFact))
-      other.innerExtent = innerExtent;
-    if (!(facts & maxBlockCoarseningFact))
-      other.maxBlockCoarsening = maxBlockCoarsening;
-    if (!(facts & threadOrderFact))
-      other.threadOrder = threadOrder;
-    return *this == other;
+  /// True if code of this variant that depends on some facts of the launch's
+  /// size may run in launches of the other.
+  bool matches(const VariantKey &other, int sizeFacts) const {
+    return device == other.device && unmapped == other.unmapped &&
+           LaunchFacts::matches(other, sizeFacts);
   }
 };
 
-/// What quickly compiled code is, and how better code comes in its place.
+/// Tier-0 code of a variant, and how tier-1 code replaces it.
 struct QuickCode {
   CpuEntry entry = nullptr;
-  /// Of the better code.
+  /// Options of the tier-1 code.
   CompileOptions wanted;
   /// Nanoseconds on a CPU, or launches on a GPU, that it runs for until better
   /// code is asked for.
@@ -103,13 +63,13 @@ struct CudaEntry {
   int device = 0;
   CudaCode loaded;
   cuda::Function function = nullptr;
-  /// Whether it may start before the kernel before it on its stream has ended.
+  /// True if it may start before the kernel before it on its stream has ended.
   bool programmatic = false;
   /// Blocks of the variant's size that a multiprocessor runs at a time, and
   /// blocks of half as many threads; 0 where the code is for one size of
   /// blocks.
   int residentBlocks = 0, residentHalves = 0;
-  /// Whether threads keep a stack in memory: some search longer than others,
+  /// True if threads keep a stack in memory: some search longer than others,
   /// and a block's room is free when its last thread has ended.
   bool keepsStack = false;
 };
@@ -120,17 +80,17 @@ struct Kernel::Variant {
   Code code;
   /// May be exchanged while others run it, for code that does the same.
   std::atomic<CpuEntry> cpu{nullptr};
-  /// Whether what runs was compiled quickly.
+  /// True if tier-0 code runs.
   std::atomic<bool> isQuick{false};
   /// Stays when better code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
-  /// What its launches taught the thread pool.
+  /// Loop times that the thread pool learned from its launches.
   mutable LoopHistory history;
   /// The same on a GPU: one of `entries`, the last. Graphs may have the others.
   std::atomic<const CudaEntry *> cuda{nullptr};
   std::vector<std::unique_ptr<CudaEntry>> entries;
   std::unique_ptr<DeviceErrorRecord> record;
-  /// Whether the code counts threads along one axis.
+  /// True if the code counts threads along one axis.
   bool flat = false;
   /// Name of the kernel for the report of a fault.
   const char *label = nullptr;
@@ -143,10 +103,41 @@ struct Kernel::Variant {
   void place(std::unique_ptr<CudaEntry> entry);
   /// On a CPU.
   void run(const void *params, int64_t begin, int64_t end) const;
-  /// Whether launches of this kind may run it.
+  /// True if launches of this kind may run it.
   bool serves(const VariantKey &asked) const {
-    return key.matches(asked, code.sizeFacts);
+    return key.matches(asked, code.schedule.sizeFacts);
   }
+};
+
+/// An integer argument: its highest byte tells whether it is negative.
+struct IntegerArgument {
+  int64_t highByte;
+  /// Its bit of `LaunchFacts::nonNegative`.
+  uint64_t bit;
+};
+
+/// An array among the arguments, or in a struct among them.
+struct ArrayArgument {
+  int64_t offset;
+  /// Its bit of `LaunchFacts::packed`; none in structs and behind 64 arguments.
+  uint64_t bit = 0;
+  /// 0 in structs.
+  int64_t elementSize = 0;
+};
+
+/// Needs of a kernel's code on the arrays of a launch. Launches that do not
+/// meet them get a variant that needs less.
+struct LaunchNeeds {
+  /// Arrays of exact sums overlap no others.
+  std::vector<SummedArray> sums;
+  /// Arrays lie such that TMA can load tiles of them.
+  std::vector<TensorMap> tensorMaps;
+  /// Private copies are worth it, by this code's estimates.
+  CopiedArrays copied;
+  double cost = 1;
+
+  /// Adds what code needs; false if it is nothing new.
+  bool add(const Schedule &schedule);
 };
 
 struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
@@ -163,20 +154,28 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   KernelOptions options;
   std::vector<Param> params;
   size_t paramSize = 0;
-  /// What the kernel does with its arrays; found at the first launch.
+  /// The arguments from which launches read facts.
+  std::vector<IntegerArgument> integers;
+  std::vector<ArrayArgument> arrays;
+  /// Accesses of the kernel to its arrays; found at the first launch.
   std::vector<Access> accesses;
   std::atomic<bool> hasAccesses{false};
+  /// True if code for CPUs depends on whether they overlap.
+  bool overlapMatters = false;
   /// Read without a lock by launches.
   std::atomic<Variant *> variants{nullptr};
   /// Held while a variant is made.
   mutable ForkMutex mutex;
   std::map<std::string, double> times;
+  /// Needs of all variants: the last of a list that only grows.
+  std::atomic<const LaunchNeeds *> needs{nullptr};
+  std::vector<std::unique_ptr<LaunchNeeds>> needsMade;
 
   /// Code from files, tried before the compiler.
   std::vector<std::unique_ptr<SavedKernel>> saved;
 
   explicit Impl(Module module);
-  explicit Impl(Translation &&translation);
+  Impl(Translation &&translation, const KernelOptions &options);
   ~Impl();
   bool hasSource() const { return !text.empty() || module.getImpl(); }
   /// The module, parsed if need be.
@@ -198,14 +197,21 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
   void findAccesses();
+  void setAccesses(std::vector<Access> list);
   /// True if the threads of a CPU launch of so many make updates that tell who
   /// came first in their order.
   bool isInTurn(int64_t items) const {
     return items <= options.orderedSlots && !options.deterministic;
   }
-  /// What counts of the launch's rows on a CPU.
+  /// Sets the facts about the inner extent of a launch on a CPU.
   void setRows(VariantKey &key, const LaunchDim &dim) const;
-  bool isDisjoint(const VariantKey &key, const void *params) const;
+  /// Weakens the key of a launch that does not have what code needs.
+  void applyNeeds(const LaunchNeeds &needs, const Plan &plan,
+                  const void *params, VariantKey &key) const;
+  /// With the mutex held.
+  void noteNeeds(const Schedule &schedule);
+  /// The variant of a launch; null if there is none yet and none may be made.
+  Variant *choose(const VariantKey &key, int rank, int64_t items, bool mayMake);
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, Plan &plan) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;
@@ -235,7 +241,7 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
               std::map<std::string, double> &spent);
   /// Code in the disk cache; nothing if it does not fit this kernel.
   std::optional<Code> findCached(const std::string &key) const;
-  /// Whether quick code may do for a launch of so many threads.
+  /// True if tier-0 code may do for a launch of so many threads.
   bool mayBeQuick(const VariantKey &key, const CompileOptions &wanted,
                   int64_t items) const;
   /// Code that was compiled quickly, if that does for so many threads.
@@ -248,9 +254,12 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   void load(Variant &variant);
 };
 
-/// Whether a launch of so many threads had better wait for better code: one
+/// True if a launch of so many threads had better wait for tier-1 code: one
 /// that a graph records, which keeps the code, has to.
 bool isTooSlow(const Kernel::Variant &variant, int64_t items);
+
+/// True if a launch on a CPU of so many operations is shared by threads.
+bool isWorthThreads(double work);
 
 Error launchError(Error::Kind kind, const std::string &kernel,
                   const std::string &message);
@@ -275,8 +284,8 @@ void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
 /// more of the card at work.
 int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
                 int smCount);
-/// Whether one grid axis per dimension can express the launch.
-bool fitsGrid(const int32_t *dim, int rank, int blockDim);
+/// True if one grid axis per dimension can express the launch.
+bool fitsGrid(const LaunchDim &dim, int blockDim);
 
 } // namespace warp
 

@@ -28,8 +28,7 @@ Kernel::Kernel(const SavedKernel &saved)
   impl->name = saved.name;
   impl->options = saved.options;
   impl->setParameters(saved.params);
-  impl->accesses = saved.accesses;
-  impl->hasAccesses = true;
+  impl->setAccesses(saved.accesses);
   impl->saved.push_back(std::make_unique<SavedKernel>(saved));
 }
 
@@ -56,7 +55,7 @@ void Kernel::attach(const SavedKernel &saved) {
         !problem.empty())
       reject(problem);
   std::lock_guard lock(impl->mutex);
-  // What came last is tried first.
+  // The code that came last is tried first.
   impl->saved.insert(impl->saved.begin(), std::make_unique<SavedKernel>(saved));
 }
 
@@ -67,7 +66,7 @@ void Kernel::attach(const SavedKernel &saved) {
 /// The variants to save, from the one that asks for most to the one that fits
 /// everything.
 static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
-                                          int rank, bool gpu) {
+                                          int rank, int blockDim, bool gpu) {
   uint64_t arrays = 0, integers = 0;
   for (size_t i = 0; i < params.size() && i < 64; ++i) {
     uint64_t bit = uint64_t(1) << i;
@@ -79,7 +78,9 @@ static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
   std::vector<VariantKey> keys;
   VariantKey key;
   key.rank = rank;
-  key.contiguous = arrays | integers;
+  key.blockDim = blockDim;
+  key.packed = arrays;
+  key.nonNegative = integers;
   if (!gpu || rank <= 3) {
     if (gpu && rank == 1) {
       key.large = key.disjoint = true;
@@ -87,11 +88,11 @@ static std::vector<VariantKey> keysToSave(const std::vector<Param> &params,
       key.large = key.disjoint = false;
     }
     keys.push_back(key);
-    key.contiguous = arrays;
+    key.nonNegative = 0;
     if (integers)
       keys.push_back(key);
   }
-  key.contiguous = 0;
+  key.packed = key.nonNegative = 0;
   key.index32 = false;
   key.flat = gpu;
   keys.push_back(key);
@@ -135,21 +136,14 @@ static Code assembled(int device, Code code) {
 }
 
 SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
-  // What later architectures run, too.
+  // Code that later architectures run, too.
   VariantKey common = key;
   common.unmapped = true;
   CompileOptions compile = compileOptions(common, arch);
   // As many threads as ever matter: the machine to come is not known.
   compile.threads = arch == 0 ? 16 : 1;
   SavedVariant variant;
-  variant.rank = key.rank;
-  variant.contiguous = key.contiguous;
-  variant.index32 = key.index32;
-  variant.flat = key.flat;
-  variant.large = key.large;
-  variant.disjoint = key.disjoint;
-  variant.threadOrder = key.threadOrder;
-  variant.blockDim = arch == 0 ? 0 : compile.blockDim;
+  static_cast<LaunchFacts &>(variant) = compile;
   variant.code = obtain(compile, times);
   if (key.device != cpuDevice)
     variant.code = assembled(key.device, std::move(variant.code));
@@ -160,15 +154,16 @@ SavedKernel Kernel::save(int arch, int device) {
   SavedKernel saved = impl->describeSaved(arch);
   int rank = impl->threadRank();
   std::lock_guard lock(impl->mutex);
-  for (VariantKey key : keysToSave(impl->params, rank, arch != 0)) {
+  for (VariantKey key :
+       keysToSave(impl->params, rank, impl->options.blockDim, arch != 0)) {
     key.device = device;
     // One for arrays wherever they lie.
     key.unmapped = true;
     key.threadOrder = arch == 0 && impl->isInTurn(1);
     SavedVariant variant = impl->compileSaved(key, arch);
     // Launches that do not keep the order have code of their own.
-    if ((variant.code.sizeFacts & threadOrderFact) && key.threadOrder &&
-        !impl->isInTurn(INT64_MAX)) {
+    if ((variant.code.schedule.sizeFacts & threadOrderFact) &&
+        key.threadOrder && !impl->isInTurn(INT64_MAX)) {
       key.threadOrder = false;
       saved.variants.push_back(impl->compileSaved(key, arch));
     }
@@ -204,7 +199,7 @@ static int architectureOf(const SavedKernel &saved) {
   return saved.target == "cpu" ? 0 : std::atoi(saved.target.c_str() + 3);
 }
 
-/// Whether code for one architecture runs on another: PTX on all later ones, a
+/// True if code for one architecture runs on another: PTX on all later ones, a
 /// cubin on those of the same generation.
 static bool runsOn(const SavedKernel &saved, const SavedVariant &variant,
                    int arch) {
@@ -217,13 +212,13 @@ static bool runsOn(const SavedKernel &saved, const SavedVariant &variant,
 }
 
 static bool fits(const SavedVariant &variant, const VariantKey &key) {
-  return variant.rank == key.rank &&
-         (variant.contiguous & ~key.contiguous) == 0 &&
+  return variant.rank == key.rank && (variant.packed & ~key.packed) == 0 &&
+         (variant.nonNegative & ~key.nonNegative) == 0 &&
          (!variant.index32 || key.index32) && (!variant.large || key.large) &&
          (!variant.disjoint || key.disjoint) &&
          (variant.threadOrder || !key.threadOrder ||
-          !(variant.code.sizeFacts & threadOrderFact)) &&
-         (!key.ordered || variant.code.sums.empty()) &&
+          !(variant.code.schedule.sizeFacts & threadOrderFact)) &&
+         (!key.ordered || variant.code.schedule.sums.empty()) &&
          (key.device == cpuDevice ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));
 }
@@ -267,7 +262,7 @@ void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
     for (const SavedVariant &variant : kernel->variants) {
       std::string text = kernel->target + ", " + std::to_string(variant.rank) +
                          (variant.rank == 1 ? " dimension" : " dimensions");
-      if (variant.blockDim)
+      if (architectureOf(*kernel) != 0)
         text += ", blocks of " + std::to_string(variant.blockDim);
       if (std::find(seen.begin(), seen.end(), text) != seen.end())
         continue;

@@ -8,7 +8,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelImpl.h"
-#include "warp/SizeFacts.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -18,25 +17,16 @@ using namespace warp;
 /// Multiprocessors of a GPU that is not there.
 static constexpr int usualMultiprocessors = 128;
 
+#define GET_LAUNCH_PHRASES
+#include "warp/LaunchContract.h.inc"
+
 static std::string describeKind(const VariantKey &key, int arch) {
   std::string text = key.device != cpuDevice ? deviceInfo(key.device).alias
                      : arch == 0             ? "cpu"
                                              : "sm_" + std::to_string(arch);
   text += ", " + std::to_string(key.rank) +
           (key.rank == 1 ? " dimension" : " dimensions");
-  if (key.large)
-    text += ", many threads";
-  if (key.underfilled)
-    text += ", few threads";
-  if (key.innerExtent)
-    text += ", rows of at most " + std::to_string(key.innerExtent);
-  if (!key.index32)
-    text += ", 64-bit indices";
-  if (key.flat)
-    text += ", one axis";
-  if (!key.disjoint)
-    text += ", arrays may overlap";
-  return text;
+  return text + phrasesOf(key);
 }
 
 static void addCuda(const Kernel::Variant &variant,
@@ -66,19 +56,21 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
                                       const Variant *variant) {
   VariantKey served = key;
   if (variant && arch == 0) {
-    served.underfilled &= (variant->code.sizeFacts & underfilledFact) != 0;
-    if (!(variant->code.sizeFacts & innerExtentFact))
+    served.underfilled &= (variant->code.schedule.sizeFacts & underfilledFact) != 0;
+    if (!(variant->code.schedule.sizeFacts & innerExtentFact))
       served.innerExtent = 0;
-    served.large |= (variant->code.sizeFacts & threadOrderFact) != 0 &&
+    served.large |= (variant->code.schedule.sizeFacts & threadOrderFact) != 0 &&
                     isInTurn(1) && !key.threadOrder;
   }
-  LaunchSchedule result{describeKind(served, arch), {}};
+  LaunchSchedule result{describeKind(served, arch), {}, {}};
   if (!hasSource()) {
     result.choices.push_back({"source", "none", "the code is from a file"});
     return result;
   }
   CompileOptions compiled = compileOptions(key, arch);
-  result.choices = schedule(source(), compiled);
+  Decisions decisions = schedule(source(), compiled);
+  result.choices = std::move(decisions.choices);
+  result.schedule = std::move(decisions.schedule);
   if (arch == 0) {
     std::string threads = std::to_string(ThreadPool::size());
     result.choices.push_back(

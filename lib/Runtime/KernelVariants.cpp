@@ -1,18 +1,22 @@
-//===- KernelVariants.cpp - Which variant a launch needs ----------------===//
+//===- KernelVariants.cpp - Variant lookup: one key per launch ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// `keyFor` checks the extents and reads the array descriptors in the parameter
-// block; the result, rank, which arrays are packed, whether 32-bit indices do,
-// names the variant. `find` walks the variants made so far, a list that only
-// grows and is read without a lock; a kernel has one or two.
+// `keyFor` checks the extents and reads the facts of a launch off the parameter
+// block: rank, which arrays are packed, whether 32-bit indices do. `applyNeeds`
+// weakens the key where the arrays do not meet what code of the kernel needs.
+// The key names one variant. `find` walks the variants made so far, a list that
+// only grows and is read without a lock; a kernel has one or two.
 //
 //===----------------------------------------------------------------------===//
 
+#include "ExactSums.h"
 #include "KernelImpl.h"
 #include "Overlap.h"
+#include "PrivateCopies.h"
 #include "cuda/Driver.h"
 #include "cuda/LibraryKernels.h"
+#include "cuda/TensorMaps.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -100,7 +104,7 @@ void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
   // Saved code is for the dimensions that it was saved with.
   if (!saved.empty() || options.debug)
     return;
-  // Of indices that are zero the kernel need not know.
+  // The kernel need not know of indices that are always zero.
   while (key.rank > 1 && dim.extent[key.rank - 1] == 1)
     --key.rank;
   if (key.rank == 1 || options.lanes != 0)
@@ -130,26 +134,22 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   VariantKey key;
   key.device = device;
   key.rank = dim.rank;
+  key.blockDim = options.blockDim;
   // The last GPU block may count beyond the end by its threads and items.
   key.index32 = items <= INT32_MAX - 4096;
   auto *bytes = static_cast<const char *>(params);
-  for (size_t i = 0; i < this->params.size(); ++i) {
-    const Param &param = this->params[i];
-    if (i < 64 && isIntegerScalar(param) &&
-        bytes[param.offset + param.size - 1] >= 0)
-      key.contiguous |= uint64_t(1) << i;
-    for (int64_t offset : param.arrays) {
-      ArrayDescriptor array;
-      std::memcpy(&array, bytes + param.offset + offset, sizeof(array));
-      int64_t count;
-      bool packed =
-          isPacked(array, param.elementSize, count) &&
-          (device == cpuDevice || isAligned(array, param.elementSize));
-      key.index32 &= count <= INT32_MAX;
-      plan.bytes += count * param.elementSize * (array.grad ? 2 : 1);
-      if (param.kind == Param::Kind::Array && packed && i < 64)
-        key.contiguous |= uint64_t(1) << i;
-    }
+  for (const IntegerArgument &integer : integers)
+    if (bytes[integer.highByte] >= 0)
+      key.nonNegative |= integer.bit;
+  for (const ArrayArgument &argument : arrays) {
+    ArrayDescriptor array;
+    std::memcpy(&array, bytes + argument.offset, sizeof(array));
+    int64_t count;
+    if (isPacked(array, argument.elementSize, count) &&
+        (device == cpuDevice || isAligned(array, argument.elementSize)))
+      key.packed |= argument.bit;
+    key.index32 &= count <= INT32_MAX;
+    plan.bytes += count * argument.elementSize * (array.grad ? 2 : 1);
   }
   if (device == cpuDevice) {
     // Sums keep their order in launches of any size where that is asked for.
@@ -160,10 +160,8 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
     return key;
   }
   key.blockDim = checkedBlockDim(blockDim);
-  int32_t extents[maxRank];
-  std::copy(dim.extent, dim.extent + dim.rank, extents);
   setSize(key, dim, items, deviceInfo(device).smCount);
-  key.flat = !fitsGrid(extents, dim.rank, key.blockDim);
+  key.flat = !fitsGrid(dim, key.blockDim);
   return key;
 }
 
@@ -172,21 +170,65 @@ void Kernel::Impl::findAccesses() {
   if (hasAccesses.load(std::memory_order_relaxed))
     return;
   if (hasSource())
-    accesses = warp::accesses(source());
-  hasAccesses.store(true, std::memory_order_release);
+    setAccesses(warp::accesses(source()));
 }
 
 /// On the CPU adjoints have another order of accesses without overlaps, loops
-/// that end by what they load have lanes, sums may be made in copies, and tiles
+/// whose end depends on loads have lanes, sums may be made in copies, and tiles
 /// are loaded where they are used.
-bool Kernel::Impl::isDisjoint(const VariantKey &key, const void *params) const {
-  bool matters = key.device != cpuDevice;
+void Kernel::Impl::setAccesses(std::vector<Access> list) {
+  accesses = std::move(list);
   for (const Access &access : accesses)
-    matters |= access.gradientSize != 0 || access.watched ||
-               (access.combined && (!access.fetched || isInTurn(1)));
-  if (!matters)
-    return false;
-  return areDisjoint(accesses, params);
+    overlapMatters |= access.gradientSize != 0 || access.watched ||
+                      (access.combined && (!access.fetched || isInTurn(1)));
+  hasAccesses.store(true, std::memory_order_release);
+}
+
+/// Appends the entries that a list does not have yet.
+template <typename Entry>
+static bool merge(std::vector<Entry> &list, const std::vector<Entry> &more) {
+  size_t before = list.size();
+  for (const Entry &entry : more)
+    if (std::none_of(list.begin(), list.end(), [&](const Entry &other) {
+          return std::memcmp(&entry, &other, sizeof(Entry)) == 0;
+        }))
+      list.push_back(entry);
+  return list.size() != before;
+}
+
+bool LaunchNeeds::add(const Schedule &schedule) {
+  bool isNew = merge(sums, schedule.sums);
+  isNew |= merge(tensorMaps, schedule.tensorMaps);
+  if (!schedule.copied.list.empty() && copied.list.empty()) {
+    copied = schedule.copied;
+    cost = schedule.cost;
+    isNew = true;
+  }
+  return isNew;
+}
+
+void Kernel::Impl::noteNeeds(const Schedule &schedule) {
+  const LaunchNeeds *known = needs.load(std::memory_order_relaxed);
+  auto more = known ? std::make_unique<LaunchNeeds>(*known)
+                    : std::make_unique<LaunchNeeds>();
+  if (!more->add(schedule))
+    return;
+  needs.store(more.get(), std::memory_order_release);
+  needsMade.push_back(std::move(more));
+}
+
+void Kernel::Impl::applyNeeds(const LaunchNeeds &needs, const Plan &plan,
+                              const void *params, VariantKey &key) const {
+  bool isCpu = plan.device == cpuDevice;
+  key.ordered =
+      (!isCpu || options.sameOnDevices) && overlap(needs.sums, params);
+  key.unmapped =
+      !isCpu && !needs.tensorMaps.empty() && !canMap(needs.tensorMaps, params);
+  // Code that does not know that arrays are disjoint makes no copies.
+  if (isCpu && !needs.copied.list.empty() &&
+      isWorthThreads(needs.cost * static_cast<double>(plan.items)) &&
+      chooseUpdates(needs.copied, params, plan.items) == UpdateMode::Atomic)
+    key.disjoint = false;
 }
 
 Kernel::Variant *Kernel::Impl::find(const VariantKey &key) const {
@@ -202,23 +244,16 @@ Kernel::Variant *Kernel::Impl::findForAnyRows(VariantKey key, int rank,
   key.innerExtent = 0;
   Variant *variant = find(key);
   bool isSmall =
-      variant && variant->code.cost * static_cast<double>(items) <= smallWork;
+      variant &&
+      variant->code.schedule.cost * static_cast<double>(items) <= smallWork;
   return isSmall ? variant : nullptr;
 }
 
 CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
                                             int arch) const {
   CompileOptions result;
+  static_cast<LaunchFacts &>(result) = key;
   result.target = arch == 0 ? "cpu" : "sm_" + std::to_string(arch);
-  result.rank = key.rank;
-  result.contiguous = key.contiguous;
-  result.index32 = key.index32;
-  result.flat = key.flat;
-  result.large = key.large;
-  result.underfilled = key.underfilled;
-  result.skinny = key.skinny;
-  result.maxBlockCoarsening = key.maxBlockCoarsening;
-  result.disjoint = key.disjoint;
   // For such devices alone, so with what later architectures do not have.
   if (arch == 90 && !key.unmapped)
     result.target += "a";
@@ -233,22 +268,22 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   result.lineinfo = options.lineinfo;
   result.optLevel = options.optLevel;
   result.threads = arch == 0 ? std::min(ThreadPool::size(), 16) : 1;
-  result.blockDim = key.blockDim ? key.blockDim : options.blockDim;
   if (options.maxThreads)
     result.blockDim = std::min(result.blockDim, options.maxThreads);
   result.maxRegisters = options.maxRegisters;
   result.minBlocks = options.minBlocks;
   result.lanes = arch == 0 ? options.lanes : 0;
-  result.innerExtent = key.innerExtent;
   return result;
 }
 
 VariantKey Kernel::Impl::usualKey(int rank) const {
   VariantKey key;
   key.rank = rank;
-  for (size_t i = 0; i < params.size() && i < 64; ++i)
-    if (params[i].kind == Param::Kind::Array || isIntegerScalar(params[i]))
-      key.contiguous |= uint64_t(1) << i;
+  key.blockDim = options.blockDim;
+  for (const IntegerArgument &integer : integers)
+    key.nonNegative |= integer.bit;
+  for (const ArrayArgument &array : arrays)
+    key.packed |= array.bit;
   key.disjoint = true;
   key.threadOrder = isInTurn(1);
   return key;

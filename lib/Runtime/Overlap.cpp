@@ -62,6 +62,12 @@ std::optional<AddressRange> warp::possibleRangeOf(const void *data,
 
 bool warp::isPacked(const ArrayDescriptor &array, int64_t elementSize,
                     int64_t &count) {
+  if (array.flags & packedFlag) {
+    count = 1;
+    for (int i = 0; i < array.ndim; ++i)
+      count *= array.shape[i];
+    return true;
+  }
   int64_t expected = elementSize;
   bool packed = true;
   count = 1;

@@ -27,7 +27,7 @@ using namespace warp;
 
 /// The version goes up when the file, the parameter block or what code calls
 /// changes.
-static constexpr FileFormat format{"WARPSAVE", 14, "saved module",
+static constexpr FileFormat format{"WARPSAVE", 15, "saved module",
                                    "compile it again"};
 
 //===----------------------------------------------------------------------===//
@@ -62,27 +62,13 @@ static KernelOptions readOptions(Reader &in) {
 }
 
 static void writeVariant(Writer &out, const SavedVariant &variant) {
-  out.number<int32_t>(variant.rank);
-  out.number<uint64_t>(variant.contiguous);
-  out.number<uint8_t>(variant.index32);
-  out.number<uint8_t>(variant.flat);
-  out.number<uint8_t>(variant.large);
-  out.number<uint8_t>(variant.disjoint);
-  out.number<uint8_t>(variant.threadOrder);
-  out.number<int32_t>(variant.blockDim);
+  writeFacts(out, variant);
   writeCode(out, variant.code);
 }
 
 static SavedVariant readVariant(Reader &in) {
   SavedVariant variant;
-  variant.rank = in.number<int32_t>(1, maxRank, "the rank of a launch");
-  variant.contiguous = in.number<uint64_t>();
-  variant.index32 = in.flag();
-  variant.flat = in.flag();
-  variant.large = in.flag();
-  variant.disjoint = in.flag();
-  variant.threadOrder = in.flag();
-  variant.blockDim = in.number<int32_t>(0, 1024, "the threads of a block");
+  readFacts(in, variant);
   variant.code = readCode(in);
   return variant;
 }
@@ -123,8 +109,8 @@ static std::string problemOf(const SavedKernel &kernel) {
   for (const SavedVariant &variant : kernel.variants) {
     if (problem.empty())
       problem = warp::problemOf(variant.code, kernel.params, bytes);
-    bool hasBlock = variant.blockDim >= variant.code.splitReduction;
-    if (problem.empty() && hasBlock == (kernel.target == "cpu"))
+    if (problem.empty() &&
+        variant.blockDim < variant.code.schedule.splitReduction)
       problem = "it has no possible block of threads";
   }
   if (problem.empty() && kernel.variants.empty())

@@ -13,6 +13,8 @@
 
 namespace warp {
 
+inline int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
+
 /// "4.0 GiB".
 std::string formatBytes(uint64_t bytes);
 

@@ -1,4 +1,4 @@
-//===- Choices.cpp - What was decided about launches ---------------------===//
+//===- Choices.cpp - Notes of scheduling decisions -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Choices.h - What was decided about launches -------------*- C++ -*-===//
+//===- Choices.h - Notes of scheduling decisions ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

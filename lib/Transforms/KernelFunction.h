@@ -49,7 +49,7 @@ inline bool isGpu(mlir::Operation *func) { return getVariant(func).isGpu(); }
 /// What passes found out about how a function is to be launched.
 inline ScheduleAttr getSchedule(mlir::Operation *func) {
   auto schedule = func->getAttrOfType<ScheduleAttr>(attr::schedule);
-  return schedule ? schedule : ScheduleAttr::getUnknown(func->getContext());
+  return schedule ? schedule : ScheduleAttr::getDefault(func->getContext());
 }
 
 inline void setSchedule(mlir::Operation *func, ScheduleAttr schedule) {

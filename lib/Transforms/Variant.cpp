@@ -6,13 +6,13 @@
 
 #include "Variant.h"
 
-#include "Choices.h"
-#include "Updates/Atomics.h"
 #include "WarpDialect/Passes.h"
 
 #include "llvm/Support/raw_ostream.h"
 #include "llvm/TargetParser/Host.h"
 #include "llvm/TargetParser/X86TargetParser.h"
+
+#include <algorithm>
 
 using namespace mlir;
 using warp::CompileOptions;
@@ -20,36 +20,6 @@ using warp::CompileOptions;
 //===----------------------------------------------------------------------===//
 // Text
 //===----------------------------------------------------------------------===//
-
-/// Calls `visit` with the name of each option and its member.
-template <typename Options, typename Visitor>
-static void visitOptions(Options &options, Visitor visit) {
-  visit("target", options.target);
-  visit("rank", options.rank);
-  visit("contiguous", options.contiguous);
-  visit("index32", options.index32);
-  visit("flat", options.flat);
-  visit("large", options.large);
-  visit("underfilled", options.underfilled);
-  visit("skinny", options.skinny);
-  visit("max-block-coarsening", options.maxBlockCoarsening);
-  visit("disjoint", options.disjoint);
-  visit("debug", options.debug);
-  visit("fast-math", options.fastMath);
-  visit("deterministic", options.deterministic);
-  visit("ordered", options.ordered);
-  visit("thread-order", options.threadOrder);
-  visit("lineinfo", options.lineinfo);
-  visit("opt-level", options.optLevel);
-  visit("block-dim", options.blockDim);
-  visit("threads", options.threads);
-  visit("driver-version", options.driverVersion);
-  visit("max-registers", options.maxRegisters);
-  visit("min-blocks", options.minBlocks);
-  visit("lanes", options.lanes);
-  visit("inner-extent", options.innerExtent);
-  visit("linked", options.linked);
-}
 
 static bool parse(StringRef text, std::string &value) {
   value = text.str();
@@ -66,9 +36,11 @@ template <typename Integer> static bool parse(StringRef text, Integer &value) {
 }
 
 bool warp::setOption(CompileOptions &options, StringRef key, StringRef value) {
+  std::string name = key.str();
+  std::replace(name.begin(), name.end(), '-', '_');
   bool isSet = false;
-  visitOptions(options, [&](StringRef name, auto &member) {
-    if (name == key)
+  CompileOptions::visit(options, [&](const FactInfo &fact, auto &member) {
+    if (name == fact.name)
       isSet = parse(value, member);
   });
   return isSet;
@@ -90,15 +62,48 @@ warp::parseOptions(StringRef text,
 std::string warp::toText(const CompileOptions &options) {
   std::string text;
   llvm::raw_string_ostream stream(text);
-  visitOptions(options, [&](StringRef name, const auto &member) {
-    stream << name << '=' << member << ' ';
+  CompileOptions::visit(options, [&](const FactInfo &fact, const auto &member) {
+    stream << fact.name << '=' << member << ' ';
   });
   return text;
 }
 
 //===----------------------------------------------------------------------===//
-// The attribute
+// Attributes
 //===----------------------------------------------------------------------===//
+
+template <typename Number> static void assign(Number &member, Number value) {
+  member = value;
+}
+static void assign(int &member, int64_t value) { member = int(value); }
+static void assign(double &member, int64_t value) { member = double(value); }
+
+static void assign(warp::CopiedArrays &copied, warp::CopiedAttr found) {
+  if (!found)
+    return;
+  for (auto array : found.getArrays().getAsRange<warp::CopiedArrayAttr>())
+    copied.list.push_back({array.getDescriptor(), array.getGradient(),
+                           array.getElementSize(), array.getNumbers(),
+                           array.getWidth(), array.getFloating()});
+  copied.plainTime = double(found.getPlainTime()) / 1e3;
+  copied.atomicTime = double(found.getAtomicTime()) / 1e3;
+}
+
+static void assign(std::vector<warp::SummedArray> &sums, ArrayAttr found) {
+  if (!found)
+    return;
+  for (auto array : found.getAsRange<warp::SummedArrayAttr>())
+    sums.push_back({array.getWidth(), array.getDescriptor(),
+                    array.getGradient(), array.getElementSize(),
+                    array.getStrideScale()});
+}
+
+#define GET_LAUNCH_CONVERSIONS
+#include "warp/LaunchContract.h.inc"
+
+warp::Schedule warp::readSchedule(ScheduleAttr schedule) {
+  return convert(schedule);
+}
 
 /// Vectors of 512 bits lower the clock before Ice Lake and Zen 4, but still pay
 /// there: 1.16x in the mean of 35 kernels on Cascade Lake.
@@ -153,17 +158,7 @@ warp::getVariant(MLIRContext *context, const CompileOptions &options,
                 << options.target << "'";
     return {};
   }
-  auto deterministic = !options.deterministic ? Determinism::none
-                       : options.ordered      ? Determinism::ordered
-                                              : Determinism::exact;
-  return VariantAttr::getChecked(
-      emitError, context, target, int64_t(options.rank), options.contiguous,
-      options.index32, options.flat, options.large, options.underfilled,
-      options.skinny, int64_t(options.maxBlockCoarsening), options.disjoint,
-      int64_t(options.blockDim), int64_t(options.threads),
-      int64_t(options.minBlocks), int64_t(options.lanes),
-      int64_t(options.innerExtent), options.debug, options.fastMath,
-      deterministic);
+  return convert(target, options, emitError);
 }
 
 bool warp::setVariant(FunctionOpInterface kernel,
@@ -173,9 +168,5 @@ bool warp::setVariant(FunctionOpInterface kernel,
   if (!variant)
     return false;
   kernel->setAttr(attr::variant, variant);
-  if (options.threadOrder && !variant.isGpu())
-    kernel->setAttr(attr::inTurn, UnitAttr::get(kernel->getContext()));
-  else
-    kernel->removeAttr(attr::inTurn);
   return true;
 }

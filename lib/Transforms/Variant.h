@@ -4,7 +4,7 @@
 //
 // `CompileOptions` is what the runtime asks for, `#warp.variant` what passes
 // read, and text what is written on the command line and hashed. All three
-// meet here and nowhere else.
+// meet here and nowhere else, and so do `#warp.schedule` and `Schedule`.
 //
 //===----------------------------------------------------------------------===//
 
@@ -29,6 +29,9 @@ getVariant(mlir::MLIRContext *context, const CompileOptions &options,
 /// there is no such launch.
 bool setVariant(mlir::FunctionOpInterface kernel,
                 const CompileOptions &options);
+
+/// A schedule as the runtime has it, but for what is read off the code.
+Schedule readSchedule(ScheduleAttr schedule);
 
 /// Bits of the widest vectors that do not lower a CPU's clock. "cpu" is the
 /// host, "cpu:<name>" another one.

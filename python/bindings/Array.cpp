@@ -205,6 +205,7 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
   array->device = device;
   array->pinned = pinned;
   array->contiguous = isContiguous(array->descriptor, itemSize);
+  array->descriptor.flags = array->contiguous ? packedFlag : 0;
   Py_XSETREF(array->dtype, Py_NewRef(dtype));
   Py_XSETREF(array->owner, Py_NewRef(owner));
   Py_CLEAR(array->shape);

@@ -142,6 +142,16 @@ static PyObject *printIr(PyObject *self, PyObject *args, PyObject *names) {
   });
 }
 
+/// A dictionary of the facts of a schedule that are numbers or flags.
+static py::dict factsOf(const Schedule &schedule) {
+  py::dict facts;
+  Schedule::visit(schedule, [&](const FactInfo &fact, const auto &value) {
+    if constexpr (std::is_arithmetic_v<std::decay_t<decltype(value)>>)
+      facts[fact.name] = value;
+  });
+  return facts;
+}
+
 static PyObject *schedules(PyObject *self, PyObject *args, PyObject *names) {
   static const char *keywords[] = {"device", "arch", "dim", nullptr};
   int device = defaultDevice, arch = 0;
@@ -167,7 +177,8 @@ static PyObject *schedules(PyObject *self, PyObject *args, PyObject *names) {
       for (const Choice &choice : schedule.choices)
         choices.append(py::make_tuple(choice.what, choice.value, choice.reason,
                                       choice.line));
-      list.append(py::make_tuple(schedule.launch, choices));
+      list.append(py::make_tuple(schedule.launch, choices,
+                                 factsOf(schedule.schedule)));
     }
     return list.release().ptr();
   });

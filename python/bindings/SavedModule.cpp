@@ -79,9 +79,9 @@ static py::list describeCodes(const SavedModule &module) {
       one["target"] = kernel.target;
       one["processor"] = kernel.processor;
       one["rank"] = variant.rank;
-      one["packed"] = variant.contiguous;
+      one["packed"] = variant.packed;
       one["index32"] = variant.index32;
-      one["block_dim"] = variant.blockDim;
+      one["block_dim"] = kernel.target == "cpu" ? 0 : variant.blockDim;
       one["entry"] = variant.code.entry;
       one["code"] = bytesOf(variant.code);
       list.append(one);

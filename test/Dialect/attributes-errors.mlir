@@ -27,25 +27,25 @@ func.func private @no_vectors() attributes {warp.target =
 
 // -----
 
-// expected-error @+2 {{(C1) expects a launch of 1 to 4 dimensions, but got 0}}
+// expected-error @+2 {{expects 'rank' to be from 1 to 4, but got '0'}}
 func.func private @rank() attributes {warp.variant =
     #warp.variant<target = <platform = cuda, version = 90>, rank = 0>}
 
 // -----
 
-// expected-error @+2 {{(C2) expects 1 thread or more, but got 0}}
+// expected-error @+2 {{expects 'block_dim' to be from 1 to 1048576, but got '0'}}
 func.func private @block() attributes {warp.variant =
-    #warp.variant<target = <platform = cuda, version = 90>, block = 0>}
+    #warp.variant<target = <platform = cuda, version = 90>, block_dim = 0>}
 
 // -----
 
-// expected-error @+2 {{(C3) expects 1 to 64 lanes, a power of two, or 0, but got 12}}
+// expected-error @+2 {{expects 'lanes' to be 0 or a power of two up to 64, but got '12'}}
 func.func private @lanes() attributes {warp.variant =
     #warp.variant<target = <platform = cpu, bits = 256>, lanes = 12>}
 
 // -----
 
-// expected-error @+2 {{(C3) expects 1 to 64 in a row, a power of two, or 0, but got 5}}
+// expected-error @+2 {{expects 'inner_extent' to be 0 or a power of two up to 64, but got '5'}}
 func.func private @row() attributes {warp.variant =
     #warp.variant<target = <platform = cpu, bits = 256>, inner_extent = 5>}
 

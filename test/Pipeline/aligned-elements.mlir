@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=7,target=sm_90 | FileCheck %s
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=0,target=sm_90 | FileCheck %s --check-prefix=ANY
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=7,target=sm_90 | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=0,target=sm_90 | FileCheck %s --check-prefix=ANY
 
 // Elements of packed arrays are aligned: one access has up to 16 bytes of them.
 // Half of an element, and those of other arrays, have their scalars' alignment.

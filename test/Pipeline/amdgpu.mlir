@@ -1,5 +1,5 @@
 // REQUIRES: amdgpu
-// RUN: warp-opt %s --warp-pipeline="to-gpu contiguous=3 target=sm_90" \
+// RUN: warp-opt %s --warp-pipeline="to-gpu packed=3 target=sm_90" \
 // RUN:   | mlir-opt --allow-unregistered-dialect \
 // RUN:       --pass-pipeline="builtin.module(rocdl-attach-target{chip=gfx90a},gpu.module(convert-scf-to-cf,convert-gpu-to-rocdl{chipset=gfx90a}),convert-to-llvm,reconcile-unrealized-casts)" \
 // RUN:       -o %t.mlir

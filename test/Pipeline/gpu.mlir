@@ -1,9 +1,9 @@
-// RUN: warp-opt %s --warp-pipeline="to-gpu contiguous=3 target=sm_90" | FileCheck %s
-// RUN: warp-opt %s --warp-pipeline="to-gpu contiguous=3 target=sm_90" | warp-opt | FileCheck %s
-// RUN: warp-opt %s --warp-emit=gpu --warp-options=contiguous=3,target=sm_90 | FileCheck %s
-// RUN: warp-opt %s --warp-pipeline="to-gpu contiguous=3 target=sm_90" \
+// RUN: warp-opt %s --warp-pipeline="to-gpu packed=3 target=sm_90" | FileCheck %s
+// RUN: warp-opt %s --warp-pipeline="to-gpu packed=3 target=sm_90" | warp-opt | FileCheck %s
+// RUN: warp-opt %s --warp-emit=gpu --warp-options=packed=3,target=sm_90 | FileCheck %s
+// RUN: warp-opt %s --warp-pipeline="to-gpu packed=3 target=sm_90" \
 // RUN:   | warp-opt --warp-convert-to-llvm --warp-verify-llvm | FileCheck %s --check-prefix=LLVM
-// RUN: warp-opt %s --warp-pipeline="to-gpu contiguous=3" | FileCheck %s --check-prefix=CPU
+// RUN: warp-opt %s --warp-pipeline="to-gpu packed=3" | FileCheck %s --check-prefix=CPU
 
 // Before it is NVIDIA's, a launch for a GPU is a kernel of the gpu dialect:
 // what it does has structured control flow, arithmetic and pointers.

@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=7,target=sm_90 | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=7,target=sm_90 | FileCheck %s
 
 // A matrix lives in registers. Its nine loads are offsets of one address, and so
 // are those of a thread of a whole warp, which loads words next to those of its

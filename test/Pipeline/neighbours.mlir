@@ -2,7 +2,7 @@
 // at for its sign, and where it is in the grid is none either.
 //
 // RUN: warp-opt %s --warp-emit=ptx \
-// RUN:   --warp-options="target=sm_90,contiguous=255,index32" | FileCheck %s
+// RUN:   --warp-options="target=sm_90,packed=255,non-negative=255,index32" | FileCheck %s
 
 // CHECK-LABEL: .entry neighbours
 // CHECK: [[LOOP:\$L__BB[0-9_]+]]:

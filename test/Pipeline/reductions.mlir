@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-emit=ptx --warp-options="target=sm_90,contiguous=255" | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options="target=sm_90,packed=255" | FileCheck %s
 
 // Updates whose old values have no use are instructions without a result.
 // CHECK-LABEL: .entry updates

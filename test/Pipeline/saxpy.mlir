@@ -1,11 +1,11 @@
-// RUN: warp-opt %s --warp-pipeline="to-warp contiguous=3" | FileCheck %s --check-prefix=WARP
-// RUN: warp-opt %s --warp-pipeline="to-thread contiguous=3" | FileCheck %s --check-prefix=THREAD
-// RUN: warp-opt %s --warp-pipeline="to-thread contiguous=3" | warp-opt | FileCheck %s --check-prefix=THREAD
-// RUN: warp-opt %s --warp-pipeline="to-launch contiguous=3" | FileCheck %s --check-prefix=LAUNCH
-// RUN: warp-opt %s --warp-pipeline="to-llvm contiguous=3" | FileCheck %s --check-prefix=LLVM
-// RUN: warp-opt %s --warp-emit=llvm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR
-// RUN: warp-opt %s --warp-emit=asm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=ASM
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s --check-prefix=PTX
+// RUN: warp-opt %s --warp-pipeline="to-warp packed=3" | FileCheck %s --check-prefix=WARP
+// RUN: warp-opt %s --warp-pipeline="to-thread packed=3" | FileCheck %s --check-prefix=THREAD
+// RUN: warp-opt %s --warp-pipeline="to-thread packed=3" | warp-opt | FileCheck %s --check-prefix=THREAD
+// RUN: warp-opt %s --warp-pipeline="to-launch packed=3" | FileCheck %s --check-prefix=LAUNCH
+// RUN: warp-opt %s --warp-pipeline="to-llvm packed=3" | FileCheck %s --check-prefix=LLVM
+// RUN: warp-opt %s --warp-emit=llvm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR
+// RUN: warp-opt %s --warp-emit=asm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=ASM
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=3,target=sm_90 | FileCheck %s --check-prefix=PTX
 
 // Every stage of one kernel, front-end IR to machine code.
 

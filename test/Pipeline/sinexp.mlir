@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --warp-emit=llvm --warp-options=contiguous=3,target=cpu:skylake-avx512 | FileCheck %s
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s --check-prefix=PTX
+// RUN: warp-opt %s --warp-emit=llvm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=3,target=sm_90 | FileCheck %s --check-prefix=PTX
 
 // The device library is inlined and runs in vectors of floats: no call of a
 // function of it is left, and nothing is widened to double precision.

@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=rank=3,contiguous=3,target=sm_90 | FileCheck %s
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=rank=3,contiguous=3,target=sm_90,flat | FileCheck %s --check-prefix=FLAT
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=rank=3,packed=3,target=sm_90 | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=rank=3,packed=3,target=sm_90,flat | FileCheck %s --check-prefix=FLAT
 
 // A launch of three dimensions lies on the grid's axes: indices come from
 // special registers, 32 bits wide, without a division; neighbours along the

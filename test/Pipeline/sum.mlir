@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-emit=ptx --warp-options=contiguous=3,target=sm_90 | FileCheck %s
+// RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=3,target=sm_90 | FileCheck %s
 
 // A sum into one address: over the warp by shuffles, over the block through a
 // few words of shared memory, then one atomic per block. Each thread comes to

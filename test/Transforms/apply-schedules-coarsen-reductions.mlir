@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-specialize="target=sm_90 large contiguous=3" --warp-lower-composites --warp-form-launch --warp-plan-updates --warp-combine-over-groups --warp-apply-schedules --warp-emit-entry | FileCheck %s
+// RUN: warp-opt %s --warp-specialize="target=sm_90 large packed=3" --warp-lower-composites --warp-form-launch --warp-plan-updates --warp-combine-over-groups --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
 // Threads of a large launch that do little but add to one element take many
 // items each, eight at a time, so that a block combines once for all of them.

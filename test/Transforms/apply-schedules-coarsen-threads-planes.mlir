@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 rank=2 contiguous=3 large=true" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 rank=2 packed=3 large=true" | FileCheck %s
 
 // A body that ends in a guard takes neighbours of the first of two dimensions
 // together where the guard holds for all, else one by one: two copies of the

@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=3 large=true" | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=3" | FileCheck %s --check-prefix=SMALL
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 packed=3 large=true" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 packed=3" | FileCheck %s --check-prefix=SMALL
 
 // A large launch that moves 8 bytes per item has all loads of four items before
 // the first store; the last block goes item by item.

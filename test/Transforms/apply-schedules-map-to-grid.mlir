@@ -1,13 +1,13 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
 #gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
-      block = 128>
+      block_dim = 128>
 
 // One thread: the last dimension is axis x, the one before it y, and a guard
 // stands where the CPU has loops. Nothing is divided.
 // CHECK-LABEL: llvm.func ptx_kernelcc @plane
 // CHECK-SAME: (%[[BLOCK:.*]]: !llvm.ptr {llvm.align = 8 : i64, llvm.byval = !llvm.array<80 x i8>})
-// CHECK-SAME: block = 128
+// CHECK-SAME: block_dim = 128
 // CHECK: gpu.block_id x
 // CHECK: gpu.block_dim x
 // CHECK: gpu.thread_id x
@@ -48,7 +48,7 @@ func.func @flat(%a: !warp.array<2 x si32>) attributes {
 // -----
 
 #gpu3 = #warp.variant<target = <platform = cuda, version = 90>, rank = 3,
-      block = 128>
+      block_dim = 128>
 
 // Threads that work on tiles together are a row of the last dimension; blocks
 // are numbered along one axis.

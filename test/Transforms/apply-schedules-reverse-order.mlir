@@ -1,8 +1,8 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu contiguous=3 large target=sm_90" \
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu packed=3 large target=sm_90" \
 // RUN:   | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu contiguous=3 target=sm_90" \
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu packed=3 target=sm_90" \
 // RUN:   | FileCheck %s --check-prefix=SMALL
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu contiguous=3 large debug target=sm_90" \
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu packed=3 large debug target=sm_90" \
 // RUN:   | FileCheck %s --check-prefix=SMALL
 
 // Blocks count from the last on if the header says so.

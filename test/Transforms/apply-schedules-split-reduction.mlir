@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 contiguous=3 underfilled" | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 contiguous=3" | FileCheck %s --check-prefix=MANY
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 packed=3 underfilled" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 packed=3" | FileCheck %s --check-prefix=MANY
 
 // The eight warps of a block have the same 32 indices and an eighth of the loop
 // each; the first adds up what the others leave in block memory.

@@ -1,5 +1,5 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 rank=2 contiguous=3 disjoint=true" | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 rank=2 contiguous=3 disjoint=true block-dim=64" | FileCheck %s --check-prefix=NARROW
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 rank=2 packed=3 disjoint=true" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 rank=2 packed=3 disjoint=true block-dim=64" | FileCheck %s --check-prefix=NARROW
 
 // A store with the indices exchanged: a thread loads four elements of a column,
 // the block waits, and the thread stores four of a row.

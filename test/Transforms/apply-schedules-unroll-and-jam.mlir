@@ -1,9 +1,9 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch target=sm_90 contiguous=3 disjoint=true" --warp-apply-schedules --warp-emit-entry | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch target=sm_90 packed=3 disjoint=true" --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
 // Two indices of a thread go through the loop together and load once for both;
 // the second one stores if there is one.
 // CHECK-LABEL: llvm.func ptx_kernelcc @pairs(
-// CHECK-SAME: coarsening = 2, size_facts = 2
+// CHECK-SAME: coarsening = 2{{.*}}size_facts = 2
 // CHECK: %[[FIRST:.*]] = arith.addi
 // CHECK: %[[SECOND:.*]] = arith.addi %[[FIRST]],
 // CHECK: scf.if

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-apply-schedules | FileCheck %s
 
-#small = #warp.variant<target = <platform = cuda, version = 90>, contiguous = 3>
+#small = #warp.variant<target = <platform = cuda, version = 90>, packed = 3>
 
 // Threads that are mapped to the grid have no indices: they read their place,
 // and compare it with the extent of the launch. A schedule that does not pay

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>, contiguous = 1>
+#cpu = #warp.variant<target = <platform = cpu, bits = 128>, packed = 1>
 
 // A launch of rank 1 is one loop; arguments are read before.
 // CHECK-LABEL: llvm.func @line

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 29>
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, non_negative = 4, packed = 1>
 
 // The body becomes a region of threads, their indices its arguments. Each fact
 // the launch promises of arguments stays with them: packed arrays, integers
@@ -52,7 +52,7 @@ func.func @plane(%a: !warp.array<3 x f32>, %b: !warp.array<1 x si64>, %s: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 3>
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3>
 
 // Arguments that were taken apart: facts are those of the whole, names of
 // struct fields are paths, and an array in a struct is not promised packed.

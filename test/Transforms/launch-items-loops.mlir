@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=3 large=true" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 packed=1 non-negative=2 large=true" | FileCheck %s
 
 // A loop may take long in some threads: each of them has one item, however few
 // bytes it moves.

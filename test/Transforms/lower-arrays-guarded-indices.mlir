@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm contiguous=1" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm packed=1" | FileCheck %s
 
 // `i - 1` needs no wrapping where a branch lets only positive `i` pass.
 // CHECK-LABEL: llvm.func @inside

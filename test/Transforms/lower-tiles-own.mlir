@@ -56,7 +56,7 @@ func.func @shared(%a: !warp.array<1 x f32>)
 
 // -----
 
-#exact = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true, deterministic = exact>
+#exact = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true, deterministic = true>
 
 // Exact sums are made in memory of their own, so that no update is plain.
 // CHECK-LABEL: func.func @exact

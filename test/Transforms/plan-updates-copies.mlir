@@ -9,7 +9,7 @@
 // Sixteen workers do without atomic instructions if each has an array of its
 // own: that of three floats an element, described at byte 80.
 // CHECK-LABEL: func.func @forces
-// CHECK-SAME: exclusive = true, copied = <arrays = [#warp.copied_array<descriptor = 80, element_size = 12, numbers = 3>]
+// CHECK-SAME: copied = <arrays = [#warp.copied_array<descriptor = 80, element_size = 12, numbers = 3>]{{.*}}exclusive = true
 func.func @forces(%at: !warp.array<1 x si32>,
                   %f: !warp.array<1 x !warp.vec<3 x f32>>)
     attributes {warp.kernel} {

@@ -61,7 +61,7 @@ func.func @any_order(%to: !warp.array<1 x si32>, %sum: !warp.array<1 x si32>)
 // combined they are, in the block's order; else the block has one thread.
 // BLOCK-LABEL: llvm.func @combined(
 // BLOCK-SAME: nvvm.kernel
-// BLOCK-SAME: #warp.schedule<single_block = 256
+// BLOCK-SAME: #warp.schedule<{{.*}}single_block = 256
 // BLOCK: nvvm.shfl.sync down
 func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
     attributes {warp.kernel} {
@@ -77,7 +77,7 @@ func.func @combined(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // BLOCK-LABEL: llvm.func @scattered(
 // BLOCK-SAME: nvvm.kernel
-// BLOCK-SAME: #warp.schedule<single_block = 1
+// BLOCK-SAME: #warp.schedule<{{.*}}single_block = 1
 // BLOCK: llvm.atomicrmw fadd
 func.func @scattered(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,
                      %sum: !warp.array<1 x f32>) attributes {warp.kernel} {

@@ -5,15 +5,15 @@
 // One thread hands out slots, without atomic instructions; on a GPU all do. The
 // code is for launches that keep the order, or for those that do not.
 // CHECK-LABEL: llvm.func @slots
-// CHECK-SAME: facts = 32, exclusive = true
+// CHECK-SAME: exclusive = true{{.*}}size_facts = 32
 // CHECK-NOT: atomicrmw
 // ANY-LABEL: llvm.func @slots
 // ANY-NOT: exclusive = true
-// ANY-SAME: facts = 32
+// ANY-SAME: size_facts = 32
 // ANY-NOT: exclusive = true
 // ANY: llvm.atomicrmw add
 // GPU-LABEL: llvm.func @slots
-// GPU-NOT: facts = 32
+// GPU-NOT: size_facts = 32
 // GPU-NOT: exclusive = true
 // GPU: llvm.atomicrmw add
 func.func @slots(%used: !warp.array<1 x si32>, %holder: !warp.array<1 x si32>)
@@ -45,7 +45,7 @@ func.func @exchange(%last: !warp.array<1 x si32>) attributes {warp.kernel} {
 
 // Nobody sees the order of sums, so one code does for launches of any size.
 // CHECK-LABEL: llvm.func @sums
-// CHECK-NOT: facts = 32
+// CHECK-NOT: size_facts = 32
 // CHECK-NOT: exclusive = true
 // CHECK: llvm.atomicrmw fadd
 func.func @sums(%x: !warp.array<1 x f32>, %to: !warp.array<1 x si32>,

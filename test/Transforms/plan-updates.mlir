@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates \
 // RUN:   | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 31>
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 15, non_negative = 16>
 
 // All threads share element 0; lanes share element k in one iteration, and
 // mostly have the same quotient; elements of their own, threads update alone.
@@ -66,7 +66,7 @@ func.func @gpu(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>,
 // -----
 
 #exact = #warp.variant<target = <platform = cuda, version = 90>,
-                       deterministic = exact>
+                       deterministic = true>
 
 // An exact sum into one element is that of a block.
 // CHECK-LABEL: func.func @exact

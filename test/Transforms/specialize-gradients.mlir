@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-specialize="rank=1" | FileCheck %s
 // RUN: warp-opt %s --warp-specialize="rank=2" | FileCheck %s --check-prefix=TWO
-// RUN: warp-opt %s --warp-pipeline="to-llvm contiguous=3" | FileCheck %s --check-prefix=LLVM
+// RUN: warp-opt %s --warp-pipeline="to-llvm packed=3" | FileCheck %s --check-prefix=LLVM
 // RUN: warp-opt %s --warp-pipeline="to-llvm debug" | FileCheck %s --check-prefix=DEBUG
 // RUN: warp-opt %s --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=GPU
 

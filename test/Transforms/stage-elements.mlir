@@ -1,9 +1,9 @@
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=255" | FileCheck %s
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 rank=2 contiguous=255 skinny" | FileCheck %s --check-prefix=GRID
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 packed=255 non-negative=255" | FileCheck %s
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 rank=2 packed=255 non-negative=255 skinny" | FileCheck %s --check-prefix=GRID
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=NONE
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=255 debug" | FileCheck %s --check-prefix=NONE
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 contiguous=255 block-dim=1024" | FileCheck %s --check-prefix=BLOCK
-// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=cpu contiguous=255" | FileCheck %s --check-prefix=NONE
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 packed=255 non-negative=255 debug" | FileCheck %s --check-prefix=NONE
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=sm_90 packed=255 non-negative=255 block-dim=1024" | FileCheck %s --check-prefix=BLOCK
+// RUN: warp-opt %s --split-input-file --warp-pipeline="to-llvm target=cpu packed=255 non-negative=255" | FileCheck %s --check-prefix=NONE
 
 // Arrays that may have gaps, a launch for debugging, the CPU: each thread
 // accesses its own element.

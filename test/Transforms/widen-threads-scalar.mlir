@@ -78,7 +78,7 @@ func.func @arrays(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, contiguous = 1,
+#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
       lanes = 4, debug = true>
 
 // A debugging launch names the thread that fails.
@@ -94,7 +94,7 @@ func.func @debugging(%x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, contiguous = 1,
+#gpu = #warp.variant<target = <platform = cuda, version = 90>, packed = 1,
       lanes = 4>
 
 // Threads of a GPU are lanes of a warp already.
@@ -142,7 +142,7 @@ func.func @noted(%flags: !warp.array<1 x si32>)
 
 // -----
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4, deterministic = ordered>
+#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4, deterministic = true, ordered = true>
 
 // Threads of a deterministic launch get places in a list in their order, those
 // of both branches.

@@ -56,7 +56,7 @@ assemble() {
     cp "$bundle"/{__init__,config}.pyi "$package/" &&
     mkdir -p "$package/include" "$package/cmake" &&
     cp -r include/warp "$package/include/" &&
-    cp "$bundle/HandleKinds.inc" "$package/include/warp/" &&
+    cp "$bundle"/{HandleKinds,LaunchContract.h}.inc "$package/include/warp/" &&
     cp cmake/warpConfig.cmake "$package/cmake/" || return 1
   "$python" - "$bundle/libwarp.so.xz" "$package/libwarp.so" <<'PYTHON' || return 1
 import lzma, shutil, sys

@@ -37,6 +37,14 @@ template <typename Fn> Fn *fakeSymbol(const char *name) {
 
 bool isFake() { return fakeSymbol<size_t()>("fakeCudaBytesInUse") != nullptr; }
 
+VariantKey keyOf(int rank, bool flat = false) {
+  VariantKey key;
+  key.device = 0;
+  key.rank = rank;
+  key.flat = flat;
+  return key;
+}
+
 std::vector<int> iota(size_t count) {
   std::vector<int> numbers(count);
   std::iota(numbers.begin(), numbers.end(), 0);
@@ -209,7 +217,7 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
   for (auto [z, y, x] : {std::array{1, 1, 1}, std::array{3, 5, 7},
                          std::array{2, 300, 3}, std::array{70, 2, 33}}) {
     Kernel::Variant variant;
-    variant.key = {.device = 0, .rank = 3, .blockDim = 256};
+    variant.key = keyOf(3);
     variant.code.binary.assign(ptx, ptx + std::strlen(ptx) + 1);
     variant.code.entry = "mark";
     variant.place(loadOnCuda(variant, variant.code));
@@ -239,7 +247,7 @@ TEST_F(Cuda, StartsEarlyWhatWaits) {
     GTEST_SKIP() << "needs the fake driver";
   auto startsEarly = [&](const std::string &body, const Stream *stream) {
     Kernel::Variant variant;
-    variant.key = {.device = 0, .rank = 1, .blockDim = 256};
+    variant.key = keyOf(1);
     std::string ptx = ".visible .entry k() {" + body + "ret; }";
     variant.code.entry = "k";
     variant.code.binary.assign(ptx.begin(), ptx.end());
@@ -262,7 +270,7 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
     GTEST_SKIP() << "needs the fake driver";
   auto shape = [&](int rank, std::array<int, 4> dim, bool flat = false) {
     Kernel::Variant variant;
-    variant.key = {.device = 0, .rank = rank, .flat = flat, .blockDim = 256};
+    variant.key = keyOf(rank, flat);
     variant.flat = flat;
     variant.place(std::make_unique<CudaEntry>());
     LaunchHeader header;
@@ -282,20 +290,20 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
   auto *lastLaunch = fakeSymbol<const char *()>("fakeCudaLastLaunch");
   if (!lastLaunch)
     GTEST_SKIP() << "needs the fake driver";
-  auto shape = [&](const Code &code, int rank, std::array<int, 4> dim) {
+  auto shape = [&](const Schedule &schedule, int rank, std::array<int, 4> dim) {
     Kernel::Variant variant;
-    variant.key = {.device = 0, .rank = rank, .blockDim = 256};
-    variant.code = code;
+    variant.key = keyOf(rank);
+    variant.code.schedule = schedule;
     variant.place(std::make_unique<CudaEntry>());
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launchOnCuda(variant, "shape", &header, nullptr, /*openBlock=*/true);
-    if (code.blockCoarsening > 1)
-      dim[rank - 2] /= code.blockCoarsening;
+    if (schedule.blockCoarsening > 1)
+      dim[rank - 2] /= schedule.blockCoarsening;
     EXPECT_TRUE(std::equal(dim.begin(), dim.end(), header.dim));
     return std::string(lastLaunch());
   };
-  Code split, tiles, patches, joined;
+  Schedule split, tiles, patches, joined;
   split.splitReduction = 8;
   EXPECT_EQ(shape(split, 1, {1000, 1, 1, 1}), "(32, 1, 1) x (32, 8, 1)");
   tiles.transposeTile = 32;
@@ -313,7 +321,7 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
 // A launch begins with the memory that the one before has left in the cache.
 TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
   Kernel::Variant variant;
-  variant.key = {.device = 0, .rank = 1, .blockDim = 256};
+  variant.key = keyOf(1);
   variant.place(std::make_unique<CudaEntry>());
   int64_t cache = deviceInfo(0).cacheBytes;
   ASSERT_GT(cache, 0);
@@ -324,7 +332,7 @@ TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
     return header.reversed;
   };
   EXPECT_EQ(order(2 * cache), 0u);
-  variant.code.reverseOrder = true;
+  variant.code.schedule.reverseOrder = true;
   uint64_t first = order(2 * cache);
   EXPECT_EQ(order(cache + 1), 1 - first);
   EXPECT_EQ(order(cache), 0u);
@@ -353,18 +361,6 @@ TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
   EXPECT_EQ(choose(4, 7, 1 << 24, true), 256);
   // The code is for blocks of one size.
   EXPECT_EQ(choose(0, 0, 16384), 256);
-}
-
-TEST_F(Cuda, GridAxesHoldTheLaunchOrItIsFlat) {
-  auto fits = [](int rank, std::vector<int> dim) {
-    return fitsGrid(dim.data(), rank, 256);
-  };
-  EXPECT_TRUE(fits(1, {INT32_MAX}));
-  EXPECT_TRUE(fits(2, {500000, 1000}));
-  EXPECT_FALSE(fits(2, {INT32_MAX, 1000}));
-  EXPECT_TRUE(fits(3, {65535, 8, 32}));
-  EXPECT_FALSE(fits(3, {65536, 8, 32}));
-  EXPECT_FALSE(fits(4, {1, 1, 1, 1}));
 }
 
 // A check that failed on the device is raised by the next synchronisation,

@@ -55,9 +55,9 @@ std::vector<float> run(void *entry, std::vector<float> x, int64_t begin,
   return y;
 }
 
-Code compileUnary(const std::string &builtin, uint64_t contiguous) {
+Code compileUnary(const std::string &builtin, uint64_t packed) {
   CompileOptions options;
-  options.contiguous = contiguous;
+  options.packed = packed;
   return compile(Module::fromText(unaryKernel(builtin)), options);
 }
 

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Runtime/Bytes.h"
 #include "warp/KernelCache.h"
 
 #include <cerrno>
@@ -31,30 +32,34 @@ Code sampleCode(size_t size = 5000) {
   for (size_t i = 0; i < size; ++i)
     code.binary.push_back(static_cast<char>(i * 7 + (i >> 8)));
   code.sites = {{"saxpy", "a.py", "x", 3, 12}, {"saxpy", "a.py", "y", 4, 5}};
-  code.cost = 4.5;
-  code.usesPrintf = true;
-  code.copied.list = {{80, 1, 12, 3, 64, 1}, {136, 0, 4, 1, 32, 0}};
-  code.copied.plainTime = 3.25;
-  code.copied.atomicTime = 17.5;
+  code.schedule.cost = 4.5;
+  code.schedule.usesPrintf = true;
+  code.schedule.copied.list = {{80, 1, 12, 3, 64, 1}, {136, 0, 4, 1, 32, 0}};
+  code.schedule.copied.plainTime = 3.25;
+  code.schedule.copied.atomicTime = 17.5;
+  code.schedule.coarsening = 8;
+  code.schedule.rowCoarsening = 2;
+  code.schedule.tensorMaps = {{80, 192, 64, 32, 2, 128}};
+  code.schedule.sums = {{32, 80, 0, 4, 1}};
   return code;
 }
 
 void expectSame(const Code &a, const Code &b) {
   EXPECT_EQ(a.entry, b.entry);
   EXPECT_EQ(a.binary, b.binary);
-  EXPECT_EQ(a.cost, b.cost);
-  EXPECT_EQ(a.usesPrintf, b.usesPrintf);
-  EXPECT_EQ(a.copied.plainTime, b.copied.plainTime);
-  EXPECT_EQ(a.copied.atomicTime, b.copied.atomicTime);
-  ASSERT_EQ(a.copied.list.size(), b.copied.list.size());
-  for (size_t i = 0; i < a.copied.list.size(); ++i) {
-    EXPECT_EQ(a.copied.list[i].descriptor, b.copied.list[i].descriptor);
-    EXPECT_EQ(a.copied.list[i].gradient, b.copied.list[i].gradient);
-    EXPECT_EQ(a.copied.list[i].elementSize, b.copied.list[i].elementSize);
-    EXPECT_EQ(a.copied.list[i].numbers, b.copied.list[i].numbers);
-    EXPECT_EQ(a.copied.list[i].width, b.copied.list[i].width);
-    EXPECT_EQ(a.copied.list[i].floating, b.copied.list[i].floating);
-  }
+  // Each fact as bytes.
+  auto bytesOf = [](const Code &code) {
+    Code facts;
+    facts.schedule = code.schedule;
+    Writer out;
+    writeCode(out, facts);
+    return out.bytes;
+  };
+  EXPECT_EQ(bytesOf(a), bytesOf(b));
+  EXPECT_EQ(a.schedule.cost, b.schedule.cost);
+  EXPECT_EQ(a.schedule.tensorMaps.size(), b.schedule.tensorMaps.size());
+  EXPECT_EQ(a.schedule.sums.size(), b.schedule.sums.size());
+  EXPECT_EQ(a.schedule.copied.list.size(), b.schedule.copied.list.size());
   ASSERT_EQ(a.sites.size(), b.sites.size());
   for (size_t i = 0; i < a.sites.size(); ++i) {
     EXPECT_EQ(a.sites[i].kernel, b.sites[i].kernel);

@@ -73,7 +73,7 @@ std::vector<float> run(const std::string &target, uint64_t mesh,
                        std::vector<scenes::Vertex> &x) {
   CompileOptions options;
   options.target = target;
-  options.contiguous = 6;
+  options.packed = options.nonNegative = 6;
   void *entry = Jit::get().load(compile(Module::fromText(kernel), options));
   std::vector<float> found(threads * numbers, -7.0f);
   Block block{{}, mesh, {}, {}};

@@ -118,7 +118,7 @@ Results run(const std::string &target, int lanes) {
   constexpr int threads = 1003;
   CompileOptions options;
   options.target = target;
-  options.contiguous = 15;
+  options.packed = options.nonNegative = 15;
   options.lanes = lanes;
   void *entry = Jit::get().load(compile(Module::fromText(kernel), options));
   std::mt19937 random(3);

@@ -83,7 +83,7 @@ struct Scatter {
 };
 
 UpdateMode modeOf(const Kernel::Plan &plan, const void *params) {
-  return chooseUpdates(plan.variant->code.copied, params, plan.items);
+  return chooseUpdates(plan.variant->code.schedule.copied, params, plan.items);
 }
 
 class PrivateCopiesTest : public testing::Test {
@@ -101,7 +101,7 @@ TEST_F(PrivateCopiesTest, SumsAreExactLaunchAfterLaunch) {
     for (int launches = 1; launches <= 3; ++launches) {
       Kernel::Plan plan =
           kernel.prepare(cpuDevice, scatter.dim, &scatter.params);
-      ASSERT_EQ(plan.variant->code.copied.list.size(),
+      ASSERT_EQ(plan.variant->code.schedule.copied.list.size(),
                 ThreadPool::size() > 1 ? 2u : 0u);
       if (ThreadPool::size() > 1)
         EXPECT_EQ(modeOf(plan, &scatter.params), UpdateMode::Copies) << bins;
@@ -138,7 +138,7 @@ TEST_F(PrivateCopiesTest, OverlappingArraysHaveNone) {
   scatter.params.count = arrayOf(memory.data() + 100, 100, 8);
   scatter.params.sum = arrayOf(memory.data(), 100, 16);
   Kernel::Plan plan = kernel.prepare(cpuDevice, scatter.dim, &scatter.params);
-  EXPECT_TRUE(plan.variant->code.copied.list.empty());
+  EXPECT_TRUE(plan.variant->code.schedule.copied.list.empty());
 }
 
 TEST_F(PrivateCopiesTest, CallersTakeTurns) {

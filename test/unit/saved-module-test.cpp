@@ -134,8 +134,8 @@ TEST_F(SavedModuleTest, HasCodeForSlotsInOrderAndInAnyOrder) {
     EXPECT_EQ(module.kernels[0].options.orderedSlots, limit);
     Turns turns;
     for (const SavedVariant &variant : module.kernels[0].variants) {
-      EXPECT_NE(variant.code.sizeFacts & threadOrderFact, 0);
-      EXPECT_TRUE(variant.code.exclusive || !variant.threadOrder);
+      EXPECT_NE(variant.code.schedule.sizeFacts & threadOrderFact, 0);
+      EXPECT_TRUE(variant.code.schedule.exclusive || !variant.threadOrder);
       turns.push_back(variant.threadOrder);
     }
     return turns;
@@ -210,7 +210,7 @@ TEST_F(SavedModuleTest, RejectsDamagedFiles) {
   std::string other = bytes;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved module 'm.warp' has format 99, but this "
-                         "release reads format 14, compile it again");
+                         "release reads format 15, compile it again");
   for (size_t at = 28; at < bytes.size(); at += 997) {
     std::string broken = bytes;
     broken[at] ^= 1;

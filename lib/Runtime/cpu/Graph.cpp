@@ -150,9 +150,9 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
   graph->blocks.push_back(std::move(block));
   graph->work += plan.work;
   bool reports = Kernel::reports(plan);
-  if (Kernel::isShort(plan) && !reports && !variant.code.exclusive &&
-      !variant.code.atomics && variant.code.sums.empty() &&
-      !variant.code.usesPrintf)
+  if (Kernel::isShort(plan) && !reports && !variant.code.schedule.exclusive &&
+      !variant.code.schedule.atomics && variant.code.schedule.sums.empty() &&
+      !variant.code.schedule.usesPrintf)
     return add({EntryStep{&variant, data, plan.items}, kernel.name()});
   std::function<void()> run = [&kernel, plan, data] { kernel.run(plan, data); };
   if (reports) {

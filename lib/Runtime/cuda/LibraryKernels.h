@@ -12,13 +12,12 @@
 
 #include "Code.h"
 #include "Device.h"
+#include "Support.h"
 #include "warp/Sequences.h"
 
 #include <string>
 
 namespace warp {
-
-inline int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
 struct LibraryKernel {
   cuda::Function function = nullptr;

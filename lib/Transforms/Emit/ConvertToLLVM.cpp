@@ -203,7 +203,7 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
     if (!entry)
       return signalPassFailure();
     setFloatFlags(entry);
-    int64_t blockDim = warp::getVariant(entry).getBlock();
+    int64_t blockDim = warp::getVariant(entry).getBlockDim();
     DictionaryAttr parameterFacts = kernel ? kernel.getArgAttrDict(0) : nullptr;
 
     ConversionTarget branches(getContext());

@@ -106,7 +106,7 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance,
   if (auto loop = dyn_cast<scf::WhileOp>(op); loop && mayWait(loop, variance))
     return "a loop may wait for another thread";
   bool isDeterministic = warp::getVariant(kernel).isDeterministic();
-  bool isInTurn = kernel->hasAttr(warp::attr::inTurn);
+  bool isInTurn = warp::getVariant(kernel).keepsThreadOrder();
   if ((isDeterministic && warp::tellsTurn(op)) ||
       (isInTurn && warp::mayTellTurn(op) && !isOnlyTurn(op, kernel)))
     return "updates that tell who came first are made in the order of threads";

@@ -33,7 +33,7 @@
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TilePasses.h"
 
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"

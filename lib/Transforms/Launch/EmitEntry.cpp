@@ -178,7 +178,7 @@ EntryBuilder::Values EntryBuilder::buildGpu() {
   if (sums.empty())
     return sums;
   warp::BlockReduce reduce(b, loc, kernel->getParentOfType<ModuleOp>(),
-                           variant.getBlock());
+                           variant.getBlockDim());
   SmallVector<warp::Reduced> reduced;
   for (auto [kind, type, sum, identity] : llvm::zip_equal(
            threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),

@@ -75,7 +75,6 @@ static void describeArguments(FunctionOpInterface kernel,
     StringAttr name;
     if (names && i < names.size())
       name = dyn_cast<StringAttr>(names[i]);
-    bool isRegular = variant.isContiguous(i);
     SmallVector<warp::Leaf> leaves;
     warp::collectLeaves(type, 0, leaves);
     SmallVector<std::string> leafNames;
@@ -84,9 +83,10 @@ static void describeArguments(FunctionOpInterface kernel,
     leafNames.resize(leaves.size());
     for (const std::string &leafName : leafNames) {
       unsigned argument = next++;
-      if (isRegular && isa<warp::ArrayType>(type))
+      if (isa<warp::ArrayType>(type) && variant.isPacked(i))
         kernel.setArgAttr(argument, warp::attr::packed, b.getUnitAttr());
-      if (isRegular && isa<IntegerType>(type) && !type.isInteger(1))
+      if (isa<IntegerType>(type) && !type.isInteger(1) &&
+          variant.isNonNegative(i))
         kernel.setArgAttr(argument, warp::attr::nonNegative, b.getUnitAttr());
       if (!leafName.empty())
         kernel.setArgAttr(argument, warp::attr::name,
@@ -118,10 +118,9 @@ static void formThreads(FunctionOpInterface kernel) {
   thread->walk([&](warp::TidOp tid) {
     for (auto [i, result] : llvm::enumerate(tid.getResults())) {
       OpBuilder at(tid);
-      Value index = int64_t(i) < rank
-                        ? Value(thread->getArgument(i))
-                        : Value(arith::ConstantOp::create(
-                              at, loc, at.getI32IntegerAttr(0)));
+      Value index = int64_t(i) < rank ? Value(thread->getArgument(i))
+                                      : Value(arith::ConstantOp::create(
+                                            at, loc, at.getI32IntegerAttr(0)));
       if (result.getType() != index.getType())
         index = arith::ExtSIOp::create(at, loc, result.getType(), index);
       result.replaceAllUsesWith(index);

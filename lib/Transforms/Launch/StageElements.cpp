@@ -227,7 +227,7 @@ static int64_t getSharedSize(ModuleOp module) {
 
 warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   StagedAccesses staged;
-  int64_t blockDim = getVariant(entry).getBlock();
+  int64_t blockDim = getVariant(entry).getBlockDim();
   int64_t warps = llvm::divideCeil(blockDim, warpSize);
   auto module = entry->getParentOfType<ModuleOp>();
   int64_t left = mostShared - getSharedSize(module);

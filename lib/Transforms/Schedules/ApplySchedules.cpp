@@ -22,7 +22,7 @@ namespace warp {
 } // namespace warp
 
 using namespace mlir;
-using warp::Schedule;
+using warp::LaunchRewrite;
 using warp::ScheduleSite;
 using warp::ScheduleStage;
 
@@ -36,7 +36,7 @@ static void liftRegisterLimit(Operation *kernel) {
 }
 
 /// Asks one schedule; true if it is to be applied.
-static bool choose(ScheduleSite &site, Schedule &schedule) {
+static bool choose(ScheduleSite &site, LaunchRewrite &schedule) {
   warp::GridMapping *mapping = schedule.asMapping();
   if ((mapping && site.mapping) || !schedule.applies())
     return false;
@@ -45,7 +45,7 @@ static bool choose(ScheduleSite &site, Schedule &schedule) {
     warp::setSchedule(function,
                       warp::getSchedule(function).withSizeFacts(facts));
   bool pays = schedule.profit();
-  Schedule::Description text = schedule.describe(pays);
+  LaunchRewrite::Description text = schedule.describe(pays);
   if (mapping) {
     if (mapping->needsRegisters(pays))
       liftRegisterLimit(function);
@@ -60,11 +60,11 @@ static bool choose(ScheduleSite &site, Schedule &schedule) {
 }
 
 static void applySchedules(ScheduleSite &site, ScheduleStage stage) {
-  SmallVector<std::unique_ptr<Schedule>> chosen;
+  SmallVector<std::unique_ptr<LaunchRewrite>> chosen;
   for (const warp::ScheduleEntry &entry : warp::getSchedules()) {
     if (entry.stage != stage || !entry.isSupported(site.variant.getTarget()))
       continue;
-    std::unique_ptr<Schedule> schedule = entry.make(site);
+    std::unique_ptr<LaunchRewrite> schedule = entry.make(site);
     if (choose(site, *schedule))
       chosen.push_back(std::move(schedule));
   }

@@ -28,7 +28,7 @@
 #include "Tiles/TileProducts.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/TilePasses.h"
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "llvm/ADT/MapVector.h"
 #include "llvm/ADT/TypeSwitch.h"
@@ -47,10 +47,10 @@ constexpr int64_t mostBlocks = 4;
 /// Bytes of shared memory, so that there is room for pipeline stages.
 constexpr int64_t mostBytes = 128 * 1024;
 
-class CoarsenBlocks : public Schedule {
+class CoarsenBlocks : public LaunchRewrite {
 public:
   explicit CoarsenBlocks(ScheduleSite &site)
-      : Schedule(site), kernel(site.function),
+      : LaunchRewrite(site), kernel(site.function),
         dimension(site.variant.getRank() - 2) {}
 
   bool applies() override;

@@ -16,7 +16,7 @@
 
 #include "GridMapping.h"
 
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
 

@@ -21,7 +21,7 @@
 #include "GridMapping.h"
 
 #include "Analysis/Ranges.h"
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 using namespace mlir;
 using namespace warp;

@@ -19,10 +19,10 @@ namespace warp {
 /// A schedule that maps launch indices to threads of a GPU grid. It gives
 /// `warp.threads` a body without indices, which every thread of the grid runs
 /// and which reads its place in the grid. A launch has one mapping.
-class GridMapping : public Schedule, protected ThreadsBuilder {
+class GridMapping : public LaunchRewrite, protected ThreadsBuilder {
 public:
   explicit GridMapping(ScheduleSite &site)
-      : Schedule(site), ThreadsBuilder(site.function, site.threads),
+      : LaunchRewrite(site), ThreadsBuilder(site.function, site.threads),
         rank(site.threads.getIndices().size()) {}
 
   void rewrite() final;

@@ -26,10 +26,10 @@ bool hasWarpTiles(mlir::scf::ForOp loop, const ThreadVariance &variance,
                   llvm::SetVector<mlir::Value> &compared);
 
 /// A schedule that puts tiles of 32 iterations in front of a loop.
-class LoopSchedule : public Schedule {
+class LoopSchedule : public LaunchRewrite {
 public:
   explicit LoopSchedule(ScheduleSite &site)
-      : Schedule(site), loop(site.loop), b(loop), loc(loop.getLoc()) {}
+      : LaunchRewrite(site), loop(site.loop), b(loop), loc(loop.getLoc()) {}
 
 protected:
   /// The first iteration that is in no full tile; the first of the loop in a

@@ -24,7 +24,7 @@
 
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "mlir/Interfaces/LoopLikeInterface.h"
 
@@ -35,9 +35,9 @@ using namespace warp;
 
 namespace {
 
-class ReverseOrder : public Schedule {
+class ReverseOrder : public LaunchRewrite {
 public:
-  using Schedule::Schedule;
+  using LaunchRewrite::LaunchRewrite;
 
   bool applies() override;
   bool profit() override;

@@ -12,7 +12,7 @@
 
 using namespace mlir;
 
-using MakeSchedule = std::unique_ptr<warp::Schedule>(warp::ScheduleSite &);
+using MakeSchedule = std::unique_ptr<warp::LaunchRewrite>(warp::ScheduleSite &);
 MakeSchedule makeCoarsenBlocks, makeSingleBlock, makeStageTransposes,
     makeCoarsenReductions, makeCoarsenThreads, makeSplitReduction,
     makeUnrollAndJam, makeMapToGrid, makeReverseOrder, makeRingReduction,

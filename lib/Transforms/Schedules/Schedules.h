@@ -51,7 +51,7 @@ private:
 };
 
 /// One way to make launches, asked about one site.
-class Schedule {
+class LaunchRewrite {
 public:
   /// A line of `Kernel.schedule()`.
   struct Description {
@@ -60,8 +60,8 @@ public:
     mlir::Operation *place = nullptr;
   };
 
-  explicit Schedule(ScheduleSite &site) : site(site) {}
-  virtual ~Schedule() = default;
+  explicit LaunchRewrite(ScheduleSite &site) : site(site) {}
+  virtual ~LaunchRewrite() = default;
 
   /// True if the rewrite keeps what the kernel computes and some launch gains
   /// by it.
@@ -89,12 +89,12 @@ struct ScheduleEntry {
   bool (*isSupported)(TargetAttr target);
   /// The benchmark that justifies it.
   llvm::StringLiteral benchmark;
-  std::unique_ptr<Schedule> (*make)(ScheduleSite &site);
+  std::unique_ptr<LaunchRewrite> (*make)(ScheduleSite &site);
 };
 
 /// Defines the function by which the list makes a schedule.
 #define WARP_MAKE_SCHEDULE(NAME)                                               \
-  std::unique_ptr<warp::Schedule> make##NAME(warp::ScheduleSite &site) {       \
+  std::unique_ptr<warp::LaunchRewrite> make##NAME(warp::ScheduleSite &site) {  \
     return std::make_unique<NAME>(site);                                       \
   }
 

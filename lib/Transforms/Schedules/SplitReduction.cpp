@@ -21,7 +21,7 @@
 
 #include "Launch/LoopSums.h"
 #include "Updates/Atomics.h"
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "mlir/IR/Matchers.h"
 
@@ -36,7 +36,7 @@ namespace {
 class SplitReduction : public GridMapping {
 public:
   explicit SplitReduction(ScheduleSite &site)
-      : GridMapping(site), parts(variant.getBlock() / warpSize) {}
+      : GridMapping(site), parts(variant.getBlockDim() / warpSize) {}
 
   bool applies() override;
   bool profit() override { return variant.getUnderfilled(); }

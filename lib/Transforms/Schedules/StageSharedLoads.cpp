@@ -130,7 +130,7 @@ bool StageSharedLoads::applies() {
 /// The part of the shared memory that belongs to this warp.
 void StageSharedLoads::allocate() {
   auto module = site.function->getParentOfType<ModuleOp>();
-  int64_t warps = llvm::divideCeil(site.variant.getBlock(), warpSize);
+  int64_t warps = llvm::divideCeil(site.variant.getBlockDim(), warpSize);
   int64_t warpBytes = tileSize * bytes;
   auto type = LLVM::LLVMArrayType::get(b.getI8Type(), warps * warpBytes);
   Value shared = makeShared(b, loc, module, type, "staged_loads");

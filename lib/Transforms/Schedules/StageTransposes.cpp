@@ -27,7 +27,7 @@
 
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/TilePasses.h"
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 
@@ -186,7 +186,7 @@ static bool isOrdered(Block *thread, bool disjoint) {
 }
 
 bool StageTransposes::applies() {
-  int64_t blockDim = variant.getBlock();
+  int64_t blockDim = variant.getBlockDim();
   if (rank < 2 || rank > 3 || !hasPlainThreads() ||
       threads.getNumResults() != 0 || blockDim < 128 ||
       side * side % blockDim != 0 || !isOrdered(thread, variant.getDisjoint()))
@@ -365,7 +365,7 @@ void StageTransposes::findTile(Value &top, Value &left) {
 StageTransposes::Values StageTransposes::build() {
   setSchedule(site.function,
               getSchedule(site.function).withTransposeTile(side));
-  rows = variant.getBlock() / side;
+  rows = variant.getBlockDim() / side;
   Value column = read(GridValue::threadId, Axis::x);
   Value row = read(GridValue::threadId, Axis::y);
   Value top, left;

@@ -23,7 +23,7 @@
 
 #include "GridMapping.h"
 
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 using namespace mlir;
 using namespace warp;

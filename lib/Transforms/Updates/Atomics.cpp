@@ -6,6 +6,7 @@
 
 #include "Atomics.h"
 
+#include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
@@ -106,7 +107,7 @@ bool warp::mayTellTurns(Operation *entry) {
 }
 
 bool warp::keepsTurns(Operation *entry) {
-  return entry->hasAttr(attr::inTurn) && mayTellTurns(entry);
+  return getVariant(entry).keepsThreadOrder() && mayTellTurns(entry);
 }
 
 bool warp::dependsOnOrder(Operation *update) {

@@ -15,12 +15,6 @@
 
 namespace warp {
 
-namespace attr {
-/// On a kernel: on a CPU its threads make updates that tell who came first in
-/// the order of their indices.
-constexpr llvm::StringLiteral inTurn = "warp.in_turn";
-} // namespace attr
-
 /// The value that an update of `old` by `value` leaves. `type` still has its
 /// sign. With `anyOrder` a sum may be reassociated.
 mlir::Value combine(mlir::OpBuilder &b, mlir::Location loc, AtomicKind kind,

@@ -179,17 +179,3 @@ bool warp::offerCopies(FunctionOpInterface kernel, const UpdateCosts &costs) {
   setSchedule(kernel, getSchedule(kernel).withCopied(copied));
   return true;
 }
-
-warp::CopiedArrays warp::readCopied(ScheduleAttr schedule) {
-  CopiedArrays copied;
-  CopiedAttr found = schedule.getCopied();
-  if (!found)
-    return copied;
-  for (auto array : found.getArrays().getAsRange<CopiedArrayAttr>())
-    copied.list.push_back({array.getDescriptor(), array.getGradient(),
-                           array.getElementSize(), array.getNumbers(),
-                           array.getWidth(), array.getFloating()});
-  copied.plainTime = double(found.getPlainTime()) / 1e3;
-  copied.atomicTime = double(found.getAtomicTime()) / 1e3;
-  return copied;
-}

@@ -19,8 +19,6 @@ namespace warp {
 /// instructions, if those would spare all; whether there are any.
 bool offerCopies(mlir::FunctionOpInterface kernel, const UpdateCosts &costs);
 
-CopiedArrays readCopied(ScheduleAttr schedule);
-
 } // namespace warp
 
 #endif // WARP_LIB_TRANSFORMS_COPIEDARRAYS_H

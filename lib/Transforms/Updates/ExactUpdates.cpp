@@ -152,6 +152,6 @@ void ExactUpdates::run() {
 }
 
 void warp::markExactUpdates(FunctionOpInterface kernel) {
-  if (getVariant(kernel).getDeterministic() == Determinism::exact)
+  if (getVariant(kernel).hasExactSums())
     ExactUpdates(kernel).run();
 }

@@ -254,7 +254,7 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
   }
 
   auto module = entry->getParentOfType<ModuleOp>();
-  int64_t blockDim = warp::getVariant(entry).getBlock();
+  int64_t blockDim = warp::getVariant(entry).getBlockDim();
   for (auto [number, window] : llvm::zip_equal(numbersAtEnd(op), windows)) {
     place.number = number;
     warp::addWindows(b, loc, module, functions, place, window, width, blockDim);

@@ -48,7 +48,7 @@
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"
 #include "WarpDialect/TilePasses.h"
-#include "warp/SizeFacts.h"
+#include "warp/Schedule.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/Matchers.h"
@@ -361,7 +361,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
   /// cannot be combined, it has a single thread. They are not all there at its
   /// end, so each adds to exact sums.
   void planOneBlock(FunctionOpInterface kernel, UpdatePlanner &planner) {
-    int64_t threads = warp::getVariant(kernel).getBlock();
+    int64_t threads = warp::getVariant(kernel).getBlockDim();
     if (!debug && threads % 32 == 0)
       planner.planGroups(/*exact=*/false);
     if (!planner.coversOrder()) {

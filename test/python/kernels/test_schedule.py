@@ -49,6 +49,17 @@ def test_sizes_of_launches_decide():
     assert "transpose_tile" not in only(turn.schedule(arch=90, dim=(100000, 3)))
 
 
+def test_facts():
+    """The facts of docs/launch.md, as the runtime has them."""
+    facts = only(scale.schedule(arch=90, dim=1 << 24)).facts
+    assert facts["coarsening"] == 4 and facts["reverse_order"] is True
+    few = only(pairs.schedule(arch=90, dim=1000)).facts
+    assert few["coarsening"] == 1 and few["transpose_tile"] == 0
+    assert only(turn.schedule(arch=90, dim=(512, 512))).facts["transpose_tile"] == 32
+    cpu = only(scale.schedule("cpu", dim=1000)).facts
+    assert cpu["lanes"] > 1 and cpu["cost"] > 0 and not cpu["atomics"]
+
+
 def test_order_of_blocks():
     """Launches that stream may begin at either end; sums of floats are made in one order."""
     large = only(scale.schedule(arch=90, dim=1 << 24))

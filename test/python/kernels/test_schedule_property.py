@@ -25,7 +25,7 @@ def run(program, mode, size, device):
     ]
     arrays.append(wp.zeros(1, dtype=program.real, device=device, requires_grad=True))
     with wp.Tape() as tape:
-        block = 64 if trips % 2 else 256
+        block_dim = 64 if trips % 2 else 256
         wp.launch(kernel, threads, [*arrays, *size], device=device, block_dim=block)
     results = [one.numpy().copy() for one in arrays[2:]]
     seeds = [wp.array(random.standard_normal(shape), program.element, device=device)] * 2

@@ -140,7 +140,7 @@ def _entry(module, kernel, variant, native, code, arch):
         variant=variant,
         operations=dict(operations),
         library=tuple(sorted(library)),
-        launches=tuple(what for what, _ in native.schedules()) if times else (),
+        launches=tuple(what for what, *_ in native.schedules()) if times else (),
         unused=tuple(_unused(native, bodies[-1] if bodies else "", text)),
         milliseconds=times.get("compile", 0.0),
         instructions=count,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 from warp import _native
 from warp._src.devices.devices import get_device
@@ -30,11 +31,14 @@ class Schedule:
         kernel: name of the kernel.
         launch: what tells this kind of launch from others.
         choices: the decisions, those of passes in their order first.
+        facts: the facts of the launch that the compiler decided, by their names in
+            docs/launch.md; empty for code without source.
     """
 
     kernel: str
     launch: str
     choices: tuple[Choice, ...]
+    facts: Mapping[str, bool | int | float] = dataclasses.field(default_factory=dict, hash=False)
 
     def __getitem__(self, what: str) -> str:
         """The value of the first decision about something.
@@ -81,7 +85,7 @@ def schedules_of(kernel, device, dim, arch) -> Schedules:
     else:
         natives = [kernel.code_for(native, arch)]
     return Schedules(
-        Schedule(kernel.key, launch, tuple(Choice(*choice) for choice in choices))
+        Schedule(kernel.key, launch, tuple(Choice(*choice) for choice in choices), facts)
         for one in natives
-        for launch, choices in one.schedules(index, arch, dim)
+        for launch, choices, facts in one.schedules(index, arch, dim)
     )

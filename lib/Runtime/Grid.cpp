@@ -1,0 +1,101 @@
+//===- Grid.cpp - GPU grids of launches -----------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Maps the extents of a launch to a grid, as its code's schedule asks. The last
+// dimension lies on the x axis, the one before on y, the product of the rest on
+// z. Blocks are shaped to the launch: wide in x, where memory is contiguous,
+// and no wider than the launch is. Nothing here asks a driver.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Grid.h"
+
+#include "Support.h"
+
+#include <algorithm>
+
+using namespace warp;
+
+static int64_t powerAtLeast(int64_t value) {
+  int64_t power = 1;
+  while (power < value)
+    power *= 2;
+  return power;
+}
+
+/// The product of the first extents.
+static int64_t product(const LaunchDim &dim, int count) {
+  int64_t product = 1;
+  for (int i = 0; i < count; ++i)
+    product *= dim.extent[i];
+  return product;
+}
+
+/// Extents that are left if threads take several indices and blocks are merged.
+/// A thread takes `rowCoarsening` indices of the dimension before the last, and
+/// the others of the first.
+static LaunchDim coarsened(const Schedule &schedule, LaunchDim dim) {
+  if (schedule.blockCoarsening > 1)
+    dim.extent[dim.rank - 2] /= schedule.blockCoarsening;
+  dim.extent[0] =
+      ceilDivide(dim.extent[0], schedule.coarsening / schedule.rowCoarsening);
+  if (schedule.rowCoarsening > 1)
+    dim.extent[dim.rank - 2] =
+        ceilDivide(dim.extent[dim.rank - 2], schedule.rowCoarsening);
+  return dim;
+}
+
+int64_t warp::coarsenedThreads(const Schedule &schedule, const LaunchDim &dim) {
+  return product(coarsened(schedule, dim), dim.rank);
+}
+
+/// A square tile of indices of the last two dimensions for each block, all
+/// along one axis.
+static Grid tiledGrid(const LaunchDim &dim, int64_t side, int64_t blockDim) {
+  int64_t tiles = ceilDivide(dim.extent[dim.rank - 1], side) *
+                  ceilDivide(dim.extent[dim.rank - 2], side);
+  return {{product(dim, dim.rank - 2) * tiles}, {side, blockDim / side}};
+}
+
+/// A block of a grid with an axis for each dimension.
+static Extent shapeBlock(const Extent &all, int64_t blockDim,
+                         bool severalIndices, const DeviceLimits &limits) {
+  Extent block;
+  // A few rows per block where there are rows, for the sake of neighbours;
+  // fewer where a thread has neighbours of its own.
+  int64_t rows = std::min<int64_t>(
+      {severalIndices ? 4 : 8, powerAtLeast(all.y), blockDim});
+  block.x = std::min<int64_t>(std::max<int64_t>(1, blockDim / rows),
+                              powerAtLeast(all.x));
+  block.y = std::min<int64_t>(blockDim / block.x, powerAtLeast(all.y));
+  block.z = std::min<int64_t>(
+      {blockDim / (block.x * block.y), powerAtLeast(all.z), limits.blockZ});
+  // Blocks are full even where the launch is small: kernels that combine
+  // values over a block count on its warps.
+  block.x = std::max<int64_t>(block.x, blockDim / (block.y * block.z));
+  return block;
+}
+
+Grid warp::gridFor(const Schedule &schedule, const LaunchDim &dim, int blockDim,
+                   bool flat, const DeviceLimits &limits) {
+  if (schedule.singleBlock)
+    return {{}, {schedule.singleBlock}};
+  if (schedule.transposeTile)
+    return tiledGrid(dim, schedule.transposeTile, blockDim);
+  LaunchDim left = coarsened(schedule, dim);
+  int64_t threads = blockDim / schedule.splitReduction;
+  Grid grid;
+  if (flat || schedule.cooperative || dim.rank == 1) {
+    grid = {{ceilDivide(product(left, dim.rank), threads)}, {threads}};
+  } else {
+    Extent all{left.extent[dim.rank - 1], left.extent[dim.rank - 2],
+               product(left, dim.rank - 2)};
+    grid.block = shapeBlock(all, threads, schedule.coarsening > 1, limits);
+    grid.blocks = {ceilDivide(all.x, grid.block.x),
+                   ceilDivide(all.y, grid.block.y),
+                   ceilDivide(all.z, grid.block.z)};
+  }
+  grid.block.y *= schedule.splitReduction;
+  return grid;
+}
