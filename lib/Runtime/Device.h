@@ -20,15 +20,18 @@
 #include "warp/Device.h"
 #include "warp/Forks.h"
 #include "warp/Graph.h"
+#include "warp/Kernel.h"
 #include "warp/Memory.h"
 #include "warp/Sequences.h"
 
 #include <memory>
 #include <utility>
+#include <vector>
 
 namespace warp {
 
 class CaptureBase;
+class DeviceCode;
 struct SparseProduct;
 struct TreeBuild;
 
@@ -108,6 +111,16 @@ public:
   /// Writes memory that nobody uses yet, zeros if `contents` is null. It is
   /// done at once and no part of a graph that is being captured.
   virtual void initialize(void *dst, const void *contents, size_t bytes) = 0;
+
+  /// Loads the code of a variant, which then launches it.
+  virtual std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,
+                                           Code &code) = 0;
+  /// Turns code for a file into machine code, which `load` need not compile.
+  virtual void assemble(Code &) {}
+  /// True if the arrays of a launch lie such that TMA can load tiles of them.
+  virtual bool canMap(const std::vector<TensorMap> &, const void *) {
+    return false;
+  }
 
   virtual std::unique_ptr<CaptureBase>
   beginCapture(std::shared_ptr<Stream> stream, CaptureMode mode,

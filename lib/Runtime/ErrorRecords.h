@@ -10,9 +10,17 @@
 #include "warp/Compile.h"
 #include "warp/Launch.h"
 
+#include <cstddef>
+#include <cstring>
 #include <vector>
 
 namespace warp {
+
+/// Tells a launch where checks report.
+inline void setErrorRecord(void *params, uint64_t address) {
+  std::memcpy(static_cast<char *>(params) + offsetof(LaunchHeader, errorRecord),
+              &address, sizeof(address));
+}
 
 /// Throws the failed check that a kernel left in a record.
 [[noreturn]] void raiseFailedCheck(const ErrorRecord &record,

@@ -99,3 +99,8 @@ Grid warp::gridFor(const Schedule &schedule, const LaunchDim &dim, int blockDim,
   grid.block.y *= schedule.splitReduction;
   return grid;
 }
+
+bool warp::fitsGrid(const LaunchDim &dim, int blockDim) {
+  return dim.rank == 1 ||
+         (dim.rank <= 3 && gridFor({}, dim, blockDim, /*flat=*/false).fits({}));
+}

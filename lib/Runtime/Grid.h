@@ -46,6 +46,9 @@ int64_t coarsenedThreads(const Schedule &schedule, const LaunchDim &dim);
 Grid gridFor(const Schedule &schedule, const LaunchDim &dim, int blockDim,
              bool flat, const DeviceLimits &limits = {});
 
+/// True if one grid axis per dimension can express a launch.
+bool fitsGrid(const LaunchDim &dim, int blockDim);
+
 } // namespace warp
 
 #endif // WARP_LIB_RUNTIME_GRID_H

@@ -4,7 +4,7 @@
 //
 // A launch goes through three steps: which variant fits (KernelVariants.cpp),
 // its code, if there is none yet (KernelCode.cpp), and the run, on CPUs
-// (KernelCpu.cpp) or GPUs (KernelCuda.cpp).
+// (cpu/Kernel.cpp) or GPUs (cuda/Kernel.cpp).
 //
 // CPU launches below a few ten thousand operations run on the calling thread:
 // waking others would cost more than it saves.
@@ -19,7 +19,6 @@
 #include "KernelImpl.h"
 #include "Overlap.h"
 #include "PrivateCopies.h"
-#include "cuda/TensorMaps.h"
 #include "warp/SavedModule.h"
 
 #include <algorithm>
@@ -115,7 +114,7 @@ CompileOptions Kernel::optionsFor(int arch, int rank) const {
 Kernel::Variant *Kernel::Impl::choose(const VariantKey &key, int rank,
                                       int64_t items, bool mayMake) {
   Variant *variant = find(key);
-  if (!variant && key.device == cpuDevice)
+  if (!variant && isHost(key.device))
     variant = findForAnyRows(key, rank, items);
   if (variant && isTooSlow(*variant, items)) {
     if (!mayMake)
@@ -140,7 +139,7 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
     findAccesses();
   }
   key.disjoint =
-      (device != cpuDevice || overlapMatters) && areDisjoint(accesses, params);
+      (!isHost(device) || overlapMatters) && areDisjoint(accesses, params);
   LaunchHeader header;
   for (int i = 0; i < dim.rank; ++i)
     header.dim[i] = static_cast<int32_t>(dim.extent[i]);
@@ -171,8 +170,7 @@ Kernel::Plan Kernel::prepare(int device, const LaunchDim &dim, void *params,
 }
 
 bool Kernel::isShort(const Plan &plan) {
-  return !plan.variant || plan.device != cpuDevice ||
-         !isWorthThreads(plan.work);
+  return !plan.variant || !isHost(plan.device) || !isWorthThreads(plan.work);
 }
 
 bool Kernel::prints(const Plan &plan) {
@@ -183,18 +181,13 @@ bool Kernel::reports(const Plan &plan) {
   return plan.variant && !plan.variant->code.sites.empty();
 }
 
-static void setErrorRecord(void *params, uint64_t address) {
-  std::memcpy(static_cast<char *>(params) + offsetof(LaunchHeader, errorRecord),
-              &address, sizeof(address));
-}
-
 void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   if (!plan.variant)
     return;
   TraceScope tracing(plan.device, stream);
   if (tracing)
     tracing->addLaunch(*this, plan, params);
-  if (plan.device == cpuDevice)
+  if (isHost(plan.device))
     if (HostRecorder *recorder = hostRecorder())
       return recorder->launch(*this, plan, params);
   const std::vector<SummedArray> &arrays = plan.variant->code.schedule.sums;
@@ -211,31 +204,8 @@ void Kernel::runAtOnce(const Plan &plan, void *params) {
 }
 
 void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
-  const Variant &variant = *plan.variant;
-  if (plan.device != cpuDevice) {
-    if (variant.record)
-      setErrorRecord(params, variant.record->address());
-    // Maps, and other extents, are for this launch alone.
-    if (variant.code.schedule.tensorMaps.empty() &&
-        variant.code.schedule.blockCoarsening == 1)
-      return launchOnCuda(variant, name, params, stream, plan.openBlock,
-                          plan.bytes);
-    MappedParameters mapped(variant.code.schedule.tensorMaps, params,
-                            paramSize);
-    return launchOnCuda(variant, name, mapped.get(), stream, plan.openBlock,
-                        plan.bytes);
-  }
-  if (variant.code.sites.empty()) {
-    launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));
-  } else {
-    ErrorRecord record;
-    setErrorRecord(params, reinterpret_cast<uint64_t>(&record));
-    launchOnCpu(variant, params, paramSize, plan.items, isShort(plan));
-    if (record.flag)
-      raiseFailedCheck(record, variant.code.sites);
-  }
-  if (variant.code.schedule.usesPrintf)
-    std::fflush(stdout);
+  plan.variant->current.load(std::memory_order_acquire)
+      ->launch(plan, params, paramSize, stream);
 }
 
 void Kernel::launch(int device, const LaunchDim &dim, void *params,

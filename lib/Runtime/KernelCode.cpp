@@ -23,7 +23,6 @@
 #include "GraphImpl.h"
 #include "KernelImpl.h"
 #include "Support.h"
-#include "cuda/GraphDriver.h"
 #include "warp/FirstCode.h"
 #include "warp/KernelCache.h"
 #include "warp/LibraryCode.h"
@@ -38,17 +37,9 @@ using namespace warp;
 /// architectures are in, has room for more.
 static size_t maxCudaParameters(int arch) { return arch < 90 ? 4096 : 32764; }
 
-Kernel::Variant::~Variant() {
-  CpuEntry entry = cpu;
-  if (entry)
-    Jit::get().unload(reinterpret_cast<void *>(entry));
-  if (quick && quick->entry != entry)
-    Jit::get().unload(reinterpret_cast<void *>(quick->entry));
-}
-
-void Kernel::Variant::place(std::unique_ptr<CudaEntry> entry) {
-  entries.push_back(std::move(entry));
-  cuda.store(entries.back().get(), std::memory_order_release);
+void Kernel::Variant::place(std::unique_ptr<DeviceCode> code) {
+  loaded.push_back(std::move(code));
+  current.store(loaded.back().get(), std::memory_order_release);
 }
 
 namespace {
@@ -102,11 +93,10 @@ Code Kernel::Impl::obtain(const CompileOptions &compileOptions,
 }
 
 Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
-  cuda::RelaxedCaptures relaxed;
   std::lock_guard lock(mutex);
   if (Variant *made = find(key))
     return made;
-  int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
+  int arch = deviceInfo(key.device).arch;
   if (arch != 0 && paramSize > maxCudaParameters(arch))
     throw launchError(Error::Kind::LaunchType, name,
                       "expects at most " +
@@ -130,7 +120,7 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
     variant->code = obtain(variant->quick->wanted, times);
     variant->isQuick = false;
   }
-  if (!variant->cuda)
+  if (!variant->current)
     load(*variant);
   // Who finds the variant knows what it needs.
   noteNeeds(variant->code.schedule);
@@ -150,24 +140,17 @@ static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;
 
 void Kernel::Impl::load(Variant &variant) {
-  variant.code.schedule.cost = std::clamp(variant.code.schedule.cost, 1.0, 1e12);
+  variant.code.schedule.cost =
+      std::clamp(variant.code.schedule.cost, 1.0, 1e12);
   Stopwatch watch(times);
-  if (variant.key.device == cpuDevice) {
-    variant.cpu = reinterpret_cast<CpuEntry>(Jit::get().load(variant.code));
-    if (variant.quick) {
-      variant.quick->entry = variant.cpu;
-      variant.quick->patience = std::max<int64_t>(
-          leastPatience, patiencePerByte * variant.code.binary.size());
-    }
-  } else {
-    variant.place(loadOnCuda(variant, variant.code));
-    if (variant.isQuick)
-      variant.quick->patience = launchesUntilBetter;
-    variant.label = permanentName(name);
-    if (!variant.code.sites.empty())
-      variant.record = std::make_unique<DeviceErrorRecord>(variant.key.device,
-                                                           variant.code.sites);
-  }
+  variant.label = permanentName(name);
+  size_t bytes = variant.code.binary.size();
+  variant.place(deviceAt(variant.key.device).load(variant, variant.code));
+  if (variant.quick)
+    variant.quick->patience =
+        isHost(variant.key.device)
+            ? std::max<int64_t>(leastPatience, patiencePerByte * bytes)
+            : launchesUntilBetter;
   watch.lap("load");
   variant.code.binary = {};
 }
@@ -184,7 +167,7 @@ bool Kernel::Impl::mayBeQuick(const VariantKey &key,
                               int64_t items) const {
   if (!options.quickFirst || wanted.debug || wanted.fastMath || wanted.lineinfo)
     return false;
-  if (key.device == cpuDevice)
+  if (isHost(key.device))
     return true;
   bool isOpen = wanted.maxRegisters == 0 && wanted.minBlocks == 0;
   return linksLibrary && isOpen && items != anyItems &&
@@ -223,13 +206,11 @@ bool Kernel::Impl::loadLinked(Variant &variant) {
       linksLibrary = false;
     return false;
   }
-  cuda::ContextScope scope(variant.key.device);
-  cuda::Function function = variant.cuda.load()->function;
-  if (attributeOf(function, cuda::functionMaxThreads) >= variant.key.blockDim)
+  if (variant.current.load()->maxThreads() >= variant.key.blockDim)
     return true;
   // The library's functions take more registers than such blocks have.
-  variant.cuda = nullptr;
-  variant.entries.clear();
+  variant.current = nullptr;
+  variant.loaded.clear();
   return false;
 }
 
@@ -253,31 +234,26 @@ void Kernel::Impl::improve(Variant &variant) {
   if (!variant.isQuick)
     return;
   std::map<std::string, double> spent;
-  CpuEntry better = nullptr;
-  std::unique_ptr<CudaEntry> entry;
+  std::unique_ptr<DeviceCode> better;
   try {
     Code code = obtain(variant.quick->wanted, spent);
-    if (variant.key.device == cpuDevice)
-      better = reinterpret_cast<CpuEntry>(Jit::get().load(code));
-    else if (!isAbandoned())
-      entry = loadOnCuda(variant, code);
+    if (!isAbandoned())
+      better = deviceAt(variant.key.device).load(variant, code);
   } catch (...) {
     // The tier-0 code does the same.
   }
   std::lock_guard lock(mutex);
   addTimes(times, spent);
   if (better)
-    variant.cpu = better;
-  if (entry)
-    variant.place(std::move(entry));
+    variant.place(std::move(better));
   variant.isQuick = false;
 }
 
 bool warp::isTooSlow(const Kernel::Variant &variant, int64_t items) {
   if (!variant.isQuick.load(std::memory_order_relaxed))
     return false;
-  return variant.key.device == cpuDevice ? !isQuickEnough(variant.code, items)
-                                         : isCapturing(variant.key.device);
+  return isHost(variant.key.device) ? !isQuickEnough(variant.code, items)
+                                    : isCapturing(variant.key.device);
 }
 
 void QuickCode::spend(int64_t amount) {

@@ -7,16 +7,16 @@
 #ifndef WARP_LIB_RUNTIME_KERNELIMPL_H
 #define WARP_LIB_RUNTIME_KERNELIMPL_H
 
+#include "Device.h"
+#include "ErrorRecords.h"
 #include "WidthPolicy.h"
-#include "cuda/Code.h"
-#include "cuda/Device.h"
-#include "cuda/Driver.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
 #include "warp/Kernel.h"
 #include "warp/Translation.h"
 
 #include <atomic>
+#include <climits>
 #include <functional>
 #include <mutex>
 
@@ -38,7 +38,6 @@ struct VariantKey : LaunchFacts {
 
 /// Tier-0 code of a variant, and how tier-1 code replaces it.
 struct QuickCode {
-  CpuEntry entry = nullptr;
   /// Options of the tier-1 code.
   CompileOptions wanted;
   /// Nanoseconds on a CPU, or launches on a GPU, that it runs for until better
@@ -53,56 +52,46 @@ struct QuickCode {
   void spendLaunch(int64_t threads);
 };
 
-/// Code that a CUDA device has, and what launches need to know of it.
-struct CudaEntry {
-  CudaEntry() = default;
-  CudaEntry(const CudaEntry &) = delete;
-  CudaEntry &operator=(const CudaEntry &) = delete;
-  ~CudaEntry();
+/// Code of a variant that a device has loaded.
+class DeviceCode {
+public:
+  DeviceCode() = default;
+  DeviceCode(const DeviceCode &) = delete;
+  DeviceCode &operator=(const DeviceCode &) = delete;
+  virtual ~DeviceCode() = default;
 
-  int device = 0;
-  CudaCode loaded;
-  cuda::Function function = nullptr;
-  /// True if it may start before the kernel before it on its stream has ended.
-  bool programmatic = false;
-  /// Blocks of the variant's size that a multiprocessor runs at a time, and
-  /// blocks of half as many threads; 0 where the code is for one size of
-  /// blocks.
-  int residentBlocks = 0, residentHalves = 0;
-  /// True if threads keep a stack in memory: some search longer than others,
-  /// and a block's room is free when its last thread has ended.
-  bool keepsStack = false;
+  /// Runs or queues a launch whose parameters are complete.
+  virtual void launch(const Kernel::Plan &plan, void *params, size_t paramSize,
+                      const Stream *stream) const = 0;
+  /// Threads that a block may have.
+  virtual int maxThreads() const { return INT_MAX; }
+  /// Adds what the device knows of launches of the code.
+  virtual void describe(const VariantKey &, std::vector<Choice> &) const {}
 };
 
 struct Kernel::Variant {
   VariantKey key;
   /// Without the binary, which the loader has.
   Code code;
-  /// May be exchanged while others run it, for code that does the same.
-  std::atomic<CpuEntry> cpu{nullptr};
+  /// The code that launches run, the last of `loaded`. May be exchanged while
+  /// others run it, for code that does the same; graphs may have former ones.
+  std::atomic<const DeviceCode *> current{nullptr};
+  std::vector<std::unique_ptr<DeviceCode>> loaded;
   /// True if tier-0 code runs.
   std::atomic<bool> isQuick{false};
   /// Stays when better code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
   /// Loop times that the thread pool learned from its launches.
   mutable LoopHistory history;
-  /// The same on a GPU: one of `entries`, the last. Graphs may have the others.
-  std::atomic<const CudaEntry *> cuda{nullptr};
-  std::vector<std::unique_ptr<CudaEntry>> entries;
-  std::unique_ptr<DeviceErrorRecord> record;
   /// True if the code counts threads along one axis.
   bool flat = false;
-  /// Name of the kernel for the report of a fault.
+  /// Name of the kernel for messages; lives as long as the process.
   const char *label = nullptr;
   /// The variant made before; the list only grows.
   Variant *next = nullptr;
 
-  ~Variant();
-
-  /// Launches on a GPU run it from now on.
-  void place(std::unique_ptr<CudaEntry> entry);
-  /// On a CPU.
-  void run(const void *params, int64_t begin, int64_t end) const;
+  /// Launches run it from now on.
+  void place(std::unique_ptr<DeviceCode> code);
   /// True if launches of this kind may run it.
   bool serves(const VariantKey &asked) const {
     return key.matches(asked, code.schedule.sizeFacts);
@@ -266,26 +255,6 @@ Error launchError(Error::Kind kind, const std::string &kernel,
 
 /// "si32", "ui8": a scalar whose last byte has the highest bit.
 bool isIntegerScalar(const Param &param);
-
-/// Runs the indices below `items`; on this thread if `serial`.
-void launchOnCpu(const Kernel::Variant &variant, const void *params,
-                 size_t paramSize, int64_t items, bool serial);
-/// Loads PTX or machine code on the variant's device.
-std::unique_ptr<CudaEntry> loadOnCuda(const Kernel::Variant &variant,
-                                      Code &code);
-/// Unloads it; while a graph is recorded that may use it, later.
-void unloadFromCuda(int device, CudaCode loaded);
-/// `openBlock`: blocks may be smaller than those that the variant is named for.
-/// `bytes`: of all arrays. Of joined blocks the header gets the extents.
-void launchOnCuda(const Kernel::Variant &variant, const std::string &name,
-                  void *params, const Stream *stream, bool openBlock = false,
-                  int64_t bytes = 0);
-/// Threads of a block for so many in all: half of the variant's if that keeps
-/// more of the card at work.
-int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
-                int smCount);
-/// True if one grid axis per dimension can express the launch.
-bool fitsGrid(const LaunchDim &dim, int blockDim);
 
 } // namespace warp
 

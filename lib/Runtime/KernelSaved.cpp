@@ -117,7 +117,7 @@ SavedKernel Kernel::Impl::describeSaved(int arch) {
 /// Machine code for PTX, from the disk cache if the driver has met it before.
 static Code assembled(int device, Code code) {
   std::string what = std::to_string(deviceInfo(device).arch) + " " +
-                     std::to_string(cuda::driver()->version);
+                     std::to_string(cudaDriverVersion());
   std::string key;
   for (uint64_t seed = 0; seed < 4; ++seed) {
     char digits[17];
@@ -130,7 +130,7 @@ static Code assembled(int device, Code code) {
   KernelCache &cache = KernelCache::get();
   if (std::optional<Code> found = cache.find(key))
     return std::move(*found);
-  assembleOnCuda(device, code);
+  deviceAt(device).assemble(code);
   cache.store(key, code);
   return code;
 }
@@ -145,7 +145,7 @@ SavedVariant Kernel::Impl::compileSaved(const VariantKey &key, int arch) {
   SavedVariant variant;
   static_cast<LaunchFacts &>(variant) = compile;
   variant.code = obtain(compile, times);
-  if (key.device != cpuDevice)
+  if (!isHost(key.device))
     variant.code = assembled(key.device, std::move(variant.code));
   return variant;
 }
@@ -174,7 +174,7 @@ SavedKernel Kernel::save(int arch, int device) {
 
 SavedKernel Kernel::save(const Plan &plan) {
   VariantKey key = plan.variant->key;
-  int arch = key.device == cpuDevice ? 0 : deviceInfo(key.device).arch;
+  int arch = deviceInfo(key.device).arch;
   if (!impl->hasSource()) {
     std::lock_guard lock(impl->mutex);
     auto [kernel, variant] = impl->chooseSaved(key, arch);
@@ -185,7 +185,7 @@ SavedKernel Kernel::save(const Plan &plan) {
   SavedKernel saved = impl->describeSaved(arch);
   std::lock_guard lock(impl->mutex);
   // Not that device's machine code, which no other could run.
-  key.device = cpuDevice;
+  key.device = VariantKey().device;
   saved.variants.push_back(impl->compileSaved(key, arch));
   return saved;
 }
@@ -208,7 +208,7 @@ static bool runsOn(const SavedKernel &saved, const SavedVariant &variant,
     return arch == made;
   if (made > arch)
     return false;
-  return !isCubin(variant.code) || made / 10 == arch / 10;
+  return !isElf(variant.code.binary) || made / 10 == arch / 10;
 }
 
 static bool fits(const SavedVariant &variant, const VariantKey &key) {
@@ -219,7 +219,7 @@ static bool fits(const SavedVariant &variant, const VariantKey &key) {
          (variant.threadOrder || !key.threadOrder ||
           !(variant.code.schedule.sizeFacts & threadOrderFact)) &&
          (!key.ordered || variant.code.schedule.sums.empty()) &&
-         (key.device == cpuDevice ||
+         (isHost(key.device) ||
           ((variant.flat || !key.flat) && variant.blockDim == key.blockDim));
 }
 
@@ -286,8 +286,8 @@ Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   VariantKey key =
       usualKey(hasSource() ? threadRank() : saved[0]->variants[0].rank);
   key.device = device;
-  key.disjoint = device != cpuDevice;
-  if (device != cpuDevice) {
+  key.disjoint = !isHost(device);
+  if (!isHost(device)) {
     key.blockDim = checkedBlockDim(blockDim);
     key.flat = key.rank > 3;
   }

@@ -21,42 +21,20 @@ static constexpr int usualMultiprocessors = 128;
 #include "warp/LaunchContract.h.inc"
 
 static std::string describeKind(const VariantKey &key, int arch) {
-  std::string text = key.device != cpuDevice ? deviceInfo(key.device).alias
-                     : arch == 0             ? "cpu"
-                                             : "sm_" + std::to_string(arch);
+  std::string text = !isHost(key.device) ? deviceInfo(key.device).alias
+                     : arch == 0         ? "cpu"
+                                         : "sm_" + std::to_string(arch);
   text += ", " + std::to_string(key.rank) +
           (key.rank == 1 ? " dimension" : " dimensions");
   return text + phrasesOf(key);
-}
-
-static void addCuda(const Kernel::Variant &variant,
-                    std::vector<Choice> &choices) {
-  const CudaEntry *entry = variant.cuda.load(std::memory_order_acquire);
-  if (!entry)
-    return;
-  cuda::ContextScope scope(variant.key.device);
-  int registers = attributeOf(entry->function, cuda::functionRegisters);
-  int local = attributeOf(entry->function, cuda::functionLocalSize);
-  choices.push_back({"registers", std::to_string(registers),
-                     std::to_string(local) + " bytes of local memory"});
-  int whole = variant.key.blockDim;
-  std::string block = std::to_string(whole);
-  if (entry->residentHalves == 0) {
-    choices.push_back({"block", block, "its threads wait for each other"});
-    return;
-  }
-  choices.push_back(
-      {"block", block + " or " + std::to_string(whole / 2),
-       "what keeps more of the card at work; a multiprocessor holds " +
-           std::to_string(entry->residentBlocks) + " or " +
-           std::to_string(entry->residentHalves)});
 }
 
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
                                       const Variant *variant) {
   VariantKey served = key;
   if (variant && arch == 0) {
-    served.underfilled &= (variant->code.schedule.sizeFacts & underfilledFact) != 0;
+    served.underfilled &=
+        (variant->code.schedule.sizeFacts & underfilledFact) != 0;
     if (!(variant->code.schedule.sizeFacts & innerExtentFact))
       served.innerExtent = 0;
     served.large |= (variant->code.schedule.sizeFacts & threadOrderFact) != 0 &&
@@ -82,7 +60,7 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
       {"ptx", std::to_string(std::count(ptx.begin(), ptx.end(), '\n')),
        "lines"});
   if (variant)
-    addCuda(*variant, result.choices);
+    variant->current.load()->describe(key, result.choices);
   return result;
 }
 
@@ -92,7 +70,7 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
   if (!dim)
     for (Variant *variant = impl->variants.load(std::memory_order_acquire);
          variant; variant = variant->next)
-      if (variant->key.device == device && (device != cpuDevice || arch == 0))
+      if (variant->key.device == device && (!isHost(device) || arch == 0))
         result.insert(result.begin(),
                       impl->describe(variant->key, arch, variant));
   if (!result.empty())
@@ -113,7 +91,7 @@ std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
   }
   if (dim && arch != 0)
     Impl::setSize(key, *dim, items,
-                  device == cpuDevice ? usualMultiprocessors
-                                      : deviceInfo(device).smCount);
+                  isHost(device) ? usualMultiprocessors
+                                 : deviceInfo(device).smCount);
   return {impl->describe(key, arch, nullptr)};
 }

@@ -11,12 +11,11 @@
 //===----------------------------------------------------------------------===//
 
 #include "ExactSums.h"
+#include "Grid.h"
 #include "KernelImpl.h"
 #include "Overlap.h"
 #include "PrivateCopies.h"
-#include "cuda/Driver.h"
-#include "cuda/LibraryKernels.h"
-#include "cuda/TensorMaps.h"
+#include "Support.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -121,6 +120,22 @@ static bool isAligned(const ArrayDescriptor &array, int64_t elementSize) {
   return places % packedAlignment(elementSize) == 0;
 }
 
+/// Threads of a block, at most.
+static constexpr int maxBlock = 1024;
+
+int Kernel::Impl::checkedBlockDim(int asked) const {
+  int most = options.maxThreads ? options.maxThreads : maxBlock;
+  int own =
+      options.maxThreads ? std::min(options.blockDim, most) : options.blockDim;
+  int threads = asked > 0 ? asked : own;
+  if (threads < 1 || threads > most)
+    throw Error(Error::Kind::LaunchValue,
+                "launch('" + name + "'): expects 1 to " + std::to_string(most) +
+                    " threads per block, but got '" + std::to_string(threads) +
+                    "'");
+  return threads;
+}
+
 VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
                                 const void *params, int blockDim,
                                 Plan &plan) const {
@@ -146,12 +161,12 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
     std::memcpy(&array, bytes + argument.offset, sizeof(array));
     int64_t count;
     if (isPacked(array, argument.elementSize, count) &&
-        (device == cpuDevice || isAligned(array, argument.elementSize)))
+        (isHost(device) || isAligned(array, argument.elementSize)))
       key.packed |= argument.bit;
     key.index32 &= count <= INT32_MAX;
     plan.bytes += count * argument.elementSize * (array.grad ? 2 : 1);
   }
-  if (device == cpuDevice) {
+  if (isHost(device)) {
     // Sums keep their order in launches of any size where that is asked for.
     key.underfilled = items < fewLanes && options.lanes == 0 &&
                       !options.debug && !options.deterministic;
@@ -219,11 +234,12 @@ void Kernel::Impl::noteNeeds(const Schedule &schedule) {
 
 void Kernel::Impl::applyNeeds(const LaunchNeeds &needs, const Plan &plan,
                               const void *params, VariantKey &key) const {
-  bool isCpu = plan.device == cpuDevice;
+  Device &device = deviceAt(plan.device);
+  bool isCpu = device.isHost();
   key.ordered =
       (!isCpu || options.sameOnDevices) && overlap(needs.sums, params);
   key.unmapped =
-      !isCpu && !needs.tensorMaps.empty() && !canMap(needs.tensorMaps, params);
+      !needs.tensorMaps.empty() && !device.canMap(needs.tensorMaps, params);
   // Code that does not know that arrays are disjoint makes no copies.
   if (isCpu && !needs.copied.list.empty() &&
       isWorthThreads(needs.cost * static_cast<double>(plan.items)) &&
@@ -257,8 +273,8 @@ CompileOptions Kernel::Impl::compileOptions(const VariantKey &key,
   // For such devices alone, so with what later architectures do not have.
   if (arch == 90 && !key.unmapped)
     result.target += "a";
-  if (arch != 0 && key.device != cpuDevice)
-    result.driverVersion = cuda::driver()->version;
+  if (arch != 0 && !isHost(key.device))
+    result.driverVersion = cudaDriverVersion();
   result.debug = options.debug;
   result.fastMath = options.fastMath;
   result.deterministic = options.deterministic;

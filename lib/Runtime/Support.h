@@ -9,7 +9,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <string>
+#include <vector>
 
 namespace warp {
 
@@ -20,6 +22,11 @@ std::string formatBytes(uint64_t bytes);
 
 /// 64-bit hash of a byte string; a change of any bit changes it.
 uint64_t hashBytes(const void *data, size_t size, uint64_t seed = 0);
+
+/// True for an object file, false for text.
+inline bool isElf(const std::vector<char> &bytes) {
+  return bytes.size() > 4 && std::memcmp(bytes.data(), "\177ELF", 4) == 0;
+}
 
 /// A copy of a name that lives as long as the process.
 const char *permanentName(const std::string &name);

@@ -8,13 +8,12 @@
 
 #include "Device.h"
 #include "GraphTrace.h"
+#include "Support.h"
 
 using namespace warp;
 
 /// Children of a node, and primitives of a block.
 static constexpr int64_t width = 8;
-
-static int64_t ceilDivide(int64_t a, int64_t b) { return (a + b - 1) / b; }
 
 TreeShape::TreeShape(int64_t count) : blocks(ceilDivide(count, width)) {
   if (count == 0)

@@ -8,7 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Runtime/KernelImpl.h"
+#include "Runtime/cuda/Kernel.h"
 #include "warp/Background.h"
 #include "warp/Graph.h"
 #include "warp/KernelCache.h"
@@ -66,6 +66,19 @@ ArrayDescriptor view(void *data, std::vector<int> shape,
   std::copy(shape.begin(), shape.end(), array.shape);
   std::copy(strides.begin(), strides.end(), array.strides);
   return array;
+}
+
+/// A launch as kernels make it.
+void launch(Kernel::Variant &variant, void *params, size_t size,
+            const Stream *stream = nullptr, bool openBlock = false,
+            int64_t bytes = 0) {
+  variant.label = "test";
+  Kernel::Plan plan;
+  plan.variant = &variant;
+  plan.device = 0;
+  plan.openBlock = openBlock;
+  plan.bytes = bytes;
+  variant.current.load()->launch(plan, params, size, stream);
 }
 
 class Cuda : public testing::Test {
@@ -163,7 +176,7 @@ TEST_F(Cuda, RejectedCodeIsACompileError) {
   code.binary.assign(ptx.begin(), ptx.end());
   code.entry = "nothing";
   try {
-    assembleOnCuda(0, code);
+    deviceAt(0).assemble(code);
     FAIL();
   } catch (const Error &error) {
     EXPECT_EQ(error.kind, Error::Kind::Compile);
@@ -220,7 +233,7 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
     variant.key = keyOf(3);
     variant.code.binary.assign(ptx, ptx + std::strlen(ptx) + 1);
     variant.code.entry = "mark";
-    variant.place(loadOnCuda(variant, variant.code));
+    variant.place(deviceAt(0).load(variant, variant.code));
     int count = x * y * z;
     Buffer buffer(0, count * 4);
     setMemory(buffer.data(), 0, 0, count * 4);
@@ -228,7 +241,7 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
       LaunchHeader header;
       void *data;
     } params{{{z, y, x, 1}, 0}, buffer.data()};
-    launchOnCuda(variant, "mark", &params, nullptr);
+    launch(variant, &params, sizeof params);
     std::vector<char> back = download(buffer.data(), 0, count * 4);
     if (isFake())
       continue;
@@ -251,11 +264,11 @@ TEST_F(Cuda, StartsEarlyWhatWaits) {
     std::string ptx = ".visible .entry k() {" + body + "ret; }";
     variant.code.entry = "k";
     variant.code.binary.assign(ptx.begin(), ptx.end());
-    variant.place(loadOnCuda(variant, variant.code));
+    variant.place(deviceAt(0).load(variant, variant.code));
     LaunchHeader header;
     header.dim[0] = 1;
     int before = launches();
-    launchOnCuda(variant, "k", &header, stream);
+    launch(variant, &header, sizeof header, stream);
     return launches() - before;
   };
   Stream other(0);
@@ -272,10 +285,10 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
     Kernel::Variant variant;
     variant.key = keyOf(rank, flat);
     variant.flat = flat;
-    variant.place(std::make_unique<CudaEntry>());
+    variant.place(std::make_unique<CudaEntry>(cudaDeviceState(0)));
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
-    launchOnCuda(variant, "shape", &header, nullptr);
+    launch(variant, &header, sizeof header);
     return std::string(lastLaunch());
   };
   EXPECT_EQ(shape(1, {1000, 1, 1, 1}), "(4, 1, 1) x (256, 1, 1)");
@@ -288,19 +301,22 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
 
 TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
   auto *lastLaunch = fakeSymbol<const char *()>("fakeCudaLastLaunch");
+  auto *lastParams = fakeSymbol<const void *()>("fakeCudaLastParams");
   if (!lastLaunch)
     GTEST_SKIP() << "needs the fake driver";
   auto shape = [&](const Schedule &schedule, int rank, std::array<int, 4> dim) {
     Kernel::Variant variant;
     variant.key = keyOf(rank);
     variant.code.schedule = schedule;
-    variant.place(std::make_unique<CudaEntry>());
+    variant.place(std::make_unique<CudaEntry>(cudaDeviceState(0)));
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
-    launchOnCuda(variant, "shape", &header, nullptr, /*openBlock=*/true);
+    launch(variant, &header, sizeof header, nullptr, /*openBlock=*/true);
+    EXPECT_TRUE(std::equal(dim.begin(), dim.end(), header.dim));
+    // The kernel gets other extents.
     if (schedule.blockCoarsening > 1)
       dim[rank - 2] /= schedule.blockCoarsening;
-    EXPECT_TRUE(std::equal(dim.begin(), dim.end(), header.dim));
+    EXPECT_EQ(std::memcmp(dim.data(), lastParams(), sizeof dim), 0);
     return std::string(lastLaunch());
   };
   Schedule split, tiles, patches, joined;
@@ -322,13 +338,13 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
 TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
   Kernel::Variant variant;
   variant.key = keyOf(1);
-  variant.place(std::make_unique<CudaEntry>());
+  variant.place(std::make_unique<CudaEntry>(cudaDeviceState(0)));
   int64_t cache = deviceInfo(0).cacheBytes;
   ASSERT_GT(cache, 0);
   auto order = [&](int64_t bytes) {
     LaunchHeader header;
     header.dim[0] = 1000;
-    launchOnCuda(variant, "order", &header, nullptr, /*openBlock=*/true, bytes);
+    launch(variant, &header, sizeof header, nullptr, /*openBlock=*/true, bytes);
     return header.reversed;
   };
   EXPECT_EQ(order(2 * cache), 0u);
@@ -344,7 +360,7 @@ TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
 TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
   auto choose = [](int blocks, int halves, int64_t threads,
                    bool keepsStack = false) {
-    CudaEntry entry;
+    CudaEntry entry(cudaDeviceState(0));
     entry.keepsStack = keepsStack;
     entry.residentBlocks = blocks;
     entry.residentHalves = halves;

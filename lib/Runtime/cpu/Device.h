@@ -35,6 +35,9 @@ public:
                    size_t elementSize, const Stream *stream) override;
   void initialize(void *dst, const void *contents, size_t bytes) override;
 
+  std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,
+                                   Code &code) override;
+
   std::unique_ptr<CaptureBase> beginCapture(std::shared_ptr<Stream> stream,
                                             CaptureMode mode,
                                             bool external) override;

@@ -14,7 +14,7 @@
 
 #include "Device.h"
 #include "GraphImpl.h"
-#include "KernelImpl.h"
+#include "Kernel.h"
 
 #include <cstdio>
 #include <cstring>
@@ -204,7 +204,7 @@ std::shared_ptr<Graph> HostCapture::end() {
 static void run(const Steps &steps, char *flags) {
   for (const Step &step : steps) {
     if (auto *entry = std::get_if<EntryStep>(&step.what)) {
-      entry->variant->run(entry->params, 0, entry->items);
+      runOnCpu(*entry->variant, entry->params, 0, entry->items);
     } else if (auto *call = std::get_if<std::function<void()>>(&step.what)) {
       (*call)();
     } else if (auto *flag = std::get_if<FlagStep>(&step.what)) {

@@ -6,6 +6,8 @@
 
 #include "Code.h"
 
+#include "Device.h"
+#include "Support.h"
 #include "warp/Error.h"
 #include "warp/LibraryCode.h"
 
@@ -79,19 +81,14 @@ static std::string_view textOf(const Code &code) {
   return {code.binary.data(), code.binary.size()};
 }
 
-bool warp::isCubin(const Code &code) {
-  return code.binary.size() > 4 &&
-         std::equal(code.binary.begin(), code.binary.begin() + 4, "\177ELF");
-}
-
 bool warp::waitsForPredecessor(const Code &code) {
   std::string_view text = textOf(code);
-  return !isCubin(code) && text.find("griddepcontrol.wait") != text.npos;
+  return !isElf(code.binary) && text.find("griddepcontrol.wait") != text.npos;
 }
 
 bool warp::callsLibrary(const Code &code) {
   std::string_view text = textOf(code);
-  return !isCubin(code) && text.find("\n.extern .func warp_") != text.npos;
+  return !isElf(code.binary) && text.find("\n.extern .func warp_") != text.npos;
 }
 
 /// "sm_90a" of PTX.
@@ -118,8 +115,8 @@ cuda::Result warp::queueKernel(cuda::Function function,
   return cuda::driver()->launchKernelEx(&config, function, arguments, nullptr);
 }
 
-void warp::assembleOnCuda(int device, Code &code) {
-  cuda::ContextScope scope(device);
+void CudaDevice::assemble(Code &code) {
+  cuda::ContextScope scope(index);
   const cuda::Driver &driver = *cuda::driver();
   std::string ptx(code.binary.begin(), code.binary.end());
   Log log;

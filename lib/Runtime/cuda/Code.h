@@ -41,9 +41,6 @@ private:
 /// What the driver says of a kernel, in the current context.
 int attributeOf(cuda::Function function, cuda::FunctionAttribute which);
 
-/// Whether the code is an ELF object, no text.
-bool isCubin(const Code &code);
-
 /// Whether the kernel waits for the one before it on its stream, so that it may
 /// be started before that has ended.
 bool waitsForPredecessor(const Code &code);
@@ -58,10 +55,6 @@ cuda::Result queueKernel(cuda::Function function, cuda::LaunchConfig config,
 
 /// Whether the PTX calls functions of the assembled library.
 bool callsLibrary(const Code &code);
-
-/// Turns PTX into machine code for a device, with what it calls of the
-/// assembled library.
-void assembleOnCuda(int device, Code &code);
 
 } // namespace warp
 

@@ -7,7 +7,7 @@
 #ifndef WARP_LIB_RUNTIME_CUDA_COPYKERNEL_H
 #define WARP_LIB_RUNTIME_CUDA_COPYKERNEL_H
 
-#include "CopyNest.h"
+#include "Runtime/CopyNest.h"
 
 namespace warp {
 

@@ -67,6 +67,11 @@ public:
                    size_t elementSize, const Stream *stream) override;
   void initialize(void *dst, const void *contents, size_t bytes) override;
 
+  std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,
+                                   Code &code) override;
+  void assemble(Code &code) override;
+  bool canMap(const std::vector<TensorMap> &maps, const void *params) override;
+
   std::unique_ptr<CaptureBase> beginCapture(std::shared_ptr<Stream> stream,
                                             CaptureMode mode,
                                             bool external) override;

@@ -6,7 +6,7 @@
 
 #include "TensorMaps.h"
 
-#include "Driver.h"
+#include "Device.h"
 #include "warp/Launch.h"
 
 #include <algorithm>
@@ -24,7 +24,8 @@ static ArrayDescriptor descriptorOf(const TensorMap &map, const void *params) {
   return array;
 }
 
-bool warp::canMap(const std::vector<TensorMap> &maps, const void *params) {
+bool CudaDevice::canMap(const std::vector<TensorMap> &maps,
+                        const void *params) {
   return cuda::driver()->encodeTensorMap &&
          std::all_of(maps.begin(), maps.end(), [&](const TensorMap &map) {
            ArrayDescriptor array = descriptorOf(map, params);

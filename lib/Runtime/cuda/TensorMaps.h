@@ -13,10 +13,6 @@
 
 namespace warp {
 
-/// True if TMA can load boxes of the arrays: elements of a row are contiguous,
-/// and rows begin at multiples of 16 bytes.
-bool canMap(const std::vector<TensorMap> &maps, const void *params);
-
 /// The parameters of a launch with its tensor maps.
 class MappedParameters {
 public:

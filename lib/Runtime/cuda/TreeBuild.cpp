@@ -22,8 +22,6 @@ constexpr int threads = 256, halvers = 1024, fillers = 512, toppers = 1024;
 constexpr int64_t mostBlocks = 1056;
 /// Places of what one block halves, and bins of a greater segment.
 constexpr int64_t chunk = 4096, bins = 1024, boundsWords = 8;
-/// Nodes of one level and blocks have so many children.
-constexpr int64_t width = 8;
 constexpr int64_t headWords = 8;
 /// Above this number the curve goes through 1024 cells along each axis, and
 /// not through 256.

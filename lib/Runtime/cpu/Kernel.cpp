@@ -1,4 +1,4 @@
-//===- KernelCpu.cpp - Launches on the CPU --------------------------------===//
+//===- Kernel.cpp - Launches on the CPU -----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -9,11 +9,14 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "KernelImpl.h"
+#include "Kernel.h"
+
+#include "Device.h"
 #include "PrivateCopies.h"
 #include "warp/ThreadPool.h"
 
 #include <chrono>
+#include <cstdio>
 #include <new>
 #include <pthread.h>
 #include <shared_mutex>
@@ -45,21 +48,34 @@ static int64_t grainOf(const Code &code) {
   return (static_cast<int64_t>(chunkWork / code.schedule.cost) / 64 + 1) * 64;
 }
 
-void Kernel::Variant::run(const void *params, int64_t begin,
-                          int64_t end) const {
+std::unique_ptr<DeviceCode> CpuDevice::load(const Kernel::Variant &,
+                                            Code &code) {
+  return std::make_unique<CpuCode>(
+      reinterpret_cast<CpuEntry>(Jit::get().load(code)));
+}
+
+CpuCode::~CpuCode() { Jit::get().unload(reinterpret_cast<void *>(entry)); }
+
+void warp::runOnCpu(const Kernel::Variant &variant, const void *params,
+                    int64_t begin, int64_t end) {
   using namespace std::chrono;
-  if (!isQuick.load(std::memory_order_relaxed))
-    return cpu.load(std::memory_order_acquire)(params, begin, end);
+  auto run = [&] {
+    auto *code = static_cast<const CpuCode *>(
+        variant.current.load(std::memory_order_acquire));
+    code->entry(params, begin, end);
+  };
+  if (!variant.isQuick.load(std::memory_order_relaxed))
+    return run();
   steady_clock::time_point start = steady_clock::now();
-  cpu.load(std::memory_order_acquire)(params, begin, end);
-  quick->spend(nanoseconds(steady_clock::now() - start).count());
+  run();
+  variant.quick->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
 static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
   PrivateCopies copies(variant.code.schedule.copied, params, paramSize);
   auto run = [&](int64_t begin, int64_t end) {
-    variant.run(copies.paramsOf(ThreadPool::worker()), begin, end);
+    runOnCpu(variant, copies.paramsOf(ThreadPool::worker()), begin, end);
   };
   ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
                           &variant.history);
@@ -75,21 +91,39 @@ static void launchAlone(const Kernel::Variant &variant, const void *params,
       chooseUpdates(copied, params, items) == UpdateMode::Copies)
     return launchOnCopies(variant, params, paramSize, items);
   freeIdleCopies();
-  variant.run(params, 0, items);
+  runOnCpu(variant, params, 0, items);
 }
 
-void warp::launchOnCpu(const Kernel::Variant &variant, const void *params,
-                       size_t paramSize, int64_t items, bool serial) {
+/// Runs the indices below `items`; on this thread if `serial`.
+static void launch(const Kernel::Variant &variant, const void *params,
+                   size_t paramSize, int64_t items, bool serial) {
   if (variant.code.schedule.exclusive)
     return launchAlone(variant, params, paramSize, items, serial);
   std::shared_lock<std::shared_mutex> shared;
   if (variant.code.schedule.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
   if (serial)
-    return variant.run(params, 0, items);
+    return runOnCpu(variant, params, 0, items);
   auto run = [&](int64_t begin, int64_t end) {
-    variant.run(params, begin, end);
+    runOnCpu(variant, params, begin, end);
   };
   ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
                           &variant.history);
+}
+
+void CpuCode::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
+                     const Stream *) const {
+  const Kernel::Variant &variant = *plan.variant;
+  bool serial = Kernel::isShort(plan);
+  if (variant.code.sites.empty()) {
+    ::launch(variant, params, paramSize, plan.items, serial);
+  } else {
+    ErrorRecord record;
+    setErrorRecord(params, reinterpret_cast<uint64_t>(&record));
+    ::launch(variant, params, paramSize, plan.items, serial);
+    if (record.flag)
+      raiseFailedCheck(record, variant.code.sites);
+  }
+  if (variant.code.schedule.usesPrintf)
+    std::fflush(stdout);
 }

@@ -1,0 +1,252 @@
+//===- Kernel.cpp - Kernels on CUDA devices -------------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Loads the code of a variant and queues its launches, each by the grid that
+// its schedule asks for (Grid.cpp).
+//
+//===----------------------------------------------------------------------===//
+
+#include "Kernel.h"
+
+#include "GraphDriver.h"
+#include "GraphImpl.h"
+#include "Grid.h"
+#include "Support.h"
+#include "TensorMaps.h"
+
+#include <algorithm>
+
+using namespace warp;
+
+int warp::chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
+                      int smCount) {
+  int whole = blockDim, half = whole / 2;
+  if (entry.residentHalves == 0)
+    return whole;
+  int64_t blocks = ceilDivide(threads, whole);
+  if (blocks > int64_t(entry.residentBlocks) * smCount) {
+    int spared = entry.residentHalves - 2 * entry.residentBlocks;
+    return spared > 0 || (spared == 0 && entry.keepsStack) ? half : whole;
+  }
+  // All blocks run at a time. The share of the busiest multiprocessor decides.
+  int64_t busiest = ceilDivide(blocks, smCount) * whole;
+  int64_t halves = ceilDivide(ceilDivide(threads, half), smCount) * half;
+  return halves < busiest ? half : whole;
+}
+
+/// Bytes of stack of a thread that searches a hierarchy; others spill less.
+static constexpr int stackBytes = 512;
+
+std::unique_ptr<DeviceCode> CudaDevice::load(const Kernel::Variant &variant,
+                                             Code &code) {
+  cuda::ContextScope scope(index);
+  cuda::RelaxedCaptures relaxed;
+  auto entry = std::make_unique<CudaEntry>(*this);
+  entry->programmatic =
+      cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
+  if (callsLibrary(code))
+    assemble(code);
+  entry->loaded.load(code);
+  entry->function = entry->loaded.function(code.entry);
+  if (!variant.code.sites.empty())
+    entry->record =
+        std::make_unique<DeviceErrorRecord>(index, variant.code.sites);
+  if (variant.code.schedule.dynamicBytes)
+    WARP_CUDA(funcSetAttribute, entry->function,
+              cuda::functionMostDynamicShared,
+              variant.code.schedule.dynamicBytes);
+  int threads = variant.key.blockDim;
+  if (variant.code.schedule.fixedBlock || threads % 64 != 0)
+    return entry;
+  WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentBlocks, entry->function,
+            threads, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentHalves, entry->function,
+            threads / 2, 0);
+  entry->keepsStack =
+      attributeOf(entry->function, cuda::functionLocalSize) >= stackBytes;
+  return entry;
+}
+
+/// Unloads code; while a graph is recorded that may use it, later.
+static void unload(int device, CudaCode loaded) {
+  if (keepForCapture(device, [=] { unload(device, loaded); }))
+    return;
+  try {
+    cuda::ContextScope scope(device);
+    // The code must not go while it runs.
+    cuda::driver()->ctxSynchronize();
+    loaded.unload();
+  } catch (const Error &) {
+  }
+}
+
+CudaEntry::~CudaEntry() {
+  if (loaded)
+    unload(owner.index, loaded);
+}
+
+int CudaEntry::maxThreads() const {
+  cuda::ContextScope scope(owner.index);
+  return attributeOf(function, cuda::functionMaxThreads);
+}
+
+/// Threads that work together on tiles are whole rows of the launch.
+static void checkRows(const int32_t *dim, const VariantKey &key,
+                      const char *name) {
+  int last = dim[key.rank - 1];
+  if (key.rank == 1 ? last % key.blockDim == 0 : last == key.blockDim)
+    return;
+  throw Error(Error::Kind::LaunchValue,
+              std::string("launch('") + name +
+                  "'): tiles belong to blocks of " +
+                  std::to_string(key.blockDim) +
+                  " threads, but the last extent of the launch is " +
+                  std::to_string(last));
+}
+
+static cuda::Result queue(const Kernel::Variant &variant,
+                          const CudaEntry &entry, const Grid &grid,
+                          cuda::StreamHandle stream, void *params) {
+  void *arguments[] = {params};
+  const Extent &blocks = grid.blocks, &block = grid.block;
+  cuda::LaunchConfig config{
+      {unsigned(blocks.x), unsigned(blocks.y), unsigned(blocks.z)},
+      {unsigned(block.x), unsigned(block.y), unsigned(block.z)},
+      unsigned(variant.code.schedule.dynamicBytes),
+      stream};
+  return queueKernel(entry.function, config, arguments, entry.programmatic);
+}
+
+/// True for every other launch whose arrays do not fit into the cache: it finds
+/// there what the launch before touched last.
+static bool isReversed(CudaDevice &device, int64_t bytes) {
+  if (bytes <= device.info.cacheBytes)
+    return false;
+  std::atomic<bool> &last = device.isReversed;
+  bool now = !last.load(std::memory_order_relaxed);
+  last.store(now, std::memory_order_relaxed);
+  return now;
+}
+
+void CudaEntry::queueLaunch(const Kernel::Plan &plan, void *params,
+                            const Stream *stream) const {
+  const Kernel::Variant &variant = *plan.variant;
+  const VariantKey &key = variant.key;
+  const Schedule &schedule = variant.code.schedule;
+  auto &header = *static_cast<LaunchHeader *>(params);
+  if (schedule.cooperative && !schedule.ragged)
+    checkRows(header.dim, key, variant.label);
+  LaunchDim dim;
+  dim.rank = key.rank;
+  std::copy(header.dim, header.dim + key.rank, dim.extent);
+  int blockDim = key.blockDim;
+  if (plan.openBlock)
+    blockDim = chooseBlock(*this, blockDim, coarsenedThreads(schedule, dim),
+                           owner.info.smCount);
+  Grid grid = gridFor(schedule, dim, blockDim, variant.flat);
+  if (!grid.fits({}))
+    grid = gridFor(schedule, dim, key.blockDim, variant.flat);
+  if (!grid.fits({}))
+    throw Error(Error::Kind::LaunchValue,
+                std::string("launch('") + variant.label +
+                    "'): expects at most 2^31 - 1 blocks of " +
+                    std::to_string(key.blockDim) + " threads, but got " +
+                    std::to_string(grid.blocks.x));
+  // Code of merged blocks knows no others.
+  if (schedule.blockCoarsening > 1)
+    header.dim[key.rank - 2] /= schedule.blockCoarsening;
+  QueuedWork work(owner.index, stream);
+  if (schedule.reverseOrder)
+    header.reversed = isReversed(owner, plan.bytes);
+  cuda::Result result = queue(variant, *this, grid, work.stream(), params);
+  if (result == cuda::success) {
+    if (variant.isQuick.load(std::memory_order_relaxed))
+      variant.quick->spendLaunch(grid.threads() * schedule.blockCoarsening);
+    owner.lastKernel.store(variant.label, std::memory_order_relaxed);
+    return;
+  }
+  try {
+    cuda::raise(result, "launchKernel");
+  } catch (const Error &error) {
+    throw Error(error.kind, std::string("launch('") + variant.label +
+                                "', device='" + owner.info.alias +
+                                "'): " + error.message);
+  }
+}
+
+void CudaEntry::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
+                       const Stream *stream) const {
+  const Schedule &schedule = plan.variant->code.schedule;
+  if (record)
+    setErrorRecord(params, record->address());
+  // Maps, and other extents, are for this launch alone.
+  if (schedule.tensorMaps.empty() && schedule.blockCoarsening == 1)
+    return queueLaunch(plan, params, stream);
+  MappedParameters mapped(schedule.tensorMaps, params, paramSize);
+  queueLaunch(plan, mapped.get(), stream);
+}
+
+//===----------------------------------------------------------------------===//
+// Resources
+//===----------------------------------------------------------------------===//
+
+void CudaEntry::describe(const VariantKey &key,
+                         std::vector<Choice> &choices) const {
+  cuda::ContextScope scope(owner.index);
+  int registers = attributeOf(function, cuda::functionRegisters);
+  int local = attributeOf(function, cuda::functionLocalSize);
+  choices.push_back({"registers", std::to_string(registers),
+                     std::to_string(local) + " bytes of local memory"});
+  int whole = key.blockDim;
+  std::string block = std::to_string(whole);
+  if (residentHalves == 0) {
+    choices.push_back({"block", block, "its threads wait for each other"});
+    return;
+  }
+  choices.push_back(
+      {"block", block + " or " + std::to_string(whole / 2),
+       "what keeps more of the card at work; a multiprocessor holds " +
+           std::to_string(residentBlocks) + " or " +
+           std::to_string(residentHalves)});
+}
+
+static cuda::Function functionOf(const Kernel::Variant &variant) {
+  return static_cast<const CudaEntry *>(variant.current.load())->function;
+}
+
+CudaProperties Kernel::cudaProperties(int device, int blockDim) {
+  CudaDevice &owner = cudaDeviceState(device);
+  const Variant &variant = impl->loaded(device, blockDim);
+  cuda::ContextScope scope(device);
+  CudaProperties result;
+  cuda::Function function = functionOf(variant);
+  result.registers = attributeOf(function, cuda::functionRegisters);
+  result.localMemory = attributeOf(function, cuda::functionLocalSize);
+  result.sharedMemory = attributeOf(function, cuda::functionSharedSize) +
+                        variant.code.schedule.dynamicBytes;
+  result.constantMemory = attributeOf(function, cuda::functionConstantSize);
+  result.maxThreads = attributeOf(function, cuda::functionMaxThreads);
+  result.binaryVersion = attributeOf(function, cuda::functionBinaryVersion);
+  result.blockDim = variant.key.blockDim;
+  WARP_CUDA(occupancyMaxActiveBlocks, &result.blocksPerMultiprocessor, function,
+            result.blockDim, variant.code.schedule.dynamicBytes);
+  int threads = 0;
+  WARP_CUDA(deviceGetAttribute, &threads, cuda::maxThreadsPerMultiprocessor,
+            owner.ordinal);
+  if (threads > 0)
+    result.occupancy =
+        double(result.blocksPerMultiprocessor) * result.blockDim / threads;
+  return result;
+}
+
+std::pair<int, int> Kernel::suggestedBlock(int device) {
+  int most = impl->options.maxThreads ? impl->options.maxThreads : 1024;
+  cudaDeviceState(device);
+  const Variant &variant = impl->loaded(device, most);
+  cuda::ContextScope scope(device);
+  int blocks = 0, threads = 0;
+  WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads,
+            functionOf(variant), nullptr, 0, most);
+  return {threads, blocks};
+}

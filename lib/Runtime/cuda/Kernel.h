@@ -1,0 +1,56 @@
+//===- Kernel.h - Kernels on CUDA devices -----------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_CUDA_KERNEL_H
+#define WARP_LIB_RUNTIME_CUDA_KERNEL_H
+
+#include "Code.h"
+#include "Device.h"
+#include "Runtime/KernelImpl.h"
+
+namespace warp {
+
+/// Code that a CUDA device has, and what launches need to know of it.
+class CudaEntry final : public DeviceCode {
+public:
+  explicit CudaEntry(CudaDevice &owner) : owner(owner) {}
+  ~CudaEntry() override;
+
+  void launch(const Kernel::Plan &plan, void *params, size_t paramSize,
+              const Stream *stream) const override;
+  int maxThreads() const override;
+  void describe(const VariantKey &key,
+                std::vector<Choice> &choices) const override;
+
+  CudaDevice &owner;
+  CudaCode loaded;
+  cuda::Function function = nullptr;
+  /// True if it may start before the kernel before it on its stream has ended.
+  bool programmatic = false;
+  /// Blocks of the variant's size that a multiprocessor runs at a time, and
+  /// blocks of half as many threads; 0 where the code is for one size of
+  /// blocks.
+  int residentBlocks = 0, residentHalves = 0;
+  /// True if threads keep a stack in memory: some search longer than others,
+  /// and a block's room is free when its last thread has ended.
+  bool keepsStack = false;
+  /// Where checks of the code report; null if it has none.
+  std::unique_ptr<DeviceErrorRecord> record;
+
+private:
+  /// Of merged blocks the header gets the extents.
+  void queueLaunch(const Kernel::Plan &plan, void *params,
+                   const Stream *stream) const;
+};
+
+/// Threads of a block for so many in all: half of the variant's if that keeps
+/// more of the card at work.
+int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
+                int smCount);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_CUDA_KERNEL_H
