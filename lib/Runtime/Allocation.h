@@ -1,4 +1,4 @@
-//===- Allocation.h - Help for devices that allocate ------------*- C++ -*-===//
+//===- Allocation.h - Rounding and errors of allocators ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -4,8 +4,8 @@
 //
 // A copy between two views is first brought to its simplest form: dimensions
 // of extent one go away, neighbours that are packed on both sides become one,
-// and what is packed at the end becomes a run of bytes. What is left is a
-// short list of dimensions around a run.
+// and packed dimensions at the end become a run of bytes. A short list of
+// dimensions around a run is left.
 //
 // The device copies that (cpu/Copy.cpp, cuda/Copy.cpp). Views of two memories
 // never meet directly: a strided side is packed into a temporary first, or
@@ -103,7 +103,7 @@ size_t warp::shortestPeriod(const char *pattern, size_t size) {
   return size;
 }
 
-/// Whether the bytes that two views span have any in common.
+/// True if the bytes that two views span have any in common.
 static bool overlap(const ArrayDescriptor &a, const ArrayDescriptor &b,
                     int64_t elementSize) {
   auto span = [&](const ArrayDescriptor &array) {

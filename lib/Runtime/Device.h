@@ -1,4 +1,4 @@
-//===- Device.h - Device interface: memory, code, graphs --------*- C++ -*-===//
+//===- Device.h - Device interface ------------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -76,7 +76,7 @@ public:
   const int index;
   DeviceInfo info;
 
-  /// Whether its memory is the host's and work is done on return.
+  /// True if its memory is the host's and work is done on return.
   bool isHost() const { return warp::isHost(index); }
   /// Throws where work is not queued.
   virtual Queues &queues();
@@ -94,7 +94,7 @@ public:
   /// Frees memory once all work queued so far is done. Never throws.
   virtual void free(void *memory, size_t bytes, MemoryKind kind) = 0;
   virtual MemoryKind kindOf(const void *memory) = 0;
-  /// Whether kernels can use memory of another device.
+  /// True if kernels can use memory of another device.
   virtual bool canReach(Device &owner, const void *memory) = 0;
 
   /// One side is this device; the other one may be the host or a peer.

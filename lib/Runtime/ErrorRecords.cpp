@@ -29,7 +29,7 @@ static std::string describeAccess(const ErrorRecord &record, const Site &site) {
   int rank = std::min<int>(record.rank, maxRank);
   std::string index[maxRank], shape[maxRank];
   for (int i = 0; i < rank; ++i) {
-    // What is still negative was counted from the end; say what was written.
+    // A negative index was counted from the end; say what was written.
     int64_t written = record.index[i];
     if (written < 0 && record.kind != CheckKind::Offset)
       written -= record.shape[i];

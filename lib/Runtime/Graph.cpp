@@ -1,4 +1,4 @@
-//===- Graph.cpp - Captures in progress -----------------------------------===//
+//===- Graph.cpp - Captures in progress, memory they keep -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -100,7 +100,7 @@ void CaptureBase::startTrace() {
   ++tracesInProgress;
 }
 
-/// Whether a capture may have recorded a use of memory of a device.
+/// True if a capture may have recorded a use of memory of a device.
 static bool mayUse(const Entry &entry, int device) {
   if (isHost(device))
     return entry.thread == std::this_thread::get_id();

@@ -1,9 +1,9 @@
-//===- GraphImpl.h - Inside of captures -------------------------*- C++ -*-===//
+//===- GraphImpl.h - Captures and recorders of host work --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What the rest of the runtime asks before it does work: is somebody recording
-// it? Where no capture is in progress, that is one read of an atomic.
+// The rest of the runtime asks before it does work: is somebody recording it?
+// Where no capture is in progress, that is one read of an atomic.
 //
 //===----------------------------------------------------------------------===//
 
@@ -22,7 +22,7 @@
 
 namespace warp {
 
-/// What lives as long as a graph.
+/// Objects that live as long as a graph.
 using Kept = std::vector<std::shared_ptr<void>>;
 
 /// A capture as others see it. `owner` is the thread, for host memory.

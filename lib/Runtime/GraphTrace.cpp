@@ -1,4 +1,4 @@
-//===- GraphTrace.cpp - What a capture recorded, to be saved --------------===//
+//===- GraphTrace.cpp - Trace of a capture, to be saved -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GraphTrace.h - What a capture recorded, to be saved ------*- C++ -*-===//
+//===- GraphTrace.h - Trace of a capture, to be saved -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -47,7 +47,7 @@ struct GraphOperation {
     UpdateCondition = 11,
     BeginBody = 12,
     EndBody = 13,
-    /// What no file can hold; `constant` says what it is.
+    /// An operation that no file can hold; `constant` says which.
     Other = 14,
     BuildTree = 15,
     UpdateGeometry = 16,
@@ -121,8 +121,8 @@ struct BuildTree {
   int64_t points;
   int32_t count, ofTriangles, alongCurve, refits;
 };
-/// What the host does with geometry on the CPU: takes over points, boxes or
-/// faces, or builds again.
+/// An update of geometry by the host: takes over points, boxes or faces, or
+/// builds again.
 struct UpdateGeometry {
   uint64_t handle;
   double width;
@@ -195,7 +195,7 @@ public:
   explicit operator bool() const { return trace != nullptr; }
   GraphTrace *operator->() const { return trace; }
 
-  /// Whether this thread is within one.
+  /// True if this thread is within one.
   static bool active();
 
 private:

@@ -7,7 +7,7 @@
 // its own, of zeros, and the copies are added to the arrays afterwards. Which
 // sums a float ends up in then depends on who took which chunk.
 //
-// Whoever is in here holds the update gate alone (KernelCpu.cpp), so there is
+// Whoever is in here holds the update gate alone (cpu/Kernel.cpp), so there is
 // one piece of memory for the copies of all kernels. Between launches it holds
 // zeros: adding a copy to its array clears it, and only where it was touched.
 //

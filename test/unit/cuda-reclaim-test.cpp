@@ -8,8 +8,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Runtime/cuda/Device.h"
 #include "Runtime/Support.h"
+#include "Runtime/cuda/Device.h"
 #include "warp/MemoryTracker.h"
 #include "warp/Peers.h"
 #include "warp/Runtime.h"
@@ -59,9 +59,7 @@ protected:
   static std::string number(const Stream &stream) {
     return number(stream.handle());
   }
-  static std::string reclaimNumber() {
-    return number(cudaDeviceState(0).reclaim);
-  }
+  static std::string reclaimNumber() { return number(cudaDevice(0).reclaim); }
   static void work(const Buffer &buffer, const Stream *stream = nullptr) {
     setMemory(buffer.data(), 0, 1, buffer.size(), stream);
   }
@@ -191,7 +189,7 @@ TEST_F(Reclaim, StreamsOfAnotherDeviceAreRefused) {
 
 TEST_F(Reclaim, FaultsNameTheKernelLaunchedLast) {
   Buffer buffer(0, 64);
-  cudaDeviceState(0).lastKernel = permanentName("saxpy");
+  cudaDevice(0).lastKernel = permanentName("saxpy");
   setFault(700);
   for (int i = 0; i < 2; ++i)
     try {

@@ -285,7 +285,7 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
     Kernel::Variant variant;
     variant.key = keyOf(rank, flat);
     variant.flat = flat;
-    variant.place(std::make_unique<CudaEntry>(cudaDeviceState(0)));
+    variant.place(std::make_unique<CudaEntry>(cudaDevice(0)));
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launch(variant, &header, sizeof header);
@@ -308,7 +308,7 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
     Kernel::Variant variant;
     variant.key = keyOf(rank);
     variant.code.schedule = schedule;
-    variant.place(std::make_unique<CudaEntry>(cudaDeviceState(0)));
+    variant.place(std::make_unique<CudaEntry>(cudaDevice(0)));
     LaunchHeader header;
     std::copy(dim.begin(), dim.end(), header.dim);
     launch(variant, &header, sizeof header, nullptr, /*openBlock=*/true);
@@ -338,7 +338,7 @@ TEST_F(Cuda, BlocksAreShapedToTheSchedule) {
 TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
   Kernel::Variant variant;
   variant.key = keyOf(1);
-  variant.place(std::make_unique<CudaEntry>(cudaDeviceState(0)));
+  variant.place(std::make_unique<CudaEntry>(cudaDevice(0)));
   int64_t cache = deviceInfo(0).cacheBytes;
   ASSERT_GT(cache, 0);
   auto order = [&](int64_t bytes) {
@@ -360,7 +360,7 @@ TEST_F(Cuda, LaunchesBeginAtEitherEndInTurn) {
 TEST_F(Cuda, BlocksAreSmallerWhereTheCardWouldWait) {
   auto choose = [](int blocks, int halves, int64_t threads,
                    bool keepsStack = false) {
-    CudaEntry entry(cudaDeviceState(0));
+    CudaEntry entry(cudaDevice(0));
     entry.keepsStack = keepsStack;
     entry.residentBlocks = blocks;
     entry.residentHalves = halves;

@@ -39,7 +39,7 @@ protected:
     DeviceSuite::SetUp();
     KernelCache::get().setEnabled(false);
   }
-  /// What a launch over some threads leaves in y.
+  /// The elements of y after a launch over some threads.
   std::vector<float> add(Kernel &kernel, int threads, int count) {
     std::vector<float> numbers(count);
     std::iota(numbers.begin(), numbers.end(), 0.0f);

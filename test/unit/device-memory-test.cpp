@@ -86,7 +86,7 @@ TEST_P(DeviceMemory, CopiesThroughPinnedMemory) {
   EXPECT_EQ(static_cast<int *>(pinned.data())[999], 0);
 }
 
-// What lies behind the last pattern stays.
+// Bytes behind the last pattern stay.
 TEST_P(DeviceMemory, FillsPatternsOfAnySize) {
   for (size_t size : {1, 2, 3, 4, 5, 6, 8, 12, 16, 36, 100, 5000})
     for (size_t count : {0, 1, 2, 7, 1000, 50000}) {

@@ -1,4 +1,4 @@
-//===- Graph.cpp - Graphs on the CPU --------------------------------------===//
+//===- Graph.cpp - CPU graphs: lists of steps -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Kernel.cpp - Launches on the CPU -----------------------------------===//
+//===- Kernel.cpp - CPU launches: chunks on the thread pool ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

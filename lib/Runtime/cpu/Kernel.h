@@ -1,4 +1,4 @@
-//===- Kernel.h - Launches on the CPU ---------------------------*- C++ -*-===//
+//===- Kernel.h - CPU launches ----------------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

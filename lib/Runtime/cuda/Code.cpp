@@ -1,4 +1,4 @@
-//===- Code.cpp - Code on a CUDA device -----------------------------------===//
+//===- Code.cpp - CUDA modules: load, link, launch ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Code.h - Code on a CUDA device ---------------------------*- C++ -*-===//
+//===- Code.h - CUDA modules: load, link, launch ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -38,10 +38,10 @@ private:
   cuda::ModuleHandle module = nullptr;
 };
 
-/// What the driver says of a kernel, in the current context.
+/// An attribute of a kernel, in the current context.
 int attributeOf(cuda::Function function, cuda::FunctionAttribute which);
 
-/// Whether the kernel waits for the one before it on its stream, so that it may
+/// True if the kernel waits for the one before it on its stream, so that it may
 /// be started before that has ended.
 bool waitsForPredecessor(const Code &code);
 
@@ -53,7 +53,7 @@ bool waitsForPredecessor(const Code &code);
 cuda::Result queueKernel(cuda::Function function, cuda::LaunchConfig config,
                          void **arguments, bool waits);
 
-/// Whether the PTX calls functions of the assembled library.
+/// True if the PTX calls functions of the assembled library.
 bool callsLibrary(const Code &code);
 
 } // namespace warp

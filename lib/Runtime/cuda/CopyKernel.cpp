@@ -1,4 +1,4 @@
-//===- CopyKernel.cpp - Strided copies on CUDA by a kernel ----------------===//
+//===- CopyKernel.cpp - Strided copies by generated kernels ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

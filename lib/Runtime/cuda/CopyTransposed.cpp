@@ -1,4 +1,4 @@
-//===- CopyTransposed.cpp - Copies that exchange two dimensions -----------===//
+//===- CopyTransposed.cpp - Transposed copies through registers -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

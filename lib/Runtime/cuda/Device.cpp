@@ -1,4 +1,4 @@
-//===- Device.cpp - CUDA devices and contexts------------------------------===//
+//===- Device.cpp - CUDA devices and contexts -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -94,9 +94,9 @@ static DeviceTable &deviceTable() {
 
 int warp::acceleratorCount() { return deviceTable().count; }
 
-Device &warp::acceleratorAt(int device) { return cudaDeviceState(device); }
+Device &warp::acceleratorAt(int device) { return cudaDevice(device); }
 
-CudaDevice &warp::cudaDeviceState(int device) {
+CudaDevice &warp::cudaDevice(int device) {
   DeviceTable &table = deviceTable();
   if (device >= 0 && device < table.count.load(std::memory_order_acquire))
     return *table.states[device];
@@ -108,7 +108,7 @@ CudaDevice &warp::cudaDeviceState(int device) {
   throw Error(Error::Kind::Runtime, message);
 }
 
-CudaDevice *warp::findDeviceState(cuda::Context context) {
+CudaDevice *warp::findCudaDevice(cuda::Context context) {
   DeviceTable &table = deviceTable();
   for (int i = 0; context && i < table.count; ++i)
     if (table.states[i]->context == context)
@@ -117,7 +117,7 @@ CudaDevice *warp::findDeviceState(cuda::Context context) {
 }
 
 cuda::Context cuda::contextOf(int device) {
-  CudaDevice &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDevice(device);
   std::call_once(state.contextOnce, [&] {
     if (state.context)
       return;

@@ -1,4 +1,4 @@
-//===- Device.h - What the runtime keeps per CUDA device --------*- C++ -*-===//
+//===- Device.h - CUDA devices: state, streams ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -18,7 +18,7 @@
 
 namespace warp {
 
-/// What is known of one CUstream, however many objects name it. Never deleted:
+/// State of one CUstream, however many objects name it. Never deleted:
 /// a handle that comes back finds its old entry.
 struct StreamUse {
   cuda::StreamHandle handle = nullptr;
@@ -127,7 +127,8 @@ public:
   cuda::PoolHandle pool = nullptr;
   std::atomic<bool> poolEnabled{false};
 
-  /// Whether the last launch that alternates began at the last block.
+  /// True if the last launch in alternating block order began at the last
+  /// block.
   std::atomic<bool> isReversed{false};
 
   /// Name of the kernel launched last.
@@ -140,11 +141,11 @@ private:
 };
 
 /// Throws for a device that does not exist or is the CPU.
-CudaDevice &cudaDeviceState(int device);
-/// Whether some device may use the memory of another one directly.
+CudaDevice &cudaDevice(int device);
+/// True if some device may use the memory of another one directly.
 bool arePeersLinked();
 /// The device whose context this is; null if it is none of ours.
-CudaDevice *findDeviceState(cuda::Context context);
+CudaDevice *findCudaDevice(cuda::Context context);
 
 /// Work about to be queued on a stream, or on the device's current one, which
 /// other threads may exchange and let go of meanwhile. Makes the context

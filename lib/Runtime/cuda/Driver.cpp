@@ -1,4 +1,4 @@
-//===- Driver.cpp - The CUDA driver, found at run time --------------------===//
+//===- Driver.cpp - CUDA driver entry points, by dlopen -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -132,7 +132,7 @@ static const char *symbolOf(const char *member) {
   return member;
 }
 
-/// What a fault of a kernel leaves behind for every later call.
+/// Explains an error that a fault of a kernel leaves for every later call.
 static std::string faultText(Result result) {
   switch (result) {
   case errorIllegalAddress:
@@ -150,7 +150,7 @@ static std::string faultText(Result result) {
   }
   Context context = nullptr;
   driver()->ctxGetCurrent(&context);
-  CudaDevice *state = findDeviceState(context);
+  CudaDevice *state = findCudaDevice(context);
   if (!state)
     return "";
   const char *kernel = state->lastKernel;

@@ -1,4 +1,4 @@
-//===- Driver.h - The CUDA driver, found at run time ------------*- C++ -*-===//
+//===- Driver.h - CUDA driver entry points, by dlopen -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -252,7 +252,7 @@ static_assert(sizeof(LaunchAttribute) == 72 && sizeof(LaunchConfig) == 56);
     (Function, unsigned, unsigned, unsigned, unsigned, unsigned, unsigned,     \
      unsigned, StreamHandle, void **, void **))
 
-/// What drivers before CUDA 12 lack; null there.
+/// Entry points that drivers before CUDA 12 lack; null there.
 #define WARP_CUDA_LATER_SYMBOLS(X)                                             \
   X(libraryLoadData, cuLibraryLoadData,                                        \
     (LibraryHandle *, const void *, int *, void **, unsigned, int *, void **,  \
@@ -276,9 +276,9 @@ struct Driver {
   /// Devices that `init` found.
   int deviceCount = 0;
   int version = 0;
-  /// Whether code is loaded as libraries: by several threads at a time.
+  /// True if code is loaded as libraries: by several threads at a time.
   bool hasLibraries = false;
-  /// Whether a kernel may start while the one before it on its stream ends, in
+  /// True if a kernel may start while the one before it on its stream ends, in
   /// graphs too.
   bool hasProgrammaticLaunches = false;
 };
@@ -288,7 +288,7 @@ const Driver *driver();
 /// Why `driver` is null.
 const std::string &driverProblem();
 
-/// Whether this is a child of a process that had started the driver; every call
+/// True in a child of a process that had started the driver; every call
 /// fails there.
 bool isForked();
 

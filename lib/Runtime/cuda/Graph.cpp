@@ -1,4 +1,4 @@
-//===- Graph.cpp - Graphs on CUDA devices ---------------------------------===//
+//===- Graph.cpp - CUDA graphs: capture, conditions, replay ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -164,7 +164,7 @@ CudaGraph::~CudaGraph() {
   try {
     cuda::ContextScope scope(device());
     cuda::RelaxedCaptures relaxed;
-    // What the graph keeps must not go while it runs.
+    // Memory that the graph keeps must not go while it runs.
     if (exec && !kept->empty() && !isCapturing(device()))
       cuda::driver()->ctxSynchronize();
     if (exec)

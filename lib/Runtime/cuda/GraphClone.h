@@ -28,7 +28,7 @@ struct Conditional {
 GraphNode addConditional(int device, GraphHandle graph, const GraphNode *after,
                          size_t count, Conditional &conditional);
 
-/// Whether a graph has branches or loops.
+/// True if a graph has branches or loops.
 bool hasConditionals(GraphHandle graph);
 
 /// The nodes of a graph that no other one waits for.

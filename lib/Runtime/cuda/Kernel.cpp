@@ -1,4 +1,4 @@
-//===- Kernel.cpp - Kernels on CUDA devices -------------------------------===//
+//===- Kernel.cpp - CUDA kernels: load, occupancy, launch -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -216,7 +216,7 @@ static cuda::Function functionOf(const Kernel::Variant &variant) {
 }
 
 CudaProperties Kernel::cudaProperties(int device, int blockDim) {
-  CudaDevice &owner = cudaDeviceState(device);
+  CudaDevice &owner = cudaDevice(device);
   const Variant &variant = impl->loaded(device, blockDim);
   cuda::ContextScope scope(device);
   CudaProperties result;
@@ -242,7 +242,7 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
 
 std::pair<int, int> Kernel::suggestedBlock(int device) {
   int most = impl->options.maxThreads ? impl->options.maxThreads : 1024;
-  cudaDeviceState(device);
+  cudaDevice(device);
   const Variant &variant = impl->loaded(device, most);
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;

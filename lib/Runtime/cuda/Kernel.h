@@ -1,4 +1,4 @@
-//===- Kernel.h - Kernels on CUDA devices -----------------------*- C++ -*-===//
+//===- Kernel.h - CUDA kernels: load, launch --------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -41,7 +41,7 @@ public:
   std::unique_ptr<DeviceErrorRecord> record;
 
 private:
-  /// Of merged blocks the header gets the extents.
+  /// Writes the extents of merged blocks into the header.
   void queueLaunch(const Kernel::Plan &plan, void *params,
                    const Stream *stream) const;
 };

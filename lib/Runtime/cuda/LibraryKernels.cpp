@@ -43,7 +43,7 @@ static std::string textOf(std::string file, const std::string &name,
 }
 
 namespace {
-/// What one device has of a file of kernels.
+/// The part of a file of kernels that one device has loaded.
 struct KernelFile {
   /// All of them, if they come as machine code that the driver takes.
   cuda::ModuleHandle assembled = nullptr;

@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Those of lib/DeviceLib/cuda, which Clang has made PTX when the library was
-// built.
+// The kernels of lib/DeviceLib/cuda, which Clang has made PTX when the library
+// was built.
 //
 //===----------------------------------------------------------------------===//
 
@@ -21,7 +21,7 @@ namespace warp {
 
 struct LibraryKernel {
   cuda::Function function = nullptr;
-  /// Whether it waits for the one before it on its stream.
+  /// True if it waits for the one before it on its stream.
   bool waits = false;
 };
 

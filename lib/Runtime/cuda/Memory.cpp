@@ -41,7 +41,7 @@ static void *allocatePinned(int device, size_t bytes) {
 }
 
 cuda::PoolHandle warp::memoryPool(int device) {
-  CudaDevice &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDevice(device);
   if (!state.info.hasMemoryPool)
     return nullptr;
   std::call_once(state.poolOnce, [&] {

@@ -34,8 +34,8 @@ static Pointer addressOf(const void *memory) {
 //===----------------------------------------------------------------------===//
 
 bool warp::canPeersLink(int device, int peer) {
-  int from = cudaDeviceState(peer).ordinal;
-  int to = cudaDeviceState(device).ordinal;
+  int from = cudaDevice(peer).ordinal;
+  int to = cudaDevice(device).ordinal;
   if (from == to)
     return true;
   cuda::DeviceHandle fromHandle, toHandle;
@@ -61,8 +61,8 @@ static std::atomic<uint64_t> &accessSet(int device) {
 }
 
 bool warp::isPeerAccessEnabled(int device, int peer) {
-  cudaDeviceState(peer);
-  cudaDeviceState(device);
+  cudaDevice(peer);
+  cudaDevice(device);
   return device == peer || (accessSet(device) >> peer & 1);
 }
 
@@ -97,11 +97,11 @@ static cuda::PoolHandle expectPool(int device) {
 }
 
 bool warp::isPoolAccessEnabled(int device, int peer) {
-  CudaDevice &other = cudaDeviceState(peer);
+  CudaDevice &other = cudaDevice(peer);
   cuda::PoolHandle pool = memoryPool(device);
   if (!pool)
     return false;
-  if (cudaDeviceState(device).ordinal == other.ordinal)
+  if (cudaDevice(device).ordinal == other.ordinal)
     return true;
   int flags = cuda::accessNone;
   cuda::Location location;
@@ -111,11 +111,11 @@ bool warp::isPoolAccessEnabled(int device, int peer) {
 }
 
 void warp::setPoolAccessEnabled(int device, int peer, bool enable) {
-  CudaDevice &other = cudaDeviceState(peer);
+  CudaDevice &other = cudaDevice(peer);
   if (!enable && !memoryPool(device))
     return;
   cuda::PoolHandle pool = expectPool(device);
-  if (cudaDeviceState(device).ordinal == other.ordinal)
+  if (cudaDevice(device).ordinal == other.ordinal)
     return;
   if (enable) {
     expectLink(device, peer);
@@ -171,13 +171,13 @@ bool CudaDevice::canReach(Device &owner, const void *memory) {
 //===----------------------------------------------------------------------===//
 
 bool warp::isPoolEnabled(int device) {
-  return !isHost(device) && cudaDeviceState(device).poolEnabled;
+  return !isHost(device) && cudaDevice(device).poolEnabled;
 }
 
 void warp::setPoolEnabled(int device, bool enable) {
   if (enable)
     expectPool(device);
-  cudaDeviceState(device).poolEnabled = enable;
+  cudaDevice(device).poolEnabled = enable;
 }
 
 static uint64_t poolAttribute(int device, cuda::PoolAttribute which) {
@@ -257,7 +257,7 @@ void warp::closeImported(int device, void *memory) {
   if (cuda::isForked())
     return;
   cuda::ContextScope scope(device);
-  // What still uses it must be done first.
+  // Work that still uses it must be done first.
   WARP_CUDA(ctxSynchronize);
   WARP_CUDA(ipcCloseMemHandle, addressOf(memory));
 }

@@ -1,4 +1,4 @@
-//===- Reclaim.cpp - Freeing memory that may still be in use --------------===//
+//===- Reclaim.cpp - Stream-ordered frees of memory in use ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -93,7 +93,7 @@ static void waitFor(CudaDevice &state, StreamUse &use) {
 }
 
 std::vector<EventHandle> warp::eventsOfStreams(int device) {
-  CudaDevice &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDevice(device);
   std::lock_guard lock(state.mutex);
   std::vector<EventHandle> events;
   for (StreamUse *use : state.uses)
@@ -138,7 +138,7 @@ struct Pending {
 
 /// Records an event after all work of a device. False while it is captured.
 static bool recordPending(int device, std::vector<Pending> &list) {
-  CudaDevice &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDevice(device);
   std::lock_guard lock(state.mutex);
   if (state.uses.empty())
     return true;
@@ -227,7 +227,7 @@ static void freeNow(CudaDevice &state, const PeerWork &peers,
 }
 
 void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
-  CudaDevice &state = cudaDeviceState(device);
+  CudaDevice &state = cudaDevice(device);
   PeerWork peers(device);
   cuda::ContextScope scope(device);
   std::vector<std::pair<cuda::Pointer, bool>> batch;
@@ -257,8 +257,8 @@ namespace {
 struct PinnedBlock {
   void *memory;
   size_t bytes;
-  /// What has to be done before it can be used again; not known yet for what
-  /// was freed during a capture.
+  /// Events to wait for before it can be used again; not known yet for blocks
+  /// that were freed during a capture.
   std::vector<Pending> events;
   bool known = false;
 };

@@ -1,4 +1,4 @@
-//===- Sort.cpp - Radix sorts and runs on CUDA ----------------------------===//
+//===- Sort.cpp - Radix sorts, segments and runs on CUDA ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -24,7 +24,7 @@ static constexpr int threads = 256;
 static constexpr int64_t mostCounters = 1024;
 static constexpr int radixBits = 8;
 static constexpr int radix = 1 << radixBits;
-/// What fits into a count with its two marks.
+/// The largest count that fits into a status word.
 static constexpr int64_t mostPairs = (int64_t(1) << 30) - 1;
 
 template <typename... Args>
@@ -37,7 +37,7 @@ static void launch(const QueuedWork &work, const LibraryKernel &kernel,
 // Sorts
 //===----------------------------------------------------------------------===//
 
-/// Whether a float, and the bits to turn: see the kernels.
+/// True for floats; the bit to flip is below. See the kernels.
 static bool isFloat(NumberType kind) {
   return kind == NumberType::Float32 || kind == NumberType::Float64;
 }

@@ -1,4 +1,4 @@
-//===- SparseProduct.cpp - A sparse matrix times a vector -----------------===//
+//===- SparseProduct.cpp - Load-balanced sparse products on CUDA ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

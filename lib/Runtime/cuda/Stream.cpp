@@ -136,8 +136,8 @@ void CudaDevice::destroyEvent(const Event &event) {
   cuda::driver()->eventDestroy(raw(event));
 }
 
-/// What tells the driver that an event is no edge of the graph that a stream is
-/// captured into; nothing else may be told so.
+/// Tells the driver that an event is no edge of the graph that a stream is
+/// captured into; 0 for all other events.
 static unsigned externalFlag(const Stream &stream, bool external) {
   return external && capturesInProgress && stream.isCapturing() ? 1 : 0;
 }

@@ -14,7 +14,7 @@
 
 using namespace warp;
 
-/// What rows must begin at a multiple of.
+/// Rows begin at multiples of so many bytes.
 static constexpr int32_t rowAlignment = 16;
 
 static ArrayDescriptor descriptorOf(const TensorMap &map, const void *params) {

@@ -1,4 +1,4 @@
-//===- TreeBuild.cpp - Hierarchies that a GPU builds ----------------------===//
+//===- TreeBuild.cpp - BVH builds on CUDA ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -87,7 +87,7 @@ private:
   const Stream *stream;
   TreeShape shape;
   Primitives primitives;
-  /// Of the numbers along the curve, three times as many.
+  /// Bits of each coordinate; numbers along the curve have three times as many.
   int bits;
   std::vector<Step> steps;
   size_t headAt, lastBoundsAt, centersAt, otherAt, orderAt;
