@@ -7,12 +7,11 @@
 #ifndef WARPDIALECT_TILEOPS_H
 #define WARPDIALECT_TILEOPS_H
 
+#include "WarpDialect/TileAttributes.h"
 #include "WarpDialect/TileTypes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "llvm/Support/ErrorHandling.h"
-
-#include "WarpDialect/WarpTileEnums.h.inc"
 
 namespace warp {
 

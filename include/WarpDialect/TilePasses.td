@@ -117,20 +117,20 @@ def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
   let summary = "Decide which tiles are kept and which are computed where used";
   let description = [{
     A tile that is cheap to compute element by element, has one use and does not
-    read what is overwritten before that use is `inline`: nothing of it is ever
+    read what is overwritten before that use is `inlined`: nothing of it is ever
     stored. Others are in the memory of the block. Tiles that loops and branches
     carry are in memory, and an operation that only replaces elements works in
-    place if nobody needs what it replaces. On a GPU, what threads can hold in
-    registers has no memory (`held`, `striped`; `replicated` is a single element
-    that all of them have), loads into registers stand before what the block
-    computes, operations that the device library has functions for get the name
-    of its `form`, and loops that load factors of products load them ahead
-    (`warp.stages`).
+    place if nobody needs what it replaces. On a GPU, registers of threads hold
+    `accumulators` of products, elements that are `distributed` over their owners,
+    and single elements that are `replicated`; loads into registers stand before
+    what the block computes, operations that the device library has functions for
+    get a `warp.function`, and loops that load factors of products are pipelined
+    (`warp.stages`). `#warp.tile_layout` says all of it.
 
     ```mlir
     %b = warp.tile_map(%a) {...} : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
     // ==>
-    %b = warp.tile_map(%a) {...} {placement = "inline"} : ...
+    %b = warp.tile_map(%a) {...} {warp.layout = #warp.tile_layout<storage = inlined>} : ...
     ```
   }];
   let dependentDialects = ["::warp::WarpDialect", "::mlir::scf::SCFDialect"];

@@ -17,6 +17,7 @@
 
 include "mlir/IR/EnumAttr.td"
 include "mlir/Interfaces/SideEffectInterfaces.td"
+include "WarpTileAttributes.td"
 include "WarpTileInterfaces.td"
 include "WarpTileTypes.td"
 include "WarpTypes.td"

@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpAttributes.h"
+#include "WarpDialect/TileAttributes.h"
 
 #include "WarpDialect/WarpDialect.h"
 

@@ -6,6 +6,7 @@
 
 #include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/TileAttributes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -107,6 +108,9 @@ warp::WarpDialect::verifyOperationAttribute(Operation *op,
                                             NamedAttribute attribute) {
   if (attribute.getName() == attr::residuals)
     return verifyResiduals(op, attribute.getValue());
+  if (attribute.getName() == attr::layout ||
+      attribute.getName() == attr::function)
+    return verifyTileAttribute(op, attribute);
   if (attribute.getName() != kernelAttrName)
     return success();
   auto function = dyn_cast<func::FuncOp>(op);

@@ -10,8 +10,8 @@
 // CHECK: warp.mul(%[[S]], %[[X]])
 // CHECK-NOT: warp.tile_map
 // PLACE-LABEL: func.func @chain
-// PLACE: warp.tile_load {{.*}}placement = "inline"
-// PLACE: } {placement = "inline"}
+// PLACE: warp.tile_load {{.*}}warp.layout = #warp.tile_layout<storage = inlined>
+// PLACE: } {warp.layout = #warp.tile_layout<storage = inlined>}
 func.func @chain(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64, warp.variant =
       #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>} {
@@ -62,7 +62,7 @@ func.func @used_twice(%a: !warp.array<1 x f32>)
 // PLACE-LABEL: func.func @hazards
 // PLACE: warp.tile_load {{.*}}] : !warp.array
 // PLACE: warp.tile_store
-// PLACE: warp.tile_load {{.*}}placement = "inline"
+// PLACE: warp.tile_load {{.*}}warp.layout = #warp.tile_layout<storage = inlined>
 // PLACE: warp.tile_store
 // PLACE: warp.tile_transpose {{.*}}, [1, 0] :
 func.func @hazards(%a: !warp.array<2 x f32>)

@@ -27,7 +27,7 @@ func.func @own(%a: !warp.array<1 x f32>)
   %one = warp.constant 1.0 : f32
   %i = warp.tid : si32
   %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<64 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<64 x f32>
   %old = warp.tile_atomic add %t, %a[%first] {offsets = array<i64: 0>}
     : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
   return
@@ -48,7 +48,7 @@ func.func @shared(%a: !warp.array<1 x f32>)
   %one = warp.constant 1.0 : f32
   %i = warp.tid : si32
   %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<64 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<64 x f32>
   %old = warp.tile_atomic add %t, %a[%first] {offsets = array<i64: 0>}
     : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
   return
@@ -70,7 +70,7 @@ func.func @exact(%a: !warp.array<1 x f32>)
   %one = warp.constant 1.0 : f32
   %i = warp.tid : si32
   %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<64 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<64 x f32>
   %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
   return
 }
@@ -96,7 +96,7 @@ func.func @behind_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
   %one = warp.constant 1.0 : f32
   %i = warp.tid : si32
   %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<32 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<32 x f32>
   warp.tile_store %t, %a[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
   warp.barrier
   warp.tile_store %t, %b[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
@@ -124,7 +124,7 @@ func.func @place_before_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f3
   %one = warp.constant 1.0 : f32
   %i = warp.tid : si32
   %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<32 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<32 x f32>
   warp.tile_store %t, %a[%first] : !warp.tile<32 x f32>, !warp.array<1 x f32>, (si32)
   %again = warp.mul(%i, %size) : (si32, si32) -> si32
   warp.barrier
@@ -148,7 +148,7 @@ func.func @one_thread(%a: !warp.array<1 x f32>)
   %one = warp.constant 1.0 : f32
   %i = warp.tid : si32
   %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<8 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<8 x f32>
   %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<8 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<8 x f32>
   return
 }

@@ -94,7 +94,7 @@ func.func @picked(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
     %x = warp.constant 1.0 : f32
     warp.tile_yield %x : f32
   } {offsets = array<i64: 256>} : (!warp.tile<64 x si32>) -> !warp.tile<64 x f32>
-  %m = warp.tile_reshape %t {placement = "inline"} : !warp.tile<64 x f32> -> !warp.tile<64x1 x f32>
+  %m = warp.tile_reshape %t {warp.layout = #warp.tile_layout<storage = inlined>} : !warp.tile<64 x f32> -> !warp.tile<64x1 x f32>
   warp.tile_store %m, %a[%c0, %c0] picked %rows : !warp.tile<64x1 x f32>, !warp.array<2 x f32>, (si32, si32), !warp.tile<64 x si32>
   return
 }
@@ -123,7 +123,7 @@ func.func @alone(%a: !warp.array<1 x f32>, %i: si32, %c: i1)
   warp.store %one, %a[%i] : f32, !warp.array<1 x f32>, si32
   %x = warp.load %a[%i] : !warp.array<1 x f32>, si32 -> f32
   %y = warp.load %a[%c0] : !warp.array<1 x f32>, si32 -> f32
-  %t = warp.tile_splat %one {placement = "inline"} : f32 -> !warp.tile<64 x f32>
+  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<64 x f32>
   warp.tile_store %t, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)
   %z = warp.load %a[%i] : !warp.array<1 x f32>, si32 -> f32
   warp.tile_store %t, %a[%c0] : !warp.tile<64 x f32>, !warp.array<1 x f32>, (si32)

@@ -7,7 +7,7 @@
 // so threads wait between the copy of sums and a function of its elements.
 // CHECK-LABEL: func.func @copied
 // CHECK: %[[SUMS:.*]] = scf.for
-// CHECK: warp.tile_matmul {{.*}}held
+// CHECK: warp.tile_matmul {{.*}}storage = accumulators
 // CHECK: %[[COPY:.*]] = warp.tile_map(%[[SUMS]])
 // CHECK: warp.barrier
 // CHECK: warp.tile_store

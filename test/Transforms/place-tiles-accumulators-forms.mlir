@@ -5,8 +5,8 @@
 // Matrix instructions of doubles came with compute capability 9.0; those of
 // halves give halves, too.
 // CHECK-LABEL: func.func @doubles
-// CHECK: warp.tile_matmul {{.*}}form = ["f64_32x16_kn", "f64_mma_32x16", 16]
-// CHECK: warp.tile_matmul {{.*}}form = ["bf16_32x16_kn", "mma_32x16", 16]
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "f64_32x16_kn", accumulators = "f64_mma_32x16", slots = 16>
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "bf16_32x16_kn", accumulators = "mma_32x16", slots = 16>
 func.func @doubles(%a: !warp.array<2 x f64>, %b: !warp.array<2 x bf16>)
     attributes {warp.kernel, warp.block_threads = 64 : i64,
                 warp.variant = #gpu} {
@@ -31,7 +31,7 @@ func.func @doubles(%a: !warp.array<2 x f64>, %b: !warp.array<2 x bf16>)
 #older = #warp.variant<target = <platform = cuda, version = 80>, rank = 3>
 
 // CHECK-LABEL: func.func @older_doubles
-// CHECK-NOT: form = {{\[}}
+// CHECK-NOT: accumulators = 
 func.func @older_doubles(%a: !warp.array<2 x f64>)
     attributes {warp.kernel, warp.block_threads = 64 : i64,
                 warp.variant = #older} {
@@ -51,8 +51,8 @@ func.func @older_doubles(%a: !warp.array<2 x f64>)
 
 // 64 of 256 threads hold the sums of a small tile, a warp of 8 those of another.
 // CHECK-LABEL: func.func @some_threads
-// CHECK: warp.tile_matmul {{.*}}form = ["f32_4x4_kn", "f32_4x4_kn", 16]
-// CHECK: warp.tile_matmul {{.*}}form = ["f16_16x16_kn", "mma_16x16", 8]
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "f32_4x4_kn", accumulators = "f32_4x4_kn", slots = 16>
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "f16_16x16_kn", accumulators = "mma_16x16", slots = 8>
 func.func @some_threads(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f16>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,
                 warp.variant = #gpu} {

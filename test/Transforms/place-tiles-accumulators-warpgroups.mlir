@@ -7,11 +7,11 @@
 // CHECK-LABEL: func.func @even
 // CHECK: %[[STEP:.*]] = arith.constant 2 : i32
 // CHECK: scf.for {{.*}} step %[[STEP]]
-// CHECK: warp.tile_load %arg0{{.*}}pitch = 64 : i64, swizzled, warp.stages = 3
+// CHECK: warp.tile_load %arg0{{.*}}pitch = 64, swizzled = true, stages = 3
 // CHECK-SAME: !warp.tile<128x64 x f16>
-// CHECK: warp.tile_load %arg1{{.*}}pitch = 128 : i64, swizzled, warp.stages = 3
+// CHECK: warp.tile_load %arg1{{.*}}pitch = 128, swizzled = true, stages = 3
 // CHECK-SAME: !warp.tile<64x128 x f16>
-// CHECK: warp.tile_matmul {{.*}}form = ["wg_f16_64x128_kn", "wg_64x128", 64], held
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "wg_f16_64x128_kn", accumulators = "wg_64x128", slots = 64>, warp.layout = #warp.tile_layout<storage = accumulators>
 func.func @even(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
                 %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,
@@ -48,11 +48,11 @@ func.func @even(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 // With an unknown number of steps the last may be missing: loads know how much
 // of the depth belongs to one. Views of factors get their shape.
 // CHECK-LABEL: func.func @unknown
-// CHECK: warp.tile_load %arg0{{.*}}merged = array<i64: 1, 16>
+// CHECK: warp.tile_load %arg0{{.*}}merged_axis = 1, merged_extent = 16
 // CHECK-SAME: !warp.tile<64x64 x bf16>
-// CHECK: warp.tile_load %arg1{{.*}}merged = array<i64: 1, 16>
+// CHECK: warp.tile_load %arg1{{.*}}merged_axis = 1, merged_extent = 16
 // CHECK-SAME: !warp.tile<64x64 x bf16>
-// CHECK: warp.tile_matmul {{.*}}form = ["wg_bf16_64x64_kk", "wg_64x64", 32], held
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "wg_bf16_64x64_kk", accumulators = "wg_64x64", slots = 32>, warp.layout = #warp.tile_layout<storage = accumulators>
 func.func @unknown(%a: !warp.array<2 x bf16>, %b: !warp.array<2 x bf16>,
                    %c: !warp.array<2 x f32>, %n: i32)
     attributes {warp.kernel, warp.block_threads = 128 : i64,
@@ -89,7 +89,7 @@ func.func @unknown(%a: !warp.array<2 x bf16>, %b: !warp.array<2 x bf16>,
 
 // Code that later architectures run, too, has no such instructions.
 // CHECK-LABEL: func.func @any
-// CHECK: form = ["f16_32x32_kn", "mma_32x32", 32]
+// CHECK: warp.function = #warp.tile_function<name = "f16_32x32_kn", accumulators = "mma_32x32", slots = 32>
 func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 128 : i64,
                 warp.variant = #any} {
@@ -112,8 +112,8 @@ func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 // swizzle.
 // CHECK-LABEL: func.func @tma
 // CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 64, 2, 128>, array<i64: 80, 320, 64, 64, 2, 128>]
-// CHECK: warp.tile_load %arg0{{.*}}map = 192 : i64, pitch = 64 : i64, ring, swizzled
-// CHECK: warp.tile_load %arg1{{.*}}map = 320 : i64, pitch = 128 : i64, swizzled
+// CHECK: warp.tile_load %arg0{{.*}}pitch = 64, swizzled = true, {{.*}}tensor_map = 192, barriers = true
+// CHECK: warp.tile_load %arg1{{.*}}pitch = 128, swizzled = true, {{.*}}tensor_map = 320>
 func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
                  %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,
@@ -153,9 +153,9 @@ func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 // CHECK-SAME: warp.tensor_maps = [array<i64: 24, 192, 128, 32, 4, 128>, array<i64: 80, 320, 32, 128, 4, 0>]
 // CHECK: %[[STEPS:.*]] = arith.constant 2 : i32
 // CHECK: scf.for {{.*}} step %[[STEPS]]
-// CHECK: warp.tile_load %arg0{{.*}}map = 192 : i64, pitch = 32 : i64, ring, swizzled
+// CHECK: warp.tile_load %arg0{{.*}}pitch = 32, swizzled = true, {{.*}}tensor_map = 192, barriers = true
 // CHECK-NOT: swizzled
-// CHECK: form = ["f32_8x8_kn", "f32_8x8_kn", 64], held
+// CHECK: warp.function = #warp.tile_function<name = "f32_8x8_kn", accumulators = "f32_8x8_kn", slots = 64>, warp.layout = #warp.tile_layout<storage = accumulators>
 func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
                    %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,

@@ -5,11 +5,11 @@
 // Sums stay with threads, and factors are loaded ahead: rows of the first, which
 // threads read at a time, have room between them.
 // CHECK-LABEL: func.func @product
-// CHECK: warp.tile_splat {{.*}}held
+// CHECK: warp.tile_splat {{.*}}storage = accumulators
 // CHECK: scf.for
-// CHECK: warp.tile_load %arg0{{.*}}pitch = 20 : i64, warp.stages = 4
-// CHECK: warp.tile_load %arg1{{.*}}pitch = 64 : i64, warp.stages = 4
-// CHECK: warp.tile_matmul {{.*}}form = ["f32_8x4_kn", "f32_8x4_kn", 32]{{.*}}held
+// CHECK: warp.tile_load %arg0{{.*}}pitch = 20, stages = 4
+// CHECK: warp.tile_load %arg1{{.*}}pitch = 64, stages = 4
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "f32_8x4_kn", accumulators = "f32_8x4_kn", slots = 32>{{.*}}storage = accumulators
 // CHECK: } {warp.stages = 4 : i64}
 func.func @product(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
                    %c: !warp.array<2 x f32>)
@@ -44,7 +44,7 @@ func.func @product(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 // Halves are multiplied by matrix instructions.
 // CHECK-LABEL: func.func @halves
-// CHECK: warp.tile_matmul {{.*}}form = ["f16_32x16_kn", "mma_32x16", 16]
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "f16_32x16_kn", accumulators = "mma_32x16", slots = 16>
 func.func @halves(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 64 : i64,
                 warp.variant = #gpu} {
@@ -106,8 +106,8 @@ func.func @old(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 // Matrices that only factors and solves read have room between their rows.
 // CHECK-LABEL: func.func @factor
 // CHECK: warp.tile_load {{.*}}pitch = 20
-// CHECK: warp.tile_cholesky {{.*}}form = 16 : i64{{.*}}pitch = 20
-// CHECK: warp.tile_solve {{.*}}form = 1 : i64
+// CHECK: warp.tile_cholesky {{.*}}warp.function = #warp.tile_function<name = "16">{{.*}}pitch = 20
+// CHECK: warp.tile_solve {{.*}}warp.function = #warp.tile_function<name = "1">
 func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64,
                 warp.variant = #gpu} {
@@ -129,7 +129,7 @@ func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
 
 // Values that two loops treat element by element stay in registers.
 // CHECK-LABEL: func.func @stripes
-// CHECK: warp.tile_load {{.*}}striped
+// CHECK: warp.tile_load {{.*}}storage = distributed
 func.func @stripes(%a: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64,
                 warp.variant = #gpu} {
@@ -152,7 +152,7 @@ func.func @stripes(%a: !warp.array<1 x f32>)
 // CHECK-LABEL: func.func @copy
 // CHECK: warp.tile_load
 // CHECK-NOT: inline
-// CHECK-SAME: striped
+// CHECK-SAME: storage = distributed
 func.func @copy(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64,
                 warp.variant = #gpu} {
@@ -171,9 +171,9 @@ func.func @copy(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
 // Sums are added to an array from where they are, and several results of one
 // function of elements are in registers together.
 // CHECK-LABEL: func.func @added
-// CHECK: warp.tile_matmul {{.*}}form = ["f32_4x4_kn", "f32_4x4_kn", 16], held
+// CHECK: warp.tile_matmul {{.*}}warp.function = #warp.tile_function<name = "f32_4x4_kn", accumulators = "f32_4x4_kn", slots = 16>, warp.layout = #warp.tile_layout<storage = accumulators>
 // CHECK: warp.tile_map
-// CHECK: {striped}
+// CHECK: {warp.layout = #warp.tile_layout<storage = distributed>}
 // CHECK: warp.tile_atomic add
 func.func @added(%a: !warp.array<2 x f32>, %c: !warp.array<2 x f32>,
                  %d: !warp.array<2 x f32>)

@@ -8,10 +8,10 @@
 // other array holds is loaded before the block computes. So is what an update
 // adds to, if no other block touches it.
 // CHECK-LABEL: func.func @row
-// CHECK: warp.tile_load %arg0{{.*}} {striped}
-// CHECK: warp.tile_load %arg1{{.*}} {striped}
-// CHECK: warp.tile_reduce max {{.*}}replicated
-// CHECK: warp.tile_reduce add {{.*}}replicated
+// CHECK: warp.tile_load %arg0{{.*}} {warp.layout = #warp.tile_layout<storage = distributed>}
+// CHECK: warp.tile_load %arg1{{.*}} {warp.layout = #warp.tile_layout<storage = distributed>}
+// CHECK: warp.tile_reduce max {{.*}}storage = replicated
+// CHECK: warp.tile_reduce add {{.*}}storage = replicated
 // LOOPS-LABEL: func.func @row
 // LOOPS: warp.launch_extent
 // LOOPS: warp.load %arg2
@@ -93,7 +93,7 @@ func.func @cleared(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %y: !warp
 // CHECK-NOT: warp.tile_store {{.*}}, %arg1
 // CHECK: warp.tile_map
 // CHECK: warp.atomic add
-// CHECK: warp.tile_load %arg1{{.*}} {striped}
+// CHECK: warp.tile_load %arg1{{.*}} {warp.layout = #warp.tile_layout<storage = distributed>}
 func.func @function(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: !warp.array<1 x f32>,
                     %n: !warp.array<1 x si32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64, warp.variant = #gpu} {

@@ -2,7 +2,7 @@
 
 // A value that is loaded once per element, where it is used, is never kept.
 // CHECK-LABEL: func.func @chain
-// CHECK: warp.tile_load {{.*}} {placement = "inline"}
+// CHECK: warp.tile_load {{.*}} {warp.layout = #warp.tile_layout<storage = inlined>}
 // CHECK: warp.tile_map
 // CHECK: warp.tile_store
 func.func @chain(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)

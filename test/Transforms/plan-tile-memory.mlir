@@ -9,7 +9,7 @@
 func.func @reuse(%a: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 1 : i64} {
   %c0 = warp.constant 0 : si32
-  %t = warp.tile_load %a[%c0] {placement = "inline"} : !warp.array<1 x f32>, (si32)
+  %t = warp.tile_load %a[%c0] {warp.layout = #warp.tile_layout<storage = inlined>} : !warp.array<1 x f32>, (si32)
     -> !warp.tile<64 x f32>
   %1 = warp.tile_scan add %t : !warp.tile<64 x f32>
   %2 = warp.tile_scan add %1 : !warp.tile<64 x f32>

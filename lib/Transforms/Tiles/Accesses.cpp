@@ -41,7 +41,7 @@ Value LoadLowering::element(TileLoadOp op, ValueRange indices) {
 bool LoadLowering::isCopied(TileLoadOp op) {
   TileType type = tileType(op.getResult());
   int64_t runs = type.getShape().back() / 4;
-  return op->hasAttr(attr::pitch) && !op.getPicked() &&
+  return getPitch(op.getResult()) && !op.getPicked() &&
          type.getElementType().isF32() && type.getShape().back() % 4 == 0 &&
          runs <= threads && threads % runs == 0 &&
          type.getNumElements() >= 4 * threads &&
@@ -69,8 +69,7 @@ static BarrierOp barrierAfter(TileLoadOp load) {
 void LoadLowering::copyMatrix(TileLoadOp op) {
   Values arguments{addressOf(memoryOf(op.getResult()))};
   arguments.append(windowOf(op, op.getArray(), op.getOffsets()));
-  arguments.push_back(
-      number(op->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
+  arguments.push_back(number(*getPitch(op.getResult())));
   arguments.push_back(number(threads));
   callLibrary("warp_tile_fetch_b32", {}, arguments);
   callLibrary("warp_tile_close_group", {}, {});

@@ -97,8 +97,7 @@ void AccumulatorLowering::addTile(TileAtomicOp op) {
 //===----------------------------------------------------------------------===//
 
 int64_t pitchOf(const Factor &factor) {
-  Operation *def = factor.memory.getDefiningOp();
-  return def && def->hasAttr(attr::swizzled) ? 0 : factor.pitch;
+  return getLayout(factor.memory).getSwizzled() ? 0 : factor.pitch;
 }
 
 /// Adds a product to sums; factors are `stage` stages behind their first one.
@@ -192,16 +191,16 @@ void AccumulatorLowering::fetch(TileLoadOp load, scf::ForOp loop,
   Values offsets = offsetsAt(load, loop, iteration, &array);
   TileType type = tileType(load.getResult());
   Values window = windowOf(load, array, offsets);
-  if (auto merged = load->getAttrOfType<DenseI64ArrayAttr>(attr::merged))
-    limitWindow(window, merged[0],
-                mul(sub(loop.getUpperBound(), iteration), number(merged[1])));
+  TileLayoutAttr layout = getLayout(load);
+  if (int64_t extent = layout.getMergedExtent())
+    limitWindow(window, layout.getMergedAxis(),
+                mul(sub(loop.getUpperBound(), iteration), number(extent)));
   Values arguments{addressOfStage(load.getResult(), stage)};
   arguments.append(window);
-  arguments.push_back(
-      number(load->getAttrOfType<IntegerAttr>(attr::pitch).getInt()));
+  arguments.push_back(number(layout.getPitch()));
   arguments.push_back(number(threads));
-  StringRef layout = load->hasAttr(attr::swizzled) ? "swizzled_b" : "b";
-  callLibrary("warp_tile_fetch_" + layout +
+  StringRef form = layout.getSwizzled() ? "swizzled_b" : "b";
+  callLibrary("warp_tile_fetch_" + form +
                   Twine(8 * getByteSize(type.getElementType())),
               {}, arguments);
 }
@@ -270,8 +269,9 @@ void AccumulatorLowering::pipelineCopies(scf::ForOp loop) {
 void AccumulatorLowering::pipeline(scf::ForOp loop) {
   loc = loop.getLoc();
   bool byTma =
-      llvm::any_of(loop.getBody()->getOps<TileLoadOp>(),
-                   [](TileLoadOp load) { return load->hasAttr(attr::map); });
+      llvm::any_of(loop.getBody()->getOps<TileLoadOp>(), [](TileLoadOp load) {
+        return getLayout(load).getTensorMap() != 0;
+      });
   byTma ? pipelineTma(loop) : pipelineCopies(loop);
 }
 

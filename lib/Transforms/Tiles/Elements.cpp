@@ -139,8 +139,10 @@ struct SplatModel : TileModel<SplatModel, TileSplatOp> {
     return cast<TileSplatOp>(op).getValue();
   }
   void lower(Operation *op, TileLowering &lowering) const {
-    op->hasAttr(attr::held) ? AccumulatorLowering(lowering.state).set(op)
-                            : lowering.keep(op);
+    if (getLayout(op).getStorage() == TileStorage::accumulators)
+      AccumulatorLowering(lowering.state).set(op);
+    else
+      lowering.keep(op);
   }
   LogicalResult adjoint(Operation *op, autodiff::TileReverse &reverse) const {
     Value g = reverse.take(), value = cast<TileSplatOp>(op).getValue();
@@ -202,7 +204,7 @@ struct MapModel : TileModel<MapModel, TileMapOp> {
   }
   void lower(Operation *op, TileLowering &lowering) const {
     Value input = op->getOperand(0);
-    if (op->hasAttr(attr::held))
+    if (getLayout(op).getStorage() == TileStorage::accumulators)
       AccumulatorLowering(lowering.state).set(op);
     else if (isTile(input) && lowering.buffers.isHeld(input) &&
              !isStriped(input))

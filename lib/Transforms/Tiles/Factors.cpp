@@ -204,7 +204,7 @@ struct CholeskyModel : TileModel<CholeskyModel, TileCholeskyOp> {
     return function;
   }
   int64_t getScratchBytes(Operation *op, int64_t threads) const {
-    if (op->hasAttr(attr::form))
+    if (op->hasAttr(warp::attr::function))
       return getPanelBytes(op);
     Value matrix = cast<TileCholeskyOp>(op).getTile();
     return callsForTiles(op, threads) ? getRowsBytes(tileType(matrix)) : 0;
@@ -212,7 +212,7 @@ struct CholeskyModel : TileModel<CholeskyModel, TileCholeskyOp> {
   void lower(Operation *op, TileLowering &lowering) const {
     auto factor = cast<TileCholeskyOp>(op);
     FactorLowering own(lowering.state);
-    if (op->hasAttr(attr::form))
+    if (op->hasAttr(warp::attr::function))
       own.factorByWarps(factor);
     else if (callsForTiles(op, lowering.threads))
       own.factorByOne(factor);
@@ -242,7 +242,7 @@ struct CholeskyAdjointModel
     return getPanelFunction(cast<TileCholeskyAdjointOp>(op).getFactor(), 128);
   }
   int64_t getScratchBytes(Operation *op, int64_t threads) const {
-    if (op->hasAttr(attr::form))
+    if (op->hasAttr(warp::attr::function))
       return getPanelBytes(op);
     Value factor = cast<TileCholeskyAdjointOp>(op).getFactor();
     return callsForTiles(op, threads)
@@ -253,7 +253,7 @@ struct CholeskyAdjointModel
     auto adjoint = cast<TileCholeskyAdjointOp>(op);
     FactorLowering own(lowering.state);
     own.begin(op, adjoint.getCotangent());
-    if (op->hasAttr(attr::form))
+    if (op->hasAttr(warp::attr::function))
       own.adjointByWarps(adjoint);
     else if (callsForTiles(op, lowering.threads))
       own.adjointByOne(adjoint);

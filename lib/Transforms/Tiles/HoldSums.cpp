@@ -42,7 +42,7 @@ public:
       if (canHold(members))
         hold(members);
     for (TileMatmulOp op : products)
-      if (op->hasAttr(attr::held))
+      if (getLayout(op).getStorage() == TileStorage::accumulators)
         loadAhead(op);
     limitRegisters(products);
   }
@@ -159,7 +159,7 @@ private:
     for (Value tile : members) {
       Operation *def = tile.getDefiningOp();
       if (def && !isa<scf::ForOp>(def))
-        def->setAttr(attr::held, UnitAttr::get(def->getContext()));
+        setLayout(def, getLayout(def).withStorage(TileStorage::accumulators));
       if (def)
         copyForOthers(tile);
     }
@@ -234,9 +234,9 @@ private:
       TileType type = tileType(factor.memory);
       loads.push_back(factor.memory.getDefiningOp());
       int64_t pitch = type.getShape()[1];
-      if (!form.isByWarpgroups() && !loads.back()->hasAttr(attr::map))
+      if (!form.isByWarpgroups() && getLayout(loads.back()).getTensorMap() == 0)
         pitch = padded(type, factor.isAlong);
-      loads.back()->setAttr(attr::pitch, builder.getI64IntegerAttr(pitch));
+      setLayout(loads.back(), getLayout(loads.back()).withPitch(pitch));
       bytes += type.getShape()[0] * pitch * getByteSize(type.getElementType());
     }
     // Two blocks at a time, with what the driver keeps for itself; one, if its
@@ -247,7 +247,7 @@ private:
     int64_t stages = std::clamp<int64_t>(room / bytes, 2, 4);
     loop->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
     for (Operation *load : loads)
-      load->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
+      setLayout(load, getLayout(load).withStages(stages));
   }
 
   /// A quarter of a thread's registers more would halve the threads that hide

@@ -157,7 +157,7 @@ static LogicalResult lowerTiles(FunctionOpInterface kernel, int64_t threads) {
   TileLowering lowering(state);
   for (Operation *op : ops) {
     // Pipelined loads are code of their loop.
-    if (op->hasAttr(attr::stages))
+    if (getLayout(op).getStages() > 1)
       continue;
     state.b.setInsertionPoint(op);
     state.loc = op->getLoc();

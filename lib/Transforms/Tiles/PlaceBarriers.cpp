@@ -122,7 +122,7 @@ private:
     });
     // Matrices are copied by whole runs.
     auto window = dyn_cast<TileAccessOp>(op);
-    bool isCopied = window && op->hasAttr(tiles::attr::pitch);
+    bool isCopied = window && getLayout(op).getPitch() != 0;
     auto tileOp = dyn_cast<TileOpInterface>(op);
     bool byOwners = !takesSums && !isCopied && tileOp && tileOp.isByOwners();
     auto ownedOf = [&](Value tile) {
@@ -142,7 +142,7 @@ private:
                            true, 0, Value()});
     }
     bool isWindow = byOwners && window && !window.getPicked() &&
-                    !op->hasAttr(tiles::attr::stages) &&
+                    getLayout(op).getStages() == 1 &&
                     !varying.anyOf(op->getOperands());
     if (window)
       touchArray(touches, window.getArray(), window.mayWrite(),

@@ -190,7 +190,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   TileInlining inlining(kernel, threads);
   for (Operation *op : ops)
     if (inlining.shouldInline(op))
-      op->setAttr(tiles::attr::placement, b.getStringAttr("inline"));
+      setLayout(op, getLayout(op).withStorage(TileStorage::inlined));
   for (Operation *op : ops)
     if (!isInline(op))
       for (unsigned operand :

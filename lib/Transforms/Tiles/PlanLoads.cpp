@@ -91,7 +91,7 @@ static void mergeSteps(scf::ForOp loop, TileMatmulOp product, bool whole) {
   Builder b(loop.getContext());
   if (!isWhole)
     for (auto [load, axis] : loads)
-      load->setAttr(attr::merged, b.getDenseI64ArrayAttr({axis, depth}));
+      setLayout(load, getLayout(load).withMerged(axis, depth));
   setShape(product.getA(), !product.getTransposeA(), fastDepth);
   setShape(product.getB(), product.getTransposeB(), fastDepth);
   OpBuilder before(loop);
@@ -123,7 +123,7 @@ static bool isOnlyRead(FunctionOpInterface kernel, Value array) {
 int64_t getTmaBoxColumns(TileLoadOp load) {
   TileType type = tileType(load.getResult());
   int64_t columns = type.getShape()[1];
-  return load->hasAttr(attr::swizzled)
+  return getLayout(load).getSwizzled()
              ? std::min(columns,
                         fastBytes / int64_t(getByteSize(type.getElementType())))
              : columns;
@@ -154,7 +154,8 @@ static bool hasConstantStep(scf::ForOp loop, TileLoadOp load) {
 }
 
 /// Makes a load one by TMA, with a tensor map.
-static void loadByTma(FunctionOpInterface kernel, TileLoadOp load) {
+static void loadByTma(FunctionOpInterface kernel, TileLoadOp load,
+                      bool holdsBarriers) {
   Builder b(kernel.getContext());
   ParameterLayout layout = layOutParameters(kernel.getArgumentTypes());
   SmallVector<Attribute> maps;
@@ -168,9 +169,9 @@ static void loadByTma(FunctionOpInterface kernel, TileLoadOp load) {
           bytes = getByteSize(type.getElementType());
   maps.push_back(b.getDenseI64ArrayAttr(
       {layout.offsets[array.getArgNumber()], place, type.getShape()[0], columns,
-       bytes, load->hasAttr(attr::swizzled) ? columns * bytes : 0}));
+       bytes, getLayout(load).getSwizzled() ? columns * bytes : 0}));
   kernel->setAttr(warp::attr::tensorMaps, b.getArrayAttr(maps));
-  load->setAttr(attr::map, b.getI64IntegerAttr(place));
+  setLayout(load, getLayout(load).withTensorMap(place, holdsBarriers));
 }
 
 /// True if the depth is worth TMA: shorter rows of halves are faster merged,
@@ -192,26 +193,24 @@ void planLoads(FunctionOpInterface kernel, scf::ForOp loop,
     return;
   FactorLoads loads = loadsOf(product);
   // Threads read single numbers across the depth in runs, wherever they lie.
-  UnitAttr mark = UnitAttr::get(kernel.getContext());
   for (const FactorLoad &load : loads)
     if (byWarpgroups || load.axis == 1)
-      load.op->setAttr(attr::swizzled, mark);
+      setLayout(load.op, getLayout(load.op).withSwizzle(true));
   bool byTma = llvm::all_of(loads, [&](const FactorLoad &load) {
     return canLoadByTma(kernel, load.op) && hasConstantStep(loop, load.op);
   });
   if (byTma || byWarpgroups)
     mergeSteps(loop, product, /*whole=*/byTma);
   if (byTma && isDeepEnough(product)) {
-    for (const FactorLoad &load : loads)
-      loadByTma(kernel, load.op);
-    loads.front().op->setAttr(attr::ring, mark);
+    for (const auto &[i, load] : llvm::enumerate(loads))
+      loadByTma(kernel, load.op, /*holdsBarriers=*/i == 0);
     return;
   }
   if (byWarpgroups && byTma)
     return mergeSteps(loop, product, /*whole=*/false);
   if (!byWarpgroups)
     for (const FactorLoad &load : loads)
-      load.op->removeAttr(attr::swizzled);
+      setLayout(load.op, getLayout(load.op).withSwizzle(false));
 }
 
 } // namespace warp::tiles

@@ -71,9 +71,8 @@ struct Piece {
   Operation *op = nullptr;
 
   int64_t getAlignment() const {
-    Operation *def = tile ? tile.getDefiningOp() : nullptr;
-    bool inPatterns = def && (def->hasAttr(tiles::attr::swizzled) ||
-                              def->hasAttr(tiles::attr::map));
+    bool inPatterns = tile && (getLayout(tile).getSwizzled() ||
+                               getLayout(tile).getTensorMap() != 0);
     return inPatterns ? patternBytes : alignment;
   }
   bool overlaps(const Piece &other) const {
@@ -192,7 +191,7 @@ private:
       for (Value tile : members)
         piece.first = std::min(piece.first, begins[makerOf(tile)]);
       // What is loaded ahead is there throughout the loop.
-      if (makerOf(root)->hasAttr(tiles::attr::stages))
+      if (getLayout(root).getStages() > 1)
         piece.first = begins[makerOf(root)->getParentOp()];
       for (Value tile : members) {
         extend(piece, makerOf(tile));

@@ -240,12 +240,13 @@ struct MatmulModel : TileModel<MatmulModel, TileMatmulOp> {
     return {};
   }
   int64_t getScratchBytes(Operation *op, int64_t threads) const {
-    bool calls = !op->hasAttr(attr::form) && callsForTiles(op, threads);
+    bool calls =
+        !op->hasAttr(warp::attr::function) && callsForTiles(op, threads);
     return calls ? ProductOperands(cast<TileMatmulOp>(op)).bytes : 0;
   }
   void lower(Operation *op, TileLowering &lowering) const {
     auto matmul = cast<TileMatmulOp>(op);
-    if (op->hasAttr(attr::form))
+    if (op->hasAttr(warp::attr::function))
       AccumulatorLowering(lowering.state).multiply(matmul);
     else
       ProductLowering(lowering.state).lower(matmul);

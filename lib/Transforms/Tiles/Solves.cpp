@@ -212,7 +212,7 @@ struct SolveModel : TileModel<SolveModel, TileSolveOp> {
     return function;
   }
   int64_t getScratchBytes(Operation *op, int64_t) const {
-    return op->hasAttr(attr::form)
+    return op->hasAttr(warp::attr::function)
                ? 0
                : getCopyBytes(cast<TileSolveOp>(op).getMatrix());
   }
@@ -220,7 +220,7 @@ struct SolveModel : TileModel<SolveModel, TileSolveOp> {
     auto solve = cast<TileSolveOp>(op);
     SolveLowering own(lowering.state);
     own.begin(op, solve.getRhs());
-    if (op->hasAttr(attr::form))
+    if (op->hasAttr(warp::attr::function))
       own.byWarps(solve);
     else if (callsForTiles(op, lowering.threads))
       own.byOne(solve);

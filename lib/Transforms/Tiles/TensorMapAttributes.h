@@ -17,13 +17,6 @@ namespace attr {
 constexpr llvm::StringLiteral tensorMaps = "warp.tensor_maps";
 } // namespace attr
 
-namespace tiles::attr {
-/// On a load by TMA: the offset of its tensor map in the parameter block.
-constexpr llvm::StringLiteral map = "map";
-/// On one of the loads of such a loop: barriers lie behind its tiles.
-constexpr llvm::StringLiteral ring = "ring";
-} // namespace tiles::attr
-
 } // namespace warp
 
 #endif // WARP_TRANSFORMS_TILES_TENSORMAPATTRIBUTES_H

@@ -35,9 +35,25 @@ bool computesTiles(Operation *op) {
   return op->getName().getDialectNamespace() == "warp" && isTileOp(op);
 }
 
+TileLayoutAttr getLayout(Operation *op) {
+  auto layout = op->getAttrOfType<TileLayoutAttr>(warp::attr::layout);
+  return layout ? layout : TileLayoutAttr::getPacked(op->getContext());
+}
+
+TileLayoutAttr getLayout(Value tile) {
+  Operation *def = tile.getDefiningOp();
+  return def ? getLayout(def) : TileLayoutAttr::getPacked(tile.getContext());
+}
+
+void setLayout(Operation *op, TileLayoutAttr layout) {
+  if (layout == TileLayoutAttr::getPacked(op->getContext()))
+    op->removeAttr(warp::attr::layout);
+  else
+    op->setAttr(warp::attr::layout, layout);
+}
+
 bool isInline(Operation *op) {
-  auto placement = op->getAttrOfType<StringAttr>(attr::placement);
-  return placement && placement.getValue() == "inline";
+  return getLayout(op).getStorage() == TileStorage::inlined;
 }
 
 TileRead getRead(OpOperand &use) {
@@ -52,7 +68,11 @@ TileRead getAccessRead(TileAccessOp access, OpOperand &use) {
 }
 
 int64_t getDeviceVariant(Operation *op) {
-  return op->getAttrOfType<IntegerAttr>(attr::form).getInt();
+  int64_t variant = 0;
+  op->getAttrOfType<TileFunctionAttr>(warp::attr::function)
+      .getName()
+      .getAsInteger(10, variant);
+  return variant;
 }
 
 Value makeZero(OpBuilder &b, Location loc, Type type) {
@@ -117,20 +137,18 @@ int64_t getTileBytes(TileType type) {
 }
 
 bool isStriped(Value tile) {
-  Operation *def = tile.getDefiningOp();
-  return def && def->hasAttr(attr::striped);
+  TileStorage storage = getLayout(tile).getStorage();
+  return storage == TileStorage::distributed ||
+         storage == TileStorage::replicated;
 }
 
 bool isReplicated(Value tile) {
-  Operation *def = tile.getDefiningOp();
-  return def && def->hasAttr(attr::replicated);
+  return getLayout(tile).getStorage() == TileStorage::replicated;
 }
 
 std::optional<int64_t> getPitch(Value tile) {
-  Operation *def = tile.getDefiningOp();
-  auto pitch =
-      def ? def->getAttrOfType<IntegerAttr>(attr::pitch) : IntegerAttr();
-  return pitch ? std::optional(pitch.getInt()) : std::nullopt;
+  int64_t pitch = getLayout(tile).getPitch();
+  return pitch ? std::optional(pitch) : std::nullopt;
 }
 
 int64_t getStageBytes(Value tile) {
@@ -142,15 +160,10 @@ int64_t getStageBytes(Value tile) {
 }
 
 int64_t getStagedBytes(Value tile) {
-  int64_t bytes = getStageBytes(tile);
-  Operation *def = tile.getDefiningOp();
-  auto stages =
-      def ? def->getAttrOfType<IntegerAttr>(attr::stages) : IntegerAttr();
-  if (!stages)
-    return bytes;
-  // Two barriers of 8 bytes for each.
-  int64_t ring = def->hasAttr(attr::ring) ? 16 : 0;
-  return stages.getInt() * (bytes + ring);
+  TileLayoutAttr layout = getLayout(tile);
+  // Two barriers of 8 bytes for each stage.
+  int64_t barriers = layout.getBarriers() ? 16 : 0;
+  return layout.getStages() * (getStageBytes(tile) + barriers);
 }
 
 std::optional<Strided> getStrided(Value tile) {
@@ -192,7 +205,7 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
     classes.insert(tile.getAsOpaquePointer());
   kernel->walk([&](Operation *op) {
     readOffsets(op);
-    if (op->hasAttr(attr::held) || op->hasAttr(attr::striped))
+    if (getLayout(op).isInRegisters())
       for (Value result : op->getResults())
         held.insert(rootOf(result));
   });

@@ -20,31 +20,13 @@ namespace warp::tiles {
 
 /// Attributes that the passes about tiles leave for each other.
 namespace attr {
-/// `inline`: computed where it is used.
-constexpr llvm::StringLiteral placement = "placement";
 /// Number of the operand whose memory the result takes over.
 constexpr llvm::StringLiteral inPlace = "in_place";
 /// Where the results lie in the block's memory, in bytes, one per result.
 constexpr llvm::StringLiteral offsets = "offsets";
 /// Where the operation may put what it needs on the way.
 constexpr llvm::StringLiteral scratch = "scratch";
-/// On a product: its form (TileProducts.h). On other operations: the ending of
-/// a function of the device library (TileFunction).
-constexpr llvm::StringLiteral form = "form";
-/// Threads hold the result as sums of a product.
-constexpr llvm::StringLiteral held = "held";
-/// Threads hold the results: each the elements that it treats in loops.
-constexpr llvm::StringLiteral striped = "striped";
-/// Besides: the result is one element, and every thread holds it.
-constexpr llvm::StringLiteral replicated = "replicated";
-/// Elements from row to row of the result in the block's memory.
-constexpr llvm::StringLiteral pitch = "pitch";
-/// On a load whose result lies as matrix instructions of warpgroups read it.
-constexpr llvm::StringLiteral swizzled = "swizzled";
-/// On a load that takes several steps of a loop at once, of which the last may
-/// not be there: the axis along which it does, and the extent of a step.
-constexpr llvm::StringLiteral merged = "merged";
-/// On a loop, and on loads in it: tiles that are there or on their way.
+/// On a software-pipelined loop: its stages, which are those of its loads.
 constexpr llvm::StringLiteral stages = "warp.stages";
 } // namespace attr
 
@@ -73,7 +55,15 @@ TileRead getRead(mlir::OpOperand &use);
 /// The same of an access: picked indices are read by all threads that have
 /// elements of the row.
 TileRead getAccessRead(TileAccessOp access, mlir::OpOperand &use);
-/// The ending of the device function of an operation that is marked with one.
+/// The layout of the tiles that an operation gives.
+TileLayoutAttr getLayout(mlir::Operation *op);
+inline TileLayoutAttr getLayout(mlir::OpState op) {
+  return getLayout(op.getOperation());
+}
+/// That of a tile: packed in memory if it is an argument of a block.
+TileLayoutAttr getLayout(mlir::Value tile);
+void setLayout(mlir::Operation *op, TileLayoutAttr layout);
+/// The number that ends the name of an operation's function (TileFunction).
 int64_t getDeviceVariant(mlir::Operation *op);
 /// Operations that read the memory of a tile, also through views and tiles that
 /// are computed where they are used.

@@ -45,10 +45,8 @@ static void setPitches(FunctionOpInterface kernel, const Functions &functions) {
     });
     if (fits)
       for (Value tile : members)
-        tile.getDefiningOp()->setAttr(
-            attr::pitch,
-            Builder(kernel.getContext())
-                .getI64IntegerAttr(getPitchFor(tileType(tile).getShape()[1])));
+        setLayout(tile.getDefiningOp(), getLayout(tile).withPitch(getPitchFor(
+                                            tileType(tile).getShape()[1])));
   }
 }
 
@@ -77,9 +75,9 @@ void chooseFunctions(FunctionOpInterface kernel, int64_t threads) {
     if (function.variant == 0)
       return;
     functions[op] = function;
-    op->setAttr(
-        attr::form,
-        Builder(kernel.getContext()).getI64IntegerAttr(function.variant));
+    op->setAttr(warp::attr::function,
+                TileFunctionAttr::get(op->getContext(),
+                                      std::to_string(function.variant), "", 0));
   });
   if (functions.empty())
     return;

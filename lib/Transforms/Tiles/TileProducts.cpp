@@ -128,19 +128,17 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
 }
 
 void setProductForm(TileMatmulOp op, const ProductForm &form) {
-  Builder b(op.getContext());
-  op->setAttr(attr::form, b.getArrayAttr({b.getStringAttr(form.product),
-                                          b.getStringAttr(form.layout),
-                                          b.getI64IntegerAttr(form.slots)}));
+  op->setAttr(warp::attr::function,
+              TileFunctionAttr::get(op.getContext(), form.product, form.layout,
+                                    form.slots));
 }
 
 std::optional<ProductForm> getProductForm(TileMatmulOp op) {
-  auto form = op->getAttrOfType<ArrayAttr>(attr::form);
-  if (!form)
+  auto function = op->getAttrOfType<TileFunctionAttr>(warp::attr::function);
+  if (!function)
     return std::nullopt;
-  return ProductForm{cast<StringAttr>(form[0]).str(),
-                     cast<StringAttr>(form[1]).str(),
-                     cast<IntegerAttr>(form[2]).getInt()};
+  return ProductForm{function.getName().str(), function.getAccumulators().str(),
+                     function.getSlots()};
 }
 
 //===----------------------------------------------------------------------===//

@@ -35,8 +35,8 @@ static bool fits(Value tile, int64_t threads) {
   TileType type = tileType(tile);
   int64_t own = type.getNumElements() / threads;
   auto op = dyn_cast_or_null<TileOpInterface>(def);
-  return op && op.canDistribute() && !def->hasAttr(attr::held) &&
-         !def->hasAttr(attr::stages) && !def->hasAttr(attr::pitch) &&
+  return op && op.canDistribute() &&
+         getLayout(def) == TileLayoutAttr::getPacked(def->getContext()) &&
          type.getNumElements() % threads == 0 &&
          own * llvm::divideCeil(getByteSize(type.getElementType()), 4) <=
              mostWords &&
@@ -66,7 +66,7 @@ static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
                 own * getByteSize(type.getElementType()) <= 4 * mostLoaded &&
                 isForStore(load);
     if (fits)
-      load->removeAttr(attr::placement);
+      setLayout(load, getLayout(load).withStorage(TileStorage::memory));
   });
 }
 
@@ -112,8 +112,8 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
   }
   for (auto &[root, members] : striped)
     for (Value tile : members)
-      tile.getDefiningOp()->setAttr(attr::striped,
-                                    UnitAttr::get(kernel.getContext()));
+      setLayout(tile.getDefiningOp(),
+                getLayout(tile).withStorage(TileStorage::distributed));
 }
 
 //===----------------------------------------------------------------------===//
@@ -147,8 +147,7 @@ void holdNumbers(FunctionOpInterface kernel, int64_t threads) {
     if (isInline(op) || sharers[buffers.rootOf(result)] != 1 ||
         !llvm::all_of(result.getUses(), readsElements))
       return;
-    for (StringRef name : {attr::striped, attr::replicated})
-      op->setAttr(name, UnitAttr::get(kernel.getContext()));
+    setLayout(op, getLayout(result).withStorage(TileStorage::replicated));
   });
 }
 

@@ -25,7 +25,7 @@ Values AccumulatorLowering::tmaFactorOf(TileLoadOp load, scf::ForOp loop) {
   Values second = offsetsAt(
       load, loop, iterationAfter(loop, loop.getLowerBound(), number(1)));
   Value place = addressOfStage(load.getResult(), Value());
-  Value map = number(load->getAttrOfType<IntegerAttr>(attr::map).getInt());
+  Value map = number(getLayout(load).getTensorMap());
   Values factor{place,
                 LibraryCallOp::create(b, loc, TypeRange(place.getType()),
                                       b.getStringAttr("warp_tile_map"), map)
@@ -49,7 +49,7 @@ void AccumulatorLowering::pipelineTma(scf::ForOp loop) {
   // The barriers lie behind the places of one factor.
   auto loads = loop.getBody()->getOps<TileLoadOp>();
   TileLoadOp holder = *llvm::find_if(
-      loads, [](TileLoadOp load) { return load->hasAttr(attr::ring); });
+      loads, [](TileLoadOp load) { return getLayout(load).getBarriers(); });
   Value barriers = addressOfStage(holder.getResult(), number(places));
   Value steps = arith::CeilDivSIOp::create(
       b, loc,

@@ -359,13 +359,13 @@ struct FftModel : TileModel<FftModel, TileFftOp> {
   }
   int64_t getScratchBytes(Operation *op, int64_t threads) const {
     auto fft = cast<TileFftOp>(op);
-    return op->hasAttr(attr::form) ? getWarpBytes(fft, threads)
-                                   : getFftBytes(fft, threads);
+    return op->hasAttr(warp::attr::function) ? getWarpBytes(fft, threads)
+                                             : getFftBytes(fft, threads);
   }
   void lower(Operation *op, TileLowering &lowering) const {
     auto fft = cast<TileFftOp>(op);
     TransformLowering own(lowering.state);
-    op->hasAttr(attr::form) ? own.byWarps(fft) : own.lower(fft);
+    op->hasAttr(warp::attr::function) ? own.byWarps(fft) : own.lower(fft);
   }
   /// The other transform.
   LogicalResult adjoint(Operation *op, autodiff::TileReverse &reverse) const {
