@@ -42,7 +42,7 @@ class Warp_TileFactor<string name, string inout, string result, string summary>
     : Warp_TileSolver<name,
     ["(A: " # inout # "tile<F, [N, N]>, "
      "fill_mode: 'lower'|'upper' = 'lower') -> " # result], summary,
-    ["make('cholesky', A, flag=fill_mode == 'upper')"]>;
+    ["make('cholesky', A, upper=fill_mode == 'upper')"]>;
 def Warp_TileCholeskyName : Warp_TileFactor<"tile_cholesky", "",
     "tile<F, [N, N]>",
     "triangular factor of a positive definite matrix, of which one "
@@ -68,8 +68,8 @@ class Warp_TileCholeskySolve<string name, string inout, string result,
     "fill_mode: 'lower'|'upper' = 'lower'", result, summary,
     // A lower factor: L x = z, then with its transpose; an upper one: the
     // other way round.
-    "make('solve', L, make('solve', L, y, flag=fill_mode == 'upper', "
-    "transposed=fill_mode == 'upper'), flag=fill_mode == 'upper', "
+    "make('solve', L, make('solve', L, y, upper=fill_mode == 'upper', "
+    "transposed=fill_mode == 'upper'), upper=fill_mode == 'upper', "
     "transposed=fill_mode == 'lower')">;
 class Warp_TileTriangularSolve<string name, string matrix, string rhs,
                                string inout, string result, string upper,
@@ -77,7 +77,7 @@ class Warp_TileTriangularSolve<string name, string matrix, string rhs,
     : Warp_TileSolve<name,
     matrix # ": tile<F, [N, N]>, " # rhs # ": " # inout # "tile<B, D>", result,
     summary,
-    "make('solve', " # matrix # ", " # rhs # ", flag=" # upper # ")">;
+    "make('solve', " # matrix # ", " # rhs # ", upper=" # upper # ")">;
 def Warp_TileCholeskySolveName : Warp_TileCholeskySolve<"tile_cholesky_solve",
     "", "tile<B, D>", "solution of a system whose matrix has this factor">;
 def Warp_TileCholeskySolveInplaceName
@@ -100,7 +100,7 @@ def Warp_TileDiagAddName : Warp_TileSpecial<"tile_diag_add",
     "square tile with its diagonal increased", ["make('diag_add', a, d)"]>;
 class Warp_TileTransform<string name, string inverse, string summary>
     : Warp_TileSpecial<name, ["(inout: inout tile<vec<2, F>, D>) -> None"],
-    summary, ["make('fft', inout, flag=" # inverse # ")"]>;
+    summary, ["make('fft', inout, inverse=" # inverse # ")"]>;
 def Warp_TileFftName : Warp_TileTransform<"tile_fft", "False",
     "Fourier transform of each row of complex numbers, in place, not "
     "normalised">;

@@ -118,7 +118,8 @@ def Warp_TileLoadIndexedName : Warp_TileSpecial<"tile_load_indexed",
      "offset: offsets<a> = None, axis: axis<a> = 0, "
      "storage: 'register'|'shared' = 'register') -> tile<A>"],
     "the same with indices along one dimension",
-    ["make('load', a, *offset, indices, shape=shape, axis=axis, flag=True)"]> {
+    ["make('load', a, *offset, indices, shape=shape, axis=axis, "
+     "picked=True)"]> {
   let requirements = [Warp_RankOfShape, Warp_RowOfIndices,
     Require<"E[0] == shape[axis]",
       "indices and shape disagree along axis {axis}: {E[0]} and "
@@ -146,7 +147,7 @@ class Warp_TileStoreIndexed<string name, string operation, string result>
      "offset: offsets<a> = None, axis: axis<a> = 0) -> " # result],
     "the same with indices along one dimension",
     ["make('" # operation # "', t, a, *offset, indices, kind='add', axis=axis, "
-     "flag=True)"]> {
+     "picked=True)"]> {
   let requirements = [Warp_RankOfTile, Warp_RowOfIndices];
 }
 def Warp_TileStoreIndexedName
@@ -278,7 +279,7 @@ def Warp_TileReduceName : Warp_TileSpecial<"tile_reduce",
 
 class Warp_TileScan<string name, string kind, string exclusive, string summary>
     : Warp_TileSpecial<name, ["(a: tile<S, D>) -> tile<S, D>"], summary,
-    ["make('scan', a, kind='" # kind # "', flag=" # exclusive # ")"]>;
+    ["make('scan', a, kind='" # kind # "', exclusive=" # exclusive # ")"]>;
 def Warp_TileScanInclusiveName : Warp_TileScan<"tile_scan_inclusive", "add",
     "False", "sums of elements up to each">;
 def Warp_TileScanExclusiveName : Warp_TileScan<"tile_scan_exclusive", "add",

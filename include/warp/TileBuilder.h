@@ -25,12 +25,11 @@ struct TileOptions {
   std::optional<int64_t> axis;
   /// Accesses may be outside of the array.
   bool checked = true;
-  /// An exclusive scan, an upper triangle, an inverse transform, the first
-  /// operand of a product transposed, an operand that picks indices, all that
-  /// a fold gets on the way.
-  bool flag = false;
-  /// Backwards, or with the transpose.
-  bool transposed = false;
+  /// Unit attributes of the operation's record that are set, by name.
+  std::vector<std::string> flags;
+  /// The last operand is the tile of indices that an access picks, or the
+  /// condition of a set.
+  bool picked = false, where = false;
   /// The part of an element: names of fields, and "1" or "2" for as many
   /// indices, which come after those of the element.
   std::vector<std::string> path;

@@ -49,7 +49,23 @@ public:
       : impl(impl), b(impl.builder), loc(impl.loc), operands(operands),
         options(options) {}
 
+  /// Null if there is no such operation.
   Operation *make(StringRef name) {
+    Operation *op = makeBare(name);
+    if (!op)
+      return nullptr;
+    for (const std::string &flag : options.flags) {
+      if (!llvm::is_contained(op->getName().getAttributeNames(), flag))
+        impl.fail(warp::Error::Kind::Value,
+                  "'tile_" + name.str() + "' has no flag '" + flag + "'");
+      op->setAttr(flag, b.getUnitAttr());
+    }
+    return op;
+  }
+
+private:
+  /// Without flags.
+  Operation *makeBare(StringRef name) {
     if (Operation *op = makeValue(name))
       return op;
     if (Operation *op = makeMemory(name))
@@ -60,8 +76,6 @@ public:
       return op;
     return makeAlgebra(name);
   }
-
-private:
   warp::TileType shaped(mlir::Type element = {}) {
     mlir::Type type = element ? element : warp::unwrap(options.element);
     auto checked = warp::TileType::getChecked(
@@ -78,7 +92,6 @@ private:
                     warp::quoted(operands[operand].getType()));
     return type;
   }
-  UnitAttr unit(bool flag) { return flag ? b.getUnitAttr() : UnitAttr(); }
   IntegerAttr axis() {
     return options.axis ? b.getI64IntegerAttr(*options.axis) : IntegerAttr();
   }
@@ -105,7 +118,7 @@ private:
       return cast<warp::ArrayType>(operands[array].getType()).getRank();
     };
     auto pickedAt = [&](unsigned first) {
-      return options.flag ? operands[first] : Value();
+      return options.picked ? operands[first] : Value();
     };
     int64_t along = options.axis.value_or(0);
     if (name == "load") {
@@ -155,8 +168,8 @@ private:
     if (name == "set") {
       // The condition comes last.
       ValueRange indices = operands.drop_front(2);
-      Value where = options.flag ? indices.back() : Value();
-      if (options.flag)
+      Value where = options.where ? indices.back() : Value();
+      if (options.where)
         indices = indices.drop_back();
       size_t rank = std::min<size_t>(typeOf(1).getRank(), indices.size());
       return warp::TileSetOp::create(
@@ -190,8 +203,8 @@ private:
           reduction(), operands[0], axis());
     if (name == "scan")
       return warp::TileScanOp::create(b, loc, typeOf(0), reduction(),
-                                      operands[0], options.flag,
-                                      options.transposed);
+                                      operands[0], /*exclusive=*/false,
+                                      /*reverse=*/false);
     if (name == "sort")
       return warp::TileSortOp::create(
           b, loc,
@@ -214,9 +227,9 @@ private:
     Value alpha = operands.size() > 2 ? operands[2] : Value();
     Value c = operands.size() > 3 ? operands[3] : Value();
     Value beta = operands.size() > 4 ? operands[4] : Value();
-    return warp::TileMatmulOp::create(
-        b, loc, shaped(), operands[0], operands[1], c, alpha, beta,
-        unit(options.flag), unit(options.transposed));
+    return warp::TileMatmulOp::create(b, loc, shaped(), operands[0],
+                                      operands[1], c, alpha, beta, UnitAttr(),
+                                      UnitAttr());
   }
 
   Operation *makeAlgebra(StringRef name) {
@@ -224,17 +237,16 @@ private:
       return makeMatmul();
     if (name == "cholesky")
       return warp::TileCholeskyOp::create(b, loc, typeOf(0), operands[0],
-                                          unit(options.flag));
+                                          UnitAttr());
     if (name == "solve")
       return warp::TileSolveOp::create(b, loc, typeOf(1), operands[0],
-                                       operands[1], unit(options.flag),
-                                       unit(options.transposed));
+                                       operands[1], UnitAttr(), UnitAttr());
     if (name == "diag_add")
       return warp::TileDiagAddOp::create(b, loc, typeOf(0), operands[0],
                                          operands[1]);
     if (name == "fft")
       return warp::TileFftOp::create(b, loc, typeOf(0), operands[0],
-                                     unit(options.flag));
+                                     UnitAttr());
     return nullptr;
   }
 
@@ -299,11 +311,12 @@ warp::TileBuilder::endFunction(const Values &elements,
     auto tile = cast<TileType>(fold.getTile().getType());
     IntegerAttr axis =
         options.axis ? b.getI64IntegerAttr(*options.axis) : IntegerAttr();
-    TileType type = options.flag ? tile
-                                 : getReducedType(tile, options.axis,
-                                                  tile.getElementType());
+    bool partials = llvm::is_contained(options.flags, "partials");
+    TileType type =
+        partials ? tile
+                 : getReducedType(tile, options.axis, tile.getElementType());
     closed = TileFoldOp::create(b, open->getLoc(), type, fold.getTile(), axis,
-                                options.flag ? b.getUnitAttr() : UnitAttr());
+                                partials ? b.getUnitAttr() : UnitAttr());
   } else {
     SmallVector<mlir::Type> types;
     for (mlir::Value input : open->getOperands())

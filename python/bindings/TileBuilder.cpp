@@ -2,7 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// One to one with "warp/TileBuilder.h"; options are keywords.
+// One to one with "warp/TileBuilder.h"; options are keywords, and so are flags
+// of the operation's record.
 //
 //===----------------------------------------------------------------------===//
 
@@ -31,14 +32,18 @@ static TileOptions toOptions(const py::kwargs &given) {
       options.axis = value.cast<int64_t>();
     else if (name == "checked")
       options.checked = value.cast<bool>();
-    else if (name == "flag")
-      options.flag = value.cast<bool>();
-    else if (name == "transposed")
-      options.transposed = value.cast<bool>();
+    else if (name == "picked")
+      options.picked = value.cast<bool>();
+    else if (name == "where")
+      options.where = value.cast<bool>();
     else if (name == "path")
       options.path = value.cast<std::vector<std::string>>();
-    else if (name != "axis")
+    else if (name == "axis")
+      continue;
+    else if (!py::isinstance<py::bool_>(value))
       throw py::type_error("no option '" + name + "'");
+    else if (value.cast<bool>())
+      options.flags.push_back(name);
   }
   return options;
 }

@@ -54,7 +54,7 @@ class TileChanges(TileTopic):
         operands = [value, tile, *indices]
         if where is not True:
             operands.append(self.context.materialize(where, node))
-        return self.make("set", operands, node, kind=kind, flag=where is not True)
+        return self.make("set", operands, node, kind=kind, where=where is not True)
 
     def axpy(self, node, alpha, source, target, place):
         """`target + alpha source`; of elements that a view repeats, what is to be added."""

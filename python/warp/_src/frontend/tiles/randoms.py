@@ -63,7 +63,7 @@ class TileRandoms(TileTopic):
             tiles = self.context.session.tiles
             before, _ = tiles.begin_function([rows], True)
             following = self.call("randu", before)
-            (rows,) = tiles.end_function([following], axis=0, flag=True)
+            (rows,) = tiles.end_function([following], axis=0, partials=True)
             states = self.make("reshape", [rows], node, shape=[draws * threads])
         if draws * threads == count:
             return states

@@ -57,7 +57,7 @@ class TileStacks(TileTopic):
         wanted = self.context.materialize(wanted, node)
         self.context.at(node)
         pushes = self.of_threads(self.builder.cast(wanted, INT32), node)
-        before = self.make("scan", [pushes], node, kind="add", flag=True)
+        before = self.make("scan", [pushes], node, kind="add", exclusive=True)
         slot = self.call(
             "add",
             self.count(node, stack),
@@ -65,7 +65,7 @@ class TileStacks(TileTopic):
         )
         capacity = self.builder.constant(INT32, stack.type.capacity)
         pushed = self.call("bit_and", wanted, self.call("lt", slot, capacity))
-        elements = self.make("set", [value, elements, slot, pushed], node, kind="assign", flag=True)
+        elements = self.make("set", [value, elements, slot, pushed], node, kind="assign", where=True)
         pushes = self.make("reduce", [pushes], node, kind="add")
         count = self.mapped(
             [count, pushes],
