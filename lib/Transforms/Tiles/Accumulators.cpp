@@ -115,7 +115,7 @@ void AccumulatorLowering::multiply(TileMatmulOp op, Value sums, Value stage) {
 
 void AccumulatorLowering::multiply(TileMatmulOp op) {
   ProductForm form = *getProductForm(op);
-  if (buffers.isHeld(op.getResult())) {
+  if (buffers.isInRegisters(op.getResult())) {
     if (!op.getC())
       call("set", op.getResult(),
            {constant(sumOf(tileType(op.getResult())), 0)});

@@ -206,7 +206,7 @@ struct MapModel : TileModel<MapModel, TileMapOp> {
     Value input = op->getOperand(0);
     if (getLayout(op).getStorage() == TileStorage::accumulators)
       AccumulatorLowering(lowering.state).set(op);
-    else if (isTile(input) && lowering.buffers.isHeld(input) &&
+    else if (isTile(input) && lowering.buffers.isInRegisters(input) &&
              !isStriped(input))
       AccumulatorLowering(lowering.state).give(cast<TileMapOp>(op));
     else

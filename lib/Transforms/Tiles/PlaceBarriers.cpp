@@ -88,7 +88,7 @@ private:
   static constexpr int64_t arrays = -1;
 
   void touchTile(Touches &touches, Value tile, bool isWrite, int64_t owned) {
-    if (buffers.isHeld(tile))
+    if (buffers.isInRegisters(tile))
       return;
     int64_t begin = buffers.getOffset(tile);
     int64_t bytes = getStagedBytes(tile);
@@ -118,7 +118,7 @@ private:
       return touches;
     // Sums of products lie otherwise among threads.
     bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
-      return isTile(operand) && buffers.isHeld(operand) && !isStriped(operand);
+      return isTile(operand) && buffers.isInRegisters(operand) && !isStriped(operand);
     });
     // Matrices are copied by whole runs.
     auto window = dyn_cast<TileAccessOp>(op);

@@ -209,7 +209,7 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
       placeIf(b, branch);
   }
   chooseFunctions(kernel, threads);
-  holdSums(kernel, threads);
+  planAccumulators(kernel, threads);
   holdStripes(kernel, threads);
   holdNumbers(kernel, threads);
   hoistLoads(kernel, threads);

@@ -180,7 +180,7 @@ private:
   void collectTiles() {
     llvm::MapVector<Value, SmallVector<Value>> byRoot;
     for (Value tile : buffers.getTiles())
-      if (!buffers.isHeld(tile))
+      if (!buffers.isInRegisters(tile))
         byRoot[buffers.rootOf(tile)].push_back(tile);
     for (auto &[root, members] : byRoot) {
       Piece piece{INT64_MAX, 0, getStagedBytes(root), -1, root};

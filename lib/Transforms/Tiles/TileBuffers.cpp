@@ -207,7 +207,7 @@ TileBuffers::TileBuffers(FunctionOpInterface kernel) {
     readOffsets(op);
     if (getLayout(op).isInRegisters())
       for (Value result : op->getResults())
-        held.insert(rootOf(result));
+        inRegisters.insert(rootOf(result));
   });
 }
 

@@ -109,7 +109,7 @@ public:
     return offsetOf.lookup(rootOf(tile));
   }
   /// Whether threads hold a tile, so that it has no memory.
-  bool isHeld(mlir::Value tile) const { return held.contains(rootOf(tile)); }
+  bool isInRegisters(mlir::Value tile) const { return inRegisters.contains(rootOf(tile)); }
 
 private:
   void tie(mlir::Value a, mlir::Value b);
@@ -119,7 +119,7 @@ private:
   llvm::EquivalenceClasses<void *> classes;
   llvm::SmallVector<mlir::Value> tiles;
   llvm::DenseMap<mlir::Value, int64_t> offsetOf;
-  llvm::DenseSet<mlir::Value> held;
+  llvm::DenseSet<mlir::Value> inRegisters;
 };
 
 } // namespace warp::tiles

@@ -73,8 +73,8 @@ bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
 int64_t getStageBytes(mlir::Value tile);
 
 /// Marks products, sums that threads hold, and loops that load ahead
-/// (HoldSums.cpp).
-void holdSums(mlir::FunctionOpInterface kernel, int64_t threads);
+/// (PlanAccumulators.cpp).
+void planAccumulators(mlir::FunctionOpInterface kernel, int64_t threads);
 
 } // namespace warp::tiles
 

@@ -86,7 +86,7 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
     all &= llvm::none_of(members, [&](Value tile) {
       Operation *def = tile.getDefiningOp();
       return def && llvm::any_of(def->getOperands(), [&](Value operand) {
-               return isTile(operand) && buffers.isHeld(operand);
+               return isTile(operand) && buffers.isInRegisters(operand);
              });
     });
     if (all)

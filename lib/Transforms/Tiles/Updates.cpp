@@ -270,7 +270,7 @@ struct AtomicModel : TileModel<AtomicModel, TileAtomicOp> {
   }
   void lower(Operation *op, TileLowering &lowering) const {
     auto atomic = cast<TileAtomicOp>(op);
-    if (lowering.buffers.isHeld(atomic.getTile()) &&
+    if (lowering.buffers.isInRegisters(atomic.getTile()) &&
         !isStriped(atomic.getTile()))
       AccumulatorLowering(lowering.state).addTile(atomic);
     else

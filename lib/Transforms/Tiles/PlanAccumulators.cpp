@@ -1,4 +1,4 @@
-//===- HoldSums.cpp - Sums that threads hold ------------------------------===//
+//===- PlanAccumulators.cpp - Register accumulators of products -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -19,9 +19,9 @@ namespace warp::tiles {
 
 namespace {
 
-class SumHolder {
+class AccumulatorPlanner {
 public:
-  SumHolder(FunctionOpInterface kernel, int64_t threads)
+  AccumulatorPlanner(FunctionOpInterface kernel, int64_t threads)
       : kernel(kernel), buffers(kernel), threads(threads),
         target(getVariant(kernel).getTarget()) {}
 
@@ -39,8 +39,8 @@ public:
     for (TileMatmulOp op : products)
       multiplyByWarpgroups(op, byRoot[buffers.rootOf(op.getResult())]);
     for (auto &[root, members] : byRoot)
-      if (canHold(members))
-        hold(members);
+      if (canAccumulate(members))
+        accumulate(members);
     for (TileMatmulOp op : products)
       if (getLayout(op).getStorage() == TileStorage::accumulators)
         loadAhead(op);
@@ -48,19 +48,19 @@ public:
   }
 
 private:
-  /// If threads can hold the sums and the factors are loaded ahead.
+  /// If threads can accumulate the sums and the factors are loaded ahead.
   void multiplyByWarpgroups(TileMatmulOp op, ArrayRef<Value> members) {
     auto form = findWarpgroupForm(op, threads, target);
     if (!form || !findAheadLoop(op))
       return;
     ProductForm plain = *getProductForm(op);
     setProductForm(op, *form);
-    if (!canHold(members))
+    if (!canAccumulate(members))
       setProductForm(op, plain);
   }
 
   /// What an operation gives without memory: sums, or a number.
-  bool canMake(Value tile, std::optional<std::string> &layout) const {
+  bool canStartAccumulators(Value tile, std::optional<std::string> &layout) const {
     Operation *def = tile.getDefiningOp();
     if (!def)
       return isa<scf::ForOp>(tile.getParentBlock()->getParentOp());
@@ -122,10 +122,10 @@ private:
            canStore(user, tile);
   }
 
-  bool canHold(ArrayRef<Value> members) const {
+  bool canAccumulate(ArrayRef<Value> members) const {
     std::optional<std::string> layout;
     for (Value tile : members) {
-      if (!canMake(tile, layout))
+      if (!canStartAccumulators(tile, layout))
         return false;
       // Copies stand behind the operation that made the tile.
       if (isa<BlockArgument>(tile) &&
@@ -155,7 +155,7 @@ private:
       use->set(map.getResult(0));
   }
 
-  void hold(ArrayRef<Value> members) {
+  void accumulate(ArrayRef<Value> members) {
     for (Value tile : members) {
       Operation *def = tile.getDefiningOp();
       if (def && !isa<scf::ForOp>(def))
@@ -276,9 +276,9 @@ private:
 
 } // namespace
 
-void holdSums(FunctionOpInterface kernel, int64_t threads) {
+void planAccumulators(FunctionOpInterface kernel, int64_t threads) {
   if (isGpu(kernel) && threads > 1 && !getVariant(kernel).getDebug())
-    SumHolder(kernel, threads).run();
+    AccumulatorPlanner(kernel, threads).run();
 }
 
 } // namespace warp::tiles
