@@ -143,7 +143,7 @@ void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
   kernel->walk([&](TileAccessOp op) {
     bool isRead = op.getEffect() != AccessEffect::Write && !isInline(op);
     if (isRead && !op.getPicked() &&
-        (op.isUpdate() || isStriped(op->getResult(0))))
+        (op.isUpdate() || isDistributed(op->getResult(0))))
       ops.push_back(op);
   });
   LoadHoister hoister(kernel, threads);

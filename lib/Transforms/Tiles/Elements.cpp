@@ -207,7 +207,7 @@ struct MapModel : TileModel<MapModel, TileMapOp> {
     if (getLayout(op).getStorage() == TileStorage::accumulators)
       AccumulatorLowering(lowering.state).set(op);
     else if (isTile(input) && lowering.buffers.isInRegisters(input) &&
-             !isStriped(input))
+             !isDistributed(input))
       AccumulatorLowering(lowering.state).give(cast<TileMapOp>(op));
     else
       lowerMap(cast<TileMapOp>(op), lowering);

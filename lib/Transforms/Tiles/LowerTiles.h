@@ -54,7 +54,7 @@ struct LoweringState {
   /// Within `share`: how many elements the thread has treated before, and
   /// whether that is to be a constant.
   Value turn;
-  bool isStriped = false;
+  bool isDistributed = false;
 };
 
 /// Writes code at `b`: scalars, accesses of tiles and arrays, and loops that
@@ -136,7 +136,7 @@ public:
   Value update(TileUpdate kind, Value value, Value array, ValueRange at);
   void testWindow(mlir::Operation *op, Value &inside);
   void collectTested(mlir::Operation *op, Value &inside);
-  bool touchesStripes(mlir::Operation *op);
+  bool touchesDistributed(mlir::Operation *op);
 
   //===--------------------------------------------------------------------===//
   // Control flow (LowerTilesLoops.cpp)
@@ -169,8 +169,8 @@ private:
   bool isConstant(Value value, int64_t number);
   Values nest(llvm::ArrayRef<int64_t> shape, Values &indices, ValueRange sums,
               Body body);
-  Value stripeOf(Value tile);
-  Value placeInStripe(Value tile);
+  Value registersOf(Value tile);
+  Value indexInRegisters(Value tile);
 };
 
 /// Finds updates that blocks may make plainly; before anything is lowered.

@@ -206,7 +206,7 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
     return body(unravel(e, shape), sums);
   };
   int64_t turns = count / threads;
-  if (turns > 1 && !state.isStriped) {
+  if (turns > 1 && !state.isDistributed) {
     Values next = loop(number(0), number(turns), number(1), sums, turn);
     // Memory is busy as long as many elements are on their way to each thread.
     constexpr int64_t copies = 8;

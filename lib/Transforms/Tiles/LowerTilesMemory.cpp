@@ -67,34 +67,34 @@ Value TileLowering::placeIn(Value tile, ValueRange indices) {
 }
 
 /// What a thread has of a tile in registers.
-Value TileLowering::stripeOf(Value tile) {
-  Value &stripe = state.registers[buffers.rootOf(tile)];
+Value TileLowering::registersOf(Value tile) {
+  Value &registers = state.registers[buffers.rootOf(tile)];
   TileType type = tileType(tile);
-  if (!stripe)
-    stripe = ScratchOp::create(
+  if (!registers)
+    registers = ScratchOp::create(
         entry, loc,
         ScratchType::get(b.getContext(),
                          isReplicated(tile) ? 1
                                             : type.getNumElements() / threads,
                          type.getElementType()));
-  return stripe;
+  return registers;
 }
 
-Value TileLowering::placeInStripe(Value tile) {
+Value TileLowering::indexInRegisters(Value tile) {
   return isReplicated(tile) ? number(0) : state.turn;
 }
 
 Value TileLowering::load(Value tile, ValueRange indices) {
-  if (tiles::isStriped(tile))
+  if (tiles::isDistributed(tile))
     return ScratchLoadOp::create(b, loc, tileType(tile).getElementType(),
-                                 stripeOf(tile), placeInStripe(tile));
+                                 registersOf(tile), indexInRegisters(tile));
   return LoadOp::create(b, loc, tileType(tile).getElementType(), memoryOf(tile),
                         placeIn(tile, indices));
 }
 
 void TileLowering::store(Value tile, ValueRange indices, Value value) {
-  if (tiles::isStriped(tile)) {
-    ScratchStoreOp::create(b, loc, value, stripeOf(tile), placeInStripe(tile));
+  if (tiles::isDistributed(tile)) {
+    ScratchStoreOp::create(b, loc, value, registersOf(tile), indexInRegisters(tile));
     return;
   }
   StoreOp::create(b, loc, value, memoryOf(tile), placeIn(tile, indices));

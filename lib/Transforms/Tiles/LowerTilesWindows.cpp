@@ -105,15 +105,15 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
 
 /// Whether an operation, or what is computed in its loop, reads or makes tiles
 /// that threads have in registers.
-bool TileLowering::touchesStripes(Operation *op) {
-  auto isStripe = [](Value tile) {
-    return isTile(tile) && tiles::isStriped(tile) && !isReplicated(tile);
+bool TileLowering::touchesDistributed(Operation *op) {
+  auto isDistributedTile = [](Value tile) {
+    return isTile(tile) && tiles::isDistributed(tile) && !isReplicated(tile);
   };
-  return llvm::any_of(op->getResults(), isStripe) ||
+  return llvm::any_of(op->getResults(), isDistributedTile) ||
          llvm::any_of(op->getOperands(), [&](Value operand) {
            Operation *def = operand.getDefiningOp();
-           return isStripe(operand) || (def && isTile(operand) &&
-                                        isInline(def) && touchesStripes(def));
+           return isDistributedTile(operand) || (def && isTile(operand) &&
+                                        isInline(def) && touchesDistributed(def));
          });
 }
 
@@ -122,7 +122,7 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
   Value inside;
   if (!state.isDecided)
     collectTested(op, inside);
-  llvm::SaveAndRestore striped(state.isStriped, touchesStripes(op));
+  llvm::SaveAndRestore distributed(state.isDistributed, touchesDistributed(op));
   if (!inside)
     return share(shape, sums, body);
   auto branch = scf::IfOp::create(b, loc, TypeRange(sums), inside,

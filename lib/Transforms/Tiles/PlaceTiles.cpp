@@ -11,7 +11,7 @@
 //   copies     where loops and branches carry tiles, each carried tile has one
 //              piece of memory; what is not computed in it is copied there
 //   held       what needs no memory on a GPU: sums of products
-//              (TileProducts.h), and elements of a thread's own (TileStripes.h)
+//              (TileProducts.h), and elements of a thread's own (DistributeTiles.h)
 //
 // A copy into memory that exists is a `tile_map` with the target as its second
 // operand, in place of that.
@@ -23,7 +23,7 @@
 #include "TileForms.h"
 #include "TileInlining.h"
 #include "TileProducts.h"
-#include "TileStripes.h"
+#include "DistributeTiles.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
@@ -210,8 +210,8 @@ static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
   }
   chooseFunctions(kernel, threads);
   planAccumulators(kernel, threads);
-  holdStripes(kernel, threads);
-  holdNumbers(kernel, threads);
+  distributeTiles(kernel, threads);
+  replicateElements(kernel, threads);
   hoistLoads(kernel, threads);
   sinkConstants(kernel);
 }

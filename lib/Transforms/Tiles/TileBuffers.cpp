@@ -136,7 +136,7 @@ int64_t getTileBytes(TileType type) {
   return type.getNumElements() * getByteSize(type.getElementType());
 }
 
-bool isStriped(Value tile) {
+bool isDistributed(Value tile) {
   TileStorage storage = getLayout(tile).getStorage();
   return storage == TileStorage::distributed ||
          storage == TileStorage::replicated;

@@ -83,7 +83,7 @@ std::optional<int64_t> getPitch(mlir::Value tile);
 int64_t getStagedBytes(mlir::Value tile);
 
 /// Whether threads have the elements of a tile that they treat in registers.
-bool isStriped(mlir::Value tile);
+bool isDistributed(mlir::Value tile);
 /// Whether every thread has the one element of such a tile.
 bool isReplicated(mlir::Value tile);
 

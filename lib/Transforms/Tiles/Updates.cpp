@@ -226,7 +226,7 @@ void UpdateLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
       StoreOp::create(b, loc, value, op.getArray(), at);
   };
   // Registers have no numbers.
-  if (own == run || touchesStripes(op)) {
+  if (own == run || touchesDistributed(op)) {
     for (int64_t first = 0; first < own; first += run)
       updateRun([&](int64_t t) { return number(first + t); });
     return;
@@ -271,7 +271,7 @@ struct AtomicModel : TileModel<AtomicModel, TileAtomicOp> {
   void lower(Operation *op, TileLowering &lowering) const {
     auto atomic = cast<TileAtomicOp>(op);
     if (lowering.buffers.isInRegisters(atomic.getTile()) &&
-        !isStriped(atomic.getTile()))
+        !isDistributed(atomic.getTile()))
       AccumulatorLowering(lowering.state).addTile(atomic);
     else
       UpdateLowering(lowering.state).lower(atomic);

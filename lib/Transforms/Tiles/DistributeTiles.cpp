@@ -1,4 +1,4 @@
-//===- TileStripes.cpp - Elements of a thread's own -----------------------===//
+//===- DistributeTiles.cpp - Tiles in the registers of their owners ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -7,7 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "TileStripes.h"
+#include "DistributeTiles.h"
 
 #include "KernelFunction.h"
 
@@ -70,7 +70,7 @@ static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
   });
 }
 
-void holdStripes(FunctionOpInterface kernel, int64_t threads) {
+void distributeTiles(FunctionOpInterface kernel, int64_t threads) {
   if (!isGpu(kernel) || threads == 1)
     return;
   loadBeforeStores(kernel, threads);
@@ -78,7 +78,7 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
   llvm::MapVector<Value, SmallVector<Value>> byRoot;
   for (Value tile : buffers.getTiles())
     byRoot[buffers.rootOf(tile)].push_back(tile);
-  llvm::MapVector<Value, SmallVector<Value>> striped;
+  llvm::MapVector<Value, SmallVector<Value>> distributed;
   for (auto &[root, members] : byRoot) {
     bool all =
         llvm::all_of(members, [&](Value tile) { return fits(tile, threads); });
@@ -90,27 +90,27 @@ void holdStripes(FunctionOpInterface kernel, int64_t threads) {
              });
     });
     if (all)
-      striped[root] = members;
+      distributed[root] = members;
   }
   // Results of one operation are in registers together, or not at all.
   auto isApart = [&](const auto &entry) {
     return llvm::any_of(entry.second, [&](Value tile) {
       return llvm::any_of(tile.getDefiningOp()->getResults(),
                           [&](Value result) {
-                            return !striped.contains(buffers.rootOf(result));
+                            return !distributed.contains(buffers.rootOf(result));
                           });
     });
   };
   for (bool changes = true; changes;) {
     SmallVector<Value> apart;
-    for (const auto &entry : striped)
+    for (const auto &entry : distributed)
       if (isApart(entry))
         apart.push_back(entry.first);
     for (Value root : apart)
-      striped.erase(root);
+      distributed.erase(root);
     changes = !apart.empty();
   }
-  for (auto &[root, members] : striped)
+  for (auto &[root, members] : distributed)
     for (Value tile : members)
       setLayout(tile.getDefiningOp(),
                 getLayout(tile).withStorage(TileStorage::distributed));
@@ -133,7 +133,7 @@ static bool readsElements(OpOperand &use) {
   return cast<TileOpInterface>(op).readsElements(use);
 }
 
-void holdNumbers(FunctionOpInterface kernel, int64_t threads) {
+void replicateElements(FunctionOpInterface kernel, int64_t threads) {
   if (!isGpu(kernel) || threads == 1)
     return;
   TileBuffers buffers(kernel);
