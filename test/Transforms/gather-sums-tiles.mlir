@@ -22,10 +22,10 @@
 // CHECK: scf.yield %[[T]]
 // CHECK: %[[DA:.*]] = warp.grad %[[A]]
 // CHECK: scf.if
-// CHECK: warp.tile_atomic add %[[SUM]], %[[DA]]{{.*}}warp.apart
+// CHECK: warp.tile_atomic add %[[SUM]], %[[DA]]{{.*}}warp.disjoint
 // CHECK: else
 // CHECK: warp.tile_atomic add %[[SUM]], %[[DA]]
-// CHECK-NOT: warp.apart
+// CHECK-NOT: warp.disjoint
 // CHECK-NOT: warp.tile_store
 // CHECK-LABEL: func.func @product(
 // CHECK-NOT: warp.tile_matmul

@@ -26,12 +26,12 @@ func.func @wait(%a: !warp.array<1 x f32>)
 
 // -----
 
-#apart = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#disjoint = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
 
 // A store does not wait for loads of an array that it is known not
 // to overlap; of the same array it does, unless every thread stores where it
 // has loaded.
-// CHECK-LABEL: func.func @apart
+// CHECK-LABEL: func.func @disjoint
 // CHECK: warp.tile_load
 // CHECK-NOT: warp.barrier
 // CHECK: warp.tile_store
@@ -39,9 +39,9 @@ func.func @wait(%a: !warp.array<1 x f32>)
 // CHECK: warp.tile_store {{.*}}, %{{.*}}[%[[SAME:.*]]]
 // CHECK: warp.barrier
 // CHECK-NEXT: warp.tile_store
-func.func @apart(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
+func.func @disjoint(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64,
-                warp.variant = #apart} {
+                warp.variant = #disjoint} {
   %c0 = warp.constant 0 : si32
   %t = warp.tile_load %a[%c0] {offsets = array<i64: 0>} : !warp.array<1 x f32>, (si32)
     -> !warp.tile<64 x f32>

@@ -105,7 +105,7 @@ func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 
 // -----
 
-#apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+#disjoint = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
 
 // TMA loads arguments that the kernel does not write to. Each has a tensor map
 // behind the arguments: descriptor, offset, box, bytes of an element and of the
@@ -117,7 +117,7 @@ func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
                  %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,
-                warp.variant = #apart} {
+                warp.variant = #disjoint} {
   %none = warp.constant 0.0 : f32
   %c0 = warp.constant 0 : si32
   %c64 = warp.constant 64 : si32
@@ -145,7 +145,7 @@ func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+#disjoint = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
 
 // Single precision comes in boxes, too, 32 elements of the depth at a time: what
 // lies along it swizzled, what lies across as it is.
@@ -159,7 +159,7 @@ func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
                    %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 256 : i64,
-                warp.variant = #apart} {
+                warp.variant = #disjoint} {
   %none = warp.constant 0.0 : f32
   %c0 = warp.constant 0 : si32
   %c16 = warp.constant 16 : si32
@@ -187,7 +187,7 @@ func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 // -----
 
-#apart = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+#disjoint = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
 
 // Threads copy the arrays that the kernel writes to.
 // CHECK-LABEL: func.func @written
@@ -196,7 +196,7 @@ func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 func.func @written(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
                    %c: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 128 : i64,
-                warp.variant = #apart} {
+                warp.variant = #disjoint} {
   %none = warp.constant 0.0 : f32
   %half = warp.constant 0.0 : f16
   %c0 = warp.constant 0 : si32

@@ -10,7 +10,7 @@
 
 #include "MemoryClasses.h"
 
-#include "Tiles/OwnWindows.h"
+#include "Tiles/DisjointWindows.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
@@ -73,7 +73,7 @@ static bool areSideBySide(ArrayRef<const Access *> accesses, unsigned dims) {
     return false;
   auto isApart = [&](unsigned dim, size_t axis) {
     auto stepOf = [&](auto &window) {
-      return tiles::getOwnStep(window[axis].first, window[axis].second, dim);
+      return tiles::getDisjointStep(window[axis].first, window[axis].second, dim);
     };
     int64_t step = stepOf(windows.front());
     return step > 0 && llvm::all_of(windows, [&](auto &window) {

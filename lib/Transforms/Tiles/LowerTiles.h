@@ -7,7 +7,7 @@
 #ifndef WARP_TRANSFORMS_TILES_LOWERTILES_H
 #define WARP_TRANSFORMS_TILES_LOWERTILES_H
 
-#include "OwnWindows.h"
+#include "DisjointWindows.h"
 #include "TileBuffers.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -43,7 +43,7 @@ struct LoweringState {
   /// Registers of a thread by the tile that stands for others.
   llvm::DenseMap<Value, Value> registers;
   /// Of updates that blocks may make plainly.
-  llvm::DenseMap<mlir::Operation *, OwnSteps> ownSteps;
+  llvm::DenseMap<mlir::Operation *, DisjointSteps> disjointSteps;
   /// Where what those add to may be loaded.
   llvm::DenseMap<mlir::Operation *, mlir::Operation *> earliest;
 

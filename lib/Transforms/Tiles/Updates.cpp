@@ -5,7 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Accumulators.h"
-#include "ApartUpdates.h"
+#include "DisjointUpdates.h"
 #include "EarlyLoads.h"
 #include "Models.h"
 
@@ -77,8 +77,8 @@ void findPlainUpdates(LoweringState &state, ArrayRef<Operation *> ops) {
     return;
   for (Operation *op : ops)
     if (auto update = dyn_cast<TileAtomicOp>(op))
-      if (std::optional<OwnSteps> steps = findOwnSteps(state.kernel, update)) {
-        state.ownSteps[op] = *steps;
+      if (std::optional<DisjointSteps> steps = findDisjointSteps(state.kernel, update)) {
+        state.disjointSteps[op] = *steps;
         state.earliest[op] = findEarliest(update);
       }
 }
@@ -90,10 +90,10 @@ struct UpdateLowering : TileLowering {
   void lower(TileAtomicOp op);
 
 private:
-  Value isAlone(ArrayRef<int64_t> steps);
+  Value isDisjoint(ArrayRef<int64_t> steps);
   Value updated(TileAtomicOp op, Value value, Value old);
   Values placeOfTurn(TileAtomicOp op, Value number);
-  Values loadEarly(TileAtomicOp op, Value &alone);
+  Values loadEarly(TileAtomicOp op, Value &disjoint);
   void updateOwnElements(TileAtomicOp op, ValueRange early);
   void updateElements(TileAtomicOp op, bool plainly);
 };
@@ -103,8 +103,8 @@ private:
 /// Whether no other block of the launch touches the elements of an update:
 /// those that differ along a dimension do not, unless products wrap around, and
 /// along other dimensions there is one block.
-Value UpdateLowering::isAlone(ArrayRef<int64_t> steps) {
-  Value alone;
+Value UpdateLowering::isDisjoint(ArrayRef<int64_t> steps) {
+  Value disjoint;
   for (auto [dim, step] : llvm::enumerate(steps)) {
     Value extent = LaunchExtentOp::create(b, loc, i32, dim);
     bool isOfThreads = isGpu(kernel) && dim + 1 == steps.size();
@@ -113,10 +113,10 @@ Value UpdateLowering::isAlone(ArrayRef<int64_t> steps) {
                                : std::numeric_limits<int32_t>::max() / step;
     auto predicate =
         isOfThreads ? arith::CmpIPredicate::eq : arith::CmpIPredicate::sle;
-    alone = both(
-        alone, arith::CmpIOp::create(b, loc, predicate, extent, number(most)));
+    disjoint = both(
+        disjoint, arith::CmpIOp::create(b, loc, predicate, extent, number(most)));
   }
-  return alone;
+  return disjoint;
 }
 
 void UpdateLowering::lower(TileAtomicOp op) {
@@ -125,23 +125,23 @@ void UpdateLowering::lower(TileAtomicOp op) {
       llvm::is_contained({TileUpdate::add, TileUpdate::sub}, op.getKind());
   bool mayBePlain = !state.debug && isSum && op.getOld().use_empty() &&
                     !isa<StructType>(type);
-  if (mayBePlain && threads == 1 && op->hasAttr(warp::attr::apart))
+  if (mayBePlain && threads == 1 && op->hasAttr(warp::attr::disjoint))
     return updateElements(op, /*plainly=*/true);
-  auto own = mayBePlain ? state.ownSteps.find(op) : state.ownSteps.end();
-  if (own == state.ownSteps.end())
+  auto own = mayBePlain ? state.disjointSteps.find(op) : state.disjointSteps.end();
+  if (own == state.disjointSteps.end())
     return updateElements(op, /*plainly=*/false);
-  Value alone, inside;
+  Value disjoint, inside;
   Values early;
   if (isGpu(kernel) && threads > 1)
-    early = loadEarly(op, alone);
+    early = loadEarly(op, disjoint);
   if (early.empty())
-    alone = isAlone(own->second);
+    disjoint = isDisjoint(own->second);
   // One loop of each kind is enough on a GPU: what crosses an edge is rare.
   if (isGpu(kernel)) {
     collectTested(op, inside);
-    alone = both(alone, inside);
+    disjoint = both(disjoint, inside);
   }
-  auto branch = scf::IfOp::create(b, loc, alone, /*withElseRegion=*/true);
+  auto branch = scf::IfOp::create(b, loc, disjoint, /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
   llvm::SaveAndRestore saved(state.isDecided, isGpu(kernel));
   for (bool plainly : {true, false}) {
@@ -173,8 +173,8 @@ Values UpdateLowering::placeOfTurn(TileAtomicOp op, Value number) {
 }
 
 /// The old elements of a thread, if they can be loaded where the block has
-/// computed little yet; then `alone` says whether they have been.
-Values UpdateLowering::loadEarly(TileAtomicOp op, Value &alone) {
+/// computed little yet; then `disjoint` says whether they have been.
+Values UpdateLowering::loadEarly(TileAtomicOp op, Value &disjoint) {
   TileType type = tileType(op.getTile());
   int64_t own = type.getNumElements() / threads;
   Operation *place = state.earliest.lookup(op);
@@ -184,12 +184,12 @@ Values UpdateLowering::loadEarly(TileAtomicOp op, Value &alone) {
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPoint(place);
   Value inside;
-  alone = isAlone(state.ownSteps.lookup(op));
+  disjoint = isDisjoint(state.disjointSteps.lookup(op));
   testWindow(op, inside);
-  alone = both(alone, inside);
+  disjoint = both(disjoint, inside);
   llvm::SaveAndRestore savedTesting(state.testing, false);
   SmallVector<Type> types(own, type.getElementType());
-  auto branch = scf::IfOp::create(b, loc, types, alone, /*withElse=*/true);
+  auto branch = scf::IfOp::create(b, loc, types, disjoint, /*withElse=*/true);
   b.setInsertionPointToStart(branch.thenBlock());
   Values loaded;
   for (int64_t t = 0; t < own; ++t)

@@ -7,7 +7,7 @@
 #include "FindTileSums.h"
 
 #include "Analysis/Forms.h"
-#include "Tiles/OwnWindows.h"
+#include "Tiles/DisjointWindows.h"
 
 using namespace mlir;
 using namespace warp;
@@ -220,7 +220,7 @@ private:
     });
     for (unsigned d = 0; d < tids.front().getNumResults(); ++d)
       isOnly &= d == sum.dim || hasAxis([&](const Form &form, int64_t extent) {
-                  return tiles::getOwnStep(form, extent, d) != 0;
+                  return tiles::getDisjointStep(form, extent, d) != 0;
                 });
     return isOnly && areSteps;
   }
@@ -236,7 +236,7 @@ private:
     Forms forms;
     for (unsigned d = 0; d < tids.front().getNumResults(); ++d)
       if (llvm::none_of(axes, [&](auto &axis) {
-            return tiles::getOwnStep(forms.of(axis.first), axis.second, d) != 0;
+            return tiles::getDisjointStep(forms.of(axis.first), axis.second, d) != 0;
           }))
         return false;
     return load->getBlock() == &adjoint.getBody().front();

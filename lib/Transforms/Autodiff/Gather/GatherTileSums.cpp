@@ -26,7 +26,7 @@
 
 #include "FindTileSums.h"
 
-#include "Tiles/ApartUpdates.h"
+#include "Tiles/DisjointUpdates.h"
 #include "Tiles/TileBuffers.h"
 
 #include "WarpDialect/Passes.h"
@@ -180,7 +180,7 @@ private:
         arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, parts, one);
     auto branch = scf::IfOp::create(b, loc, isWhole, /*withElseRegion=*/true);
     b.setInsertionPointToStart(branch.thenBlock());
-    update()->setAttr(attr::apart, b.getUnitAttr());
+    update()->setAttr(attr::disjoint, b.getUnitAttr());
     b.setInsertionPointToStart(branch.elseBlock());
     update();
   }

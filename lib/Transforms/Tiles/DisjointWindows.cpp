@@ -1,4 +1,4 @@
-//===- OwnWindows.cpp - Windows that one block touches --------------------===//
+//===- DisjointWindows.cpp - Array windows that blocks do not share ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -8,7 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "OwnWindows.h"
+#include "DisjointWindows.h"
 
 #include "KernelFunction.h"
 
@@ -67,7 +67,7 @@ static std::optional<Window> windowOf(Operation *op, const Root &root) {
   return window;
 }
 
-int64_t getOwnStep(const Form &first, int64_t extent, unsigned dim) {
+int64_t getDisjointStep(const Form &first, int64_t extent, unsigned dim) {
   if (first.terms.size() != 1 || first.constant < 0)
     return 0;
   const Term &term = first.terms[0];
@@ -79,7 +79,7 @@ int64_t getOwnStep(const Form &first, int64_t extent, unsigned dim) {
   return isThread && fits ? term.factor : 0;
 }
 
-std::optional<OwnSteps> findOwnSteps(FunctionOpInterface kernel,
+std::optional<DisjointSteps> findDisjointSteps(FunctionOpInterface kernel,
                                      TileAccessOp update) {
   Root mine = rootOf(update.getArray());
   if (!mine.base || !getVariant(kernel).getDisjoint())
@@ -110,14 +110,14 @@ std::optional<OwnSteps> findOwnSteps(FunctionOpInterface kernel,
     int64_t common = 0;
     for (auto [i, window] : llvm::enumerate(windows)) {
       auto [first, extent] = window[axis];
-      int64_t step = getOwnStep(forms.of(first), extent, dim);
+      int64_t step = getDisjointStep(forms.of(first), extent, dim);
       if (step == 0 || (i > 0 && step != common))
         return 0;
       common = step;
     }
     return common;
   };
-  OwnSteps steps(getVariant(kernel).getRank(), 0);
+  DisjointSteps steps(getVariant(kernel).getRank(), 0);
   // The last dimension is that of a block's threads.
   unsigned dims = steps.size() - (isGpu(kernel) ? 1 : 0);
   for (unsigned dim = 0; dim < dims; ++dim)
