@@ -23,7 +23,7 @@ def : TileFunction<"product_" # f,
     "row_step_a: i32, column_step_a: i32, row_step_b: i32, fresh: i32, "
     "alpha: " # f # ", beta: " # f # ") -> ()">;
 /// The transposed matrix.
-def : TileFunction<"turn_" # f,
+def : TileFunction<"transpose_" # f,
     "(out: address, matrix: address, rows: i32, columns: i32, step: i32) -> "
     "()">;
 def : TileFunction<"cholesky_" # f,

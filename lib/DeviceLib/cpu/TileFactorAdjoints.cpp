@@ -145,12 +145,12 @@ template <class T> void FactorAdjoint<T>::run() const {
     block.write(barAt(first, first), extent, size, size);
     if (first == 0)
       return;
-    Square<T> turned = block;
-    turned.transpose();
+    Square<T> transposed = block;
+    transposed.transpose();
     T both[size * size];
 #pragma unroll
     for (int r = 0; r < size; ++r)
-      store(both + r * size, block.rows[r] + turned.rows[r]);
+      store(both + r * size, block.rows[r] + transposed.rows[r]);
     for (i64 r = 0; r < size; r += height) {
       subtract(first + r, first, both + r, 1, size, size, first);
       subtract(first + r, first, barAt(below, first + r), 1, extent,
@@ -163,12 +163,12 @@ template <class T> void FactorAdjoint<T>::run() const {
 /// vectors in rows.
 template <class T>
 void copyTriangle(T *to, i64 extent, const T *from, i64 pitch, i64 n,
-                  bool isTurned, T diagonal) {
+                  bool isTransposed, T diagonal) {
   overBlocks<T>(n, [=](i64 i, i64 height) {
     overBlocks<T>(i + 1, [=](i64 j, i64) {
       i64 width = n - j < lanes<T> ? n - j : i64(lanes<T>);
       Square<T> part;
-      if (isTurned) {
+      if (isTransposed) {
         part.read(from + j * pitch + i, pitch, width, height);
         part.transpose();
       } else {
@@ -193,9 +193,9 @@ void reverseCholesky(T *bar, const T *factor, T *scratch, i64 row, i64 column,
   i64 extent = (n + lanes<T> - 1) / lanes<T> * lanes<T>;
   T *lower = scratch + extent * extent;
   copyTriangle(scratch, extent, bar, n, n, isUpper, T(0));
-  bool isTurned = isUpper == (column == 1);
-  copyTriangle(lower, extent, factor, column == 1 ? row : column, n, isTurned,
-               T(1));
+  bool isTransposed = isUpper == (column == 1);
+  copyTriangle(lower, extent, factor, column == 1 ? row : column, n,
+               isTransposed, T(1));
   FactorAdjoint<T>{scratch, lower, extent}.run();
   overBlocks<T>(n, [=](i64 i, i64 height) {
     overBlocks<T>(i + 1, [=](i64 j, i64) {

@@ -110,7 +110,7 @@ template <class T> void multiply(const Product<T> &product) {
 
 /// The transpose of a matrix, packed.
 template <class T>
-void turn(T *to, const T *from, i64 rows, i64 columns, i64 pitch) {
+void transpose(T *to, const T *from, i64 rows, i64 columns, i64 pitch) {
   for (i64 i = 0; i < rows; i += lanes<T>)
     for (i64 j = 0; j < columns; j += lanes<T>) {
       i64 height = rows - i < lanes<T> ? rows - i : i64(lanes<T>);
@@ -124,14 +124,14 @@ void turn(T *to, const T *from, i64 rows, i64 columns, i64 pitch) {
 
 } // namespace
 
-#define WARP_TURN(name, T)                                                     \
+#define WARP_TRANSPOSE(name, T)                                                \
   WARP_TILES void name(u64 to, u64 from, i32 rows, i32 columns, i32 pitch,     \
                        void *) {                                               \
-    turn(at<T>(to), at<const T>(from), rows, columns, pitch);                  \
+    transpose(at<T>(to), at<const T>(from), rows, columns, pitch);             \
   }
 
-WARP_TURN(warp_tile_turn_f32, float)
-WARP_TURN(warp_tile_turn_f64, double)
+WARP_TRANSPOSE(warp_tile_transpose_f32, float)
+WARP_TRANSPOSE(warp_tile_transpose_f64, double)
 
 #define WARP_PRODUCT(name, T)                                                  \
   WARP_TILES void name(u64 c, u64 a, u64 b, i32 rows, i32 columns, i32 depth,  \

@@ -73,7 +73,8 @@ static bool areSideBySide(ArrayRef<const Access *> accesses, unsigned dims) {
     return false;
   auto isApart = [&](unsigned dim, size_t axis) {
     auto stepOf = [&](auto &window) {
-      return tiles::getDisjointStep(window[axis].first, window[axis].second, dim);
+      return tiles::getDisjointStep(window[axis].first, window[axis].second,
+                                    dim);
     };
     int64_t step = stepOf(windows.front());
     return step > 0 && llvm::all_of(windows, [&](auto &window) {

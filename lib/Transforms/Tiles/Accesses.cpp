@@ -135,7 +135,8 @@ struct StoreModel : TileModel<StoreModel, TileStoreOp> {
   }
   void lower(Operation *op, TileLowering &lowering) const {
     auto store = cast<TileStoreOp>(op);
-    if (lowering.buffers.isInRegisters(store.getTile()) && !isDistributed(store.getTile()))
+    if (lowering.buffers.isInRegisters(store.getTile()) &&
+        !isDistributed(store.getTile()))
       AccumulatorLowering(lowering.state).storeTile(store);
     else
       lowerStore(store, lowering);

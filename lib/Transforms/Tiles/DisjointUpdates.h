@@ -1,4 +1,5 @@
-//===- DisjointUpdates.h - Updates that no two blocks make -------------------===//
+//===- DisjointUpdates.h - Updates that no two blocks make
+//-------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

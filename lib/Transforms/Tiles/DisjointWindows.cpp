@@ -1,4 +1,5 @@
-//===- DisjointWindows.cpp - Array windows that blocks do not share ----------===//
+//===- DisjointWindows.cpp - Array windows that blocks do not share
+//----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -80,7 +81,7 @@ int64_t getDisjointStep(const Form &first, int64_t extent, unsigned dim) {
 }
 
 std::optional<DisjointSteps> findDisjointSteps(FunctionOpInterface kernel,
-                                     TileAccessOp update) {
+                                               TileAccessOp update) {
   Root mine = rootOf(update.getArray());
   if (!mine.base || !getVariant(kernel).getDisjoint())
     return std::nullopt;

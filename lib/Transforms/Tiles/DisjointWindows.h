@@ -1,4 +1,5 @@
-//===- DisjointWindows.h - Array windows that blocks do not share -*- C++ -*-===//
+//===- DisjointWindows.h - Array windows that blocks do not share -*- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -23,7 +24,7 @@ using DisjointSteps = llvm::SmallVector<int64_t, 4>;
 /// if there is no such dimension. On a CPU a thread is a block, and on a GPU a
 /// block has the threads of the last dimension, if that is as long.
 std::optional<DisjointSteps> findDisjointSteps(mlir::FunctionOpInterface kernel,
-                                     TileAccessOp update);
+                                               TileAccessOp update);
 
 /// The step c of windows within [c i, c i + c) along an axis, i the index of
 /// the thread in a dimension of the launch; 0 if they are not known to be.

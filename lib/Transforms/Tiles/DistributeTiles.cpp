@@ -1,4 +1,5 @@
-//===- DistributeTiles.cpp - Tiles in the registers of their owners ---------===//
+//===- DistributeTiles.cpp - Tiles in the registers of their owners
+//---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -95,10 +96,10 @@ void distributeTiles(FunctionOpInterface kernel, int64_t threads) {
   // Results of one operation are in registers together, or not at all.
   auto isApart = [&](const auto &entry) {
     return llvm::any_of(entry.second, [&](Value tile) {
-      return llvm::any_of(tile.getDefiningOp()->getResults(),
-                          [&](Value result) {
-                            return !distributed.contains(buffers.rootOf(result));
-                          });
+      return llvm::any_of(
+          tile.getDefiningOp()->getResults(), [&](Value result) {
+            return !distributed.contains(buffers.rootOf(result));
+          });
     });
   };
   for (bool changes = true; changes;) {

@@ -1,4 +1,5 @@
-//===- DistributeTiles.h - Tiles in the registers of their owners -*- C++ -*-===//
+//===- DistributeTiles.h - Tiles in the registers of their owners -*- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

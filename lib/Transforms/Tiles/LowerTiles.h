@@ -53,7 +53,7 @@ struct LoweringState {
   bool isDecided = false;
   /// Within `share`: how many elements the thread has treated before, and
   /// whether that is to be a constant.
-  Value turn;
+  Value round;
   bool isDistributed = false;
 };
 

@@ -200,24 +200,24 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
                 [&](Value e, ValueRange sums) {
                   return body(unravel(e, shape), sums);
                 });
-  auto turn = [&](Value number, ValueRange sums) {
-    state.turn = number;
+  auto treat = [&](Value number, ValueRange sums) {
+    state.round = number;
     Value e = add(mul(number, this->number(threads)), thread);
     return body(unravel(e, shape), sums);
   };
-  int64_t turns = count / threads;
-  if (turns > 1 && !state.isDistributed) {
-    Values next = loop(number(0), number(turns), number(1), sums, turn);
+  int64_t rounds = count / threads;
+  if (rounds > 1 && !state.isDistributed) {
+    Values next = loop(number(0), number(rounds), number(1), sums, treat);
     // Memory is busy as long as many elements are on their way to each thread.
     constexpr int64_t copies = 8;
-    if (!sums.empty() && turns > copies && isGpu(kernel))
+    if (!sums.empty() && rounds > copies && isGpu(kernel))
       setCopies(next[0].getDefiningOp<scf::ForOp>(), copies);
     return next;
   }
   // Registers have no numbers.
   Values next(sums);
-  for (int64_t t = 0; t < turns; ++t)
-    next = turn(number(t), next);
+  for (int64_t t = 0; t < rounds; ++t)
+    next = treat(number(t), next);
   return next;
 }
 

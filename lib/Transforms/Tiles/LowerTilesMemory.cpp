@@ -81,7 +81,7 @@ Value TileLowering::registersOf(Value tile) {
 }
 
 Value TileLowering::indexInRegisters(Value tile) {
-  return isReplicated(tile) ? number(0) : state.turn;
+  return isReplicated(tile) ? number(0) : state.round;
 }
 
 Value TileLowering::load(Value tile, ValueRange indices) {
@@ -94,7 +94,8 @@ Value TileLowering::load(Value tile, ValueRange indices) {
 
 void TileLowering::store(Value tile, ValueRange indices, Value value) {
   if (tiles::isDistributed(tile)) {
-    ScratchStoreOp::create(b, loc, value, registersOf(tile), indexInRegisters(tile));
+    ScratchStoreOp::create(b, loc, value, registersOf(tile),
+                           indexInRegisters(tile));
     return;
   }
   StoreOp::create(b, loc, value, memoryOf(tile), placeIn(tile, indices));
@@ -163,7 +164,7 @@ Value TileLowering::copyTo(int64_t offset, Value tile, Type type,
     ArrayRef<int64_t> steps = strided->steps;
     int64_t across = transposed ? steps[1] : steps[0];
     if (across == 1 && shape[1] > 1) {
-      callLibrary("warp_tile_turn", type,
+      callLibrary("warp_tile_transpose", type,
                   {addressOf(memory), addressOf(memoryOf(strided->memory)),
                    number(shape[1]), number(shape[0]),
                    number(transposed ? steps[0] : steps[1])});

@@ -112,8 +112,9 @@ bool TileLowering::touchesDistributed(Operation *op) {
   return llvm::any_of(op->getResults(), isDistributedTile) ||
          llvm::any_of(op->getOperands(), [&](Value operand) {
            Operation *def = operand.getDefiningOp();
-           return isDistributedTile(operand) || (def && isTile(operand) &&
-                                        isInline(def) && touchesDistributed(def));
+           return isDistributedTile(operand) ||
+                  (def && isTile(operand) && isInline(def) &&
+                   touchesDistributed(def));
          });
 }
 

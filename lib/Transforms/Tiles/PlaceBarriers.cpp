@@ -118,7 +118,8 @@ private:
       return touches;
     // Sums of products lie otherwise among threads.
     bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
-      return isTile(operand) && buffers.isInRegisters(operand) && !isDistributed(operand);
+      return isTile(operand) && buffers.isInRegisters(operand) &&
+             !isDistributed(operand);
     });
     // Matrices are copied by whole runs.
     auto window = dyn_cast<TileAccessOp>(op);

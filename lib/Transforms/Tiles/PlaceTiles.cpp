@@ -11,19 +11,20 @@
 //   copies     where loops and branches carry tiles, each carried tile has one
 //              piece of memory; what is not computed in it is copied there
 //   held       what needs no memory on a GPU: sums of products
-//              (TileProducts.h), and elements of a thread's own (DistributeTiles.h)
+//              (TileProducts.h), and elements of a thread's own
+//              (DistributeTiles.h)
 //
 // A copy into memory that exists is a `tile_map` with the target as its second
 // operand, in place of that.
 //
 //===----------------------------------------------------------------------===//
 
+#include "DistributeTiles.h"
 #include "EarlyLoads.h"
 #include "KernelFunction.h"
 #include "TileForms.h"
 #include "TileInlining.h"
 #include "TileProducts.h"
-#include "DistributeTiles.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"

@@ -1,4 +1,5 @@
-//===- PlanAccumulators.cpp - Register accumulators of products -------------===//
+//===- PlanAccumulators.cpp - Register accumulators of products
+//-------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -60,7 +61,8 @@ private:
   }
 
   /// What an operation gives without memory: sums, or a number.
-  bool canStartAccumulators(Value tile, std::optional<std::string> &layout) const {
+  bool canStartAccumulators(Value tile,
+                            std::optional<std::string> &layout) const {
     Operation *def = tile.getDefiningOp();
     if (!def)
       return isa<scf::ForOp>(tile.getParentBlock()->getParentOp());

@@ -109,7 +109,9 @@ public:
     return offsetOf.lookup(rootOf(tile));
   }
   /// Whether threads hold a tile, so that it has no memory.
-  bool isInRegisters(mlir::Value tile) const { return inRegisters.contains(rootOf(tile)); }
+  bool isInRegisters(mlir::Value tile) const {
+    return inRegisters.contains(rootOf(tile));
+  }
 
 private:
   void tie(mlir::Value a, mlir::Value b);

@@ -77,7 +77,8 @@ void findPlainUpdates(LoweringState &state, ArrayRef<Operation *> ops) {
     return;
   for (Operation *op : ops)
     if (auto update = dyn_cast<TileAtomicOp>(op))
-      if (std::optional<DisjointSteps> steps = findDisjointSteps(state.kernel, update)) {
+      if (std::optional<DisjointSteps> steps =
+              findDisjointSteps(state.kernel, update)) {
         state.disjointSteps[op] = *steps;
         state.earliest[op] = findEarliest(update);
       }
@@ -92,7 +93,7 @@ struct UpdateLowering : TileLowering {
 private:
   Value isDisjoint(ArrayRef<int64_t> steps);
   Value updated(TileAtomicOp op, Value value, Value old);
-  Values placeOfTurn(TileAtomicOp op, Value number);
+  Values placeOfRound(TileAtomicOp op, Value number);
   Values loadEarly(TileAtomicOp op, Value &disjoint);
   void updateOwnElements(TileAtomicOp op, ValueRange early);
   void updateElements(TileAtomicOp op, bool plainly);
@@ -113,8 +114,8 @@ Value UpdateLowering::isDisjoint(ArrayRef<int64_t> steps) {
                                : std::numeric_limits<int32_t>::max() / step;
     auto predicate =
         isOfThreads ? arith::CmpIPredicate::eq : arith::CmpIPredicate::sle;
-    disjoint = both(
-        disjoint, arith::CmpIOp::create(b, loc, predicate, extent, number(most)));
+    disjoint = both(disjoint, arith::CmpIOp::create(b, loc, predicate, extent,
+                                                    number(most)));
   }
   return disjoint;
 }
@@ -127,7 +128,8 @@ void UpdateLowering::lower(TileAtomicOp op) {
                     !isa<StructType>(type);
   if (mayBePlain && threads == 1 && op->hasAttr(warp::attr::disjoint))
     return updateElements(op, /*plainly=*/true);
-  auto own = mayBePlain ? state.disjointSteps.find(op) : state.disjointSteps.end();
+  auto own =
+      mayBePlain ? state.disjointSteps.find(op) : state.disjointSteps.end();
   if (own == state.disjointSteps.end())
     return updateElements(op, /*plainly=*/false);
   Value disjoint, inside;
@@ -165,9 +167,9 @@ Value UpdateLowering::updated(TileAtomicOp op, Value value, Value old) {
 constexpr int64_t mostLoaded = 8;
 
 /// Where the thread's element of that number lies in the array.
-Values UpdateLowering::placeOfTurn(TileAtomicOp op, Value number) {
-  state.turn = number;
-  Value e = add(mul(state.turn, this->number(threads)), thread);
+Values UpdateLowering::placeOfRound(TileAtomicOp op, Value number) {
+  state.round = number;
+  Value e = add(mul(state.round, this->number(threads)), thread);
   Value inside;
   return arrayIndices(op, unravel(e, op.getTileType().getShape()), inside);
 }
@@ -194,7 +196,8 @@ Values UpdateLowering::loadEarly(TileAtomicOp op, Value &disjoint) {
   Values loaded;
   for (int64_t t = 0; t < own; ++t)
     loaded.push_back(LoadOp::create(b, loc, type.getElementType(),
-                                    op.getArray(), placeOfTurn(op, number(t))));
+                                    op.getArray(),
+                                    placeOfRound(op, number(t))));
   scf::YieldOp::create(b, loc, loaded);
   b.setInsertionPointToStart(branch.elseBlock());
   Values none(own, zero(type.getElementType()));
@@ -214,8 +217,8 @@ void UpdateLowering::updateOwnElements(TileAtomicOp op, ValueRange early) {
     SmallVector<Values> places;
     Values values;
     for (int64_t t = 0; t < run; ++t) {
-      places.push_back(placeOfTurn(op, numberOf(t)));
-      Value e = add(mul(state.turn, number(threads)), thread);
+      places.push_back(placeOfRound(op, numberOf(t)));
+      Value e = add(mul(state.round, number(threads)), thread);
       Value value = element(op.getTile(), unravel(e, type.getShape()));
       Value old = early.empty() ? LoadOp::create(b, loc, value.getType(),
                                                  op.getArray(), places.back())

@@ -236,7 +236,8 @@ private:
     Forms forms;
     for (unsigned d = 0; d < tids.front().getNumResults(); ++d)
       if (llvm::none_of(axes, [&](auto &axis) {
-            return tiles::getDisjointStep(forms.of(axis.first), axis.second, d) != 0;
+            return tiles::getDisjointStep(forms.of(axis.first), axis.second,
+                                          d) != 0;
           }))
         return false;
     return load->getBlock() == &adjoint.getBody().front();

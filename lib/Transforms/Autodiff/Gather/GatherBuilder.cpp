@@ -19,8 +19,8 @@
 #include "GatherBuilder.h"
 
 #include "Autodiff/DeadValues.h"
-#include "GatherGuard.h"
 #include "Autodiff/Rules/Rules.h"
+#include "GatherGuard.h"
 
 #include "WarpDialect/Passes.h"
 
@@ -263,8 +263,7 @@ void GatherBuilder::addBranch(scf::IfOp branch, const Guard &guard, Group group,
 
 /// Adds the sums of a group that are in a block or in branches in it.
 void GatherBuilder::addBlock(Block &block, const Guard &guard, Group group,
-                             IRMapping map,
-                             MutableArrayRef<Partial> partials) {
+                             IRMapping map, MutableArrayRef<Partial> partials) {
   SmallVector<std::pair<unsigned, Operation *>> own;
   llvm::SetVector<Operation *> branches;
   for (auto [number, op] : group) {

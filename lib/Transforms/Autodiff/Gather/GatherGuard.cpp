@@ -41,20 +41,19 @@ bool isSpeculatable(Value value) {
   return !op->walk([&](Operation *inner) {
               bool isLoad = isPlainRead(inner);
               for (Value operand : inner->getOperands())
-                if (isLoad || (!op->isAncestor(operand.getParentRegion()
-                                                   ->getParentOp()) &&
+                if (isLoad || (!op->isAncestor(
+                                   operand.getParentRegion()->getParentOp()) &&
                                !isSpeculatable(operand)))
                   return WalkResult::interrupt();
               return WalkResult::advance();
-            })
-              .wasInterrupted();
+            }).wasInterrupted();
 }
 
 /// The least thread index for which a comparison with a constant holds, or does
 /// not, as far as it says so by a lower bound or equality; indices are not
 /// negative.
 static std::optional<int64_t> getLeast(Operation *compare, bool truth,
-                                unsigned dimension) {
+                                       unsigned dimension) {
   Value left = compare->getOperand(0), right = compare->getOperand(1);
   std::optional<Shift> shift = getShift(left);
   bool isSwapped = !shift;
@@ -105,14 +104,14 @@ bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds,
     return !isa<EqOp, NeOp>(op) || isa<EqOp>(op) != holds;
   }
   if (!isa<LtOp, LeOp, GtOp, GeOp>(op) ||
-      (isa<LtOp, LeOp>(op) != isSwapped) != holds ||
-      !isUniform(bound) || !isSpeculatable(bound))
+      (isa<LtOp, LeOp>(op) != isSwapped) != holds || !isUniform(bound) ||
+      !isSpeculatable(bound))
     return false;
   // index + offset < bound, or <=; no launch reaches the larger limit.
   bool isStrict = isa<LtOp, GtOp>(op) == holds;
   int64_t distance = shift->offset - !isStrict;
-  Value limit = emitter.make<MaxOp>(
-      type, {clone(bound), emitter.number(distance)});
+  Value limit =
+      emitter.make<MaxOp>(type, {clone(bound), emitter.number(distance)});
   limit = emitter.make<MinOp>(type, {limit, emitter.number(1 << 30)});
   limit = emitter.make<SubOp>(type, {limit, emitter.number(distance)});
   bounds[dimension].push_back(limit);
@@ -165,8 +164,8 @@ Value Guard::build(GatherEmitter &emitter, ArrayRef<int64_t> back,
       end = emitter.make<MinOp>(end.getType(), {end, other});
     if (back[i])
       end = emitter.make<AddOp>(end.getType(), {end, emitter.number(back[i])});
-    all = emitter.both(all, emitter.make<LtOp>(emitter.b.getI1Type(),
-                                               {index, end}));
+    all = emitter.both(all,
+                       emitter.make<LtOp>(emitter.b.getI1Type(), {index, end}));
   }
   return emitter.both(all, rest);
 }

@@ -41,8 +41,7 @@ std::optional<Shift> getShift(Value value) {
   Forms forms;
   const Form &form = forms.of(value);
   if (form.terms.size() != 1 || form.terms[0].factor != 1 ||
-      form.terms[0].product.size() != 1 ||
-      std::abs(form.constant) > maxOffset)
+      form.terms[0].product.size() != 1 || std::abs(form.constant) > maxOffset)
     return std::nullopt;
   Symbol symbol = form.terms[0].product[0];
   if (symbol.kind != Symbol::Kind::Thread)
@@ -162,11 +161,10 @@ bool Finder::mayComeBefore(Operation *write, Operation *read) const {
     return false;
   for (Operation *op = read; op != adjoint; op = op->getParentOp()) {
     auto branch = dyn_cast<scf::IfOp>(op->getParentOp());
-    Operation *other = branch ? branch->getRegion(0).findAncestorOpInRegion(
-                                    *write)
-                              : nullptr;
-    if (!branch || (!other && !branch->getRegion(1).findAncestorOpInRegion(
-                                  *write)))
+    Operation *other =
+        branch ? branch->getRegion(0).findAncestorOpInRegion(*write) : nullptr;
+    if (!branch ||
+        (!other && !branch->getRegion(1).findAncestorOpInRegion(*write)))
       continue;
     return (op->getParentRegion() == &branch->getRegion(0)) == bool(other);
   }
@@ -215,8 +213,7 @@ bool Finder::isRecomputable(Operation *op) {
                      return isDropped || isBranch || isMemoryEffectFree(inner)
                                 ? WalkResult::advance()
                                 : WalkResult::interrupt();
-                   })
-                     .wasInterrupted();
+                   }).wasInterrupted();
   return recomputable[op] = result;
 }
 
