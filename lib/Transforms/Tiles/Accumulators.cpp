@@ -48,7 +48,7 @@ static ProductForm formOf(Value tile, const TileBuffers &buffers) {
     if (auto product = member.getDefiningOp<TileMatmulOp>())
       if (buffers.rootOf(member) == root)
         return *getProductForm(product);
-  llvm_unreachable("held tiles belong to a product");
+  llvm_unreachable("accumulators belong to a product");
 }
 
 /// Of a small tile, not all threads of the block have sums.

@@ -1,5 +1,4 @@
-//===- DisjointUpdates.h - Updates that no two blocks make
-//-------------------===//
+//===- DisjointUpdates.h - Updates that no two blocks make ---- -*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

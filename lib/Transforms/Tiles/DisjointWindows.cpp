@@ -1,5 +1,4 @@
-//===- DisjointWindows.cpp - Array windows that blocks do not share
-//----------===//
+//===- DisjointWindows.cpp - Windows of arrays of single blocks -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,5 +1,4 @@
-//===- DisjointWindows.h - Array windows that blocks do not share -*- C++
-//-*-===//
+//===- DisjointWindows.h - Windows of single blocks ----------- -*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

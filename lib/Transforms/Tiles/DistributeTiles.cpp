@@ -1,5 +1,4 @@
-//===- DistributeTiles.cpp - Tiles in the registers of their owners
-//---------===//
+//===- DistributeTiles.cpp - Tiles in the registers of their owners -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -83,7 +82,7 @@ void distributeTiles(FunctionOpInterface kernel, int64_t threads) {
   for (auto &[root, members] : byRoot) {
     bool all =
         llvm::all_of(members, [&](Value tile) { return fits(tile, threads); });
-    // What copies sums that threads hold finds them elsewhere.
+    // Copies of accumulators have another order of elements.
     all &= llvm::none_of(members, [&](Value tile) {
       Operation *def = tile.getDefiningOp();
       return def && llvm::any_of(def->getOperands(), [&](Value operand) {

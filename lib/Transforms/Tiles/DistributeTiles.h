@@ -1,5 +1,4 @@
-//===- DistributeTiles.h - Tiles in the registers of their owners -*- C++
-//-*-===//
+//===- DistributeTiles.h - Tiles in owners' registers --------- -*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

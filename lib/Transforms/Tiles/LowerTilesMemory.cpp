@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A tile in memory is a packed array of rank one at its offset in block memory;
-// what threads hold is in their registers. A function of the device library
+// one in registers has an array per thread. A function of the device library
 // gets addresses in block memory. An operand that does not lie there as the
 // function needs it is copied first.
 //

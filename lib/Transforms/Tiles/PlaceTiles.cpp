@@ -4,15 +4,14 @@
 //
 // Four decisions, in this order:
 //
-//   inline     views of other tiles; what has one use and reads nothing that is
+//   inlined    views of other tiles; what has one use and reads nothing that is
 //              overwritten before that use (TileInlining.h)
 //   in place   an operation that replaces elements, if nobody reads what it
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
 //              piece of memory; what is not computed in it is copied there
-//   held       what needs no memory on a GPU: sums of products
-//              (TileProducts.h), and elements of a thread's own
-//              (DistributeTiles.h)
+//   registers  on a GPU, accumulators of products (PlanAccumulators.cpp) and
+//              elements of their owners (DistributeTiles.h)
 //
 // A copy into memory that exists is a `tile_map` with the target as its second
 // operand, in place of that.

@@ -1,5 +1,4 @@
-//===- PlanAccumulators.cpp - Register accumulators of products
-//-------------===//
+//===- PlanAccumulators.cpp - Register accumulators of products -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -108,7 +108,7 @@ public:
   int64_t getOffset(mlir::Value tile) const {
     return offsetOf.lookup(rootOf(tile));
   }
-  /// Whether threads hold a tile, so that it has no memory.
+  /// True if a tile is in registers and has no memory.
   bool isInRegisters(mlir::Value tile) const {
     return inRegisters.contains(rootOf(tile));
   }

@@ -1,4 +1,4 @@
-//===- TileProducts.h - Sums that threads hold ------------------*- C++ -*-===//
+//===- TileProducts.h - Products in register accumulators -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -26,7 +26,7 @@ struct ProductForm {
     return llvm::StringRef(layout).starts_with("wg_");
   }
 };
-/// Of a product that threads of GPU blocks can hold; none for other shapes.
+/// The form of a product in registers of GPU threads; none for other shapes.
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
                                            int64_t version);
 /// Of one whose factors are loaded ahead; none where those instructions, or the
@@ -72,8 +72,7 @@ bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
 /// one of its stages.
 int64_t getStageBytes(mlir::Value tile);
 
-/// Marks products, sums that threads hold, and loops that load ahead
-/// (PlanAccumulators.cpp).
+/// Marks products, accumulators and software-pipelined loops.
 void planAccumulators(mlir::FunctionOpInterface kernel, int64_t threads);
 
 } // namespace warp::tiles
