@@ -1,4 +1,4 @@
-//===- TileOps.h - What a block of threads does together --------*- C++ -*-===//
+//===- TileOps.h - Operations on tiles --------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -41,7 +41,7 @@ struct TileFunction {
   std::optional<unsigned> matrix;
   /// The result is such a matrix.
   bool givesMatrix = false;
-  /// Of a matrix that it factors: rows, and registers that a thread needs.
+  /// Rows of a matrix that it factors, and registers that a thread needs.
   int64_t rows = 0, registers = 0;
 };
 
@@ -55,7 +55,7 @@ namespace warp {
 
 /// True if an operation takes or gives a tile.
 bool isTileOp(mlir::Operation *op);
-/// What a reduction of a tile gives: one element, or one less dimension.
+/// The type of a reduced tile: one element, or one less dimension.
 TileType getReducedType(TileType tile, std::optional<int64_t> axis,
                         mlir::Type element);
 

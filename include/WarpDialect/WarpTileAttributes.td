@@ -25,9 +25,9 @@ def Warp_TileLayoutAttr : AttrDef<Warp_Dialect, "TileLayout"> {
   let summary = "where the elements of an operation's tiles are";
   let description = [{
     `warp.layout` of an operation that gives tiles; without it they are packed in
-    block memory. Storage:
+    shared memory. Storage:
 
-    - `memory`: block memory, rows `pitch` elements apart if that is not 0. With
+    - `memory`: shared memory, rows `pitch` elements apart if that is not 0. With
       `swizzled`, chunks of a row are permuted for matrix instructions. `stages`
       steps of a pipelined loop are there or being loaded, by TMA if
       `tensor_map` is not 0: the offset of the map in the parameter block. With

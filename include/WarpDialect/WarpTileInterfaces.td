@@ -82,7 +82,7 @@ def Warp_TileOpInterface : OpInterface<"TileOpInterface"> {
     InterfaceMethod<"Operands whose memory the result can take over, in order "
                     "of preference.", "::llvm::SmallVector<unsigned>",
                     "getReplaceableOperands", (ins), [{}], [{ return {}; }]>,
-    InterfaceMethod<"Bytes of block memory that the lowering needs besides the "
+    InterfaceMethod<"Bytes of shared memory that the lowering needs besides the "
                     "tiles.", "int64_t", "getScratchBytes",
                     (ins "int64_t":$threads), [{}], [{ return 0; }]>,
     InterfaceMethod<"The function of the device library that computes the "

@@ -282,7 +282,7 @@ def Warp_TileSliceOp : Warp_TileOp<"tile_slice"> {
   let summary = "a part of a tile";
   let description = [{
     Element (i, j) is (offset 0 + steps[0] i, offset 1 + steps[1] j) of the tile.
-    What lies outside of it is unspecified.
+    Elements outside of it are unspecified.
 
     (C1) one offset and one step per dimension. (C2) the element types are the
     same, and ranks too.
@@ -524,7 +524,7 @@ def Warp_TileCholeskyOp : Warp_TileOp<"tile_cholesky",
   let summary = "the triangular factor of a positive definite matrix";
   let description = [{
     Reads the lower triangle, or the upper one, and gives L of L L^T, or U of
-    U^T U; the other triangle is zero. What is not positive definite gives NaN.
+    U^T U; the other triangle is zero. Other matrices give NaN.
 
     (C1) a square tile of f32 or f64.
   }];

@@ -222,7 +222,7 @@ private:
     return nullptr;
   }
 
-  /// Of a product: a, b, alpha, then c and beta if there is one.
+  /// Operands are a, b, alpha, then c and beta if there is one.
   Operation *makeMatmul() {
     Value alpha = operands.size() > 2 ? operands[2] : Value();
     Value c = operands.size() > 3 ? operands[3] : Value();

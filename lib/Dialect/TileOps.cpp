@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Each check carries the label of the constraint it enforces, as the op's
-// description numbers them. Those of reductions and linear algebra are in
+// description numbers them. Verifiers of reductions and linear algebra are in
 // TileOpsAlgebra.cpp.
 //
 //===----------------------------------------------------------------------===//

@@ -31,7 +31,7 @@ TEST(TileModels, ModelsEveryOperation) {
   EXPECT_GT(count, 25);
 }
 
-/// What accesses arrays is a tile operation, too.
+/// Accesses of arrays are tile operations, too.
 TEST(TileModels, ModelsEveryAccess) {
   for (RegisteredOperationName name :
        warp::compilerContext().getRegisteredOperationsByDialect("warp"))

@@ -68,7 +68,7 @@ __attribute__((always_inline)) inline void
 factorAdjoint(const Team &team, const Out &bar, const In &factor, int n) {
   for (int j = n - 1; j >= 0; --j) {
     T over = 1 / factor(j, j);
-    // What column k has in common with column j.
+    // The inner product of column k of the factor and column j of the bar.
     auto common = [&](int k) {
       T sum = 0;
       for (int i = j + 1; i < n; ++i)

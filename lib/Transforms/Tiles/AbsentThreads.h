@@ -33,9 +33,9 @@ mlir::Value orElse(mlir::OpBuilder &b, mlir::Location loc,
                    mlir::Value condition, mlir::Value value,
                    llvm::function_ref<mlir::Value()> other);
 
-/// Of a load, store or update: elements whose place threads say, each for its
-/// own, are nowhere for a thread that is not there. What it would say is of no
-/// meaning, and what is there belongs to others. `differs` tells what threads
+/// Moves elements of a load, store or update outside of the array where the
+/// thread that gives their offset does not exist: its offset is undefined, and
+/// the elements there belong to others. `differs` tells what threads
 /// have each their own of.
 void maskAccess(TileAccessOp op, mlir::Value alive,
                 llvm::function_ref<bool(mlir::Value)> differs);

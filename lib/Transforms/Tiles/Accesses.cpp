@@ -1,4 +1,4 @@
-//===- Accesses.cpp - Models of loads and stores of arrays --------------===//
+//===- Accesses.cpp - Models of loads and stores of arrays ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -35,7 +35,7 @@ Value LoadLowering::element(TileLoadOp op, ValueRange indices) {
   });
 }
 
-/// Whether a matrix that is loaded comes by asynchronous copies: all of them
+/// True if a matrix that is loaded comes by asynchronous copies: all of them
 /// are on their way at once, and pass by the registers. Each thread has one or
 /// more.
 bool LoadLowering::isCopied(TileLoadOp op) {

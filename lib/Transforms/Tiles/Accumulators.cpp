@@ -1,4 +1,4 @@
-//===- Accumulators.cpp - Products in register accumulators -------------===//
+//===- Accumulators.cpp - Products in register accumulators ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -22,7 +22,7 @@ namespace warp::tiles {
 // Sums
 //===----------------------------------------------------------------------===//
 
-/// What products with elements of a type are summed in.
+/// The type in which products of elements are summed.
 static Type sumOf(TileType type) {
   Type element = type.getElementType();
   return element.isF64() ? element : Float32Type::get(type.getContext());
@@ -51,7 +51,7 @@ static ProductForm formOf(Value tile, const TileBuffers &buffers) {
   llvm_unreachable("accumulators belong to a product");
 }
 
-/// Of a small tile, not all threads of the block have sums.
+/// Calls a function for sums by the threads that have some.
 void AccumulatorLowering::callForSums(const Twine &name,
                                       const ProductForm &form, TileType type,
                                       ValueRange arguments) {
@@ -184,7 +184,7 @@ Values AccumulatorLowering::offsetsAt(TileLoadOp load, scf::ForOp loop,
   });
 }
 
-/// What an iteration needs.
+/// Loads the tile of an iteration.
 void AccumulatorLowering::fetch(TileLoadOp load, scf::ForOp loop,
                                 Value iteration, Value stage) {
   Value array;

@@ -1,4 +1,4 @@
-//===- BlockVariance.cpp - What differs within a block --------------------===//
+//===- BlockVariance.cpp - Divergence within a block ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -39,7 +39,7 @@ bool BlockVariance::anyOf(ValueRange operands) const {
 }
 
 bool BlockVariance::isBlockNumber(Operation *op) const {
-  // Of indices, which are not negative, both divisions are the same.
+  // Both divisions are the same for indices, which are not negative.
   StringRef name = op->getName().getStringRef();
   if (rank != 1 || (name != "warp.floordiv" && name != "warp.div"))
     return false;
@@ -53,7 +53,7 @@ bool BlockVariance::isBlockNumber(Operation *op) const {
   return extent > 0 && extent % threads == 0;
 }
 
-/// Of the indices of a thread only the last one differs within a block, if its
+/// Only the last index of a thread differs within a block, if its
 /// extent is that of the block; that is what wp.launch_tiled makes. In ragged
 /// blocks all may.
 bool BlockVariance::visit(Operation *op) {

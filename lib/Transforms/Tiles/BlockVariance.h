@@ -1,10 +1,10 @@
-//===- BlockVariance.h - What differs within a block ------------*- C++ -*-===//
+//===- BlockVariance.h - Divergence within a block --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A value differs between threads of a block if it comes from the number of the
-// thread, from what a thread loads there, or from an atomic. What is loaded at
-// the same index by all is the same.
+// thread, from what a thread loads there, or from an atomic. All threads that
+// load at the same index get the same value.
 //
 //===----------------------------------------------------------------------===//
 
@@ -24,7 +24,7 @@ inline bool isCollective(mlir::Operation *op) {
 /// Values that may differ between the threads of a block.
 class BlockVariance {
 public:
-  /// Whether a block's threads agree on a value that comes from what differs:
+  /// True if a block's threads agree on a value that comes from what differs:
   /// the number of the block.
   bool isBlockNumber(mlir::Operation *op) const;
   explicit BlockVariance(mlir::FunctionOpInterface kernel);

@@ -1,9 +1,9 @@
-//===- CheckTiles.cpp - What a block does together ------------------------===//
+//===- CheckTiles.cpp - Uniformity of tile operations -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A condition may not differ between the threads of a block (BlockVariance.h).
-// Of a block of one thread none does.
+// None does in a block of one thread.
 //
 //===----------------------------------------------------------------------===//
 

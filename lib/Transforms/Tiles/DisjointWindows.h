@@ -18,8 +18,8 @@ namespace warp::tiles {
 /// is from that of the next, if no others touch it; 0 if that is not known.
 using DisjointSteps = llvm::SmallVector<int64_t, 4>;
 
-/// Of an update of an array: blocks that differ in a dimension with a step
-/// touch different elements, in all that the kernel does with the array. None
+/// The steps of an update: blocks that differ in a dimension with a step touch
+/// different elements, in all that the kernel does with the array. None
 /// if there is no such dimension. On a CPU a thread is a block, and on a GPU a
 /// block has the threads of the last dimension, if that is as long.
 std::optional<DisjointSteps> findDisjointSteps(mlir::FunctionOpInterface kernel,

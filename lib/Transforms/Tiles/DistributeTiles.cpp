@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The rows of a softmax, for example, which are loaded, reduced, mapped and
-// stored: without the block's memory and its barriers.
+// stored: without shared memory and its barriers.
 //
 //===----------------------------------------------------------------------===//
 
@@ -18,7 +18,7 @@ namespace warp::tiles {
 /// Words of a thread for one tile.
 constexpr int64_t mostWords = 32;
 
-/// Whether a use reads elements in the order of the loop of its operation.
+/// True if a use reads elements in the order of the loop of its operation.
 static bool readsOwn(OpOperand &use) {
   Operation *op = use.getOwner();
   if (!computesTiles(op))
@@ -43,7 +43,7 @@ static bool fits(Value tile, int64_t threads) {
          llvm::all_of(tile.getUses(), readsOwn);
 }
 
-/// Whether a store of its own elements is all that a tile is computed for.
+/// True if a store of its own elements is all that a tile is computed for.
 static bool isForStore(Operation *op) {
   if (!op->hasOneUse())
     return false;
@@ -54,7 +54,7 @@ static bool isForStore(Operation *op) {
   return isa<TileMapOp>(user) && isInline(user) && isForStore(user);
 }
 
-/// What is computed in the loop of a store is loaded before that loop: there,
+/// Loads before the loop of a store what is computed in it: in the loop,
 /// each load would wait for the store before it, as arrays may overlap.
 static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
   constexpr int64_t mostLoaded = 8;
@@ -120,7 +120,7 @@ void distributeTiles(FunctionOpInterface kernel, int64_t threads) {
 // Numbers
 //===----------------------------------------------------------------------===//
 
-/// Whether a use reads single elements, rather than the tile's memory.
+/// True if a use reads single elements, rather than the tile's memory.
 static bool readsElements(OpOperand &use) {
   Operation *op = use.getOwner();
   if (!computesTiles(op))

@@ -1,4 +1,4 @@
-//===- EarlyLoads.cpp - What threads load before they compute -------------===//
+//===- EarlyLoads.cpp - Hoist loads, to wait for memory once --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -24,7 +24,7 @@ namespace warp::tiles {
 /// Words of a thread that are loaded early, all in all.
 constexpr int64_t mostWords = 32;
 
-/// Whether an operation may write elements of an array, or read them if `reads`
+/// True if an operation may write elements of an array, or read them if `reads`
 /// counts; functions of elements may do so, too.
 static bool mayTouch(Operation *op, Value array, const ArrayOrigins &origins,
                      bool reads) {
@@ -48,15 +48,15 @@ static bool mayTouch(Operation *op, Value array, const ArrayOrigins &origins,
       .wasInterrupted();
 }
 
-/// Whether what is loaded from an array, or from elements that nobody else
+/// True if what is loaded from an array, or from elements that nobody else
 /// changes, has to be loaded behind an operation.
 static bool keepsBefore(Operation *op, Value array,
                         const ArrayOrigins &origins) {
   return !isInline(op) && mayTouch(op, array, origins, /*reads=*/false);
 }
 
-/// Whether elements of an array have to be stored before an operation. What an
-/// update gives back may tell other blocks that they are.
+/// True if elements of an array have to be stored before an operation. The old
+/// value of an update may tell other blocks that they are.
 static bool needsStored(Operation *op, Value array,
                         const ArrayOrigins &origins) {
   auto access = dyn_cast<AccessOp>(op);

@@ -1,4 +1,4 @@
-//===- EarlyLoads.h - What threads load before they compute -----*- C++ -*-===//
+//===- EarlyLoads.h - Hoist loads, to wait for memory once ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Elements.cpp - Models of elementwise operations ------------------===//
+//===- Elements.cpp - Models of elementwise operations --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -22,7 +22,7 @@ static void lowerMap(TileMapOp op, TileLowering &lowering) {
     Block &body = op.getBody().front();
     for (auto [input, argument] :
          llvm::zip_equal(op.getInputs(), body.getArguments())) {
-      // What is overwritten unread may have no contents yet.
+      // A tile that is overwritten unread may have no contents.
       bool isRead = !argument.use_empty();
       arguments.push_back(
           !isTile(input) || !isRead ? input : lowering.element(input, indices));

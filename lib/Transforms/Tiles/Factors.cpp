@@ -62,7 +62,7 @@ struct FactorLowering : TileLowering {
   void adjointByBlock(TileCholeskyAdjointOp op);
   void adjointByWarps(TileCholeskyAdjointOp op);
   void adjointByOne(TileCholeskyAdjointOp op);
-  /// Of debug kernels: the matrix had a factor.
+  /// Asserts in debug kernels that the matrix had a factor.
   void check(TileCholeskyOp op);
 
 private:
@@ -179,7 +179,7 @@ void FactorLowering::adjointByOne(TileCholeskyAdjointOp op) {
                number(n), number(op.getUpper())});
 }
 
-/// What follows a pivot that is not positive is NaN, the last one in any case.
+/// All pivots after one that is not positive are NaN.
 void FactorLowering::check(TileCholeskyOp op) {
   Value last = number(tileType(op.getResult()).getShape()[0] - 1);
   Value pivot = load(op.getResult(), {last, last});

@@ -3,10 +3,10 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // On a CPU the first thread of each block does what its threads do. Operations
-// on tiles stay, as does control flow around them, which threads share. What
-// lies between becomes loops over the threads, as long as possible; values that
+// on tiles stay, as does control flow around them, which threads share. Code
+// between becomes loops over the threads, as long as possible; values that
 // are used in another loop, or by an operation on tiles, are kept in tiles.
-// What all threads agree on is computed once.
+// Uniform values are computed once.
 //
 //   x = a[tid]                   for t in threads: x[t] = a[first + t]
 //   s = tile_sum(tile(x))   =>   s = tile_sum(x)
@@ -63,7 +63,7 @@ private:
 // Threads by themselves
 //===----------------------------------------------------------------------===//
 
-/// What nothing can keep is computed again, from what is kept.
+/// Values that no tile can keep are rematerialized.
 void BlockLoops::addOutput(Value value, llvm::SetVector<Value> &outputs) const {
   Operation *def = value.getDefiningOp();
   if (!def || !llvm::is_contained(pending, def) || outputs.contains(value))
@@ -303,7 +303,7 @@ LogicalResult BlockLoops::emitBlock(Block &block) {
     if (auto tid = dyn_cast<TidOp>(op)) {
       emitTid(tid);
     } else if (isa<BarrierOp>(op)) {
-      // What they do before it ends with its loop.
+      // The run before it ends with its loop.
       emitRun();
     } else if (isCollective(&op) || isShared(&op)) {
       emitRun();

@@ -84,7 +84,7 @@ static TileMapOp merge(TileMapOp producer, TileMapOp user) {
 // Results that are kept
 //===----------------------------------------------------------------------===//
 
-/// Whether values of the blocks of two maps are computed alike from the same
+/// True if values of the blocks of two maps are computed alike from the same
 /// operands.
 static bool isSame(Value x, TileMapOp ofX, Value y, TileMapOp ofY) {
   if (x == y)
@@ -112,7 +112,7 @@ static bool isSame(Value x, TileMapOp ofX, Value y, TileMapOp ofY) {
              });
 }
 
-/// Whether a tile is kept whatever a later map reads: one use could be where it
+/// True if a tile is kept whatever a later map reads: one use could be where it
 /// is computed.
 static bool isKept(Value tile) {
   llvm::SmallPtrSet<Operation *, 4> users(tile.getUsers().begin(),
@@ -176,7 +176,7 @@ static void readKeptResults(ArrayRef<TileMapOp> maps) {
 // Products that are added
 //===----------------------------------------------------------------------===//
 
-/// Whether a map gives the sum of two tiles.
+/// True if a map gives the sum of two tiles.
 static bool isSum(TileMapOp map) {
   Block &body = map.getBody().front();
   if (map.getInputs().size() != 2 || map.getNumResults() != 1 ||
@@ -190,7 +190,7 @@ static bool isSum(TileMapOp map) {
   return (x == a && y == b) || (x == b && y == a);
 }
 
-/// Of 16 bits, the product would not be rounded.
+/// A product of 16 bits would not be rounded.
 static bool addProduct(TileMapOp map) {
   for (unsigned i : {1, 0}) {
     if (!isSum(map))

@@ -60,7 +60,7 @@ Values LaneLoops::arrayIndices(TileAccessOp op, Lane &lane, Value array,
   return at;
 }
 
-/// What an access gives, if it gives anything; zero outside of the array.
+/// The result of an access, if it has one; zero outside of the array.
 Value LaneLoops::ifInside(Value inside, Type type, function_ref<Value()> make) {
   if (!inside)
     return make();

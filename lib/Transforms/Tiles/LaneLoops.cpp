@@ -81,7 +81,7 @@ Value LaneLoops::indexOf(const Lane &lane, Value first, int64_t axis) {
 // Who does what
 //===----------------------------------------------------------------------===//
 
-/// Whether threads that agree on the operands may leave an operation to one.
+/// True if threads that agree on the operands may leave an operation to one.
 static bool isOnce(Operation *op) {
   if (isa<StoreOp>(op) || isMemoryEffectFree(op) ||
       op->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
@@ -129,7 +129,7 @@ bool LaneLoops::isShared(Operation *op) const {
 }
 
 //===----------------------------------------------------------------------===//
-// What threads have
+// Values of threads
 //===----------------------------------------------------------------------===//
 
 static SmallVector<int64_t> columnsOf(Type type) {

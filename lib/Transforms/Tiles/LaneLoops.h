@@ -30,11 +30,11 @@ public:
   bool isLane(Value value) const {
     return varying.contains(value) || lanes.contains(value);
   }
-  /// Whether a tile can keep what threads have of a value.
+  /// True if a tile can keep what threads have of a value.
   static bool isStorable(Value value);
 
 protected:
-  /// What a loop has for one thread.
+  /// The state of a loop for one thread.
   struct Lane {
     Value number;
     mlir::IRMapping values;
@@ -43,16 +43,16 @@ protected:
   using ElementBody =
       llvm::function_ref<Values(Lane &, Value number, ValueRange tiles)>;
 
-  /// Whether each thread does an operation by itself.
+  /// True if each thread does an operation by itself.
   bool isLaneOp(mlir::Operation *op) const;
   /// Control flow that threads share, with what they do by themselves inside.
   bool isShared(mlir::Operation *op) const;
   Value constantOf(mlir::Type type, int64_t value);
   Value constant(int64_t value) { return constantOf(index, value); }
-  /// Whether blocks are threads that follow each other in a launch of any
+  /// True if blocks are threads that follow each other in a launch of any
   /// extents.
   bool isRagged() const { return kernel->hasAttr(warp::attr::ragged); }
-  /// Of a thread in the launch, and threads in all, as integers of 64 bits.
+  /// The number of a thread in the launch, and of all threads, in 64 bits.
   Value linearIndex(ValueRange indices);
   Value countThreads();
   Value extentOf(int64_t axis);
@@ -70,7 +70,7 @@ protected:
   Values overElements(int64_t count, Value end, ValueRange tiles,
                       ElementBody body);
   Value laneValue(Value value, Lane &lane);
-  /// What all threads agree on.
+  /// The uniform value.
   Value sharedValue(Value value);
   /// The tile of what threads have of a value.
   Value laneTile(Value value);
@@ -93,11 +93,11 @@ protected:
   /// differs between threads becomes an operand.
   mlir::LogicalResult emitWithCaptures(mlir::Operation *op, Values operands,
                                        llvm::ArrayRef<int64_t> shape);
-  /// What threads that the launch does not have leave: zero.
+  /// Zero, the elements of threads that the launch does not have.
   Value emptyTile(TileType type);
   /// True if the launch has a thread of the block; null if it has all.
   Value isThere(const Lane &lane);
-  /// What picks indices of an access, nowhere for threads that are not there.
+  /// Moves picked indices outside of the array for absent threads.
   void pickThere(TileAccessOp op);
 
   mlir::FunctionOpInterface kernel;
@@ -106,14 +106,14 @@ protected:
   mlir::OpBuilder b;
   mlir::Location loc;
   mlir::Type index, wide;
-  /// What all threads share, tiles and control flow included.
+  /// Uniform values, tiles and control flow included.
   mlir::IRMapping shared;
   /// Tiles by what they keep.
   llvm::DenseMap<Value, Value> lanes;
-  /// Of indices of a launch that differ: that of the block's first thread, and
-  /// the axis.
+  /// By index of the launch that differs: the one of the block's first thread,
+  /// and the axis.
   llvm::DenseMap<Value, std::pair<Value, int64_t>> firstIndices;
-  /// Of a ragged block's first thread: its number in the launch.
+  /// The number in the launch of a ragged block's first thread.
   Value firstThread;
   /// Threads that the last block of a launch has, if that may be fewer.
   Value present;

@@ -1,12 +1,12 @@
-//===- LowerTiles.cpp - Lower tiles to loops over elements --------------===//
+//===- LowerTiles.cpp - Lower tiles to loops over elements ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A tile in memory is a packed array of rank one at its offset in block memory.
-// An operation becomes loops over the elements of its result, which the threads
-// of the block share: thread t takes elements t, t + B, ... On a CPU a block is
-// one thread, and loops run over the dimensions, so that LLVM finds them easy
-// to vectorise. What is not kept is computed within the loop of its user.
+// A tile in memory is a packed array of rank one at its offset in shared
+// memory. An operation becomes loops over the elements of its result, which the
+// threads of the block share: thread t takes elements t, t + B, ... On a CPU a
+// block is one thread, and loops run over the dimensions, so that LLVM finds
+// them easy to vectorise. Inlined tiles are computed in the loop of their user.
 //
 // Accesses of arrays are tested against the array's extents. One test of the
 // whole tile chooses between a loop without tests and one with them.

@@ -38,13 +38,13 @@ struct LoweringState {
   Value thread;
   bool debug;
 
-  /// Arrays of block memory by offset, length and element type.
+  /// Arrays of shared memory by offset, length and element type.
   std::map<std::tuple<int64_t, int64_t, const void *>, Value> arrays;
   /// Registers of a thread by the tile that stands for others.
   llvm::DenseMap<Value, Value> registers;
-  /// Of updates that blocks may make plainly.
+  /// Steps of updates that blocks may make plainly.
   llvm::DenseMap<mlir::Operation *, DisjointSteps> disjointSteps;
-  /// Where what those add to may be loaded.
+  /// The earliest point to load the old elements of those.
   llvm::DenseMap<mlir::Operation *, mlir::Operation *> earliest;
 
   /// Elements that a loop accesses may be outside of their array.
@@ -90,7 +90,7 @@ public:
   Value builtin(llvm::StringRef name, ValueRange operands);
   Value zero(mlir::Type type);
   Value constant(mlir::Type type, double value);
-  /// What a region of elements yields for these arguments.
+  /// The values that a region of elements yields for these arguments.
   Values inlineBody(mlir::Block &body, ValueRange arguments);
 
   //===--------------------------------------------------------------------===//
@@ -113,9 +113,9 @@ public:
   /// Before a change of a tile's elements: the result has those of the operand.
   void begin(mlir::Operation *op, Value tile);
   /// Elements of a matrix in the order of its rows, or columns if it is
-  /// transposed, as another type, from `offset` of the block's memory on.
+  /// transposed, as another type, from `offset` of shared memory on.
   Value copyTo(int64_t offset, Value tile, mlir::Type type, bool transposed);
-  /// A matrix in block memory, with its steps, or a copy of it `behind` bytes
+  /// A matrix in shared memory, with its steps, or a copy of it `behind` bytes
   /// into the scratch memory of an operation.
   Strided matrixFor(mlir::Operation *op, Value tile, int64_t behind);
   /// Calls a function of the device library, of f32 or f64 if `real` is one.

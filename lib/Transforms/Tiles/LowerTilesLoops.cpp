@@ -154,9 +154,9 @@ void TileLowering::loop(int64_t end, function_ref<void(Value)> body) {
   });
 }
 
-/// Of loops over elements on a CPU the innermost one becomes vectors. Copies of
-/// its body in its place, which LLVM makes before that if they are few, would
-/// leave it the next loop, whose iterations are not neighbours in memory.
+/// Keeps the innermost loop over elements on a CPU for the vectoriser. Copies
+/// of its body in its place, which LLVM makes before that if they are few,
+/// would leave it the next loop, whose iterations are not neighbours in memory.
 static void keepForVectors(scf::ForOp loop) {
   constexpr int64_t fewest = 8, most = 256;
   std::optional<int64_t> trips = getConstantTrips(loop);

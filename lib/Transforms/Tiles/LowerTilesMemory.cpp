@@ -1,11 +1,11 @@
-//===- LowerTilesMemory.cpp - Accesses of tiles, and library calls ------===//
+//===- LowerTilesMemory.cpp - Accesses of tiles, and library calls --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A tile in memory is a packed array of rank one at its offset in block memory;
-// one in registers has an array per thread. A function of the device library
-// gets addresses in block memory. An operand that does not lie there as the
-// function needs it is copied first.
+// A tile in memory is a packed array of rank one at its offset in shared
+// memory; one in registers has an array per thread. A function of the device
+// library gets addresses in shared memory. An operand that does not lie there
+// as the function needs it is copied first.
 //
 //===----------------------------------------------------------------------===//
 
@@ -66,7 +66,7 @@ Value TileLowering::placeIn(Value tile, ValueRange indices) {
   return linear(tileType(tile).getShape(), indices);
 }
 
-/// What a thread has of a tile in registers.
+/// The registers of a thread for a tile.
 Value TileLowering::registersOf(Value tile) {
   Value &registers = state.registers[buffers.rootOf(tile)];
   TileType type = tileType(tile);
@@ -150,7 +150,7 @@ int64_t TileLowering::scratchOf(Operation *op) {
 }
 
 /// Elements of a matrix in the order of its rows, or columns if it is
-/// transposed, as another type, from `offset` of the block's memory on.
+/// transposed, as another type, from `offset` of shared memory on.
 Value TileLowering::copyTo(int64_t offset, Value tile, Type type,
                            bool transposed) {
   TileType from = tileType(tile);

@@ -65,7 +65,7 @@ Values TileLowering::windowOf(TileAccessOp op, Value array,
   return window;
 }
 
-/// Whether all elements that an operation accesses by itself are inside of
+/// True if all elements that an operation accesses by itself are inside of
 /// their array; null if that is not tested.
 void TileLowering::testWindow(Operation *op, Value &inside) {
   auto access = dyn_cast<TileAccessOp>(op);
@@ -103,7 +103,7 @@ void TileLowering::collectTested(Operation *op, Value &inside) {
   }
 }
 
-/// Whether an operation, or what is computed in its loop, reads or makes tiles
+/// True if an operation, or what is computed in its loop, reads or makes tiles
 /// that threads have in registers.
 bool TileLowering::touchesDistributed(Operation *op) {
   auto isDistributedTile = [](Value tile) {
@@ -139,8 +139,7 @@ Values TileLowering::elements(Operation *op, ArrayRef<int64_t> shape,
     Values next = share(shape, sums, body);
     if (!sums.empty())
       scf::YieldOp::create(b, loc, next);
-    // What runs at the edges of arrays only is not worth the time that it would
-    // take to compile it well.
+    // Code for the edges of arrays is not worth the time to optimise it.
     if (tested)
       block->walk([](scf::ForOp loop) { setPlain(loop); });
   }

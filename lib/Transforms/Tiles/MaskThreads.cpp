@@ -14,8 +14,8 @@
 //                                   tile_store(y, t)
 //                                 }
 //
-// Without a thread that stays the block does nothing more. What all threads
-// load at one place is loaded by all, so that they agree on it.
+// Without a thread that stays the block does nothing more. Uniform
+// loads are made by all threads, so that they agree on the value.
 //
 //===----------------------------------------------------------------------===//
 
@@ -85,7 +85,7 @@ private:
   OpBuilder b;
   Location loc;
   Type index;
-  /// What differs between threads because some of them do not compute it.
+  /// Values that diverge because some threads do not compute them.
   llvm::DenseSet<Value> masked;
 };
 
@@ -119,7 +119,7 @@ Value ThreadMask::isPresent() {
   return builtin("eq", {place, CastOp::create(b, loc, index, number)});
 }
 
-/// Whether a condition holds for a thread of the block.
+/// True if a condition holds for a thread of the block.
 Value ThreadMask::anyOf(Value condition) {
   Value number = builtin("where", {condition, constant(1), constant(0)});
   auto type = TileType::get(b.getContext(), {threads}, index);
@@ -132,7 +132,7 @@ Value ThreadMask::anyOf(Value condition) {
 }
 
 //===----------------------------------------------------------------------===//
-// What threads do by themselves
+// Operations of single threads
 //===----------------------------------------------------------------------===//
 
 /// Effects, but for what all threads read at one place; elements of tiles; and
@@ -179,7 +179,7 @@ void ThreadMask::guard(Operation *op, Value alive) {
   scf::YieldOp::create(b, loc, zeros);
 }
 
-/// What threads give to tiles.
+/// Masks the elements that threads give to tiles.
 LogicalResult ThreadMask::mask(Operation *op, Value alive) {
   b.setInsertionPoint(op);
   loc = op->getLoc();
@@ -259,7 +259,7 @@ void ThreadMask::hoistTiles(Block &block) {
   }
 }
 
-/// What the threads that leave do before; the values that they leave with.
+/// Guards the code of threads before they leave; gives their last values.
 SmallVector<Value> ThreadMask::leftBehind(scf::IfOp op, Block *block,
                                           Value goes) {
   if (!block)

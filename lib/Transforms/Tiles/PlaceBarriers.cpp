@@ -11,8 +11,8 @@
 // Threads make an access of their own elements if the operation treats element
 // e in thread e mod B; two of those with equal tiles never meet.
 //
-// What enters a region is what came before the operation, and what leaves a
-// loop's body enters it again, so loops begin with a barrier if their bodies
+// Accesses before an operation enter its regions, and those that leave a loop's
+// body enter it again, so loops begin with a barrier if their bodies
 // touch memory that threads share.
 //
 //===----------------------------------------------------------------------===//
@@ -44,12 +44,12 @@ bool isSameWindow(TileAccessOp a, TileAccessOp b) {
 }
 
 struct Touch {
-  /// Bytes of the block's memory; -1 for arrays.
+  /// Bytes of shared memory; -1 for arrays.
   int64_t begin, end;
   bool isWrite;
   /// Elements of each thread's own: how many there are; 0 for any element.
   int64_t owned;
-  /// Of arrays, the one; null for any.
+  /// The array; null for any.
   Value array;
   /// By all threads together, which orders what each does before and after it.
   bool isShared = false;
@@ -100,7 +100,7 @@ private:
     touches.push_back({arrays, arrays, isWrite, 0, array, false, window});
   }
 
-  /// What reading a tile reads, through what is computed on the way.
+  /// Adds the reads of a tile, through inlined tiles.
   void readTile(Touches &touches, Value tile, int64_t owned) {
     Operation *def = tile.getDefiningOp();
     if (!def || !isInline(def))
@@ -157,9 +157,9 @@ private:
     return touches;
   }
 
-  /// Whether one of these accesses has to come after an earlier one. What a
-  /// thread does by itself is ordered with what the block does, and not with
-  /// what another thread does.
+  /// True if one of these accesses has to come after an earlier one. Accesses
+  /// of a single thread are ordered with those of the block, and not with those
+  /// of other threads.
   bool meetsPending(ArrayRef<Touch> touches, bool isPrivate) const {
     return llvm::any_of(touches, [&](const Touch &touch) {
       return llvm::any_of(pending, [&](const Touch &earlier) {

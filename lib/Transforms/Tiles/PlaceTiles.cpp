@@ -41,7 +41,7 @@ using namespace warp::tiles;
 // In place
 //===----------------------------------------------------------------------===//
 
-/// Whether an operand is, or is computed from, the memory of a tile.
+/// True if an operand is, or is computed from, the memory of a tile.
 static bool readsMemoryOf(Value operand, Value tile) {
   if (operand == tile)
     return true;

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Of products on GPUs. A tile that products add to, and that otherwise is only
+// A tile that products of a GPU kernel add to, and that otherwise is only
 // stored or copied, has no memory: each thread holds its sums in registers, in
 // the layout of the product's form. A loop that loads both factors of a product
 // and does nothing else loads those of the next iterations while it multiplies.
@@ -59,7 +59,7 @@ private:
       setProductForm(op, plain);
   }
 
-  /// What an operation gives without memory: sums, or a number.
+  /// True if an operation can give accumulators: of a product, or a constant.
   bool canStartAccumulators(Value tile,
                             std::optional<std::string> &layout) const {
     Operation *def = tile.getDefiningOp();
@@ -69,7 +69,7 @@ private:
       auto form = getProductForm(product);
       auto operand = def->getAttrOfType<IntegerAttr>(attr::inPlace);
       bool adds = operand && operand.getInt() == 2;
-      // What is in memory anyway is as well there from the beginning.
+      // A tile that needs memory anyway is there from the beginning.
       bool isNew = !product.getC() &&
                    llvm::all_of(def->getUsers(), [&](Operation *user) {
                      return usesInPlace(user, tile);
@@ -266,7 +266,7 @@ private:
                       Builder(kernel.getContext()).getI64IntegerAttr(blocks));
   }
 
-  /// Of a thread, such that a multiprocessor has two blocks.
+  /// Accumulators of a thread for an occupancy of two blocks.
   static constexpr int64_t mostSharedSums = 64;
 
   FunctionOpInterface kernel;

@@ -1,11 +1,11 @@
-//===- PlanTileMemory.cpp - Where tiles lie in the memory of a block ------===//
+//===- PlanTileMemory.cpp - Where tiles lie in shared memory --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Operations are numbered in program order. A class of tiles lives from the
 // first operation that makes one of them to the last that reads one, and to the
-// end of a loop around a read if it was there before the loop. What lives at
-// the same time lies apart: largest first, each at the lowest free place.
+// end of a loop around a read if it was there before the loop. Tiles that live
+// at the same time are disjoint: largest first, each at the lowest free place.
 //
 //===----------------------------------------------------------------------===//
 
@@ -27,11 +27,11 @@ using namespace warp::tiles;
 
 /// Widest access that code may make of it, and a pattern of swizzled rows.
 constexpr int64_t alignment = 64, patternBytes = 1024;
-/// What a thread's stack surely has.
+/// Bytes that a thread's stack surely has.
 constexpr int64_t cpuBytes = 4 << 20;
 
-/// What launches can get for a block of a GPU (CUDA C++ Programming Guide,
-/// technical specifications per compute capability).
+/// Shared memory that launches can get for a block of a GPU (CUDA C++
+/// Programming Guide, technical specifications per compute capability).
 int64_t warp::tiles::getMostBlockBytes(int64_t version) {
   switch (version) {
   case 75:
@@ -190,7 +190,7 @@ private:
       };
       for (Value tile : members)
         piece.first = std::min(piece.first, begins[makerOf(tile)]);
-      // What is loaded ahead is there throughout the loop.
+      // Stages are there throughout the pipelined loop.
       if (getLayout(root).getStages() > 1)
         piece.first = begins[makerOf(root)->getParentOp()];
       for (Value tile : members) {

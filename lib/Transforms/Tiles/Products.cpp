@@ -1,4 +1,4 @@
-//===- Products.cpp - Models of products and diagonals-------------------===//
+//===- Products.cpp - Models of products and diagonals --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -21,13 +21,13 @@ namespace {
 struct ProductOperands {
   explicit ProductOperands(TileMatmulOp op);
 
-  /// What is computed with.
+  /// The type of sums.
   mlir::Type sum;
   int64_t depth;
   bool copiesA, copiesB;
   /// To the next row and column, in the order that the product has them.
   std::array<int64_t, 2> a, b;
-  /// Of copies, and of a result that is rounded in the end.
+  /// Scratch memory for copies, and for a result that is rounded in the end.
   int64_t bytes;
 };
 

@@ -1,4 +1,4 @@
-//===- Reductions.cpp - Models of reductions -----------===//
+//===- Reductions.cpp - Models of reductions ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -28,7 +28,7 @@ namespace warp::tiles {
 // Pairs
 //===----------------------------------------------------------------------===//
 
-/// What loses against everything: NaN, or the last integer.
+/// NaN, or the last integer.
 Value ReductionLowering::worst(TileReduction kind, Type type) {
   if (kind == TileReduction::add)
     return zero(type);
@@ -130,7 +130,7 @@ Values ReductionLowering::overWarps(Operation *op, TileReduction kind,
   return made;
 }
 
-/// What all threads of the block have, combined; in every thread.
+/// The values of all threads of the block, combined; in every thread.
 Values ReductionLowering::overBlock(Operation *op, TileReduction kind,
                                     Values sums) {
   if (threads == 1)
@@ -240,7 +240,7 @@ void ReductionLowering::reduce(Operation *op, TileReduction kind, Value tile,
                                std::optional<int64_t> axis, bool positions) {
   TileType type = tileType(tile);
   Type element = type.getElementType();
-  // What is not in memory is not worth to be computed twice.
+  // An inlined tile is not worth to be computed twice.
   Operation *def = tile.getDefiningOp();
   bool isKept = !def || !isInline(def);
   if (threads == 1 && !axis && kind != TileReduction::add &&
@@ -259,7 +259,7 @@ void ReductionLowering::reduce(Operation *op, TileReduction kind, Value tile,
   auto finish = [&](ValueRange indices, ValueRange sums) {
     Value value = positions ? sums[1] : sums[0];
     if (positions) {
-      // Of nothing but NaN it is the first.
+      // The first position, if all elements are NaN.
       Value none = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
                                          value, number(INT32_MAX));
       value = arith::SelectOp::create(b, loc, none, number(0), value);

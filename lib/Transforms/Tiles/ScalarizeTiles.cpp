@@ -47,7 +47,7 @@ static bool hasTiles(Operation *op) {
          llvm::any_of(op->getResults(), isTile);
 }
 
-/// Whether there is a form without tiles.
+/// True if there is a form without tiles.
 static bool isSupported(Operation *op) {
   if (!hasTiles(op))
     return true;
@@ -85,10 +85,10 @@ private:
     return isTile(value) ? scalars.lookup(value) : value;
   }
   void replaceMap(TileMapOp op);
-  /// Whether the only element of the tile is within the array; null if that is
+  /// True if the only element of the tile is within the array; null if that is
   /// promised.
   template <typename Op> Value isInside(Op op);
-  /// What `make` gives there, and elsewhere zero.
+  /// The value of `make` there, and elsewhere zero.
   Value ifInside(Value inside, Type type, function_ref<Value()> make);
 
   OpBuilder b;
@@ -182,7 +182,7 @@ void Scalars::replace(Operation *op) {
             });
       })
       .Default([&](Operation *op) {
-        // What has one element of another tile, or combines one element.
+        // Views, and reductions of one element.
         scalars[op->getResult(0)] = of(op->getOperand(0));
       });
 }

@@ -1,4 +1,4 @@
-//===- Scans.cpp - Models of folds and scans ----------------------------===//
+//===- Scans.cpp - Models of folds and scans ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -84,7 +84,7 @@ struct SolveAdjoint : autodiff::TileReverse {
 private:
   Value outer(Value x, Value y);
   Value solveWith(Value matrix, Value rhs, bool upper, bool transposed);
-  /// What `function` makes of the elements of a triangle; the others are zero.
+  /// Applies `function` to the elements of a triangle; the others are zero.
   Value triangle(Value tile, bool upper,
                  llvm::function_ref<Value(Value)> function);
   void solveSystem(TileCholeskyOp factor, TileSolveOp first, TileSolveOp second,
@@ -136,7 +136,7 @@ static TileCholeskyOp findSystem(TileSolveOp op, TileSolveOp &first) {
   return factor;
 }
 
-/// Of x = A^-1 b, whatever the factor: b' = A^-1 x', and A' = - b' x^T, of
+/// For x = A^-1 b, with any factor: b' = A^-1 x', and A' = - b' x^T, of
 /// which the triangle that is read gets the other one's part, too.
 void SolveAdjoint::solveSystem(TileCholeskyOp factor, TileSolveOp first,
                                TileSolveOp second, Value g) {

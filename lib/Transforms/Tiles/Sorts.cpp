@@ -1,4 +1,4 @@
-//===- Sorts.cpp - Model of sorting -------------------------------------===//
+//===- Sorts.cpp - Model of sorting ---------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -86,7 +86,7 @@ void SortLowering::sort(TileSortOp op) {
     return callLibrary("warp_tile_sort", {},
                        {addressOf(keys), addressOf(positions), number(count)});
   }
-  // What is there too much comes last.
+  // Padding comes last.
   int64_t padded = getPaddedElements(op);
   Value keys = arrayAt(scratchOf(op), padded, ui64);
   Value places = arrayAt(scratchOf(op) + 8 * padded, padded, si32);

@@ -1,4 +1,4 @@
-//===- Threads.cpp - Models of exchanges between a tile and threads -----===//
+//===- Threads.cpp - Models of exchanges between a tile and threads -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -22,7 +22,7 @@ namespace warp::tiles {
 namespace attr {
 /// Number of the operand whose memory the result takes over.
 constexpr llvm::StringLiteral inPlace = "in_place";
-/// Where the results lie in the block's memory, in bytes, one per result.
+/// Where the results lie in shared memory, in bytes, one per result.
 constexpr llvm::StringLiteral offsets = "offsets";
 /// Where the operation may put what it needs on the way.
 constexpr llvm::StringLiteral scratch = "scratch";
@@ -30,13 +30,13 @@ constexpr llvm::StringLiteral scratch = "scratch";
 constexpr llvm::StringLiteral stages = "warp.stages";
 } // namespace attr
 
-/// What launches can get for a block of a GPU of that architecture.
+/// Shared memory that launches can get for a block on that architecture.
 int64_t getMostBlockBytes(int64_t version);
 
 /// Threads of the blocks that a kernel is for; 0 for one without tiles.
 int64_t getBlockThreads(mlir::Operation *kernel);
-/// What a pass about tiles does to the kernel of a module, given the threads of
-/// a block; one without tiles stays as it is.
+/// Runs `work` on the kernel of a module, with the threads of a block; a kernel
+/// without tiles stays as it is.
 mlir::LogicalResult forTileKernel(
     mlir::ModuleOp module,
     llvm::function_ref<mlir::LogicalResult(mlir::FunctionOpInterface, int64_t)>
@@ -70,7 +70,7 @@ int64_t getDeviceVariant(mlir::Operation *op);
 llvm::SetVector<mlir::Operation *> getReaders(mlir::Value tile);
 /// Zero of a type that tiles, or threads, have values of; of an array none.
 mlir::Value makeZero(mlir::OpBuilder &b, mlir::Location loc, mlir::Type type);
-/// Whether the kernel, or that of an operation, calls functions of the device
+/// True if the kernel, or that of an operation, calls functions of the device
 /// library for whole tiles: on a CPU, where a block is one thread.
 bool callsForTiles(mlir::Operation *op, int64_t threads);
 int64_t getTileBytes(TileType type);
@@ -82,9 +82,9 @@ std::optional<int64_t> getPitch(mlir::Value tile);
 /// With what is between rows, and of all stages of a tile that is loaded ahead.
 int64_t getStagedBytes(mlir::Value tile);
 
-/// Whether threads have the elements of a tile that they treat in registers.
+/// True if threads have the elements of a tile that they treat in registers.
 bool isDistributed(mlir::Value tile);
-/// Whether every thread has the one element of such a tile.
+/// True if every thread has the one element of such a tile.
 bool isReplicated(mlir::Value tile);
 
 /// A tile that lies in memory, and from one element to the next along each of
@@ -104,7 +104,7 @@ public:
   /// The tile that stands for its class.
   mlir::Value rootOf(mlir::Value tile) const;
   llvm::ArrayRef<mlir::Value> getTiles() const { return tiles; }
-  /// Where a tile lies in the block's memory, in bytes, once that is planned.
+  /// Where a tile lies in shared memory, in bytes, once that is planned.
   int64_t getOffset(mlir::Value tile) const {
     return offsetOf.lookup(rootOf(tile));
   }

@@ -1,11 +1,11 @@
-//===- TileForms.cpp - Choose functions of the device library -----------===//
+//===- TileForms.cpp - Choose functions of the device library -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // On GPUs of compute capability 8.0 and later, operations on tiles of the
 // shapes that the device library has functions for (TileFunction) call them.
-// What has other shapes or element types, debug kernels and blocks that are not
-// full warps become loops.
+// Other shapes and element types, debug kernels and blocks that are not full
+// warps become loops.
 //
 //===----------------------------------------------------------------------===//
 

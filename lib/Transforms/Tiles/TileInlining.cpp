@@ -28,7 +28,7 @@ static bool isConstantLike(Value value) {
                  llvm::all_of(op->getOperands(), isConstantLike)));
 }
 
-/// Whether all threads compute the same element at the same index.
+/// True if all threads compute the same element at the same index.
 bool TileInlining::isThreadIndependent(Operation *op) const {
   return threads == 1 || llvm::all_of(op->getOperands(), [&](Value operand) {
            if (!isTile(operand))
@@ -38,7 +38,7 @@ bool TileInlining::isThreadIndependent(Operation *op) const {
          });
 }
 
-/// Whether no element is computed twice.
+/// True if no element is computed twice.
 static bool readsOnce(Operation *op, Operation *user) {
   return llvm::all_of(user->getOpOperands(), [&](OpOperand &use) {
     return use.get().getDefiningOp() != op || getRead(use) != TileRead::Any;
@@ -77,7 +77,7 @@ bool TileInlining::mayWrite(Operation *op, Value array) const {
   return result.wasInterrupted();
 }
 
-/// Whether each thread computes the elements that it treats, where `op` is
+/// True if each thread computes the elements that it treats, where `op` is
 /// used.
 static bool isOwn(Operation *op, Operation *user) {
   return llvm::all_of(user->getOpOperands(), [&](OpOperand &use) {
@@ -85,7 +85,7 @@ static bool isOwn(Operation *op, Operation *user) {
   });
 }
 
-/// Whether nothing that `op` loads changes until it is used.
+/// True if nothing that `op` loads changes until it is used.
 bool TileInlining::isUnchangedUntil(Operation *op, Operation *user) const {
   SmallVector<std::pair<TileAccessOp, bool>> loads;
   auto access = dyn_cast<TileAccessOp>(user);
@@ -128,7 +128,7 @@ bool TileInlining::shouldInline(Operation *op) const {
     return tileOp && tileOp.isView();
   };
   if (isView(op)) {
-    // Of memory; what is not kept follows the rule for others.
+    // Views of memory; those of inlined tiles follow the rule below.
     Operation *source = op;
     while (source && isView(source))
       source = source->getOperand(0).getDefiningOp();

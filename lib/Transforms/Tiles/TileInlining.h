@@ -13,8 +13,8 @@
 
 namespace warp::tiles {
 
-/// Decides which tiles are never stored. What was decided of an operation's
-/// operands counts, so operations are asked about in program order.
+/// Decides which tiles are never stored. Decisions on operands
+/// count, so operations are asked about in program order.
 class TileInlining {
 public:
   TileInlining(mlir::FunctionOpInterface kernel, int64_t threads);

@@ -29,11 +29,11 @@ struct ProductForm {
 /// The form of a product in registers of GPU threads; none for other shapes.
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
                                            int64_t version);
-/// Of one whose factors are loaded ahead; none where those instructions, or the
-/// shape, are missing (WarpgroupProducts.cpp).
+/// The form of a pipelined product by warpgroups; none where those
+/// instructions, or the shape, are missing (WarpgroupProducts.cpp).
 std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
                                              TargetAttr target);
-/// Whether warpgroups can share so many rows and columns of sums.
+/// True if warpgroups can share so many rows and columns of sums.
 bool hasWarpgroupPatch(llvm::ArrayRef<int64_t> shape, int64_t threads);
 /// Chooses how a loop loads the factors of its product ahead: how many steps at
 /// a time, and by whom (PlanLoads.cpp).
@@ -64,7 +64,7 @@ std::optional<Factor> getFactor(mlir::Value tile, bool depthIsFirst);
 /// From row to row for threads; 0 where it lies swizzled.
 int64_t pitchOf(const Factor &factor);
 
-/// Whether copies know how the elements of an array lie, tile and array have
+/// True if copies know how the elements of an array lie, tile and array have
 /// two dimensions, and offsets 32 bits.
 bool isPlainWindow(mlir::Value array, TileType tile, mlir::ValueRange offsets);
 

@@ -1,4 +1,4 @@
-//===- TmaProducts.cpp - Pipelined products with TMA loads --------------===//
+//===- TmaProducts.cpp - Pipelined products with TMA loads ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

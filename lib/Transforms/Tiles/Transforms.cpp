@@ -1,4 +1,4 @@
-//===- Transforms.cpp - Model of Fourier transforms ---------------------===//
+//===- Transforms.cpp - Model of Fourier transforms -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -172,8 +172,8 @@ void TransformLowering::byWarps(TileFftOp op) {
 // Stages
 //===----------------------------------------------------------------------===//
 
-/// Of rows in `memory[0]`, by way of `memory[1]`; where the result is says the
-/// number that is returned. Stockham's order: each stage reads one memory and
+/// Transforms rows in `memory[0]`, by way of `memory[1]`; returns which of the
+/// two has the result. Stockham's order: each stage reads one memory and
 /// writes the other, so that no reversal of bits is needed.
 int TransformLowering::transform(std::array<Value, 2> memory, int64_t rows,
                                  int64_t n, bool inverse) {

@@ -1,4 +1,4 @@
-//===- Updates.cpp - Model of updates of arrays, atomic or plain --------===//
+//===- Updates.cpp - Model of updates of arrays, atomic or plain ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -44,8 +44,8 @@ AtomicKind toAtomic(TileUpdate kind) {
   llvm_unreachable("no such update");
 }
 
-/// Of structs field by field; bits and numbers of less than 32 bits that no
-/// atomic operation sums stay.
+/// Structs are updated field by field; bits and numbers of less than 32 bits,
+/// which no atomic operation sums, stay.
 Value TileLowering::update(TileUpdate kind, Value value, Value array,
                            ValueRange at) {
   auto record = dyn_cast<StructType>(value.getType());
@@ -101,7 +101,7 @@ private:
 
 } // namespace
 
-/// Whether no other block of the launch touches the elements of an update:
+/// True if no other block of the launch touches the elements of an update:
 /// those that differ along a dimension do not, unless products wrap around, and
 /// along other dimensions there is one block.
 Value UpdateLowering::isDisjoint(ArrayRef<int64_t> steps) {

@@ -1,4 +1,4 @@
-//===- Views.cpp - Models of operations that give other elements a place ===//
+//===- Views.cpp - Models of operations that give other elements a place --===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -59,8 +59,7 @@ Value ViewAdjoint::inserted(TileSliceOp view, Value g) {
 
 namespace {
 
-/// Of a derived class with `indicesOf`, those of the operand, and
-/// `cotangentOf`, that of the operand.
+/// A derived class has `indicesOf` and `cotangentOf` of the operand.
 template <typename Model, typename Op> struct ViewModel : TileModel<Model, Op> {
   bool isView(Operation *) const { return true; }
   bool isElementwise(Operation *) const { return true; }

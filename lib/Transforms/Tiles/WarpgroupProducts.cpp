@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Matrix instructions of compute capability 9.0 read factors of 16 bits from
-// the block's memory, where loops that load ahead put them swizzled
+// shared memory, where loops that load ahead put them swizzled
 // (lib/DeviceLib/nvidia/TileWarpgroupProducts.cpp).
 //
 //===----------------------------------------------------------------------===//
