@@ -118,7 +118,7 @@ def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
   let description = [{
     A tile that is cheap to compute element by element, has one use and does not
     read what is overwritten before that use is `inlined`: nothing of it is ever
-    stored. Others are in the memory of the block. Tiles that loops and branches
+    stored. Others are in shared memory. Tiles that loops and branches
     carry are in memory, and an operation that only replaces elements works in
     place if nobody needs what it replaces. On a GPU, registers of threads hold
     `accumulators` of products, elements that are `distributed` over their owners,
@@ -165,7 +165,7 @@ def PlaceBarriers : WarpTilePass<"warp-place-barriers"> {
 def LowerTiles : WarpTilePass<"warp-lower-tiles"> {
   let summary = "Expand tiles into loops over elements";
   let description = [{
-    A tile in memory becomes a packed array at a place in the block's memory; an
+    A tile in memory becomes a packed array at an offset of shared memory; an
     operation on it loops that the threads of the block share: thread t takes the
     elements t, t + B, ... of B threads.
   }];

@@ -24,12 +24,12 @@ def Warp_TileLayoutAttr : AttrDef<Warp_Dialect, "TileLayout"> {
   let mnemonic = "tile_layout";
   let summary = "where the elements of an operation's tiles are";
   let description = [{
-    `warp.layout` of an operation that gives tiles; without it they are packed in
-    shared memory. Storage:
+    `warp.layout` of an operation that gives tiles; without it they are packed
+    in shared memory. Storage:
 
-    - `memory`: shared memory, rows `pitch` elements apart if that is not 0. With
-      `swizzled`, chunks of a row are permuted for matrix instructions. `stages`
-      steps of a pipelined loop are there or being loaded, by TMA if
+    - `memory`: shared memory, rows `pitch` elements apart if that is not 0.
+      With `swizzled`, chunks of a row are permuted for matrix instructions.
+      `stages` steps of a pipelined loop are there or being loaded, by TMA if
       `tensor_map` is not 0: the offset of the map in the parameter block. With
       `barriers`, those of the stages lie behind them. A step that is
       `merged_extent` steps in one, along `merged_axis`, may lack the last ones.
@@ -79,14 +79,15 @@ def Warp_TileFunctionAttr : AttrDef<Warp_Dialect, "TileFunction"> {
   let summary = "the function of the device library for an operation on a GPU";
   let description = [{
     `warp.function` of an operation on tiles. `name` ends the function's name. A
-    product has `slots` sums per thread, in the layout `accumulators`, which ends
-    the names of functions for sums.
+    product has `slots` sums per thread, in the layout `accumulators`, which
+    ends the names of functions for sums.
 
-    (C1) there is a name. (C2) slots are positive if and only if accumulators have
-    a layout.
+    (C1) there is a name. (C2) slots are positive if and only if accumulators
+    have a layout.
 
     ```mlir
-    #warp.tile_function<name = "f32_8x4_kn", accumulators = "f32_8x4_kn", slots = 32>
+    #warp.tile_function<name = "f16_16x16_kn", accumulators = "mma_16x16",
+                        slots = 8>
     ```
   }];
   let parameters = (ins

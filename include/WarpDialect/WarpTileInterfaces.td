@@ -13,8 +13,8 @@ def Warp_TileAccessOpInterface : OpInterface<"TileAccessOp"> {
   let cppNamespace = "::warp";
   let description = [{
     An operation that reads, writes or updates a tile of array elements. Element
-    (i, j) of the tile is array element (offset 0 + i, offset 1 + j); with a tile
-    of picked indices, the index along one axis is offset + picked[i].
+    (i, j) of the tile is array element (offset 0 + i, offset 1 + j); with a
+    tile of picked indices, the index along one axis is offset + picked[i].
   }];
   let methods = [
     InterfaceMethod<"The array.", "::mlir::Value", "getArray">,
@@ -82,8 +82,8 @@ def Warp_TileOpInterface : OpInterface<"TileOpInterface"> {
     InterfaceMethod<"Operands whose memory the result can take over, in order "
                     "of preference.", "::llvm::SmallVector<unsigned>",
                     "getReplaceableOperands", (ins), [{}], [{ return {}; }]>,
-    InterfaceMethod<"Bytes of shared memory that the lowering needs besides the "
-                    "tiles.", "int64_t", "getScratchBytes",
+    InterfaceMethod<"Bytes of shared memory that the lowering needs besides "
+                    "the tiles.", "int64_t", "getScratchBytes",
                     (ins "int64_t":$threads), [{}], [{ return 0; }]>,
     InterfaceMethod<"The function of the device library that computes the "
                     "operation on a GPU.", "::warp::TileFunction",

@@ -65,7 +65,9 @@ class TileStacks(TileTopic):
         )
         capacity = self.builder.constant(INT32, stack.type.capacity)
         pushed = self.call("bit_and", wanted, self.call("lt", slot, capacity))
-        elements = self.make("set", [value, elements, slot, pushed], node, kind="assign", where=True)
+        elements = self.make(
+            "set", [value, elements, slot, pushed], node, kind="assign", where=True
+        )
         pushes = self.make("reduce", [pushes], node, kind="add")
         count = self.mapped(
             [count, pushes],
