@@ -71,8 +71,7 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
 
 void findPlainUpdates(LoweringState &state, ArrayRef<Operation *> ops) {
   // Exact sums have memory of their own, and are not updated plainly.
-  bool isExact =
-      getVariant(state.kernel).hasExactSums();
+  bool isExact = getVariant(state.kernel).hasExactSums();
   if (isExact || (state.threads > 1 && !isGpu(state.kernel)))
     return;
   for (Operation *op : ops)
