@@ -88,7 +88,7 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
 def Warp_LaunchReversedOp : Warp_Op<"launch_reversed", [Pure]> {
   let summary = "true if this launch runs its blocks from the last to the first";
   let description = [{
-    The runtime decides for each launch whose schedule has `reverse_order`.
+    The runtime decides for each launch whose schedule allows it.
   }];
   let results = (outs I1:$result);
   let assemblyFormat = "attr-dict";

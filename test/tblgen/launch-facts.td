@@ -93,7 +93,7 @@ def Launch_Waits : CodeFact<"waits", LaunchFlag<>, "threads wait">;
 // CHECK: bool(options.oddRows),
 // CHECK: assign(schedule.runLength, attribute.getRunLength());
 
-// What `kernel.schedule()` says of a launch.
+// The phrases of `kernel.schedule()` about a launch.
 // CHECK-LABEL: static std::string phrasesOf(
 // CHECK: if (facts.oddRows)
 // CHECK-NEXT: text += ", odd rows";

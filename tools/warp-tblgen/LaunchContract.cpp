@@ -93,7 +93,7 @@ struct Contract {
 };
 } // namespace
 
-/// Those that an attribute has, in the order of its parameters: `!instances`
+/// The facts that an attribute has, in the order of its parameters: `!instances`
 /// sorts records by their names.
 static Facts parametersOf(const Facts &facts) {
   Facts parameters;
