@@ -7,7 +7,7 @@
 # warp_embed_compressed(NAME FILE [DEPENDS target...]) does so with the bytes that
 # zstd makes of the file.
 #
-# warp_compile_device_bitcode(NAME TARGET x86-64|nvptx SOURCES file...) compiles
+# warp_compile_device_bitcode(NAME TARGET x86-64|nvptx|amdgcn SOURCES file...) compiles
 # freestanding C++ to LLVM bitcode, NAME_parts.
 #
 # warp_add_device_bitcode(NAME ...) also makes one module of it and embeds that
@@ -78,9 +78,12 @@ function(warp_compile_device_bitcode name)
   elseif(arg_TARGET STREQUAL "nvptx")
     set(triple nvptx64-nvidia-cuda)
     set(flags -DWARP_GPU -nogpulib -Xclang -target-feature -Xclang +ptx80)
+  elseif(arg_TARGET STREQUAL "amdgcn")
+    set(triple amdgcn-amd-amdhsa)
+    set(flags -DWARP_GPU -nogpulib)
   else()
     message(FATAL_ERROR "unknown device target '${arg_TARGET}', "
-      "expected 'x86-64' or 'nvptx'")
+      "expected 'x86-64', 'nvptx' or 'amdgcn'")
   endif()
   set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
   file(MAKE_DIRECTORY "${folder}")
@@ -105,7 +108,8 @@ function(warp_compile_device_bitcode name)
   set(${name}_parts "${parts}" PARENT_SCOPE)
 endfunction()
 
-function(warp_add_device_bitcode name)
+# Without embedding it.
+function(warp_link_device_bitcode name)
   warp_compile_device_bitcode(${name} ${ARGN})
   set(linked "${PROJECT_BINARY_DIR}/bitcode/${name}/${name}.bc")
   add_custom_command(OUTPUT "${linked}"
@@ -113,6 +117,12 @@ function(warp_add_device_bitcode name)
       ${${name}_parts} -o "${linked}"
     DEPENDS ${${name}_parts} VERBATIM)
   add_custom_target(${name}_bitcode DEPENDS "${linked}")
+  set(${name}_linked "${linked}" PARENT_SCOPE)
+endfunction()
+
+function(warp_add_device_bitcode name)
+  warp_link_device_bitcode(${name} ${ARGN})
+  set(linked "${${name}_linked}")
   cmake_parse_arguments(arg "" "TARGET" "" ${ARGN})
   if(arg_TARGET STREQUAL "nvptx")
     warp_embed_compressed(${name} "${linked}" DEPENDS ${name}_bitcode)

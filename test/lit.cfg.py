@@ -43,7 +43,7 @@ def has_amdgpu():
         targets = subprocess.run([llvm_tool("llc"), "--version"], capture_output=True, text=True)
     except OSError:
         return False
-    tools = ("mlir-opt", "mlir-translate")
+    tools = ("mlir-translate", "llvm-link")
     return "amdgcn" in targets.stdout and all(os.path.exists(llvm_tool(tool)) for tool in tools)
 
 
@@ -78,6 +78,8 @@ warp_tblgen = [
     "-I " + os.path.join(config.llvm_tools_dir, "..", "include"),
 ]
 config.substitutions.append((r"(?<![-\w/])warp-tblgen(?![-\w])", " ".join(warp_tblgen)))
+config.substitutions.append(("%build", os.path.join(config.warp_tools_dir, "..")))
+config.substitutions.append(("%llvm_tools", config.llvm_tools_dir))
 config.substitutions.append(("%warp_python_dir", config.warp_python_dir))
 config.substitutions.append(("%python", config.warp_python))
 if importlib.util.find_spec("mypy"):

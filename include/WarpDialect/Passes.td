@@ -775,7 +775,6 @@ def ConvertToLLVM : WarpPass<"warp-convert-to-llvm"> {
     ```
   }];
   let dependentDialects = ["::mlir::LLVM::LLVMDialect",
-                           "::mlir::NVVM::NVVMDialect",
                            "::mlir::cf::ControlFlowDialect"];
 }
 

@@ -14,11 +14,11 @@
 
 namespace warp {
 
-/// What a target may have, for passes that use it.
-enum class Feature {
-  /// Two neighbouring f32 are added to memory by one instruction.
-  PairedFloatUpdates,
-};
+class TargetInfo;
+
+/// Bits of the widest vectors of a target that do not lower its clock; 0 if it
+/// has none, or there is no such target.
+int64_t getVectorBits(llvm::StringRef target);
 
 } // namespace warp
 

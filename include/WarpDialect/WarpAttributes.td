@@ -37,31 +37,28 @@ class Warp_Number<string value> : DefaultValuedParameter<"int64_t", value>;
 // The kind of launch
 //===----------------------------------------------------------------------===//
 
-def Warp_Platform : Warp_Enum<"Platform", "kind of processor", [
-    I32EnumAttrCase<"cpu", 0>, I32EnumAttrCase<"cuda", 1>]>;
-
 def Warp_TargetAttr : Warp_Attr<"Target", "target"> {
   let summary = "the processor that code is for";
   let description = [{
-    `version` is the GPU architecture, 90 for sm_90; `processor` the name of a
-    CPU, empty for the host; `bits` the width of the vectors that a CPU computes
-    with at full speed.
+    `name` is a target of lib/Targets: "cpu", "cpu:skylake-avx512", "sm_90",
+    "gfx90a". `bits` is the width of the vectors that a CPU computes with at
+    full speed.
 
-    (C1) a GPU has a version and no vectors. (C2) a CPU has none, and vectors
-    of 128, 256 or 512 bits.
+    (C1) there is a target of that name. (C2) a GPU has no vectors, a CPU such of
+    128, 256 or 512 bits.
 
     ```mlir
-    #warp.target<platform = cuda, version = 90>
+    #warp.target<name = "sm_90">
     ```
   }];
-  let parameters = (ins EnumParameter<Warp_Platform>:$platform,
-                        Warp_Number<"0">:$version,
-                        StringRefParameter<"name of a CPU", "\"\"">:$processor,
+  let parameters = (ins StringRefParameter<"name of the target">:$name,
                         Warp_Number<"0">:$bits);
+  let builders = [AttrBuilder<(ins "::llvm::StringRef":$name), [{
+    return $_get($_ctxt, name, ::warp::getVectorBits(name));
+  }]>];
   let genVerifyDecl = 1;
   let extraClassDeclaration = [{
-    bool isGpu() const { return getPlatform() == ::warp::Platform::cuda; }
-    bool has(::warp::Feature feature) const;
+    const ::warp::TargetInfo &getInfo() const;
     /// Values of a type that one vector holds; 1 on a GPU, whose threads are
     /// the lanes.
     int64_t getLanes(::mlir::Type type) const;
@@ -93,7 +90,7 @@ def Warp_VariantAttr : Warp_FactsAttr<"Variant", "variant",
     Each number lies in the range of its record.
 
     ```mlir
-    #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, debug = true>
+    #warp.variant<target = <name = "cpu", bits = 512>, rank = 2, debug = true>
     ```
   }];
   let genVerifyDecl = 1;
@@ -104,13 +101,13 @@ def Warp_VariantAttr : Warp_FactsAttr<"Variant", "variant",
     static VariantAttr getDefault(::warp::TargetAttr target);
     /// The variant of a kernel without one: nothing is known of its launches.
     static VariantAttr getUnknown(::mlir::MLIRContext *context);
-    bool isGpu() const { return getTarget().isGpu(); }
     bool isDeterministic() const { return getDeterministic(); }
     /// Deterministic sums that do not depend on an order.
     bool hasExactSums() const { return getDeterministic() && !getOrdered(); }
     /// Updates whose result is used are made in the order of the threads.
     bool keepsThreadOrder() const {
-      return getThreadOrder() && !getDeterministic() && !isGpu();
+      return getThreadOrder() && !getDeterministic() &&
+             getTarget().getBits() != 0;
     }
     /// Bits of `packed` and `non_negative`.
     bool isPacked(unsigned argument) const {

@@ -133,7 +133,7 @@ Compilation::Compilation(const Module &source, const CompileOptions &options)
     : options(options), source(source.getImpl()) {
   if (!this->source || !this->source->op)
     throw Error(Error::Kind::Compile, "the module is empty");
-  if (isGpu(options) || !options.underfilled)
+  if (getTarget(options).isSimt() || !options.underfilled)
     return;
   ContextLock lock;
   isBrief = !mayTakeLong(*this->source->op);
@@ -260,7 +260,7 @@ void Compilation::lowerTo(Phase last) {
     runPhase(Phase::LLVM, last == Phase::LLVM);
     dump("llvm.mlir");
     if (options.lineinfo)
-      attachLineTable(*op, isGpu(options));
+      attachLineTable(*op, getTarget(options).isSimt());
   }
   time("lower", start);
 }

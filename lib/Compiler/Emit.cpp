@@ -58,7 +58,7 @@ bool warp::isQuickEnough(const Code &code, int64_t items) {
 }
 
 warp::CompileOptions warp::quickOptions(CompileOptions wanted) {
-  if (isGpu(wanted))
+  if (getTarget(wanted).isSimt())
     wanted.linked = true;
   else
     wanted.optLevel = quickLevel;
@@ -72,7 +72,8 @@ warp::FirstCode warp::compileFirst(const Module &module,
   run.lowerTo(Phase::LLVM);
   run.translate();
   bool isQuick =
-      isGpu(options) ? run.callsAssembled() : isQuickEnough(run.code, items);
+      getTarget(options).isSimt() ? run.callsAssembled()
+                                  : isQuickEnough(run.code, items);
   if (isQuick)
     run.compileQuickly();
   return {finish(run), isQuick};
@@ -91,7 +92,7 @@ std::string warp::emitText(const Module &module, const CompileOptions &options,
         Error::Kind::Value,
         "no stage '" + stage +
             "'; there are warp, thread, launch, gpu, llvm, ptx and asm");
-  if (stage == "ptx" && !isGpu(options))
+  if (stage == "ptx" && !getTarget(options).isSimt())
     throw Error(Error::Kind::Value,
                 "stage 'ptx' needs a GPU target, but the target is '" +
                     options.target + "'");
@@ -107,8 +108,7 @@ std::string warp::emitText(const Module &module, const CompileOptions &options,
 /// The text of all that code depends on besides its module.
 static std::string describe(const warp::CompileOptions &options) {
   std::string text = warp::toText(options);
-  if (!warp::isGpu(options))
-    text += warp::describeCpu(options);
+  text += warp::getTarget(options).describeProcessor();
   return text + "\n";
 }
 
@@ -130,7 +130,9 @@ warp::SourceHashes warp::sourceHashes(const Module &module, std::string *text) {
   return hashes;
 }
 
-std::string warp::hostProcessor() { return describeCpu(CompileOptions()); }
+std::string warp::hostProcessor() {
+  return getTarget(CompileOptions()).describeProcessor();
+}
 
 std::string warp::fingerprint(const SourceHashes &hashes,
                               const CompileOptions &options) {

@@ -8,9 +8,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "AssembledLibrary.h"
 #include "Compilation.h"
 
+#include "Targets/Nvidia/AssembledLibrary.h"
+#include "Targets/Target.h"
 #include "Transforms/Choices.h"
 #include "Transforms/Emit/LowerLibraryCalls.h"
 #include "Transforms/KernelFunction.h"
@@ -24,7 +25,6 @@
 #include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/Dialect/LLVMIR/NVVMDialect.h"
 #include "mlir/Target/LLVMIR/Export.h"
 
 #include "llvm/IR/DiagnosticInfo.h"
@@ -80,18 +80,12 @@ static bool contains(LLVM::LLVMFuncOp function,
       .wasInterrupted();
 }
 
-static bool waitsForBlock(Operation *op) {
-  auto call = dyn_cast<LLVM::CallIntrinsicOp>(op);
-  return isa<NVVM::Barrier0Op, NVVM::BarrierOp>(op) ||
-         (call && call.getIntrin().starts_with("llvm.nvvm.barrier"));
-}
-
 /// Operations of code that takes long to compile well, hundreds of
 /// milliseconds.
 static constexpr int longCode = 4000;
 
 /// The facts that only the finished function shows.
-static void readCodeFacts(LLVM::LLVMFuncOp function, bool gpu,
+static void readCodeFacts(LLVM::LLVMFuncOp function, const TargetInfo &target,
                           Schedule &schedule) {
   schedule.atomics =
       contains(function, llvm::IsaPred<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>);
@@ -100,8 +94,10 @@ static void readCodeFacts(LLVM::LLVMFuncOp function, bool gpu,
   schedule.cooperative = function->hasAttr(attr::blockThreads);
   schedule.ragged = function->hasAttr(attr::ragged);
   schedule.fixedBlock =
-      schedule.cooperative || contains(function, waitsForBlock);
-  schedule.dynamicBytes = gpu ? int(getDynamicBytes(function)) : 0;
+      schedule.cooperative || contains(function, [&](Operation *op) {
+        return target.isBlockBarrier(op);
+      });
+  schedule.dynamicBytes = target.isSimt() ? int(getDynamicBytes(function)) : 0;
   if (auto list = function->getAttrOfType<ArrayAttr>(attr::tensorMaps))
     for (auto map : list.getAsRange<DenseI64ArrayAttr>())
       schedule.tensorMaps.push_back(
@@ -138,7 +134,7 @@ void Compilation::collectFacts(ModuleOp module) {
     code.schedule.cost = cost;
     if (isBrief)
       code.schedule.sizeFacts |= underfilledFact;
-    readCodeFacts(function, isGpu(options), code.schedule);
+    readCodeFacts(function, getTarget(options), code.schedule);
     choices = readChoices(function);
     auto number = [&](StringRef name) {
       auto value = function->getAttrOfType<IntegerAttr>(name);
@@ -151,7 +147,7 @@ void Compilation::collectFacts(ModuleOp module) {
 }
 
 bool Compilation::hasExactFloats() const {
-  if (isGpu(options))
+  if (getTarget(options).isSimt())
     return false;
   for (llvm::Function &function : *llvmModule)
     for (llvm::Instruction &instruction : llvm::instructions(function))
@@ -170,19 +166,12 @@ void Compilation::compileQuickly() { options = quickOptions(options); }
 void Compilation::optimizeModule() {
   double start = now();
   machine.emplace(MachineLease::get(options));
-  if (isGpu(options))
-    prepareGpuModule(*llvmModule, **machine, options);
-  else
-    prepareCpuModule(*llvmModule, **machine, options);
-  // The user's bounds come first, and a target takes one of both. Code
-  // that is linked has other registers.
-  if (options.minBlocks == 0 && options.maxRegisters == 0 && !options.linked) {
-    llvm::Function *kernel = llvmModule->getFunction(code.entry);
-    if (leastBlocks)
-      kernel->addFnAttr("nvvm.minctasm", std::to_string(leastBlocks));
-    else if (mostRegisters)
-      kernel->addFnAttr("nvvm.maxnreg", std::to_string(mostRegisters));
-  }
+  const TargetInfo &target = getTarget(options);
+  target.prepareModule(*llvmModule, **machine, options);
+  // The user's limits come first. Code that is linked has other registers.
+  if (options.minBlocks == 0 && options.maxRegisters == 0 && !options.linked)
+    target.limitRegisters(*llvmModule->getFunction(code.entry), leastBlocks,
+                          mostRegisters);
   time("libraries", start);
   dump("input.ll");
   start = now();
@@ -193,27 +182,22 @@ void Compilation::optimizeModule() {
 }
 
 SmallVector<char, 0> Compilation::emitCode(bool asText) {
+  const TargetInfo &target = getTarget(options);
   if (!dumpFolder().empty()) {
     // Emission uses a module up.
     auto copy = llvm::CloneModule(*llvmModule);
-    SmallVector<char, 0> text = emit(*copy, **machine, code.entry, /*asText=*/true,
-                                     /*brief=*/isBrief);
-    writeStage(isGpu(options) ? "ptx" : "s",
-               StringRef(text.data(), text.size()));
+    SmallVector<char, 0> text = emit(*copy, **machine, target, code.entry,
+                                     /*asText=*/true, /*brief=*/isBrief);
+    writeStage(target.getTextSuffix(), StringRef(text.data(), text.size()));
   }
   double start = now();
   SmallVector<char, 0> bytes =
-      emit(*llvmModule, **machine, code.entry, asText || isGpu(options),
-           /*brief=*/isBrief);
+      emit(*llvmModule, **machine, target, code.entry,
+           asText || target.isSimt(), /*brief=*/isBrief);
   if (!llvmErrors.empty())
     throw Error(Error::Kind::Compile,
                 "the code generator failed: " + llvmErrors);
   time("codegen", start);
-  StringRef text(bytes.data(), bytes.size());
-  if (isGpu(options) && text.contains(nativeCodePrefix)) {
-    std::string whole = joinNativePtx(text.str(), options.target);
-    bytes.assign(whole.begin(), whole.end());
-  }
   return bytes;
 }
 

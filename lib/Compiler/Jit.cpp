@@ -15,7 +15,7 @@
 #include "warp/Compile.h"
 #include "warp/Forks.h"
 
-#include "LibraryObject.h"
+#include "Targets/Cpu/LibraryObject.h"
 
 #include "llvm/ADT/APFloat.h"
 #include "llvm/ExecutionEngine/JITLink/x86_64.h"

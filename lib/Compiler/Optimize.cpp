@@ -5,9 +5,9 @@
 //===----------------------------------------------------------------------===//
 
 #include "Abandon.h"
-#include "AssembledLibrary.h"
-#include "Reductions.h"
 #include "Target.h"
+
+#include "Targets/Nvidia/AssembledLibrary.h"
 
 #include "warp/Error.h"
 #include "warp/Forks.h"
@@ -97,8 +97,7 @@ MachineLease MachineLease::get(const CompileOptions &options) {
       return MachineLease(key, std::move(machine));
     }
   }
-  auto machine =
-      isGpu(options) ? createGpuMachine(options) : createCpuMachine(options);
+  auto machine = getTarget(options).createMachine(options);
   if (!machine ||
       !machine->getMCSubtargetInfo()->isCPUStringValid(machine->getTargetCPU()))
     throw Error(Error::Kind::Compile,
@@ -328,7 +327,7 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   tuning.LoopVectorization = tuning.SLPVectorization = !hasLanes;
   llvm::PassBuilder builder(&machine, tuning, std::nullopt, &callbacks);
   Analyses analyses(builder);
-  bool gpu = isGpu(options);
+  bool gpu = getTarget(options).isSimt();
   if (options.optLevel >= 2)
     return optimizeLean(module, builder, analyses, gpu,
                         /*vectorize=*/!gpu && !hasLanes, /*join=*/!brief);
@@ -370,13 +369,13 @@ private:
 
 llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
                                       llvm::TargetMachine &machine,
+                                      const TargetInfo &target,
                                       llvm::StringRef entry, bool asText,
                                       bool brief) {
   llvm::SmallVector<char, 0> bytes;
   llvm::raw_svector_ostream stream(bytes);
   EmissionLevel level(module, machine, brief);
-  if (machine.getTargetTriple().isNVPTX())
-    useReductions(module);
+  target.finishModule(module);
   llvm::legacy::PassManager passes;
   auto type = asText ? llvm::CodeGenFileType::AssemblyFile
                      : llvm::CodeGenFileType::ObjectFile;
@@ -384,7 +383,6 @@ llvm::SmallVector<char, 0> warp::emit(llvm::Module &module,
                                   /*DisableVerify=*/true))
     throw Error(Error::Kind::Compile, "the target cannot emit code");
   passes.run(module);
-  if (machine.getTargetTriple().isNVPTX())
-    waitForPredecessor(bytes, entry, machine.getTargetCPU());
+  target.finishText(bytes, entry);
   return bytes;
 }

@@ -10,6 +10,7 @@
 
 #include "Pipelines.h"
 
+#include "Targets/Target.h"
 #include "Transforms/Autodiff/Derivation.h"
 #include "Transforms/WrongRewrites.h"
 #include "WarpDialect/Passes.h"
@@ -28,7 +29,6 @@
 #include "mlir/Pass/PassManager.h"
 #include "mlir/Target/LLVMIR/Dialect/Builtin/BuiltinToLLVMIRTranslation.h"
 #include "mlir/Target/LLVMIR/Dialect/LLVMIR/LLVMToLLVMIRTranslation.h"
-#include "mlir/Target/LLVMIR/Dialect/NVVM/NVVMToLLVMIRTranslation.h"
 #include "mlir/Transforms/GreedyPatternRewriteDriver.h"
 #include "mlir/Transforms/Passes.h"
 
@@ -278,5 +278,5 @@ void warp::registerCompilerDialects(DialectRegistry &registry) {
   func::registerInlinerExtension(registry);
   registerBuiltinDialectTranslation(registry);
   registerLLVMDialectTranslation(registry);
-  registerNVVMDialectTranslation(registry);
+  registerTargetTranslations(registry);
 }

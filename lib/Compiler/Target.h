@@ -4,14 +4,14 @@
 //
 // The part of the compiler below the LLVM dialect: a machine is made, an LLVM
 // module prepared (libraries linked, attributes set), optimised and emitted.
-// What differs between CPU and GPU is a pair of functions each, in two files of
-// the same shape.
+// Targets do these steps in their own way (lib/Targets).
 //
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_COMPILER_TARGET_H
 #define WARP_LIB_COMPILER_TARGET_H
 
+#include "Targets/Target.h"
 #include "warp/Compile.h"
 
 #include "llvm/ADT/SmallVector.h"
@@ -48,31 +48,6 @@ private:
   std::unique_ptr<llvm::TargetMachine> machine;
 };
 
-/// Whether the options are for a GPU.
-inline bool isGpu(const CompileOptions &options) {
-  return llvm::StringRef(options.target).starts_with("sm_");
-}
-
-// TargetCPU.cpp and TargetNVPTX.cpp.
-std::unique_ptr<llvm::TargetMachine>
-createCpuMachine(const CompileOptions &options);
-std::unique_ptr<llvm::TargetMachine>
-createGpuMachine(const CompileOptions &options);
-
-/// Lets the entry of PTX wait, before all else, until the kernel before it on
-/// its stream has ended and what that has written is there, so that a launch
-/// may start it early. From sm_90 on.
-void waitForPredecessor(llvm::SmallVectorImpl<char> &ptx, llvm::StringRef entry,
-                        llvm::StringRef architecture);
-/// Name and features of the processor that code is generated for.
-std::string describeCpu(const CompileOptions &options);
-
-/// Sets triple, layout and function attributes, and links the libraries.
-void prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
-                      const CompileOptions &options);
-void prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
-                      const CompileOptions &options);
-
 /// Links from embedded bitcode the functions that `module` declares, made
 /// internal; `bitcode` is asked for if there are any. Throws if it is
 /// malformed.
@@ -102,7 +77,8 @@ void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
 /// Emits an object file (CPU), or PTX or assembly text.
 llvm::SmallVector<char, 0> emit(llvm::Module &module,
                                 llvm::TargetMachine &machine,
-                                llvm::StringRef entry, bool asText, bool brief);
+                                const TargetInfo &target, llvm::StringRef entry,
+                                bool asText, bool brief);
 
 } // namespace warp
 

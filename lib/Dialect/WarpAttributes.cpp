@@ -7,6 +7,7 @@
 #include "WarpDialect/WarpAttributes.h"
 #include "WarpDialect/TileAttributes.h"
 
+#include "Targets/Target.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/IR/Builders.h"
@@ -32,36 +33,30 @@ void warp::WarpDialect::registerAttributes() {
 
 using EmitError = function_ref<InFlightDiagnostic()>;
 
-LogicalResult warp::TargetAttr::verify(EmitError emitError, Platform platform,
-                                       int64_t version, StringRef processor,
+int64_t warp::getVectorBits(StringRef target) {
+  const TargetInfo *info = parseTarget(target);
+  return info ? info->getVectorBits() : 0;
+}
+
+LogicalResult warp::TargetAttr::verify(EmitError emitError, StringRef name,
                                        int64_t bits) {
-  if (platform == Platform::cuda) {
-    std::string own = "sm_" + std::to_string(version) + "a";
-    if (version > 0 && bits == 0 && (processor.empty() || processor == own))
-      return success();
-    return emitError() << "(C1) expects a GPU with a version and no vectors";
-  }
-  if (version != 0)
-    return emitError() << "(C2) expects a CPU without a version, but got "
-                       << version;
-  if (bits != 128 && bits != 256 && bits != 512)
-    return emitError() << "(C2) expects vectors of 128, 256 or 512 bits, but "
-                          "got "
-                       << bits;
+  const TargetInfo *info = parseTarget(name);
+  if (!info)
+    return emitError() << "(C1) " << describeUnknownTarget(name);
+  bool fits =
+      info->isSimt() ? bits == 0 : bits == 128 || bits == 256 || bits == 512;
+  if (!fits)
+    return emitError() << "(C2) expects vectors of "
+                       << (info->isSimt() ? "0" : "128, 256 or 512")
+                       << " bits for '" << name << "', but got " << bits;
   return success();
 }
 
-bool warp::TargetAttr::has(Feature feature) const {
-  switch (feature) {
-  case Feature::PairedFloatUpdates:
-    return isGpu() && getVersion() >= 90;
-  }
-  llvm_unreachable("unknown feature");
+const warp::TargetInfo &warp::TargetAttr::getInfo() const {
+  return *parseTarget(getName());
 }
 
 int64_t warp::TargetAttr::getLanes(Type type) const {
-  if (isGpu())
-    return 1;
   // Booleans are computed with as bytes.
   int64_t width = std::max(8u, type.getIntOrFloatBitWidth());
   return std::max<int64_t>(1, getBits() / width);
@@ -75,13 +70,13 @@ int64_t warp::TargetAttr::getLanes(Type type) const {
 #include "warp/LaunchContract.h.inc"
 
 warp::VariantAttr warp::VariantAttr::getUnknown(MLIRContext *context) {
-  auto target = TargetAttr::get(context, Platform::cpu, 0, "", 256);
+  auto target = TargetAttr::get(context, "cpu", 256);
   return getDefault(target).withIndex32(false);
 }
 
 bool warp::VariantAttr::hasWholeWarps() const {
   bool oneAxis = getRank() == 1 || getFlat();
-  return getBlockDim() % 32 == 0 &&
+  return getTarget().getInfo().hasFullSubgroups(getBlockDim()) &&
          (oneAxis || llvm::isPowerOf2_64(getBlockDim()));
 }
 

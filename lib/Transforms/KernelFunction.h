@@ -7,6 +7,7 @@
 #ifndef WARP_LIB_TRANSFORMS_KERNELFUNCTION_H
 #define WARP_LIB_TRANSFORMS_KERNELFUNCTION_H
 
+#include "Targets/Target.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpAttributes.h"
 #include "WarpDialect/WarpDialect.h"
@@ -43,8 +44,10 @@ inline VariantAttr getVariant(mlir::Operation *func) {
   return variant ? variant : VariantAttr::getUnknown(func->getContext());
 }
 
-/// Whether the launch is for a GPU.
-inline bool isGpu(mlir::Operation *func) { return getVariant(func).isGpu(); }
+/// The target that a function is compiled for.
+inline const TargetInfo &getTarget(mlir::Operation *func) {
+  return getVariant(func).getTarget().getInfo();
+}
 
 /// What passes found out about how a function is to be launched.
 inline ScheduleAttr getSchedule(mlir::Operation *func) {

@@ -9,8 +9,6 @@
 #include "WarpDialect/Passes.h"
 
 #include "llvm/Support/raw_ostream.h"
-#include "llvm/TargetParser/Host.h"
-#include "llvm/TargetParser/X86TargetParser.h"
 
 #include <algorithm>
 
@@ -105,59 +103,15 @@ warp::Schedule warp::readSchedule(ScheduleAttr schedule) {
   return convert(schedule);
 }
 
-/// Vectors of 512 bits lower the clock before Ice Lake and Zen 4, but still pay
-/// there: 1.16x in the mean of 35 kernels on Cascade Lake.
-static int64_t chooseVectorBits(function_ref<bool(StringRef)> has) {
-  if (has("avx512bw") && has("avx512dq") && has("avx512vl"))
-    return 512;
-  return has("avx2") && has("fma") ? 256 : 128;
-}
-
-static int64_t getHostBits() {
-  static const int64_t bits = [] {
-    llvm::StringMap<bool> found = llvm::sys::getHostCPUFeatures();
-    return chooseVectorBits([&](StringRef name) { return found.lookup(name); });
-  }();
-  return bits;
-}
-
-int64_t warp::getVectorBits(StringRef target) {
-  if (!target.consume_front("cpu:"))
-    return getHostBits();
-  SmallVector<StringRef> features;
-  if (llvm::X86::parseArchX86(target) != llvm::X86::CK_None)
-    llvm::X86::getFeaturesForCPU(target, features);
-  return chooseVectorBits(
-      [&](StringRef name) { return llvm::is_contained(features, name); });
-}
-
-/// The target of a name; null if there is none.
-static warp::TargetAttr getTarget(MLIRContext *context, StringRef name) {
-  using warp::Platform;
-  unsigned version;
-  StringRef rest = name;
-  if (name == "cpu" || rest.consume_front("cpu:"))
-    return warp::TargetAttr::get(context, Platform::cpu, 0,
-                                 name == "cpu" ? "" : rest,
-                                 warp::getVectorBits(name));
-  // With an `a`, code may use what no other architecture has.
-  if (rest.consume_front("sm_")) {
-    StringRef own = rest.consume_back("a") ? name : "";
-    if (!rest.getAsInteger(10, version) && version)
-      return warp::TargetAttr::get(context, Platform::cuda, version, own, 0);
-  }
-  return {};
-}
-
 warp::VariantAttr
 warp::getVariant(MLIRContext *context, const CompileOptions &options,
                  function_ref<InFlightDiagnostic()> emitError) {
-  TargetAttr target = getTarget(context, options.target);
-  if (!target) {
-    emitError() << "expects the target 'cpu' or 'sm_<number>', but got '"
-                << options.target << "'";
+  // An error names the target if there is none of that name.
+  StringRef name = options.target;
+  auto target =
+      TargetAttr::getChecked(emitError, context, name, getVectorBits(name));
+  if (!target)
     return {};
-  }
   return convert(target, options, emitError);
 }
 

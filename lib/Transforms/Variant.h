@@ -33,10 +33,6 @@ bool setVariant(mlir::FunctionOpInterface kernel,
 /// A schedule as the runtime has it, but for what is read off the code.
 Schedule readSchedule(ScheduleAttr schedule);
 
-/// Bits of the widest vectors that do not lower a CPU's clock. "cpu" is the
-/// host, "cpu:<name>" another one.
-int64_t getVectorBits(llvm::StringRef target);
-
 /// Sets one option; false if there is none of that name, or no such value of
 /// it. A flag without a value is set.
 bool setOption(CompileOptions &options, llvm::StringRef key,

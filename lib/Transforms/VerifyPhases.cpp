@@ -197,7 +197,8 @@ struct VerifyGpu : warp::impl::VerifyGpuBase<VerifyGpu> {
     if (failed(checkOperations(getOperation(), "gpu", allowed)))
       return signalPassFailure();
     for (auto function : getOperation().getOps<FunctionOpInterface>())
-      if (function->hasAttr(warp::attr::entry) && warp::isGpu(function)) {
+      if (function->hasAttr(warp::attr::entry) &&
+          warp::getTarget(function).isSimt()) {
         function.emitError("expects the entry '")
             << function.getName() << "' in a 'gpu.module'";
         return signalPassFailure();

@@ -9,45 +9,45 @@
 // PHASE: no phase 'trhead'
 // EMIT: no option 'min-block'
 
-// expected-error @+2 {{(C1) expects a GPU with a version and no vectors}}
+// expected-error @+2 {{(C1) expects a target such as 'cpu', 'sm_90' or 'gfx90a', but got 'sm_'}}
 func.func private @no_version() attributes {warp.target =
-    #warp.target<platform = cuda>}
+    #warp.target<name = "sm_">}
 
 // -----
 
-// expected-error @+2 {{(C2) expects a CPU without a version, but got 90}}
-func.func private @cpu_version() attributes {warp.target =
-    #warp.target<platform = cpu, version = 90, bits = 256>}
+// expected-error @+2 {{(C2) expects vectors of 0 bits for 'sm_90', but got 256}}
+func.func private @gpu_vectors() attributes {warp.target =
+    #warp.target<name = "sm_90", bits = 256>}
 
 // -----
 
-// expected-error @+2 {{(C2) expects vectors of 128, 256 or 512 bits, but got 0}}
+// expected-error @+2 {{(C2) expects vectors of 128, 256 or 512 bits for 'cpu', but got 0}}
 func.func private @no_vectors() attributes {warp.target =
-    #warp.target<platform = cpu>}
+    #warp.target<name = "cpu">}
 
 // -----
 
 // expected-error @+2 {{expects 'rank' to be from 1 to 4, but got '0'}}
 func.func private @rank() attributes {warp.variant =
-    #warp.variant<target = <platform = cuda, version = 90>, rank = 0>}
+    #warp.variant<target = <name = "sm_90">, rank = 0>}
 
 // -----
 
 // expected-error @+2 {{expects 'block_dim' to be from 1 to 1048576, but got '0'}}
 func.func private @block() attributes {warp.variant =
-    #warp.variant<target = <platform = cuda, version = 90>, block_dim = 0>}
+    #warp.variant<target = <name = "sm_90">, block_dim = 0>}
 
 // -----
 
 // expected-error @+2 {{expects 'lanes' to be 0 or a power of two up to 64, but got '12'}}
 func.func private @lanes() attributes {warp.variant =
-    #warp.variant<target = <platform = cpu, bits = 256>, lanes = 12>}
+    #warp.variant<target = <name = "cpu", bits = 256>, lanes = 12>}
 
 // -----
 
 // expected-error @+2 {{expects 'inner_extent' to be 0 or a power of two up to 64, but got '5'}}
 func.func private @row() attributes {warp.variant =
-    #warp.variant<target = <platform = cpu, bits = 256>, inner_extent = 5>}
+    #warp.variant<target = <name = "cpu", bits = 256>, inner_extent = 5>}
 
 // -----
 

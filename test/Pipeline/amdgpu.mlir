@@ -1,34 +1,37 @@
 // REQUIRES: amdgpu
-// RUN: warp-opt %s --warp-pipeline="to-gpu packed=3 target=sm_90" \
-// RUN:   | mlir-opt --allow-unregistered-dialect \
-// RUN:       --pass-pipeline="builtin.module(rocdl-attach-target{chip=gfx90a},gpu.module(convert-scf-to-cf,convert-gpu-to-rocdl{chipset=gfx90a}),convert-to-llvm,reconcile-unrealized-casts)" \
-// RUN:       -o %t.mlir
-// RUN: FileCheck %s --check-prefix=ROCDL < %t.mlir
-// RUN: sed -e '/^[m}]/d' -e 's/gpu.module @saxpy .* attributes/module attributes/' %t.mlir \
+// RUN: split-file %s %t
+// RUN: warp-opt %t/saxpy.mlir --warp-pipeline="to-llvm packed=3 target=gfx90a" \
 // RUN:   | mlir-translate --allow-unregistered-dialect --mlir-to-llvmir \
 // RUN:   | llc -mtriple=amdgcn-amd-amdhsa -mcpu=gfx90a \
-// RUN:   | FileCheck %s --check-prefix=ISA
+// RUN:   | FileCheck %t/saxpy.mlir
+// RUN: warp-opt %t/total.mlir --warp-pipeline="to-llvm packed=3 target=gfx90a" \
+// RUN:   | mlir-translate --allow-unregistered-dialect --mlir-to-llvmir \
+// RUN:   | llc -mtriple=amdgcn-amd-amdhsa -mcpu=gfx90a \
+// RUN:   | FileCheck %t/total.mlir -D#MASK=63
+// RUN: warp-opt %t/total.mlir --warp-pipeline="to-llvm packed=3 target=gfx1100" \
+// RUN:   | mlir-translate --allow-unregistered-dialect --mlir-to-llvmir \
+// RUN:   | llc -mtriple=amdgcn-amd-amdhsa -mcpu=gfx1100 \
+// RUN:   | FileCheck %t/total.mlir -D#MASK=31
+// RUN: warp-opt %t/root.mlir --warp-pipeline="to-llvm packed=3 target=gfx1100" \
+// RUN:   | mlir-translate --allow-unregistered-dialect --mlir-to-llvmir \
+// RUN:   | llc -mtriple=amdgcn-amd-amdhsa -mcpu=gfx1100 \
+// RUN:   | FileCheck %t/root.mlir
+// RUN: not warp-opt %t/root.mlir --warp-emit=asm --warp-options=target=gfx90a 2>&1 \
+// RUN:   | FileCheck %t/root.mlir --check-prefix=EMIT
 
-// What `to-gpu` leaves says nothing of NVIDIA's: MLIR's own passes take it to
-// GPUs of another maker.
-// ROCDL: gpu.module @saxpy [#rocdl.target<chip = "gfx90a">]
-// ROCDL-LABEL: llvm.func @saxpy
-// ROCDL-SAME: rocdl.kernel
-// ROCDL: rocdl.workgroup.id.x
-// ROCDL: rocdl.workitem.id.x
-// ROCDL: llvm.intr.fma
-// ROCDL: llvm.return
+//--- saxpy.mlir
 
-// LLVM makes that module's content code. The size of a block is a function of
-// ROCm's library of device code, which the linker would add.
-// ISA: .amdgcn_target "amdgcn-amd-amdhsa--gfx90a"
-// ISA-LABEL: saxpy:
-// ISA: v_cmp_
-// ISA-COUNT-2: global_load_dword v
-// ISA: {{v_fma_f32|v_fmac_f32|v_pk_fma_f32}}
-// ISA: global_store_dword v
-// ISA: s_endpgm
-// ISA: .amdhsa_kernel saxpy
+// Parameters are read from constant memory, the size of a block from the packet
+// that launched the kernel.
+// CHECK: .amdgcn_target "amdgcn-amd-amdhsa--gfx90a"
+// CHECK-LABEL: saxpy:
+// CHECK: s_load_dword
+// CHECK: v_cmp_
+// CHECK-COUNT-2: global_load_dword v
+// CHECK: {{v_fma_f32|v_fmac_f32|v_pk_fma_f32}}
+// CHECK: global_store_dword v
+// CHECK: s_endpgm
+// CHECK: .amdhsa_kernel saxpy
 func.func @saxpy(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
     attributes {warp.kernel} {
   %i = warp.tid : si32
@@ -37,5 +40,46 @@ func.func @saxpy(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
   %2 = warp.mul(%a, %0) : (f32, f32) -> f32
   %3 = warp.add(%2, %1) : (f32, f32) -> f32
   warp.store %3, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+//--- total.mlir
+
+// A block combines its threads' numbers: lanes of a wave by exchanges, waves of
+// 64 or 32 lanes by shared memory and a barrier; one thread adds the total.
+// CHECK-LABEL: total:
+// CHECK-DAG: ds_bpermute_b32
+// CHECK-DAG: [[#MASK]]
+// CHECK: ds_{{write|store}}_b32
+// CHECK: s_barrier
+// CHECK: ds_{{read|load}}_b32
+// CHECK: {{global|flat}}_atomic
+// CHECK: .amdhsa_kernel total
+func.func @total(%x: !warp.array<1 x f32>, %out: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %zero = warp.constant 0 : si32
+  %0 = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %1 = warp.atomic add %0, %out[%zero] : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+//--- root.mlir
+
+// An approximation and a step of Newton's method; output goes to the launch's
+// buffer, by a function of the device library.
+// CHECK-LABEL: root:
+// CHECK: v_rsq_f32
+// CHECK: warp_gpu_printf
+// CHECK: .amdhsa_kernel root
+// EMIT: no code generator for target 'gfx90a', lower to LLVM IR and use llc
+func.func @root(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %0 = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %1 = warp.sqrt(%0) : (f32) -> f32
+  %one = warp.constant 1.000000e+00 : f32
+  %2 = warp.div(%one, %1) : (f32, f32) -> f32
+  warp.store %2, %x[%i] : f32, !warp.array<1 x f32>, si32
+  warp.printf "%f\0A"(%2) : f32
   return
 }

@@ -8,7 +8,7 @@
 
 // STAGE: no stage 'riscv'; there are warp, thread, launch, gpu, llvm, ptx and asm
 // PTX: stage 'ptx' needs a GPU target, but the target is 'cpu'
-// TARGET: expects the target 'cpu' or 'sm_<number>', but got 'gpu'
+// TARGET: expects a target such as 'cpu', 'sm_90' or 'gfx90a', but got 'gpu'
 // SM: no code generator for target 'sm_1'
 // CPU: no code generator for target 'cpu:abacus'
 // TEXT: <ir>:{{.*}}: error

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-apply-schedules=stage=tiles | FileCheck %s
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
+#variant = #warp.variant<target = <name = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
 
 // The second factor, the sums and what is stored become wider, the first factor
 // stays; sums that go to other functions need memory, so that two blocks are one
@@ -60,7 +60,7 @@ func.func @product(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
+#variant = #warp.variant<target = <name = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
 
 // A thread has 64 floats at most; rows of a factor that is turned are columns.
 // CHECK-LABEL: func @turned(
@@ -101,7 +101,7 @@ func.func @turned(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 1>
+#variant = #warp.variant<target = <name = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 1>
 
 // Launches of few blocks keep them, and code says that it depends on that.
 // CHECK-LABEL: func @few(
@@ -141,7 +141,7 @@ func.func @few(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
+#variant = #warp.variant<target = <name = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
 
 // Uses of the block index are done by each joined block.
 // CHECK-LABEL: func @elsewhere(
@@ -182,7 +182,7 @@ func.func @elsewhere(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
+#variant = #warp.variant<target = <name = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
 
 // Blocks that store the same tile do so each.
 // CHECK-LABEL: func @repeated(
@@ -223,7 +223,7 @@ func.func @repeated(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#variant = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
+#variant = #warp.variant<target = <name = "sm_90a">, rank = 3, block_dim = 128, max_block_coarsening = 4>
 
 // Tiles that are wider than the step between blocks overlap.
 // CHECK-LABEL: func @part(

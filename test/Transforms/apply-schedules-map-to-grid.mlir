@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2,
       block_dim = 128>
 
 // One thread: the last dimension is axis x, the one before it y, and a guard
@@ -28,7 +28,7 @@ func.func @plane(%a: !warp.array<2 x si32>) attributes {
 
 // -----
 
-#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
+#gpu2 = #warp.variant<target = <name = "sm_90">, rank = 2,
       index32 = false, flat = true>
 
 // The flat variant divides one 64-bit linear index.
@@ -47,7 +47,7 @@ func.func @flat(%a: !warp.array<2 x si32>) attributes {
 
 // -----
 
-#gpu3 = #warp.variant<target = <platform = cuda, version = 90>, rank = 3,
+#gpu3 = #warp.variant<target = <name = "sm_90">, rank = 3,
       block_dim = 128>
 
 // Threads that work on tiles together are a row of the last dimension; blocks

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-apply-schedules --warp-emit-entry --warp-apply-schedules=stage=updates \
 // RUN:   | FileCheck %s --implicit-check-not=gpu.shuffle
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Threads go through different iterations.
 // CHECK-LABEL: llvm.func {{.*}}@own_bounds
@@ -23,7 +23,7 @@ func.func @own_bounds(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Threads update different elements.
 // CHECK-LABEL: llvm.func {{.*}}@own_element
@@ -46,7 +46,7 @@ func.func @own_element(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Iterations update one element.
 // CHECK-LABEL: llvm.func {{.*}}@one_element
@@ -68,7 +68,7 @@ func.func @one_element(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Neighbours update neighbours, as in the adjoint of a matrix product, and would
 // not any more.
@@ -94,7 +94,7 @@ func.func @scattered(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // The old value says in which order threads came.
 // CHECK-LABEL: llvm.func {{.*}}@old_value
@@ -117,7 +117,7 @@ func.func @old_value(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Another iteration, or thread, could read what this one stores.
 // CHECK-LABEL: llvm.func {{.*}}@store
@@ -140,7 +140,7 @@ func.func @store(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Exchanges do not commute.
 // CHECK-LABEL: llvm.func {{.*}}@exchange
@@ -162,7 +162,7 @@ func.func @exchange(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // The kernel looks at what it adds up.
 // CHECK-LABEL: llvm.func {{.*}}@read_back
@@ -186,7 +186,7 @@ func.func @read_back(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // A sum of floats keeps its order unless that is declared open.
 // CHECK-LABEL: llvm.func {{.*}}@ordered_sum
@@ -213,7 +213,7 @@ func.func @ordered_sum(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // The partial sum is read on the way.
 // CHECK-LABEL: llvm.func {{.*}}@observed_sum
@@ -240,7 +240,7 @@ func.func @observed_sum(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // An iteration needs the one before.
 // CHECK-LABEL: llvm.func {{.*}}@state
@@ -266,7 +266,7 @@ func.func @state(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Fewer than two tiles are not worth it.
 // CHECK-LABEL: llvm.func {{.*}}@short
@@ -289,7 +289,7 @@ func.func @short(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Iterations of a tile are neighbours.
 // CHECK-LABEL: llvm.func {{.*}}@every_other
@@ -312,7 +312,7 @@ func.func @every_other(
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Partial sums of 16 bits would round.
 // CHECK-LABEL: llvm.func {{.*}}@narrow
@@ -335,7 +335,7 @@ func.func @narrow(
 
 // -----
 
-#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, debug = true>
+#gpu2 = #warp.variant<target = <name = "sm_90">, debug = true>
 
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: llvm.func {{.*}}@debugging
@@ -357,7 +357,7 @@ func.func @debugging(
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>>
 
 // Threads of a CPU are no warp: the outer loop is the one over them.
 // CHECK-LABEL: llvm.func {{.*}}@on_cpu

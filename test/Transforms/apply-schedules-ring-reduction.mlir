@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-apply-schedules --warp-emit-entry --warp-apply-schedules=stage=updates \
 // RUN:   | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Lanes of a whole warp begin a tile at different iterations; the sum of one
 // goes to the lane before, and each lane updates the element that it ends with.
@@ -51,7 +51,7 @@ func.func @pairs(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // An update that iterations may leave out: a bit says which did not, and an
 // element that none reached is left alone, as the array may end before it.
@@ -91,7 +91,7 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Sums whose order is open are carried along, on every path; 64 bits take two
 // shuffles.
@@ -134,7 +134,7 @@ func.func @sums(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>, %n: i32,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // A value that depends on the counter of an outer loop is the same for all
 // lanes if they agree on that counter.

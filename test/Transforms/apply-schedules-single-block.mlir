@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-apply-schedules --warp-emit-entry | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // A launch of one block: its threads take turns at all indices of the launch,
 // and their sums are combined in the block's order.

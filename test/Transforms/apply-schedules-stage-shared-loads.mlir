@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry --warp-apply-schedules=stage=loads --mlir-print-local-scope | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true>
+#gpu = #warp.variant<target = <name = "sm_90">, underfilled = true>
 
 // The lane's element of the first tile is loaded before the tiles, that of the
 // next tile between slab and iterations. The iterations load from the slab; the
@@ -48,7 +48,7 @@ func.func @pairs(%x: !warp.array<1 x !warp.vec<3 x f32>>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true>
+#gpu = #warp.variant<target = <name = "sm_90">, underfilled = true>
 
 // Not where lanes load different elements, begin at different iterations, or
 // where the loop writes.
@@ -81,7 +81,7 @@ func.func @unsuited(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true>
+#gpu = #warp.variant<target = <name = "sm_90">, underfilled = true>
 
 // Also where the loop carries nothing.
 // CHECK-LABEL: llvm.func {{.*}}@nothing_carried

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-apply-schedules | FileCheck %s
 
-#small = #warp.variant<target = <platform = cuda, version = 90>, packed = 3>
+#small = #warp.variant<target = <name = "sm_90">, packed = 3>
 
 // Threads that are mapped to the grid have no indices: they read their place,
 // and compare it with the extent of the launch. A schedule that does not pay
@@ -32,7 +32,7 @@ func.func @small(%y: !warp.array<1 x si32>) attributes {
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Threads of a CPU keep their indices.
 // CHECK-LABEL: func.func @cpu

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-plan-updates --warp-combine-over-groups | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Threads yield their terms for one element; the group adds them up, and one of
 // its threads publishes the total.
@@ -25,7 +25,7 @@ func.func @one_address(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // An update in a branch leaves it with what changes nothing, -0, and a flag: a
 // group of which no thread came here leaves the array alone.
@@ -57,7 +57,7 @@ func.func @branch(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Loops carry the sums of their iterations; a difference is the sum of what is
 // negated.
@@ -100,7 +100,7 @@ func.func @loops(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Several sums, each by its own kind; an element's components are apart.
 // CHECK-LABEL: func.func @several
@@ -131,7 +131,7 @@ func.func @several(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Gradients add up many contributions of similar size: their sum has 64 bits.
 // CHECK-LABEL: func.func @gradient

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates --warp-apply-schedules --warp-emit-entry \
 // RUN:     --warp-combine-over-warps | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // In one iteration all threads update the same element: lanes that are there
 // together and agree on the iteration combine, and the first makes one update.
@@ -38,7 +38,7 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // -----
 
-#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu2 = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Threads of one row of the launch agree on the thread index of axis y.
 // CHECK-LABEL: llvm.func ptx_kernelcc @rows
@@ -59,7 +59,7 @@ func.func @rows(%x: !warp.array<2 x f64>, %sum: !warp.array<1 x f64>)
 
 // -----
 
-#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu2 = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Threads of a row update elements of their own.
 // CHECK-LABEL: llvm.func ptx_kernelcc @columns
@@ -75,7 +75,7 @@ func.func @columns(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#gpu2 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu2 = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // A thread that reads the array must find its own updates there.
 // CHECK-LABEL: llvm.func ptx_kernelcc @read_back
@@ -94,7 +94,7 @@ func.func @read_back(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#gpu3 = #warp.variant<target = <platform = cuda, version = 90>, rank = 2,
+#gpu3 = #warp.variant<target = <name = "sm_90">, rank = 2,
       debug = true>
 
 // A debugging launch names the thread that fails.
@@ -111,7 +111,7 @@ func.func @debugging(%x: !warp.array<2 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Lanes share the components of an element: 4 + 2 + 1 + 1 + 1 exchanges leave each
 // of six components to four lanes, the first of which updates it.

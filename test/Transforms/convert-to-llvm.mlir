@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --warp-convert-to-llvm --warp-verify-llvm | FileCheck %s
 // RUN: sed 's/warp.entry/warp.entry, warp.variant = #fast/' %s | warp-opt --warp-convert-to-llvm | FileCheck %s --check-prefix=FAST
 
-#fast = #warp.variant<target = <platform = cpu, bits = 128>, fast_math = true>
+#fast = #warp.variant<target = <name = "cpu", bits = 128>, fast_math = true>
 
 // Structured control flow becomes branches; products and sums stay as
 // rounded as they are, unless the launch asks for fast arithmetic.

@@ -3,7 +3,7 @@
 // Derivatives are made of what the front end builds; what later phases make of it
 // is refused.
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 func.func @update(%x: !warp.array<1 x !warp.vec<2 x f32>>, %y: !warp.array<1 x !warp.vec<2 x f32>>)
     attributes {warp.kernel, warp.variant = #cpu} {

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-emit-entry | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // A range is a loop over full vectors, whose mask is a constant, and one vector
 // more for the threads that are left, if there are any. A range that ends before
@@ -44,7 +44,7 @@ func.func @line(%x: !warp.array<1 x si32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, rank = 2>
 
 // Rows of a plane are such ranges; sums go through all of them as vectors, and
 // their lanes are combined at the end, before they are published.

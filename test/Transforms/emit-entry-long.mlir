@@ -3,7 +3,7 @@
 // RUN: warp-opt %t.long --warp-emit-entry | FileCheck %s
 // RUN: warp-opt %t.short --warp-emit-entry | FileCheck %s --check-prefix=SHORT
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // A long body is not worth two copies: the mask is always a variable, of the
 // threads that are left, or of all lanes.

@@ -2,7 +2,7 @@
 
 // Threads of a GPU are mapped to the grid before there is an entry.
 func.func @unmapped(%y: !warp.array<1 x si32>) attributes {warp.kernel,
-    warp.variant = #warp.variant<target = <platform = cuda, version = 90>>} {
+    warp.variant = #warp.variant<target = <name = "sm_90">>} {
   warp.group {
     // expected-error @below {{expects threads that are mapped to the grid, run '--warp-apply-schedules' first}}
     warp.threads attributes {kinds = array<i32>, types = []} {

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-emit-entry | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>, packed = 1>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>, packed = 1>
 
 // A launch of rank 1 is one loop; arguments are read before.
 // CHECK-LABEL: llvm.func @line
@@ -24,7 +24,7 @@ func.func @line(%a: !warp.array<1 x f32>, %s: f32) attributes {
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>, rank = 3>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>, rank = 3>
 
 // Rank 3 walks rows: two divisions find the first and the last row, one per
 // row finds its indices, and none is in the inner loop.

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry --warp-expand-roots | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // A root in a loop, and a reciprocal of one that has no other use. The root
 // that nothing waits for stays.
@@ -34,7 +34,7 @@ func.func @roots(%x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, fast_math = true>
+#gpu = #warp.variant<target = <name = "sm_90">, fast_math = true>
 
 // Fast math is the approximation itself.
 // CHECK-LABEL: llvm.func {{.*}}@fast
@@ -53,7 +53,7 @@ func.func @fast(%x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Doubles, and processors, have instructions for it.
 // CHECK-LABEL: llvm.func {{.*}}@double

@@ -2,7 +2,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-gpu-module \
 // RUN:     --warp-convert-to-llvm --warp-verify-llvm | FileCheck %s --check-prefix=LLVM
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, block_dim = 64>
+#gpu = #warp.variant<target = <name = "sm_90">, block_dim = 64>
 
 // All that runs on the card moves into one module. The block's variable is a
 // buffer of the kernel, as aligned as it was, and its address is taken wherever
@@ -15,7 +15,7 @@
 // CHECK: gpu.func @sum(%[[BLOCK:.*]]: !llvm.ptr {llvm.byval = !llvm.array<32 x i8>})
 // CHECK-SAME: workgroup(%[[BUFFER:.*]] : memref<32xf32, #gpu.address_space<workgroup>> {llvm.align = 8 : i64})
 // CHECK-SAME: kernel
-// CHECK-SAME: warp.variant = #warp.variant<target = <platform = cuda, version = 90>, block_dim = 64>
+// CHECK-SAME: warp.variant = #warp.variant<target = <name = "sm_90">, block_dim = 64>
 // CHECK: llvm.mlir.addressof @text
 // CHECK: %[[AT:.*]] = memref.extract_aligned_pointer_as_index %[[BUFFER]]
 // CHECK: %[[NUMBER:.*]] = arith.index_cast %[[AT]] : index to i64
@@ -57,7 +57,7 @@ llvm.func ptx_kernelcc @sum(%block: !llvm.ptr {llvm.byval = !llvm.array<32 x i8>
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // An entry for the CPU stays a function.
 // CHECK-NOT: gpu

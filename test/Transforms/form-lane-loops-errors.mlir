@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --verify-diagnostics --warp-form-lane-loops
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 func.func @lowered(%a: !warp.array<1 x si32>)
     attributes {warp.kernel, warp.block_threads = 4 : i64, warp.variant = #cpu} {
@@ -12,7 +12,7 @@ func.func @lowered(%a: !warp.array<1 x si32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 func.func @fold(%a: !warp.array<1 x f32>, %o: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 4 : i64, warp.variant = #cpu} {

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-lane-loops | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, rank = 2>
 
 // A value that a thread loads is kept for the operation on tiles; the sum is
 // uniform, and threads store in a loop of their own.
@@ -36,7 +36,7 @@ module {
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // A GPU has the threads.
 // CHECK-LABEL: func.func @alone
@@ -56,7 +56,7 @@ module {
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // A value from outside that a function of elements uses and that differs
 // between threads of becomes an operand.

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, non_negative = 4, packed = 1>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, non_negative = 4, packed = 1>
 
 // The body becomes a region of threads, their indices its arguments. Each fact
 // the launch promises of arguments stays with them: packed arrays, integers
@@ -29,7 +29,7 @@ func.func @line(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>, %n: i32,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, rank = 2>
 
 // A launch has as many indices as dimensions; others are 0, and wider ones are
 // extended where they are asked for.
@@ -52,7 +52,7 @@ func.func @plane(%a: !warp.array<3 x f32>, %b: !warp.array<1 x si64>, %s: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3>
 
 // Arguments that were taken apart: facts are those of the whole, names of
 // struct fields are paths, and an array in a struct is not promised packed.
@@ -70,7 +70,7 @@ func.func @records(%x: f32, %y: f32, %a: !warp.array<1 x f32>, %n: i64)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // The slot of a handle that is an argument is found before loops, and so are
 // its words and the header of a volume's grid; not what lies where a loop says,
@@ -126,7 +126,7 @@ func.func @march(%id: i64, %ids: !warp.array<1 x ui64>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // On a GPU, loops keep them: registers are for more threads.
 // CHECK-LABEL: func.func @march_on_gpu(

@@ -70,7 +70,7 @@ func.func @kept(%a: f32, %n: i32, %h: f16, %y: !warp.array<1 x f32>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // A GPU fuses 16 bits, too.
 // CHECK-LABEL: func.func @gpu
@@ -86,7 +86,7 @@ func.func @gpu(%h: f16, %z: !warp.array<1 x f16>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>>
 
 // Processors with vectors of less than 256 bits have no such instruction, and
 // the same bits.

@@ -14,7 +14,7 @@
 // PLACE: } {warp.layout = #warp.tile_layout<storage = inlined>}
 func.func @chain(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.block_threads = 32 : i64, warp.variant =
-      #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>} {
+      #warp.variant<target = <name = "sm_90">, disjoint = true>} {
   %c0 = warp.constant 0 : si32
   %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<64 x f32>
   %u = warp.tile_map(%t) {

@@ -40,7 +40,7 @@ llvm.func @minima(%block: !llvm.ptr, %i: i32, %v: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, index32 = false>
+#gpu = #warp.variant<target = <name = "sm_90">, index32 = false>
 
 // Floats are compared by their bits; the GPU's scope is the device.
 // CHECK-LABEL: llvm.func @exchange
@@ -60,7 +60,7 @@ llvm.func @exchange(%block: !llvm.ptr, %i: i32, %v: f32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, index32 = false>
+#gpu = #warp.variant<target = <name = "sm_90">, index32 = false>
 
 // A limit of floats that leaves the element as it is exchanges nothing.
 // CHECK-LABEL: llvm.func @limit

@@ -28,7 +28,7 @@ llvm.func @unsuitable(%block: !llvm.ptr, %a: f64, %b: i64, %c: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, index32 = false>
+#gpu = #warp.variant<target = <name = "sm_90">, index32 = false>
 
 // The GPU gets a buffer.
 // CHECK: llvm.func @vprintf(!llvm.ptr, !llvm.ptr) -> i32
@@ -46,7 +46,7 @@ llvm.func @gpu(%block: !llvm.ptr, %x: f64)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false,
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>, index32 = false,
       debug = true>
 
 // A debugging launch checks every access: outside, it reports the site and
@@ -92,7 +92,7 @@ llvm.func @unchecked(%block: !llvm.ptr, %i: i32, %ok: i1)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>, index32 = false>
 
 // An error in any mode has a record there, too.
 // CHECK-LABEL: llvm.func @always
@@ -106,7 +106,7 @@ llvm.func @always(%block: !llvm.ptr, %p: i1)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>, index32 = false,
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>, index32 = false,
       debug = true>
 
 // An index below zero counts from the end, an offset does not.

@@ -84,7 +84,7 @@ llvm.func @choice(%block: !llvm.ptr, %i: i32, %c: i1) attributes {warp.entry} {
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // On the GPU data is in global memory, and packed elements are counted in 32
 // bits.

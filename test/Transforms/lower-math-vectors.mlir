@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --warp-lower-math | FileCheck %s
 // RUN: warp-opt %s --warp-lower-math --warp-convert-to-llvm | FileCheck %s --check-prefix=LLVM
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // A function of ours takes the vector; half precision computes in f32.
 // CHECK-LABEL: llvm.func @whole

@@ -2,9 +2,9 @@
 // RUN: sed 's/= #cpu/= #gpu/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=GPU
 // RUN: sed 's/= #cpu/= #fast/' %s | warp-opt --warp-lower-math | FileCheck %s --check-prefix=FAST
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
-#fast = #warp.variant<target = <platform = cuda, version = 90>,
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>>
+#gpu = #warp.variant<target = <name = "sm_90">>
+#fast = #warp.variant<target = <name = "sm_90">,
       fast_math = true>
 
 // Functions have no effects, so that LLVM may move and merge calls.

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-place-tiles --warp-plan-tile-memory --warp-place-barriers --warp-lower-tiles | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, rank = 1>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, rank = 1>
 // CHECK-DAG: #[[UNROLL:.*]] = #llvm.loop_unroll<disable = true>
 // CHECK-DAG: #[[ROLLED:.*]] = #llvm.loop_annotation<unroll = #[[UNROLL]]>
 
@@ -27,7 +27,7 @@ func.func @rows(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, rank = 1>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, rank = 1>
 // CHECK-LABEL: func.func @few
 // CHECK: scf.if
 // CHECK-NOT: loop_annotation

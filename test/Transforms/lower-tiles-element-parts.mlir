@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --warp-place-tiles --warp-plan-tile-memory \
 // RUN:   --warp-place-barriers --warp-lower-tiles | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 !S = !warp.struct<"S", {n: si32, v: !warp.vec<3 x f32>}>
 
 // A thread stores or updates its part of an element, and no other.

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-place-tiles --warp-plan-tile-memory --warp-place-barriers --warp-lower-tiles | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // A matrix is copied by all threads at once, and waited for where they meet.
 // CHECK-LABEL: func.func @factor
@@ -26,7 +26,7 @@ func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Rows of 10 numbers do not begin at multiples of 16 bytes.
 // CHECK-LABEL: func.func @other

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-lower-tiles | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // Blocks have windows side by side and the threads of the last dimension: if the
 // launch says so and the window is inside of the array, sums are plain, and all
@@ -35,7 +35,7 @@ func.func @own(%a: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // Windows overlap.
 // CHECK-LABEL: func.func @shared
@@ -56,7 +56,7 @@ func.func @shared(%a: !warp.array<1 x f32>)
 
 // -----
 
-#exact = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true, deterministic = true>
+#exact = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true, deterministic = true>
 
 // Exact sums are made in memory of their own, so that no update is plain.
 // CHECK-LABEL: func.func @exact
@@ -77,7 +77,7 @@ func.func @exact(%a: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // Values that other threads of the block have stored are loaded behind the
 // barrier that orders both, and before what comes after it.
@@ -107,7 +107,7 @@ func.func @behind_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // Also if the place is found out before the barrier.
 // CHECK-LABEL: func.func @place_before_barrier
@@ -136,7 +136,7 @@ func.func @place_before_barrier(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f3
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // A block of one thread has no threads to share elements with.
 // CHECK-LABEL: func.func @one_thread

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-mask-threads --warp-check-tiles \
 // RUN:   | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // A value that a staying thread loads by itself goes into the tile, of others
 // zero; what all load at one place, all load; nothing more if none stays.
@@ -42,7 +42,7 @@ func.func @returns(%a: !warp.array<1 x f32>, %c: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // A return that all threads of a block make stays a branch.
 // CHECK-LABEL: func.func @uniform
@@ -67,7 +67,7 @@ func.func @uniform(%a: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // The absent threads of a ragged block: their number is
 // not that of their index.
@@ -99,7 +99,7 @@ func.func @ragged(%a: !warp.array<2 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Where threads say each for its own elements where these lie, those that are
 // not there say nowhere, and so do indices that they pick; what they give to a

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry --warp-order-accesses --mlir-print-local-scope | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, disjoint = true>
 
 // The store waits for the load, and the load does not wait for the arithmetic.
 // The constant is stored last.
@@ -26,7 +26,7 @@ func.func @adjoint(%dx: !warp.array<1 x f32>, %dy: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, disjoint = true>
 
 // Stores to one array keep their order, a constant goes behind others only.
 // CHECK-LABEL: llvm.func {{.*}}@cleared_first
@@ -50,7 +50,7 @@ func.func @cleared_first(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Where arrays may overlap, the load may be of what was stored.
 // CHECK-LABEL: llvm.func {{.*}}@overlapping
@@ -70,7 +70,7 @@ func.func @overlapping(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, disjoint = true>
 
 // An array's own elements may be the same one; its gradient's are others. Equal
 // loads are one, unless a write to the array is between them.
@@ -103,7 +103,7 @@ func.func @own(%x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, underfilled = true, disjoint = true>
 
 // Nothing passes an update whose old value is used: it may be a lock.
 // CHECK-LABEL: llvm.func {{.*}}@lock
@@ -125,7 +125,7 @@ func.func @lock(%x: !warp.array<1 x f32>, %lock: !warp.array<1 x si32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, underfilled = true, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, underfilled = true, disjoint = true>
 
 // A store passes a loop that loads from other arrays; the load after the loop
 // stays there, but in front of the store.

@@ -26,7 +26,7 @@ func.func @wait(%a: !warp.array<1 x f32>)
 
 // -----
 
-#disjoint = #warp.variant<target = <platform = cuda, version = 90>, disjoint = true>
+#disjoint = #warp.variant<target = <name = "sm_90">, disjoint = true>
 
 // A store does not wait for loads of an array that it is known not
 // to overlap; of the same array it does, unless every thread stores where it

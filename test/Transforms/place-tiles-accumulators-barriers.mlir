@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --warp-place-tiles --warp-plan-tile-memory \
 // RUN:   --warp-place-barriers | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Sums lie otherwise among threads than the elements that they treat in loops,
 // so threads wait between the copy of sums and a function of its elements.

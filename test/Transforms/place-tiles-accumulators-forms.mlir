@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-place-tiles | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 3>
 
 // Matrix instructions of doubles came with compute capability 9.0; those of
 // halves give halves, too.
@@ -28,7 +28,7 @@ func.func @doubles(%a: !warp.array<2 x f64>, %b: !warp.array<2 x bf16>)
 
 // -----
 
-#older = #warp.variant<target = <platform = cuda, version = 80>, rank = 3>
+#older = #warp.variant<target = <name = "sm_80">, rank = 3>
 
 // CHECK-LABEL: func.func @older_doubles
 // CHECK-NOT: accumulators = 
@@ -47,7 +47,7 @@ func.func @older_doubles(%a: !warp.array<2 x f64>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 3>
 
 // 64 of 256 threads hold the sums of a small tile, a warp of 8 those of another.
 // CHECK-LABEL: func.func @some_threads

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-place-tiles | FileCheck %s
 
-#own = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3>
+#own = #warp.variant<target = <name = "sm_90a">, rank = 3>
 
 // Warpgroups multiply halves, which lie swizzled, and a loop of an even number
 // of steps takes two at a time, so that rows have 128 bytes.
@@ -43,7 +43,7 @@ func.func @even(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#own = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3>
+#own = #warp.variant<target = <name = "sm_90a">, rank = 3>
 
 // With an unknown number of steps the last may be missing: loads know how much
 // of the depth belongs to one. Views of factors get their shape.
@@ -85,7 +85,7 @@ func.func @unknown(%a: !warp.array<2 x bf16>, %b: !warp.array<2 x bf16>,
 
 // -----
 
-#any = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+#any = #warp.variant<target = <name = "sm_90">, rank = 3>
 
 // Code that later architectures run, too, has no such instructions.
 // CHECK-LABEL: func.func @any
@@ -105,7 +105,7 @@ func.func @any(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 
 // -----
 
-#disjoint = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+#disjoint = #warp.variant<target = <name = "sm_90a">, rank = 3, disjoint = true>
 
 // TMA loads arguments that the kernel does not write to. Each has a tensor map
 // behind the arguments: descriptor, offset, box, bytes of an element and of the
@@ -145,7 +145,7 @@ func.func @tma(%a: !warp.array<2 x f16>, %b: !warp.array<2 x f16>,
 
 // -----
 
-#disjoint = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+#disjoint = #warp.variant<target = <name = "sm_90a">, rank = 3, disjoint = true>
 
 // Single precision comes in boxes, too, 32 elements of the depth at a time: what
 // lies along it swizzled, what lies across as it is.
@@ -187,7 +187,7 @@ func.func @singles(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 // -----
 
-#disjoint = #warp.variant<target = <platform = cuda, version = 90, processor = "sm_90a">, rank = 3, disjoint = true>
+#disjoint = #warp.variant<target = <name = "sm_90a">, rank = 3, disjoint = true>
 
 // Threads copy the arrays that the kernel writes to.
 // CHECK-LABEL: func.func @written

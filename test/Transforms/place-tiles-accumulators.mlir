@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-place-tiles | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 3>
 
 // Sums stay with threads, and factors are loaded ahead: rows of the first, which
 // threads read at a time, have room between them.
@@ -40,7 +40,7 @@ func.func @product(%a: !warp.array<2 x f32>, %b: !warp.array<2 x f32>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 3>
 
 // Halves are multiplied by matrix instructions.
 // CHECK-LABEL: func.func @halves
@@ -60,7 +60,7 @@ func.func @halves(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 3>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 3>
 
 // Shapes that do not divide among threads have no form.
 // CHECK-LABEL: func.func @odd
@@ -80,7 +80,7 @@ func.func @odd(%a: !warp.array<2 x f32>, %c: !warp.array<2 x f32>)
 
 // -----
 
-#old = #warp.variant<target = <platform = cuda, version = 75>, rank = 3>
+#old = #warp.variant<target = <name = "sm_75">, rank = 3>
 
 // Older processors have no matrix instructions of that shape, and no
 // asynchronous copies.
@@ -101,7 +101,7 @@ func.func @old(%a: !warp.array<2 x f16>, %c: !warp.array<2 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Matrices that only factors and solves read have room between their rows.
 // CHECK-LABEL: func.func @factor
@@ -125,7 +125,7 @@ func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Values that two loops treat element by element stay in registers.
 // CHECK-LABEL: func.func @stripes
@@ -146,7 +146,7 @@ func.func @stripes(%a: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Loads for a store precede all parts of the store.
 // CHECK-LABEL: func.func @copy
@@ -166,7 +166,7 @@ func.func @copy(%a: !warp.array<1 x f32>, %b: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // Sums are added to an array from where they are, and several results of one
 // function of elements are in registers together.

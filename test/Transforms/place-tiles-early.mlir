@@ -2,7 +2,7 @@
 // RUN: warp-opt %s --split-input-file --warp-place-tiles --warp-plan-tile-memory \
 // RUN:   --warp-place-barriers --warp-lower-tiles | FileCheck %s --check-prefix=LOOPS
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // The result of a reduction is in a register of every thread, and loads of
 // other array holds is loaded before the block computes. So is what an update
@@ -47,7 +47,7 @@ func.func @row(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %out: !warp.a
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // A store that clears an array comes last, but before reads of the array.
 // CHECK-LABEL: func.func @cleared
@@ -78,7 +78,7 @@ func.func @cleared(%x: !warp.array<1 x f32>, %g: !warp.array<1 x f32>, %y: !warp
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // A function of elements may look at an array that has been cleared, or change
 // one that is loaded behind it; what an update gives back may say that it has
@@ -135,7 +135,7 @@ func.func @function(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: !war
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2, disjoint = true>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
 
 // A load stays behind a store to the array.
 // CHECK-LABEL: func.func @behind

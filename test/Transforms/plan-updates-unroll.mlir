@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-plan-updates --warp-combine-over-groups | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>>
 
 // A short loop over parameters is unrolled: each element has a sum of its
 // own, which is published once.
@@ -42,7 +42,7 @@ func.func @parameters(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>>
 
 // Too many for registers.
 // CHECK-LABEL: func.func @many
@@ -63,7 +63,7 @@ func.func @many(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 128>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 128>>
 
 // Elements that differ from thread to thread, and updates that are looked at.
 // CHECK-LABEL: func.func @others

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-plan-updates --warp-combine-over-groups | FileCheck %s --implicit-check-not=warp.once
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // A thread that reads the array finds its own update there.
 // CHECK-LABEL: func.func @read_back
@@ -21,7 +21,7 @@ func.func @read_back(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // The old value tells threads apart.
 // CHECK-LABEL: func.func @ticket
@@ -38,7 +38,7 @@ func.func @ticket(%x: !warp.array<1 x si32>, %next: !warp.array<1 x si32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // The last exchange counts, not a combination of all.
 // CHECK-LABEL: func.func @exchange
@@ -54,7 +54,7 @@ func.func @exchange(%last: !warp.array<1 x si32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Elements that differ from thread to thread.
 // CHECK-LABEL: func.func @scatter
@@ -71,7 +71,7 @@ func.func @scatter(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Partial sums of 16 bits would round.
 // CHECK-LABEL: func.func @half
@@ -88,7 +88,7 @@ func.func @half(%x: !warp.array<1 x f16>, %sum: !warp.array<1 x f16>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, debug = true>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, debug = true>
 
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: func.func @debugging

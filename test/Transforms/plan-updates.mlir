@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates \
 // RUN:   | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 15, non_negative = 16>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 15, non_negative = 16>
 
 // All threads share element 0; lanes share element k in one iteration, and
 // mostly have the same quotient; elements of their own, threads update alone.
@@ -37,7 +37,7 @@ func.func @scopes(%x: !warp.array<1 x f32>, %s: !warp.array<1 x f32>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, rank = 2>
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
 // On a GPU the sums of a loop's iterations travel in rings, and a warp may lie
 // in one row.
@@ -65,7 +65,7 @@ func.func @gpu(%x: !warp.array<1 x f32>, %w: !warp.array<1 x f32>,
 
 // -----
 
-#exact = #warp.variant<target = <platform = cuda, version = 90>,
+#exact = #warp.variant<target = <name = "sm_90">,
                        deterministic = true>
 
 // An exact sum into one element is that of a block.
@@ -83,7 +83,7 @@ func.func @exact(%x: !warp.array<1 x f32>, %s: !warp.array<1 x f32>)
 
 // -----
 
-#debug = #warp.variant<target = <platform = cpu, bits = 256>, debug = true>
+#debug = #warp.variant<target = <name = "cpu", bits = 256>, debug = true>
 
 // A debugging launch names the thread that fails.
 // CHECK-LABEL: func.func @debugging

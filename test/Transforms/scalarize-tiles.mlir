@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-scalarize-tiles --split-input-file | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // A sum over threads of a block that has one, and its place in an array.
 // CHECK-LABEL: func.func @loss
@@ -32,7 +32,7 @@ func.func @loss(%x: !warp.array<1 x f32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Outside of the array a load gives zero and a store does nothing; what is
 // promised to be inside is not tested.
@@ -57,7 +57,7 @@ func.func @edges(%x: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // One tile of more elements, and all stay.
 // CHECK-LABEL: func.func @row
@@ -76,7 +76,7 @@ func.func @row(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // On a GPU a block of one thread is a block.
 // CHECK-LABEL: func.func @gpu

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-specialize | FileCheck %s
 
-#debug = #warp.variant<target = <platform = cpu, bits = 256>, debug = true>
+#debug = #warp.variant<target = <name = "cpu", bits = 256>, debug = true>
 
 // Run-time indices of components are checked where they are used; constants
 // have been.
@@ -31,7 +31,7 @@ func.func @values(%v: !warp.vec<3 x f32>, %m: !warp.mat<2x4 x f32>, %i: si32,
 
 // -----
 
-#release = #warp.variant<target = <platform = cpu, bits = 256>>
+#release = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // Other launches check what they must.
 // CHECK-LABEL: func.func @release

@@ -4,14 +4,14 @@
 // The facts become an attribute; dimensions beyond the rank are zero, and a
 // release build has no assertions.
 // CHECK-LABEL: func.func @indices
-// CHECK-SAME: warp.variant = #warp.variant<target = <platform = cpu, bits = {{128|256|512}}>, block_dim = 128, packed = 1>
+// CHECK-SAME: warp.variant = #warp.variant<target = <name = "cpu", bits = {{128|256|512}}>, block_dim = 128, packed = 1>
 // CHECK: %[[I:.*]] = warp.tid : si32
 // CHECK: %[[ZERO:.*]] = warp.constant 0 : si32
 // CHECK-NOT: warp.assert
 // CHECK: warp.store %[[ZERO]], %{{.*}}[%[[I]]]
 
 // GPU-LABEL: func.func @indices
-// GPU-SAME: #warp.variant<target = <platform = cuda, version = 90>, debug = true, index32 = false, rank = 2>
+// GPU-SAME: #warp.variant<target = <name = "sm_90">, debug = true, index32 = false, rank = 2>
 // GPU: warp.tid : si32, si32
 // GPU: warp.assert
 func.func @indices(%a: !warp.array<1 x si32>, %ok: i1)

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry \
 // RUN:     --warp-unroll-loops --mlir-print-local-scope | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // A loop through runs of a list, whose condition looks for the next run when
 // one has ended. On a GPU each run is a loop inside, which gets copies; the
@@ -70,7 +70,7 @@ func.func @neighbours(%grid: i64, %starts: !warp.array<1 x si32>,
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // One that may be left in the middle of a run stays.
 // CHECK-LABEL: llvm.func {{.*}}@leaves

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-apply-schedules --warp-emit-entry --warp-unroll-loops --mlir-print-local-scope | FileCheck %s
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // A small loop that loads and adds is marked.
 // CHECK-LABEL: llvm.func {{.*}}@counted
@@ -23,7 +23,7 @@ func.func @counted(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // One that calls a function is not, nor is one that stores.
 // CHECK-LABEL: llvm.func {{.*}}@heavy
@@ -47,7 +47,7 @@ func.func @heavy(%x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Four iterations run ahead. The counter is asked once, with a limit that
 // cannot overflow; the square four times.
@@ -90,7 +90,7 @@ func.func @conditional(%y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>>
+#gpu = #warp.variant<target = <name = "sm_90">>
 
 // Loads that may not run ahead: the element need not exist. A loop in a loop
 // would run iterations twice each time.
@@ -126,7 +126,7 @@ func.func @unsuited(%x: !warp.array<1 x si32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>>
 
 // The CPU has lanes instead.
 // CHECK-LABEL: llvm.func @cpu

@@ -14,6 +14,6 @@ gpu.module @k {
 
 // expected-error @below {{expects the entry 'k' in a 'gpu.module'}}
 llvm.func @k(%block: !llvm.ptr) attributes {warp.entry, warp.variant =
-    #warp.variant<target = <platform = cuda, version = 90>>} {
+    #warp.variant<target = <name = "sm_90">>} {
   llvm.return
 }

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // Where lanes disagree, short arms without effects are both computed.
@@ -30,7 +30,7 @@ func.func @flattened(%x: !warp.array<1 x f32>, %z: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Arms with accesses run if a lane wants them, each under its own mask, which
@@ -69,7 +69,7 @@ func.func @masked(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // An early return is a branch around the rest: what follows has its mask, and
@@ -103,7 +103,7 @@ func.func @nested(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %z: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // A condition that threads share is a branch, and its arms have the mask of the
@@ -130,7 +130,7 @@ func.func @agreed(%x: !warp.array<1 x f32>, %b: i1, %z: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Integers are divided as doubles, which is exact for 32 bits; by a constant as
@@ -180,7 +180,7 @@ func.func @division(%x: !warp.array<1 x si32>, %y: !warp.array<1 x si64>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // Lanes run code that few threads reach only if one of them does, short as it

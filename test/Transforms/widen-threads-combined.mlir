@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-widen-threads | FileCheck %s
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4>
 
 // Values that threads yield are combined over the group later; lanes that are
 // not live yield what changes nothing.

@@ -4,7 +4,7 @@
 // RUN:   | warp-opt --split-input-file --warp-form-launch --warp-widen-threads \
 // RUN:   | FileCheck %s --check-prefix=WIDE
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 3, non_negative = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 3, non_negative = 2>
 
 // A sum over a row: terms of integers may be taken in any order, so the
 // iterations of one thread are as good as lanes, which would gather. A sum of
@@ -36,7 +36,7 @@ func.func @integers(%a: !warp.array<2 x si8>, %y: !warp.array<1 x si32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 3, non_negative = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 3, non_negative = 2>
 
 func.func @floats(%a: !warp.array<2 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.variant = #cpu} {
@@ -69,7 +69,7 @@ func.func @floats(%a: !warp.array<2 x f32>, %y: !warp.array<1 x f32>)
 // WIDE-LABEL: func.func @tree
 // WIDE: lanes = 8
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 3, non_negative = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 3, non_negative = 2>
 
 func.func @chain(%x: !warp.array<1 x f32>, %n: i32)
     attributes {warp.kernel, warp.variant = #cpu} {
@@ -134,7 +134,7 @@ func.func @chain(%x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 3, non_negative = 2>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 3, non_negative = 2>
 
 func.func @tree(%x: !warp.array<1 x f32>, %n: i32)
     attributes {warp.kernel, warp.variant = #cpu} {

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 3>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 3>
 
 // A thread's own memory has a vector in each slot: loops over it are worth
 // lanes, if all of them use the same slot.
@@ -36,7 +36,7 @@ func.func @turned(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 7>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 7>
 
 // Six neighbours by a list are gathered: a loop that is unrolled, in which a
 // processor has several threads in hand.
@@ -66,7 +66,7 @@ func.func @neighbours(%x: !warp.array<1 x f32>, %near: !warp.array<2 x si32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 15>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 15>
 
 // The edges of a node of a graph: the gathers take as long as for the node that
 // has most. With more to compute for each lanes are worth it.
@@ -97,7 +97,7 @@ func.func @edges(%starts: !warp.array<1 x si32>, %ends: !warp.array<1 x si32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 15>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 15>
 
 func.func @far_edges(%starts: !warp.array<1 x si32>,
                      %ends: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,

@@ -4,7 +4,7 @@
 // RUN:   | warp-opt --split-input-file --warp-form-launch --warp-widen-threads \
 // RUN:   | FileCheck %s --check-prefix=WIDE
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 1>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 1>
 
 // A vector of 512 bits has 16 floats or 8 doubles; two of them in turn hide the
 // latency of a short body.
@@ -24,7 +24,7 @@ func.func @arithmetic(%x: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1>
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1>
 
 // Half as many with 256 bits.
 // CHECK-LABEL: func.func @small
@@ -42,7 +42,7 @@ func.func @small(%x: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>>
 
 // A histogram is updates alone, which lanes make one by one. With much to
 // compute for each of them lanes are worth it.
@@ -66,7 +66,7 @@ func.func @histogram(%at: !warp.array<1 x si32>, %sum: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>>
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>>
 
 func.func @polynomial(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
                       %sum: !warp.array<1 x f32>)

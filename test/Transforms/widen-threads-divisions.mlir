@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 3, non_negative = 2,
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 3, non_negative = 2,
       lanes = 8>
 
 // Integers of 64 bits are divided twice in double precision, and corrected by
@@ -29,7 +29,7 @@ func.func @long(%x: !warp.array<1 x si64>, %y: !warp.array<1 x si64>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3, non_negative = 2,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 2,
       lanes = 4>
 
 // Without instructions for that, lanes divide one by one, and those that are
@@ -51,7 +51,7 @@ func.func @without_instructions(%x: !warp.array<1 x si64>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 512>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 512>, packed = 1,
       lanes = 8>
 
 // A divisor that all lanes share becomes one reciprocal, rounded up.

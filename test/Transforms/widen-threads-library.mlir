@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // A function with a form for lanes is called once for all of them, with vectors
@@ -25,7 +25,7 @@ func.func @volume(%id: i64, %x: !warp.array<1 x si32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Lanes that ask different volumes call one by one.

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3, non_negative = 2,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 2,
       lanes = 4>
 
 // Lanes with bounds of their own leave a loop one by one; it ends with the
@@ -45,7 +45,7 @@ func.func @own_bounds(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // Lanes that begin at different places count in vectors, beside the first
@@ -68,7 +68,7 @@ func.func @own_begin(%x: !warp.array<1 x f32>, %z: f32, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3, non_negative = 2,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 2,
       lanes = 4>
 
 // As the loop's condition depends on the lane, so do its results, but not what
@@ -108,7 +108,7 @@ func.func @escape(%x: !warp.array<1 x f32>, %y: !warp.array<1 x si32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // A loop that all lanes leave together needs no mask.
@@ -140,7 +140,7 @@ func.func @together(%x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3, non_negative = 2,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 2,
       lanes = 4>
 
 // A loop whose end nobody else decides waits for no one, whatever it reads and
@@ -171,7 +171,7 @@ func.func @own_end(%x: !warp.array<2 x f32>, %n: i32, %z: f32)
 
 // -----
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4>
 
 // A march through a volume ends by what it reads there, which no thread waits
 // for, though the array that is written may have the same memory.

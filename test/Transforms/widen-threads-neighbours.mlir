@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // An index that is kept within bounds follows the threads in most vectors, so
@@ -26,7 +26,7 @@ func.func @clamped(%x: !warp.array<1 x f32> {warp.packed},
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // So does one that starts again after a row, with the number of that row.
@@ -46,7 +46,7 @@ func.func @rows(%x: !warp.array<2 x f32> {warp.packed},
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 7, non_negative = 4,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 7, non_negative = 4,
       lanes = 4>
 
 // An index out of an array may be anything: nothing is asked.

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 7, non_negative = 4,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 7, non_negative = 4,
       lanes = 4>
 
 // Arrays may overlap under two names. Lanes perform one operation after the
@@ -29,7 +29,7 @@ func.func @twice(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 7, non_negative = 4,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 7, non_negative = 4,
       lanes = 4>
 
 // A component is read before, another after, a write that may be to the same
@@ -63,7 +63,7 @@ func.func @between(%x: !warp.array<1 x !warp.vec<2 x f32>>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Also where lanes have a form for one access and none for the other, and from

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --warp-form-launch --warp-widen-threads --split-input-file \
 // RUN:   | FileCheck %s
 
-#any = #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, packed = 1>
+#any = #warp.variant<target = <name = "cpu", bits = 512>, rank = 2, packed = 1>
 
 // Rows of any length have the lanes of vectors; what the code is for depends on
 // the length.
@@ -21,7 +21,7 @@ func.func @any_row(%x: !warp.array<2 x f32>)
 
 // -----
 
-#short = #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, packed = 1, inner_extent = 4>
+#short = #warp.variant<target = <name = "cpu", bits = 512>, rank = 2, packed = 1, inner_extent = 4>
 
 // More than four lanes would have nothing to do in rows of up to four.
 // CHECK-LABEL: func.func @short_row
@@ -39,7 +39,7 @@ func.func @short_row(%x: !warp.array<2 x f32>)
 
 // -----
 
-#short = #warp.variant<target = <platform = cpu, bits = 512>, rank = 2, inner_extent = 4>
+#short = #warp.variant<target = <name = "cpu", bits = 512>, rank = 2, inner_extent = 4>
 
 // Four lanes that gather gain less than sixteen.
 // CHECK-LABEL: func.func @short_gather

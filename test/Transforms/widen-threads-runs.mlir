@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 14,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 14,
       disjoint = true, lanes = 4>
 
 // A loop through runs of a list, whose condition looks for the next run when one
@@ -81,7 +81,7 @@ func.func @neighbours(%grid: i64, %starts: !warp.array<1 x si32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 14,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 14,
       disjoint = true, lanes = 4>
 
 // Threads that do not follow a grid have nothing in common: each lane loads at
@@ -141,7 +141,7 @@ func.func @no_order(%grid: i64, %starts: !warp.array<1 x si32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 30,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 30,
       disjoint = true, lanes = 4>
 
 // Terms that lanes together add to an element are added once.

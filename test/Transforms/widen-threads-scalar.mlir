@@ -4,7 +4,7 @@
 // RUN:   | warp-opt --split-input-file --warp-form-launch --warp-widen-threads \
 // RUN:   | FileCheck %s --implicit-check-not=vector
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4>
 
 // Threads that take a lock one after the other: the lane that has it would wait
 // for those that wait for it.
@@ -31,7 +31,7 @@ func.func @spin(%lock: !warp.array<1 x si32>, %x: !warp.array<1 x f32>)
 
 // -----
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4>
 
 // A thread may wait for a flag that another one stores, also where the
 // condition gets to know of it by what an iteration leaves to the next.
@@ -58,7 +58,7 @@ func.func @flag(%flags: !warp.array<1 x si32>)
 
 // -----
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4>
 
 // Which array a thread reads differs from thread to thread.
 // CHECK-LABEL: func.func @arrays
@@ -78,7 +78,7 @@ func.func @arrays(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4, debug = true>
 
 // A debugging launch names the thread that fails.
@@ -94,7 +94,7 @@ func.func @debugging(%x: !warp.array<1 x f32>)
 
 // -----
 
-#gpu = #warp.variant<target = <platform = cuda, version = 90>, packed = 1,
+#gpu = #warp.variant<target = <name = "sm_90">, packed = 1,
       lanes = 4>
 
 // Threads of a GPU are lanes of a warp already.
@@ -110,7 +110,7 @@ func.func @on_gpu(%x: !warp.array<1 x f32>)
 
 // -----
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4>
 
 // The values in the thread's own memory may come from another one, too.
 // CHECK-LABEL: func.func @noted
@@ -142,7 +142,7 @@ func.func @noted(%flags: !warp.array<1 x si32>)
 
 // -----
 
-#lanes = #warp.variant<target = <platform = cpu, bits = 256>, lanes = 4, deterministic = true, ordered = true>
+#lanes = #warp.variant<target = <name = "cpu", bits = 256>, lanes = 4, deterministic = true, ordered = true>
 
 // Threads of a deterministic launch get places in a list in their order, those
 // of both branches.

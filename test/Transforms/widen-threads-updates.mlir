@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch --warp-plan-updates \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Terms of all lanes for one element are combined first, with the neutral
@@ -32,7 +32,7 @@ func.func @one_element(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // An old value that is used, or an exchange, says which lane was first: they
@@ -62,7 +62,7 @@ func.func @turns(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // A store of different values into one element: the last thread's stays.
@@ -81,7 +81,7 @@ func.func @one_place(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // In code that runs alone, neighbours that update neighbours do not meet: their
@@ -120,7 +120,7 @@ func.func @neighbours(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // Other threads may be at work on the neighbours: updates stay atomic.
@@ -139,7 +139,7 @@ func.func @shared(%s: !warp.array<1 x f32>, %a: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 7, non_negative = 4,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 7, non_negative = 4,
       lanes = 4>
 
 // Neighbours mostly have the same quotient: where all lanes do, they are one

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-form-launch \
 // RUN:     --warp-widen-threads | FileCheck %s
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Elements that follow each other are vectors; arithmetic has the mask's lanes,
@@ -25,7 +25,7 @@ func.func @unit(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %a: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 1,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 1,
       lanes = 4>
 
 // Components of packed elements are vectors, too.
@@ -46,7 +46,7 @@ func.func @aos(%x: !warp.array<1 x !warp.vec<3 x f32>>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, rank = 2,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, rank = 2,
       packed = 3, lanes = 4>
 
 // Only the last dimension has neighbours: a fixed row is unit, a column is not.
@@ -66,7 +66,7 @@ func.func @rows(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Arrays that are not packed and indices that were loaded are gathered; stores
@@ -106,7 +106,7 @@ func.func @gather(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // A guard says that the index before is there.
@@ -129,7 +129,7 @@ func.func @guarded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Values that threads share stay scalar, loops and loads included, until a lane
@@ -159,7 +159,7 @@ func.func @uniform(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Where a row begins differs from thread to thread: the array itself is
@@ -180,7 +180,7 @@ func.func @view(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Memory of a thread has a value per lane in each slot; lanes that are not live
@@ -210,7 +210,7 @@ func.func @scratch(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>, %n: i32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Lanes may use different slots; one that is not live uses the first.
@@ -235,7 +235,7 @@ func.func @slots(%x: !warp.array<1 x f32>, %at: !warp.array<1 x si32>, %a: f32)
 
 // -----
 
-#cpu = #warp.variant<target = <platform = cpu, bits = 256>, packed = 3,
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3,
       lanes = 4>
 
 // Lanes become saturated integers together: what is beyond the limits or no

@@ -7,8 +7,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Compiler/AssembledLibrary.h"
 #include "Compiler/Embedded.h"
+#include "Targets/Nvidia/AssembledLibrary.h"
 
 #include "warp/LibraryCode.h"
 

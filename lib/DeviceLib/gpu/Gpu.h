@@ -37,6 +37,9 @@ static_assert(sizeof(uint64_t) == 8);
 #define WARP_SHARED static __attribute__((device)) __attribute__((shared))
 #endif
 
+#ifdef __AMDGCN__
+#include "../amd/Subgroup.h"
+#else
 #include "../nvidia/Subgroup.h"
 
 namespace gpu {
@@ -94,5 +97,6 @@ template <typename T> inline T sumOfLanes(T value) {
 }
 
 } // namespace gpu
+#endif
 
 #endif // WARP_DEVICELIB_GPU_GPU_H

@@ -9,6 +9,9 @@
 #ifndef WARP_DEVICELIB_NVIDIA_SUBGROUP_H
 #define WARP_DEVICELIB_NVIDIA_SUBGROUP_H
 
+// Lanes can search together (geometry/scalar/Team.h).
+#define WARP_TEAMS
+
 namespace gpu {
 
 constexpr int warpSize = 32;

@@ -74,8 +74,7 @@ WARP_INLINE float flushedReciprocalRoot(float x) {
   return result;
 }
 
-/// What follows is loaded when these are computed, not before: registers are
-/// few.
+/// Keeps loads that follow behind the computation of these: registers are few.
 WARP_INLINE void launderEight(float *x) {
   asm volatile(""
                : "+f"(x[0]), "+f"(x[1]), "+f"(x[2]), "+f"(x[3]), "+f"(x[4]),

@@ -225,6 +225,7 @@ private:
   mlir::OpBuilder b;
   mlir::Location loc;
   mlir::Type i8, i32, i64, pointer, dataPointer;
+  const TargetInfo &target;
   bool gpu, index32, debug, exclusive;
   llvm::DenseMap<mlir::Value, ArrayParts> known;
   /// Where in the parameter block an array's descriptor lies.

@@ -5,8 +5,8 @@
 // Structured control flow becomes branches, then arith, math and cf operations
 // become LLVM's in one conversion. Which products are fused with sums was
 // settled before (warp-fuse-multiply-add), so nothing may contract here.
-// Operations of the gpu dialect become NVIDIA's in the same conversion, by
-// MLIR's patterns.
+// Operations of the gpu dialect become the target's, by patterns in the same
+// conversion or before it.
 // A variant with fast math allows reassociation, reciprocals and more
 // contraction, but NaN and infinity keep their meaning.
 //
@@ -21,7 +21,6 @@
 #include "mlir/Conversion/ArithToLLVM/ArithToLLVM.h"
 #include "mlir/Conversion/ControlFlowToLLVM/ControlFlowToLLVM.h"
 #include "mlir/Conversion/GPUCommon/GPUCommonPass.h"
-#include "mlir/Conversion/GPUToNVVM/GPUToNVVMPass.h"
 #include "mlir/Conversion/LLVMCommon/Pattern.h"
 #include "mlir/Conversion/LLVMCommon/TypeConverter.h"
 #include "mlir/Conversion/MathToLLVM/MathToLLVM.h"
@@ -31,7 +30,6 @@
 #include "mlir/Dialect/ControlFlow/IR/ControlFlow.h"
 #include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
-#include "mlir/Dialect/LLVMIR/NVVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/Dialect/MemRef/IR/MemRef.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -158,7 +156,8 @@ struct NarrowToBFloat : ConvertOpToLLVMPattern<arith::TruncFOp> {
 
 /// Patterns live as long as the pass; the type converter must, too.
 struct Conversion {
-  explicit Conversion(MLIRContext *context) : types(context) {
+  Conversion(MLIRContext *context, const warp::TargetInfo &target)
+      : types(context) {
     RewritePatternSet structured(context);
     populateSCFToControlFlowConversionPatterns(structured);
     toBranches = std::move(structured);
@@ -170,18 +169,18 @@ struct Conversion {
     cf::populateControlFlowToLLVMConversionPatterns(types, rest);
     populateMathToLLVMConversionPatterns(types, rest,
                                          /*approximateLog1p=*/false);
-    addGpuPatterns(rest);
+    if (target.isSimt())
+      addGpuPatterns(rest, target);
     toLLVM = std::move(rest);
   }
 
-  void addGpuPatterns(RewritePatternSet &patterns) {
+  void addGpuPatterns(RewritePatternSet &patterns,
+                      const warp::TargetInfo &target) {
     populateGpuMemorySpaceAttributeConversions(
         types, [](gpu::AddressSpace space) -> unsigned {
           return space == gpu::AddressSpace::Workgroup ? warp::sharedSpace : 0;
         });
-    // These would call libdevice for operations of math that warp-lower-math
-    // left alone on purpose, so those of math come first.
-    populateGpuToNVVMConversionPatterns(types, patterns, /*benefit=*/0);
+    target.addPatterns(types, patterns);
     patterns.add<NarrowIndex>(types, /*benefit=*/2);
     populateFinalizeMemRefToLLVMConversionPatterns(types, patterns);
   }
@@ -191,9 +190,9 @@ struct Conversion {
 };
 
 struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
-  LogicalResult initialize(MLIRContext *context) override {
-    conversion = std::make_shared<Conversion>(context);
-    return success();
+  void getDependentDialects(DialectRegistry &registry) const override {
+    ConvertToLLVMBase::getDependentDialects(registry);
+    warp::registerTargetDialects(registry);
   }
 
   void runOnOperation() override {
@@ -203,27 +202,32 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
     if (!entry)
       return signalPassFailure();
     setFloatFlags(entry);
+    const warp::TargetInfo &target = warp::getTarget(entry);
     int64_t blockDim = warp::getVariant(entry).getBlockDim();
     DictionaryAttr parameterFacts = kernel ? kernel.getArgAttrDict(0) : nullptr;
+    bool isInModule = bool(kernel);
 
+    if (isInModule)
+      target.prepareKernel(kernel->getParentOp());
+    Conversion conversion(&getContext(), target);
     ConversionTarget branches(getContext());
     branches.addIllegalDialect<scf::SCFDialect>();
     branches.markUnknownOpDynamicallyLegal([](Operation *) { return true; });
     if (failed(applyPartialConversion(getOperation(), branches,
-                                      conversion->toBranches)))
+                                      conversion.toBranches)))
       return signalPassFailure();
 
     ConversionTarget llvm(getContext());
-    llvm.addLegalDialect<LLVM::LLVMDialect, NVVM::NVVMDialect>();
+    llvm.addLegalDialect<LLVM::LLVMDialect>();
+    llvm.addLegalDialect("nvvm");
     llvm.addIllegalDialect<arith::ArithDialect, cf::ControlFlowDialect,
                            gpu::GPUDialect, math::MathDialect,
                            memref::MemRefDialect>();
     llvm.addLegalOp<gpu::GPUModuleOp>();
-    if (failed(applyPartialConversion(getOperation(), llvm,
-                                      conversion->toLLVM)))
+    if (failed(applyPartialConversion(getOperation(), llvm, conversion.toLLVM)))
       return signalPassFailure();
-    if (kernel)
-      takeOut(parameterFacts, blockDim);
+    if (isInModule)
+      takeOut(target, parameterFacts, blockDim);
   }
 
   /// The kernel of the only `gpu.module`; null if there is none.
@@ -236,14 +240,13 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
 
   /// Moves everything out of the `gpu.module`, as LLVM has one module for it
   /// all, and says of the kernel what the conversion does not know of.
-  void takeOut(DictionaryAttr parameterFacts, int64_t blockDim) {
+  void takeOut(const warp::TargetInfo &target, DictionaryAttr parameterFacts,
+               int64_t blockDim) {
     auto module = *getOperation().getOps<gpu::GPUModuleOp>().begin();
     for (auto function : module.getOps<LLVM::LLVMFuncOp>())
       if (function->hasAttr(warp::attr::entry)) {
         function.setArgAttrs(0, parameterFacts);
-        function->setAttr(
-            NVVM::NVVMDialect::getMaxntidAttrName(),
-            DenseI32ArrayAttr::get(&getContext(), int32_t(blockDim)));
+        target.finishKernel(function, blockDim);
       }
     Block *inside = &module.getBodyRegion().front();
     module->getBlock()->getOperations().splice(module->getIterator(),
@@ -268,8 +271,6 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
                   arith::FastMathFlagsAttr::get(&getContext(), all));
     });
   }
-
-  std::shared_ptr<Conversion> conversion;
 };
 
 } // namespace

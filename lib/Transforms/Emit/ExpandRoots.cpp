@@ -24,7 +24,6 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
-#include "Launch/GpuBlock.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -49,7 +48,8 @@ namespace {
 
 /// Builds f32 operations.
 struct FloatBuilder {
-  explicit FloatBuilder(Operation *op) : b(op), loc(op->getLoc()) {}
+  FloatBuilder(Operation *op, const warp::TargetInfo &target)
+      : b(op), loc(op->getLoc()), target(target) {}
 
   Value constant(float value) {
     return arith::ConstantOp::create(b, loc, b.getF32FloatAttr(value));
@@ -65,12 +65,13 @@ struct FloatBuilder {
   Value select(Value condition, Value x, Value y) {
     return arith::SelectOp::create(b, loc, condition, x, y);
   }
-  Value call(StringRef name, Value x) {
-    return warp::callIntrinsic(b, loc, b.getF32Type(), name, x);
+  Value rsqrt(Value x, bool flushes) {
+    return target.emitRsqrt(b, loc, x, flushes);
   }
 
   OpBuilder b;
   Location loc;
+  const warp::TargetInfo &target;
 };
 
 } // namespace
@@ -79,7 +80,7 @@ static Value buildRoot(FloatBuilder f, Value x) {
   Value isSmall =
       f.compare(arith::CmpFPredicate::OLT, x, f.constant(smallest));
   Value scaled = f.select(isSmall, f.mul(x, f.constant(scale)), x);
-  Value y = f.call("llvm.nvvm.rsqrt.approx.ftz.f", scaled);
+  Value y = f.rsqrt(scaled, /*flushes=*/true);
   Value g = f.mul(scaled, y);
   Value rest = f.fma(f.neg(g), g, scaled);
   Value root = f.fma(rest, f.mul(y, f.constant(0.5f)), g);
@@ -94,8 +95,8 @@ static Value buildRoot(FloatBuilder f, Value x) {
 
 static Value buildReciprocalRoot(FloatBuilder f, Value x, bool isFast) {
   if (isFast)
-    return f.call("llvm.nvvm.rsqrt.approx.ftz.f", x);
-  Value y = f.call("llvm.nvvm.rsqrt.approx.f", x);
+    return f.rsqrt(x, /*flushes=*/true);
+  Value y = f.rsqrt(x, /*flushes=*/false);
   Value rest = f.fma(f.mul(x, y), f.neg(y), f.constant(1));
   Value better = f.fma(rest, f.mul(y, f.constant(0.5f)), y);
   Value isNan = f.compare(arith::CmpFPredicate::UNO, better, better);
@@ -109,7 +110,8 @@ struct ExpandRoots : warp::impl::ExpandRootsBase<ExpandRoots> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    if (!warp::isGpu(entry))
+    const warp::TargetInfo *target = &warp::getTarget(entry);
+    if (!target->has(warp::Feature::ReciprocalRoot))
       return;
     bool isFast = warp::getVariant(entry).getFastMath();
     SmallVector<arith::DivFOp> quotients;
@@ -126,14 +128,15 @@ struct ExpandRoots : warp::impl::ExpandRootsBase<ExpandRoots> {
     });
     for (arith::DivFOp quotient : quotients) {
       auto root = quotient.getRhs().getDefiningOp<math::SqrtOp>();
-      replace(quotient, buildReciprocalRoot(FloatBuilder(quotient),
+      replace(quotient, buildReciprocalRoot(FloatBuilder(quotient, *target),
                                             root.getOperand(), isFast));
     }
     for (math::SqrtOp root : roots)
       if (root->use_empty())
         root.erase();
       else if (!isFast && root->getParentOfType<LoopLikeOpInterface>())
-        replace(root, buildRoot(FloatBuilder(root), root.getOperand()));
+        replace(root,
+                buildRoot(FloatBuilder(root, *target), root.getOperand()));
   }
 
   void replace(Operation *op, Value value) {

@@ -111,7 +111,7 @@ struct FormGpuModule : warp::impl::FormGpuModuleBase<FormGpuModule> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || !warp::isGpu(entry))
+    if (!entry || !warp::getTarget(entry).isSimt())
       return;
     Block *outside = getOperation().getBody();
     OpBuilder b(&getContext());

@@ -53,8 +53,8 @@ static bool hasAssertions(LLVM::LLVMFuncOp entry) {
 
 ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
     : entry(entry), module(entry->getParentOfType<ModuleOp>()),
-      b(entry.getContext()), loc(entry.getLoc()), gpu(isGpu(entry)),
-      index32(getVariant(entry).getIndex32()),
+      b(entry.getContext()), loc(entry.getLoc()), target(getTarget(entry)),
+      gpu(target.isSimt()), index32(getVariant(entry).getIndex32()),
       debug(getVariant(entry).getDebug()),
       exclusive(!gpu && getSchedule(entry).getExclusive()) {
   MLIRContext *context = b.getContext();

@@ -109,7 +109,7 @@ mlir::Value ArrayLowering::atomicUpdate(AtomicKind kind, mlir::Value value,
   if (exclusive)
     return plainUpdate(kind, value, type, at);
   bool isLimit = kind == AtomicKind::min || kind == AtomicKind::max;
-  StringRef scope = gpu ? "device" : "";
+  StringRef scope = target.getLaunchScope();
   if (isLimit && isFloat(type))
     return limitUpdate(b, loc, kind, value, type, at, scope);
   if (kind == AtomicKind::sub && isFloat(type))
@@ -128,7 +128,7 @@ void ArrayLowering::lowerAtomic(AtomicComponentsOp op) {
     if (op.getKind() == AtomicKind::sub)
       for (mlir::Value &term : terms)
         term = arith::NegFOp::create(b, loc, term);
-    return addInPairs(b, loc, terms, at.pointer);
+    return addInPairs(b, loc, target, terms, at.pointer);
   }
   auto old = guarded(op, op.getArray(), at, op.getComponents().getTypes(), [&] {
     SmallVector<mlir::Value> results;
@@ -152,7 +152,7 @@ void ArrayLowering::lowerAtomicCas(AtomicCasOp op) {
     }
     mlir::Value pair = LLVM::AtomicCmpXchgOp::create(
         b, loc, at.pointer, expected, value, LLVM::AtomicOrdering::monotonic,
-        LLVM::AtomicOrdering::monotonic, gpu ? "device" : StringRef());
+        LLVM::AtomicOrdering::monotonic, target.getLaunchScope());
     mlir::Value result = LLVM::ExtractValueOp::create(b, loc, pair, 0);
     if (isFloat(type))
       result = arith::BitcastOp::create(b, loc, type, result);

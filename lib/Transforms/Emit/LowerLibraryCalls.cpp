@@ -123,7 +123,7 @@ LogicalResult warp::lowerLibraryCalls(ModuleOp module,
   for (LibraryCallOp op : calls)
     if (const LibraryFunction *function = findLibraryFunction(op.getCallee()))
       registers = std::max(registers, function->registers);
-  if (isGpu(entry) && registers)
+  if (getTarget(entry).isSimt() && registers)
     entry->setAttr(attr::mostRegisters,
                    Builder(entry.getContext()).getI64IntegerAttr(registers));
   Block &first = entry.getFunctionBody().front();

@@ -37,55 +37,22 @@ using namespace mlir;
 
 namespace {
 
-/// How the libraries have a function.
-enum Availability : unsigned {
-  usual = 0,
-  /// libdevice has a version of less accuracy.
-  fast = 1,
-  /// The CPU has an instruction, or LLVM an inline expansion; our device
-  /// library has all others.
-  nativeOnCpu = 2,
-  /// Our device library has it for floats on GPUs, too.
-  ownOnGpu = 4,
-};
-
 /// Vectors that our device library has functions for, in bits; those of less
 /// than 4 floats have none (their place is not one register in C's convention).
 constexpr unsigned leastVector = 128, largestVector = 512;
 
-struct Function {
-  StringRef name;
-  unsigned availability;
-};
-
-const llvm::StringMap<Function> &functions() {
-  static const llvm::StringMap<Function> table{
-      {"math.sin", {"sin", fast | ownOnGpu}},
-      {"math.cos", {"cos", fast | ownOnGpu}},
-      {"math.tan", {"tan", fast}},
-      {"math.asin", {"asin", usual}},
-      {"math.acos", {"acos", usual}},
-      {"math.atan", {"atan", usual}},
-      {"math.atan2", {"atan2", usual}},
-      {"math.sinh", {"sinh", usual}},
-      {"math.cosh", {"cosh", usual}},
-      {"math.tanh", {"tanh", usual}},
-      {"math.asinh", {"asinh", usual}},
-      {"math.acosh", {"acosh", usual}},
-      {"math.atanh", {"atanh", usual}},
-      {"math.exp", {"exp", fast}},
-      {"math.exp2", {"exp2", usual}},
-      {"math.expm1", {"expm1", usual}},
-      {"math.log", {"log", fast}},
-      {"math.log2", {"log2", fast}},
-      {"math.log10", {"log10", fast}},
-      {"math.log1p", {"log1p", usual}},
-      {"math.powf", {"pow", fast}},
-      {"math.cbrt", {"cbrt", usual}},
-      {"math.erf", {"erf", usual}},
-      {"math.erfc", {"erfc", usual}},
-      {"math.rsqrt", {"rsqrt", nativeOnCpu}},
-      {"arith.remf", {"fmod", nativeOnCpu}},
+/// Names of functions, by operation.
+const llvm::StringMap<StringRef> &functions() {
+  static const llvm::StringMap<StringRef> table{
+      {"math.sin", "sin"},     {"math.cos", "cos"},     {"math.tan", "tan"},
+      {"math.asin", "asin"},   {"math.acos", "acos"},   {"math.atan", "atan"},
+      {"math.atan2", "atan2"}, {"math.sinh", "sinh"},   {"math.cosh", "cosh"},
+      {"math.tanh", "tanh"},   {"math.asinh", "asinh"}, {"math.acosh", "acosh"},
+      {"math.atanh", "atanh"}, {"math.exp", "exp"},     {"math.exp2", "exp2"},
+      {"math.expm1", "expm1"}, {"math.log", "log"},     {"math.log2", "log2"},
+      {"math.log10", "log10"}, {"math.log1p", "log1p"}, {"math.powf", "pow"},
+      {"math.cbrt", "cbrt"},   {"math.erf", "erf"},     {"math.erfc", "erfc"},
+      {"math.rsqrt", "rsqrt"}, {"arith.remf", "fmod"},
   };
   return table;
 }
@@ -101,9 +68,9 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    gpu = warp::isGpu(entry);
+    target = &warp::getTarget(entry);
     fastMath = warp::getVariant(entry).getFastMath();
-    if (gpu && !fastMath)
+    if (!target->getSineCosine().empty() && !fastMath)
       for (auto function : getOperation().getOps<FunctionOpInterface>())
         joinAngles(function);
     getOperation().walk([&](Operation *op) {
@@ -112,9 +79,9 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
       auto found = functions().find(op->getName().getStringRef());
       if (found == functions().end())
         return;
-      if (!gpu && (found->second.availability & nativeOnCpu))
-        return;
-      lower(op, found->second);
+      Type type = op->getResult(0).getType();
+      if (!symbolName(found->second, type).empty())
+        lower(op, found->second);
     });
     if (failed(warp::lowerLibraryCalls(getOperation(), entry)))
       return signalPassFailure();
@@ -149,7 +116,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     Location loc = first->getLoc();
     auto pair = VectorType::get(2, angle.getType());
     LLVM::LLVMFuncOp callee =
-        declare("warp_gpu_sincosf", pair, {angle.getType()});
+        declare(target->getSineCosine(), pair, {angle.getType()});
     Value values = LLVM::CallOp::create(b, loc, callee, angle).getResult();
     Value zero = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(0));
     Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
@@ -161,7 +128,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     }
   }
 
-  void lower(Operation *op, const Function &function) {
+  void lower(Operation *op, StringRef function) {
     OpBuilder b(op);
     Type type = op->getResult(0).getType();
     Type computed = type;
@@ -205,7 +172,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     return arith::ExtFOp::create(b, x.getLoc(), type, x);
   }
 
-  Value call(OpBuilder &b, Location loc, const Function &function,
+  Value call(OpBuilder &b, Location loc, StringRef function,
              ArrayRef<Value> operands) {
     Type type = operands[0].getType();
     auto vector = dyn_cast<VectorType>(type);
@@ -222,7 +189,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
                   : callLanes(b, loc, function, operands, lanes);
   }
 
-  Value callHalves(OpBuilder &b, Location loc, const Function &function,
+  Value callHalves(OpBuilder &b, Location loc, StringRef function,
                    ArrayRef<Value> operands, int32_t half) {
     auto lower = llvm::to_vector(llvm::seq<int32_t>(0, half));
     auto upper = llvm::to_vector(llvm::seq<int32_t>(half, 2 * half));
@@ -237,7 +204,7 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     return LLVM::ShuffleVectorOp::create(b, loc, first, second, all);
   }
 
-  Value callLanes(OpBuilder &b, Location loc, const Function &function,
+  Value callLanes(OpBuilder &b, Location loc, StringRef function,
                   ArrayRef<Value> operands, int64_t lanes) {
     Value result = LLVM::PoisonOp::create(b, loc, operands[0].getType());
     for (int64_t lane = 0; lane < lanes; ++lane) {
@@ -258,21 +225,13 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
            bits <= largestVector;
   }
 
-  std::string symbolName(const Function &function, Type type) const {
-    std::string name = function.name.str();
-    bool single = getElementTypeOrSelf(type).isF32();
-    if (gpu && fastMath && single && (function.availability & fast))
-      return "__nv_fast_" + name + "f";
-    if (single)
-      name += "f";
-    if (gpu && single && (function.availability & ownOnGpu))
-      return "warp_gpu_" + name;
-    if (gpu)
-      return "__nv_" + name;
-    auto vector = dyn_cast<VectorType>(type);
-    std::string width =
-        vector ? "_x" + std::to_string(vector.getNumElements()) : "";
-    return "warp_" + name + width;
+  /// Half precision is computed in f32.
+  std::string symbolName(StringRef function, Type type) const {
+    bool isSingle = !getElementTypeOrSelf(type).isF64();
+    std::string name = target->getMathFunction(function, isSingle, fastMath);
+    if (auto vector = dyn_cast<VectorType>(type); vector && !name.empty())
+      name += "_x" + std::to_string(vector.getNumElements());
+    return name;
   }
 
   /// A function of floats without effects.
@@ -293,7 +252,8 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
     return function;
   }
 
-  bool gpu = false, fastMath = false;
+  const warp::TargetInfo *target = nullptr;
+  bool fastMath = false;
 };
 
 } // namespace

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // `printf` becomes a call: of `warp_printf` (the runtime's) with C's variable
-// arguments on the CPU, of `vprintf` with a packed buffer on the GPU. The
+// arguments on the CPU, of the target's with a packed buffer on the GPU. The
 // conversions of the format are rewritten to the lengths of the arguments.
 //
 // An error is written to the launch's error record, by the first thread that
@@ -16,6 +16,7 @@
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Interfaces/DataLayoutInterfaces.h"
 
 using namespace mlir;
 using namespace warp;
@@ -141,8 +142,8 @@ void ArrayLowering::lowerPrintf(PrintfOp op) {
         b, loc, pointer, record, buffer, ArrayRef<LLVM::GEPArg>{0, int32_t(i)});
     LLVM::StoreOp::create(b, loc, value, slot);
   }
-  LLVM::CallOp::create(b, loc, declare("vprintf", {pointer, pointer}, false),
-                       ValueRange{text, buffer});
+  target.emitPrintf(b, loc, module, text, buffer,
+                    DataLayout(module).getTypeSize(record).getFixedValue());
 }
 
 //===----------------------------------------------------------------------===//

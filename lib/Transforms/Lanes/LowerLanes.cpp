@@ -332,7 +332,7 @@ struct LowerLanes : warp::impl::LowerLanesBase<LowerLanes> {
     if (!found)
       return signalPassFailure();
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
-    if (!entry || warp::isGpu(entry) || !hasLanes(entry))
+    if (!entry || warp::getTarget(entry).isSimt() || !hasLanes(entry))
       return;
     (void)applyPatternsGreedily(entry, *patterns);
     LaneLowering(entry).run();

@@ -375,7 +375,8 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (!kernel)
       return signalPassFailure();
     warp::ThreadsOp threads = warp::findThreads(kernel);
-    if (!threads || warp::isGpu(kernel) || warp::getVariant(kernel).getDebug())
+    if (!threads || warp::getTarget(kernel).isSimt() ||
+        warp::getVariant(kernel).getDebug())
       return;
     if (kernel->hasAttr(warp::attr::blockThreads))
       return warp::noteChoice(kernel, "lanes", "1",

@@ -141,7 +141,7 @@ bool warp::isRepeated(Operation *op) {
 std::optional<Batches> warp::findBatches(FunctionOpInterface kernel,
                                          ThreadsOp threads) {
   auto memory = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockBytes);
-  if (!memory || isGpu(kernel) || getVariant(kernel).getDebug() ||
+  if (!memory || getTarget(kernel).isSimt() || getVariant(kernel).getDebug() ||
       threads.getLanes() || threads.getNumResults() != 0)
     return std::nullopt;
   Block *block = threads.getThread();

@@ -22,7 +22,7 @@
 
 using namespace mlir;
 
-int64_t warp::getSlabPeriod(int64_t count) {
+int64_t warp::getSlabPeriod(int64_t count, int64_t warpSize) {
   return std::lcm(count, warpSize);
 }
 
@@ -39,7 +39,7 @@ warp::ElementStage::ElementStage(OpBuilder &b, Location loc,
                                  Value pointer)
     : b(b), loc(loc), word(getSignless(getElementScalar(type))),
       bytes(getByteSize(word)), count(getComponentCount(type)),
-      period(getSlabPeriod(count)) {
+      warpSize(subgroupSizeAt(b)), period(getSlabPeriod(count, warpSize)) {
   auto mul = [&](int64_t factor) -> Value {
     return arith::MulIOp::create(b, loc, staged.lane, constant(factor));
   };

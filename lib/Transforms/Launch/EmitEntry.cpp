@@ -53,7 +53,7 @@ void EntryBuilder::createEntry() {
   Type pointer = LLVM::LLVMPointerType::get(context);
   Type i64 = b.getI64Type();
   SmallVector<Type> types{pointer};
-  if (!warp::isGpu(kernel))
+  if (!warp::getTarget(kernel).isSimt())
     types.append({i64, i64});
   auto type =
       LLVM::LLVMFunctionType::get(LLVM::LLVMVoidType::get(context), types);
@@ -70,20 +70,12 @@ void EntryBuilder::createEntry() {
 
   int64_t size = warp::layOutParameters(getArgumentTypes(kernel)).size;
   size += sizeof(warp::SumDescriptor) * warp::getSchedule(kernel).countSums();
-  if (!warp::isGpu(kernel)) {
-    entry.setArgAttr(0, "llvm.noalias", b.getUnitAttr());
-    entry.setArgAttr(0, "llvm.readonly", b.getUnitAttr());
-    return;
-  }
-  entry.setCConv(LLVM::CConv::PTX_Kernel);
   int64_t alignment = 8;
   if (auto maps = entry->getAttrOfType<ArrayAttr>(warp::attr::tensorMaps)) {
     alignment = warp::tensorMapAlignment;
     size = llvm::alignTo(size, alignment) + warp::tensorMapBytes * maps.size();
   }
-  auto bytes = LLVM::LLVMArrayType::get(b.getI8Type(), size);
-  entry.setArgAttr(0, "llvm.byval", TypeAttr::get(bytes));
-  entry.setArgAttr(0, "llvm.align", b.getI64IntegerAttr(alignment));
+  warp::getTarget(kernel).declareEntry(entry, size, alignment);
 }
 
 Value EntryBuilder::parameter(Type type, int64_t offset) {
@@ -138,10 +130,10 @@ static void inlineOnce(warp::OnceOp once, function_ref<Value()> isFirst) {
 
 /// On a CPU a block is one thread.
 void EntryBuilder::lowerGroupOps() {
-  bool gpu = warp::isGpu(entry);
+  bool gpu = warp::getTarget(entry).isSimt();
   // Threads that work on tiles are numbered along one axis.
   int64_t tileThreads = warp::tiles::getBlockThreads(entry);
-  bool isWarp = tileThreads == warp::warpSize;
+  bool isWarp = tileThreads == warp::getTarget(entry).getSubgroupSize();
   auto number = [&](Location loc) -> Value {
     if (!gpu)
       return constant(b.getI32Type(), 0);
@@ -194,7 +186,7 @@ EntryBuilder::Values EntryBuilder::buildGpu() {
 }
 
 void EntryBuilder::build() {
-  bool gpu = warp::isGpu(kernel);
+  bool gpu = warp::getTarget(kernel).isSimt();
   createEntry();
   Block *first = &entry.getBody().front();
   Block *body = b.createBlock(&entry.getBody());
@@ -243,7 +235,7 @@ struct EmitEntry : warp::impl::EmitEntryBase<EmitEntry> {
     if (!threads)
       return signalPassFailure();
     auto kernel = threads->getParentOfType<FunctionOpInterface>();
-    if (warp::isGpu(kernel) && !threads.getIndices().empty()) {
+    if (warp::getTarget(kernel).isSimt() && !threads.getIndices().empty()) {
       threads.emitError("expects threads that are mapped to the grid, run "
                         "'--warp-apply-schedules' first");
       return signalPassFailure();

@@ -25,7 +25,7 @@ class EntryBuilder : ThreadsBuilder {
 public:
   EntryBuilder(mlir::FunctionOpInterface kernel, ThreadsOp threads)
       : ThreadsBuilder(kernel, threads),
-        rank(isGpu(kernel) ? variant.getRank() : threads.getIndices().size()) {}
+        rank(getTarget(kernel).isSimt() ? variant.getRank() : threads.getIndices().size()) {}
 
   void build();
 

@@ -65,7 +65,7 @@ struct FuseMultiplyAdd : warp::impl::FuseMultiplyAddBase<FuseMultiplyAdd> {
     FunctionOpInterface kernel = warp::findKernel(getOperation());
     if (!kernel)
       return signalPassFailure();
-    bool gpu = warp::isGpu(kernel);
+    bool gpu = warp::getTarget(kernel).isSimt();
     SmallVector<Operation *> sums;
     kernel->walk([&](Operation *op) {
       if (!isa<arith::AddFOp, arith::SubFOp>(op))

@@ -3,12 +3,14 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // What passes need that let the threads of a block work together, so that none
-// of them names an operation of the `gpu` dialect, whose header is costly, or
-// an intrinsic of one maker's GPUs.
+// of them names an operation of the `gpu` dialect, whose header is costly. What
+// that dialect lacks, the target builds.
 //
 //===----------------------------------------------------------------------===//
 
 #include "GpuBlock.h"
+
+#include "KernelFunction.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/GPU/IR/GPUDialect.h"
@@ -19,6 +21,13 @@ using namespace mlir;
 
 void warp::registerGpuDialect(DialectRegistry &registry) {
   registry.insert<gpu::GPUDialect>();
+}
+
+const warp::TargetInfo &warp::targetAt(OpBuilder &b) {
+  Operation *op = b.getInsertionBlock()->getParentOp();
+  while (!op->hasAttr(attr::variant) && op->getParentOp())
+    op = op->getParentOp();
+  return getTarget(op);
 }
 
 static Value constant(OpBuilder &b, Location loc, int32_t value) {
@@ -80,6 +89,11 @@ Value warp::threadInBlock(OpBuilder &b, Location loc) {
   return add(thread(Axis::x), mul(extent(Axis::x), row));
 }
 
+Value warp::subgroupOf(OpBuilder &b, Location loc, Value thread) {
+  return arith::ShRUIOp::create(
+      b, loc, thread, constant(b, loc, llvm::Log2_64(subgroupSizeAt(b))));
+}
+
 //===----------------------------------------------------------------------===//
 // Lanes and threads together
 //===----------------------------------------------------------------------===//
@@ -100,7 +114,7 @@ static gpu::ShuffleMode toGpu(warp::ShuffleMode mode) {
 Value warp::shuffle(OpBuilder &b, Location loc, ShuffleMode mode, Value value,
                     Value lane) {
   Type type = value.getType(), i32 = b.getI32Type(), i64 = b.getI64Type();
-  Value width = constant(b, loc, warpSize);
+  Value width = constant(b, loc, subgroupSizeAt(b));
   auto move = [&](Value word) -> Value {
     return gpu::ShuffleOp::create(b, loc, word, lane, width, toGpu(mode))
         .getShuffleResult();
@@ -127,20 +141,21 @@ bool warp::isShuffle(Operation *op) { return isa<gpu::ShuffleOp>(op); }
 
 Value warp::overLanes(OpBuilder &b, Location loc, Value value,
                       function_ref<Value(Value, Value)> combine) {
-  for (int64_t distance = 1; distance < warpSize; distance *= 2)
+  for (int64_t distance = 1, size = subgroupSizeAt(b); distance < size;
+       distance *= 2)
     value = combine(value, shuffle(b, loc, ShuffleMode::exclusiveOr, value,
                                    constant(b, loc, distance)));
   return value;
 }
 
-/// Lanes hand each other what is the other's to combine: at distance 16 the
-/// lower half of a warp takes the first half of the values, the upper half the
+/// Lanes exchange what the other one combines: at the first distance the lower
+/// half of a warp takes the first half of the values, the upper half the
 /// others, and so on. So 32 values take 31 shuffles in place of 160.
 Value warp::shareOverLanes(OpBuilder &b, Location loc, Value lane,
                            SmallVector<Value> values,
                            function_ref<Value(Value, Value)> combine) {
   size_t half = llvm::PowerOf2Ceil(values.size());
-  for (int64_t distance = warpSize / 2; distance > 0; distance /= 2) {
+  for (int64_t distance = subgroupSizeAt(b) / 2; distance > 0; distance /= 2) {
     half = std::max<size_t>(half / 2, 1);
     Value bit = arith::AndIOp::create(b, loc, lane, constant(b, loc, distance));
     Value isUpper = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, bit,
@@ -166,26 +181,15 @@ void warp::synchronizeBlock(OpBuilder &b, Location loc) {
 }
 
 //===----------------------------------------------------------------------===//
-// Intrinsics
+// Votes and barriers of the target
 //===----------------------------------------------------------------------===//
 
-Value warp::callIntrinsic(OpBuilder &b, Location loc, Type type, StringRef name,
-                          ValueRange operands) {
-  return LLVM::CallIntrinsicOp::create(b, loc, type, b.getStringAttr(name),
-                                       operands)
-      .getResult(0);
-}
-
 Value warp::isFullWarp(OpBuilder &b, Location loc) {
-  Value active =
-      callIntrinsic(b, loc, b.getI32Type(), "llvm.nvvm.activemask", {});
-  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, active,
-                               constant(b, loc, -1));
+  return targetAt(b).emitIsFull(b, loc);
 }
 
 Value warp::holdsInWarp(OpBuilder &b, Location loc, Value condition) {
-  return callIntrinsic(b, loc, b.getI1Type(), "llvm.nvvm.vote.all.sync",
-                       {constant(b, loc, -1), condition});
+  return targetAt(b).emitVoteAll(b, loc, condition);
 }
 
 Value warp::isWarpTogether(OpBuilder &b, Location loc,
@@ -215,15 +219,11 @@ Value warp::isWarpTogether(OpBuilder &b, Location loc,
 }
 
 Value warp::holdsAnywhere(OpBuilder &b, Location loc, Value condition) {
-  return callIntrinsic(b, loc, b.getI1Type(),
-                       "llvm.nvvm.barrier.cta.red.or.aligned.all",
-                       {constant(b, loc, 0), condition});
+  return targetAt(b).emitBlockAny(b, loc, condition);
 }
 
 void warp::synchronizeWarp(OpBuilder &b, Location loc) {
-  LLVM::CallIntrinsicOp::create(b, loc,
-                                b.getStringAttr("llvm.nvvm.bar.warp.sync"),
-                                ValueRange(constant(b, loc, -1)));
+  targetAt(b).emitSubgroupBarrier(b, loc);
 }
 
 //===----------------------------------------------------------------------===//

@@ -8,13 +8,22 @@
 #define WARP_LIB_TRANSFORMS_GPUBLOCK_H
 
 #include "Analysis/GridReads.h"
+#include "Targets/Target.h"
 
 #include "mlir/IR/Builders.h"
 #include "mlir/IR/BuiltinOps.h"
 
 namespace warp {
 
-constexpr int64_t warpSize = 32;
+/// The target of the kernel that code is built for.
+const TargetInfo &targetAt(mlir::OpBuilder &b);
+/// Lanes of its subgroups ("warps").
+inline int64_t subgroupSizeAt(mlir::OpBuilder &b) {
+  return targetAt(b).getSubgroupSize();
+}
+/// Number of the subgroup of a thread of a block.
+mlir::Value subgroupOf(mlir::OpBuilder &b, mlir::Location loc,
+                       mlir::Value thread);
 /// Address space of the memory that the threads of a block share.
 constexpr unsigned sharedSpace = 3;
 
@@ -51,10 +60,11 @@ mlir::Value
 overLanes(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value,
           llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
 
-/// The same for up to 32 values, of which each lane gets one, and lanes with
-/// the same one follow each other: with `n` values and `n` a power of two, lane
-/// `k` gets that at `k * n / 32`. Other numbers are like the next power of two,
-/// and what lanes get beyond the last value means nothing.
+/// The same for as many values as there are lanes, at most, of which each lane
+/// gets one, and lanes with the same one follow each other: with `n` values and
+/// `n` a power of two, lane `k` of `size` gets that at `k * n / size`. Other
+/// numbers are like the next power of two, and what lanes get beyond the last
+/// value means nothing.
 mlir::Value shareOverLanes(
     mlir::OpBuilder &b, mlir::Location loc, mlir::Value lane,
     llvm::SmallVector<mlir::Value> values,
@@ -64,12 +74,8 @@ mlir::Value shareOverLanes(
 void synchronizeBlock(mlir::OpBuilder &b, mlir::Location loc);
 
 //===----------------------------------------------------------------------===//
-// Intrinsics of NVIDIA's, for what the `gpu` dialect does not have
+// Votes and barriers of the target
 //===----------------------------------------------------------------------===//
-
-mlir::Value callIntrinsic(mlir::OpBuilder &b, mlir::Location loc,
-                          mlir::Type type, llvm::StringRef name,
-                          mlir::ValueRange operands);
 
 /// Whether all lanes of the warp get here together.
 mlir::Value isFullWarp(mlir::OpBuilder &b, mlir::Location loc);

@@ -55,7 +55,7 @@ static void moveBefore(Value value, Operation *loop) {
 void warp::hoistHandles(FunctionOpInterface kernel) {
   // The transform of a volume is twelve numbers of 64 bits, for which threads
   // of a GPU would give up a third of those that hide each other's waiting.
-  if (isGpu(kernel))
+  if (getTarget(kernel).isSimt())
     return;
   SmallVector<Value> fixed;
   kernel.walk([&](Operation *op) {

@@ -94,10 +94,10 @@ static int64_t getWordSize(Type element) {
 }
 
 /// Bytes of the slab for elements of a type.
-static int64_t getSlabSize(Type element) {
+static int64_t getSlabSize(Type element, int64_t warpSize) {
   int64_t count = warp::getComponentCount(element);
-  int64_t words = warp::warpSize * count;
-  words += words / warp::getSlabPeriod(count) - 1;
+  int64_t words = warpSize * count;
+  words += words / warp::getSlabPeriod(count, warpSize) - 1;
   return llvm::alignTo(words * getWordSize(element), 8);
 }
 
@@ -129,7 +129,8 @@ public:
   /// `mostBytes` is what the slab of one warp may have.
   Finder(LLVM::LLVMFuncOp entry, warp::StagedAccesses &staged,
          int64_t mostBytes)
-      : entry(entry), staged(staged), mostBytes(mostBytes) {}
+      : entry(entry), staged(staged), mostBytes(mostBytes),
+        warpSize(warp::getTarget(entry).getSubgroupSize()) {}
 
   void visit(Block &block);
 
@@ -145,7 +146,7 @@ private:
   /// Once it is needed.
   std::optional<warp::ThreadVariance> variance;
   warp::StagedAccesses &staged;
-  int64_t mostBytes;
+  int64_t mostBytes, warpSize;
   /// The group that more loads may join.
   warp::LoadComponentsOp first;
   int64_t inFlight = 0;
@@ -167,11 +168,11 @@ template <typename Op> bool Finder::canStage(Op access) {
   Type element = getElement(access.getArray());
   if (!warp::isComposite(element) || getWordSize(element) < 2 ||
       countComponents(access) < fewestComponents(element) ||
-      getSlabSize(element) > mostBytes ||
+      getSlabSize(element, warpSize) > mostBytes ||
       access->template getParentOfType<LoopLikeOpInterface>() ||
       !isStretch(access.getArray(), access.getIndices(), access->getBlock()))
     return false;
-  slabSize = std::max(slabSize, getSlabSize(element));
+  slabSize = std::max(slabSize, getSlabSize(element, warpSize));
   warp::noteChoice(access->template getParentOfType<LLVM::LLVMFuncOp>(),
                    "access", "words shared by a warp",
                    "elements are one stretch of memory", access);
@@ -228,6 +229,7 @@ static int64_t getSharedSize(ModuleOp module) {
 warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   StagedAccesses staged;
   int64_t blockDim = getVariant(entry).getBlockDim();
+  int64_t warpSize = getTarget(entry).getSubgroupSize();
   int64_t warps = llvm::divideCeil(blockDim, warpSize);
   auto module = entry->getParentOfType<ModuleOp>();
   int64_t left = mostShared - getSharedSize(module);
@@ -254,7 +256,7 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
                                          constant(0));
   }
   staged.lane = arith::AndIOp::create(b, loc, x, last);
-  Value warp = arith::ShRUIOp::create(b, loc, thread, constant(5));
+  Value warp = subgroupOf(b, loc, thread);
   Value offset = arith::MulIOp::create(b, loc, warp, constant(slabSize));
   staged.slab = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(),
                                     shared, ArrayRef<LLVM::GEPArg>(offset));

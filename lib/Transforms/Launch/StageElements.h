@@ -36,7 +36,7 @@ StagedAccesses findStagedAccesses(mlir::LLVM::LLVMFuncOp entry);
 
 /// Words of a stretch between two of padding in the slab, where elements have
 /// `count` words.
-int64_t getSlabPeriod(int64_t count);
+int64_t getSlabPeriod(int64_t count, int64_t warpSize);
 
 /// True if all threads of a warp come to the insertion point together.
 mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
@@ -62,7 +62,7 @@ private:
   mlir::Value advance(mlir::Value base, int64_t words);
   mlir::Value advance(mlir::Value base, mlir::Value words);
   mlir::Value constant(int64_t value);
-  mlir::Value inMemory(int64_t i) { return advance(memory, 32 * i); }
+  mlir::Value inMemory(int64_t i) { return advance(memory, warpSize * i); }
   mlir::Value inShare(int64_t i);
   llvm::SmallVector<mlir::Value> load(Slot from);
   void store(mlir::ValueRange words, Slot to);
@@ -70,7 +70,7 @@ private:
   mlir::OpBuilder &b;
   mlir::Location loc;
   mlir::Type word;
-  int64_t bytes, count, period;
+  int64_t bytes, count, warpSize, period;
   /// Where the thread's share begins in memory, share and element in the slab.
   mlir::Value memory, share, element;
 };

@@ -254,7 +254,7 @@ struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    if (!warp::isGpu(entry) || warp::getVariant(entry).getDebug())
+    if (!warp::getTarget(entry).isSimt() || warp::getVariant(entry).getDebug())
       return;
     warp::nestRuns(entry);
     SmallVector<scf::WhileOp> conditional;

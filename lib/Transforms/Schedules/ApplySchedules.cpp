@@ -62,7 +62,7 @@ static bool choose(ScheduleSite &site, LaunchRewrite &schedule) {
 static void applySchedules(ScheduleSite &site, ScheduleStage stage) {
   SmallVector<std::unique_ptr<LaunchRewrite>> chosen;
   for (const warp::ScheduleEntry &entry : warp::getSchedules()) {
-    if (entry.stage != stage || !entry.isSupported(site.variant.getTarget()))
+    if (entry.stage != stage || !entry.isSupported(site.target))
       continue;
     std::unique_ptr<LaunchRewrite> schedule = entry.make(site);
     if (choose(site, *schedule))
@@ -114,7 +114,7 @@ struct ApplySchedules : warp::impl::ApplySchedulesBase<ApplySchedules> {
   void applyToLoops(FunctionOpInterface entry) {
     if (!entry)
       return signalPassFailure();
-    if (!warp::isGpu(entry))
+    if (!warp::getTarget(entry).isSimt())
       return;
     SmallVector<scf::ForOp> loops;
     entry->walk([&](scf::ForOp loop) { loops.push_back(loop); });

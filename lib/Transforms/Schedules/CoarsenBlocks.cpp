@@ -333,7 +333,7 @@ bool CoarsenBlocks::isFactor(Value tile) const {
 /// True if registers hold the accumulators of so many blocks, and shared memory
 /// at least one pipeline stage ahead.
 bool CoarsenBlocks::isGood(TileMatmulOp op, int64_t factor) const {
-  TargetAttr target = site.variant.getTarget();
+  const TargetInfo &target = site.target;
   TileType type = tileType(op.getResult());
   Type element = tileType(op.getA()).getElementType();
   int64_t rows = type.getShape()[0], columns = type.getShape()[1] * factor;
@@ -343,7 +343,7 @@ bool CoarsenBlocks::isGood(TileMatmulOp op, int64_t factor) const {
   int64_t stage = (rows + columns) * rowBytes;
   if (rows > mostExtent || columns > mostExtent ||
       2 * stage + factor * countWideBytes() > mostBytes ||
-      !findProductForm(op, threads, target.getVersion()))
+      !findProductForm(op, threads, target))
     return false;
   if (element.isF32())
     return sums <= mostOwnSums && rows % 8 == 0 && columns % 8 == 0;

@@ -23,6 +23,8 @@ bool warp::hasWarpTiles(scf::ForOp loop, const ThreadVariance &variance,
     return variance.strideIfEqual(bound, loop, compared) == 0;
   };
   Type type = loop.getInductionVar().getType();
+  int64_t warpSize =
+      getTarget(loop->getParentOfType<FunctionOpInterface>()).getSubgroupSize();
   return matchPattern(loop.getStep(), m_One()) &&
          !hasFewerTrips(loop, 2 * warpSize) && isa<IntegerType>(type) &&
          type.getIntOrFloatBitWidth() >= 32 &&

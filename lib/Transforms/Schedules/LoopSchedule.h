@@ -19,17 +19,18 @@ namespace warp {
 /// True if a loop surely has fewer iterations.
 bool hasFewerTrips(mlir::scf::ForOp loop, int64_t trips);
 
-/// True if a warp can run a loop in tiles of 32 iterations: its counter steps
-/// by one between bounds that lanes share, and it is not short. Adds the values
-/// that lanes must agree on for that.
+/// True if a warp can run a loop in tiles of an iteration for each lane: its
+/// counter steps by one between bounds that lanes share, and it is not short.
+/// Adds the values that lanes must agree on for that.
 bool hasWarpTiles(mlir::scf::ForOp loop, const ThreadVariance &variance,
                   llvm::SetVector<mlir::Value> &compared);
 
-/// A schedule that puts tiles of 32 iterations in front of a loop.
+/// A schedule that puts tiles of an iteration for each lane in front of a loop.
 class LoopSchedule : public LaunchRewrite {
 public:
   explicit LoopSchedule(ScheduleSite &site)
-      : LaunchRewrite(site), loop(site.loop), b(loop), loc(loop.getLoc()) {}
+      : LaunchRewrite(site), warpSize(site.target.getSubgroupSize()),
+        loop(site.loop), b(loop), loc(loop.getLoc()) {}
 
 protected:
   /// The first iteration that is in no full tile; the first of the loop in a
@@ -57,6 +58,8 @@ protected:
     return mlir::arith::ExtUIOp::create(b, loc, counterType(), number);
   }
 
+  /// Lanes of a warp, and iterations of a tile.
+  int64_t warpSize;
   mlir::scf::ForOp loop;
   mlir::OpBuilder b;
   mlir::Location loc;

@@ -23,7 +23,7 @@
 //     sums = none
 //     for step = 0 to 32:
 //       sums += values that the updates of iteration
-//               tile + (lane + step) % 32 add
+//               tile + (lane + step) mod 32 add
 //       sums = shuffle sums from lane + 1
 //     update the elements of iteration tile + lane with the sums
 //   for the rest: the loop as it was
@@ -60,6 +60,14 @@ public:
   }
 
 private:
+  /// Has a bit for each lane.
+  Type maskType() { return b.getIntegerType(warpSize); }
+  Value toMask(Value x) {
+    if (x.getType() == maskType())
+      return x;
+    return arith::ExtUIOp::create(b, loc, maskType(), x);
+  }
+
   /// An update whose sums are shuffled from lane to lane.
   struct Update {
     AtomicComponentsOp op;
@@ -126,7 +134,7 @@ void RingReduction::makeSlots() {
           LLVM::AllocaOp::create(b, loc, pointer, type, one));
     if (update.isConditional())
       update.reached =
-          LLVM::AllocaOp::create(b, loc, pointer, b.getI32Type(), one);
+          LLVM::AllocaOp::create(b, loc, pointer, maskType(), one);
   }
 }
 
@@ -141,8 +149,9 @@ void RingReduction::accumulate(Update &update, AtomicComponentsOp op,
                   type, /*anyOrder=*/true),
           slot);
   if (update.isConditional()) {
-    Value bit = arith::ShLIOp::create(b, loc, constant(1), offset);
-    Value old = load(update.reached, b.getI32Type());
+    Value bit = arith::ShLIOp::create(b, loc, constant(maskType(), 1),
+                                      toMask(offset));
+    Value old = load(update.reached, maskType());
     store(bitOr(old, bit), update.reached);
   }
   op->erase();
@@ -173,9 +182,9 @@ void RingReduction::buildStep(Value tile, Value number, ValueRange carried) {
 void RingReduction::publish(Update &update, Value iteration) {
   OpBuilder::InsertionGuard guard(b);
   if (update.isConditional()) {
-    Value reached = overLanes(b, loc, load(update.reached, b.getI32Type()),
+    Value reached = overLanes(b, loc, load(update.reached, maskType()),
                               [&](Value x, Value y) { return bitOr(x, y); });
-    Value bit = arith::ShRUIOp::create(b, loc, reached, lane);
+    Value bit = arith::ShRUIOp::create(b, loc, reached, toMask(lane));
     Value any = arith::TruncIOp::create(b, loc, b.getI1Type(), bit);
     auto branch = scf::IfOp::create(b, loc, any, /*withElseRegion=*/false);
     b.setInsertionPointToStart(branch.thenBlock());
@@ -198,7 +207,7 @@ void RingReduction::buildTile(Value tile, ValueRange carried) {
     for (auto [slot, type] : llvm::zip_equal(update.slots, update.types))
       store(identity(b, loc, update.op.getKind(), type), slot);
     if (update.isConditional())
-      store(constant(0), update.reached);
+      store(constant(maskType(), 0), update.reached);
   }
   auto steps = scf::ForOp::create(
       b, loc, constant(0), constant(warpSize), constant(1), carried,

@@ -18,10 +18,10 @@ MakeSchedule makeCoarsenBlocks, makeSingleBlock, makeStageTransposes,
     makeUnrollAndJam, makeMapToGrid, makeReverseOrder, makeRingReduction,
     makeStageSharedLoads;
 
-static bool onGpu(warp::TargetAttr target) { return target.isGpu(); }
+static bool onGpu(const warp::TargetInfo &target) { return target.isSimt(); }
 /// Matrix instructions of warpgroups.
-static bool withWarpgroups(warp::TargetAttr target) {
-  return target.getProcessor() == "sm_90a";
+static bool withWarpgroups(const warp::TargetInfo &target) {
+  return target.has(warp::Feature::Wgmma);
 }
 
 using warp::ScheduleStage;

@@ -25,10 +25,12 @@ class GridMapping;
 /// The place of a rewrite: a kernel, or a loop of its entry.
 struct ScheduleSite {
   explicit ScheduleSite(mlir::FunctionOpInterface function)
-      : function(function), variant(getVariant(function)) {}
+      : function(function), variant(getVariant(function)),
+        target(getTarget(function)) {}
 
   mlir::FunctionOpInterface function;
   VariantAttr variant;
+  const TargetInfo &target;
   /// In stage `threads`.
   ThreadsOp threads;
   /// In the stages of loops.
@@ -86,7 +88,7 @@ protected:
 struct ScheduleEntry {
   ScheduleStage stage;
   /// True if a processor has the features that the schedule needs.
-  bool (*isSupported)(TargetAttr target);
+  bool (*isSupported)(const TargetInfo &target);
   /// The benchmark that justifies it.
   llvm::StringLiteral benchmark;
   std::unique_ptr<LaunchRewrite> (*make)(ScheduleSite &site);

@@ -36,7 +36,8 @@ namespace {
 class SplitReduction : public GridMapping {
 public:
   explicit SplitReduction(ScheduleSite &site)
-      : GridMapping(site), parts(variant.getBlockDim() / warpSize) {}
+      : GridMapping(site), warpSize(site.target.getSubgroupSize()),
+        parts(variant.getBlockDim() / warpSize) {}
 
   bool applies() override;
   bool profit() override { return variant.getUnderfilled(); }
@@ -55,6 +56,7 @@ private:
   Values build() override;
   Values addParts(ValueRange sums, Value lane, Value part, Value isFirst);
 
+  int64_t warpSize;
   /// Warps of a block.
   int64_t parts;
   scf::ForOp loop;
@@ -74,7 +76,7 @@ int64_t SplitReduction::countBytes(TypeRange types) {
 bool SplitReduction::canSplit(scf::ForOp loop) {
   // A loop may carry arrays, too.
   auto isWord = [](Type type) {
-    return type.isIntOrFloat() && type.getIntOrFloatBitWidth() % 32 == 0;
+    return type.isIntOrFloat() && type.getIntOrFloatBitWidth() >= 32;
   };
   auto isUniform = [&](Value value) {
     return site.getVariance().isUniform(value, Scope::Launch);
@@ -118,7 +120,7 @@ static std::pair<Value, Value> partOf(OpBuilder &b, Location loc, Value first,
   Value begin = widen(first);
   Value trips = arith::SubIOp::create(b, loc, widen(last), begin);
   trips = arith::MaxSIOp::create(b, loc, trips, constant(0));
-  int64_t unit = parts * warpSize;
+  int64_t warpSize = subgroupSizeAt(b), unit = parts * warpSize;
   Value size = arith::AddIOp::create(b, loc, trips, constant(unit - 1));
   size = arith::DivUIOp::create(b, loc, size, constant(unit));
   size = arith::MulIOp::create(b, loc, size, constant(warpSize));

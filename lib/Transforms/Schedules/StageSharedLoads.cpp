@@ -32,8 +32,6 @@
 using namespace mlir;
 using namespace warp;
 
-/// Iterations of a tile.
-constexpr int64_t tileSize = warpSize;
 /// Bytes of all elements that are staged for one iteration.
 constexpr int64_t mostBytes = 64;
 /// Iterations of a tile that are unrolled.
@@ -55,7 +53,7 @@ public:
   bool applies() override;
   void rewrite() override;
   Description describe(bool) override {
-    return {"loop", "tiles of " + std::to_string(tileSize),
+    return {"loop", "tiles of " + std::to_string(warpSize),
             "uniform loads staged through shared memory", loop};
   }
 
@@ -104,7 +102,7 @@ void StageSharedLoads::collect(LoadComponentsOp load) {
       site.getVariance().strideIfEqual(load.getIndices().back(), loop,
                                        compared) != 1)
     return;
-  stages.push_back({load, tileSize * bytes, size});
+  stages.push_back({load, warpSize * bytes, size});
   bytes += size;
 }
 
@@ -131,13 +129,13 @@ bool StageSharedLoads::applies() {
 void StageSharedLoads::allocate() {
   auto module = site.function->getParentOfType<ModuleOp>();
   int64_t warps = llvm::divideCeil(site.variant.getBlockDim(), warpSize);
-  int64_t warpBytes = tileSize * bytes;
+  int64_t warpBytes = warpSize * bytes;
   auto type = LLVM::LLVMArrayType::get(b.getI8Type(), warps * warpBytes);
   Value shared = makeShared(b, loc, module, type, "staged_loads");
   StringRef name = shared.getDefiningOp<LLVM::AddressOfOp>().getGlobalName();
   module.lookupSymbol<LLVM::GlobalOp>(name).setAlignment(16);
   Value number =
-      arith::ShRUIOp::create(b, loc, threadInBlock(b, loc), constant(5));
+      subgroupOf(b, loc, threadInBlock(b, loc));
   Value offset = arith::MulIOp::create(b, loc, number, constant(warpBytes));
   memory = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(), shared,
                                ArrayRef<LLVM::GEPArg>(offset));
@@ -223,19 +221,19 @@ void StageSharedLoads::buildTiles(Value end) {
   size_t count = inits.size();
   llvm::append_range(inits, loadAhead(loop.getLowerBound()));
   auto tiles = scf::ForOp::create(b, loc, loop.getLowerBound(), end,
-                                  constant(counterType(), tileSize), inits,
+                                  constant(counterType(), warpSize), inits,
                                   nullptr, loop.getUnsignedCmp());
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(tiles.getBody());
   Value tile = tiles.getInductionVar();
   fill(tiles.getRegionIterArgs().drop_front(count));
-  Value next = add(tile, constant(counterType(), tileSize));
+  Value next = add(tile, constant(counterType(), warpSize));
   Value isLast =
       arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, next, end);
   next = arith::SelectOp::create(b, loc, isLast, tile, next);
   SmallVector<Value> loaded = loadAhead(next);
   auto steps =
-      scf::ForOp::create(b, loc, constant(0), constant(tileSize), constant(1),
+      scf::ForOp::create(b, loc, constant(0), constant(warpSize), constant(1),
                          tiles.getRegionIterArgs().take_front(count));
   setCopies(steps, copies);
   b.setInsertionPointToStart(steps.getBody());

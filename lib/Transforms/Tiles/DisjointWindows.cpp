@@ -119,7 +119,7 @@ std::optional<DisjointSteps> findDisjointSteps(FunctionOpInterface kernel,
   };
   DisjointSteps steps(getVariant(kernel).getRank(), 0);
   // The last dimension is that of a block's threads.
-  unsigned dims = steps.size() - (isGpu(kernel) ? 1 : 0);
+  unsigned dims = steps.size() - (getTarget(kernel).isSimt() ? 1 : 0);
   for (unsigned dim = 0; dim < dims; ++dim)
     for (unsigned axis = 0; axis < windows.front().size() && !steps[dim];
          ++axis)

@@ -71,7 +71,7 @@ static void loadBeforeStores(FunctionOpInterface kernel, int64_t threads) {
 }
 
 void distributeTiles(FunctionOpInterface kernel, int64_t threads) {
-  if (!isGpu(kernel) || threads == 1)
+  if (!getTarget(kernel).isSimt() || threads == 1)
     return;
   loadBeforeStores(kernel, threads);
   TileBuffers buffers(kernel);
@@ -134,7 +134,7 @@ static bool readsElements(OpOperand &use) {
 }
 
 void replicateElements(FunctionOpInterface kernel, int64_t threads) {
-  if (!isGpu(kernel) || threads == 1)
+  if (!getTarget(kernel).isSimt() || threads == 1)
     return;
   TileBuffers buffers(kernel);
   llvm::DenseMap<Value, int64_t> sharers;

@@ -137,7 +137,7 @@ private:
 } // namespace
 
 void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
-  if (!isGpu(kernel) || threads == 1)
+  if (!getTarget(kernel).isSimt() || threads == 1)
     return;
   SmallVector<TileAccessOp> ops;
   kernel->walk([&](TileAccessOp op) {
@@ -152,7 +152,7 @@ void hoistLoads(FunctionOpInterface kernel, int64_t threads) {
 }
 
 void sinkConstants(FunctionOpInterface kernel) {
-  if (!isGpu(kernel))
+  if (!getTarget(kernel).isSimt())
     return;
   ArrayOrigins origins(kernel, getVariant(kernel).getDisjoint());
   SmallVector<TileAccessOp> stores;

@@ -360,7 +360,7 @@ LogicalResult BlockLoops::run() {
 }
 
 static LogicalResult formLoops(FunctionOpInterface kernel, int64_t threads) {
-  if (threads == 1 || warp::isGpu(kernel))
+  if (threads == 1 || warp::getTarget(kernel).isSimt())
     return success();
   if (failed(refuseLowered(kernel, "make loops over the threads of a block")))
     return failure();

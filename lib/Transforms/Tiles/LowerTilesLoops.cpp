@@ -182,7 +182,7 @@ Values TileLowering::nest(ArrayRef<int64_t> shape, Values &indices,
   if (extent == 1)
     return inner(number(0), sums);
   Values made = loop(number(0), number(extent), number(1), sums, inner);
-  if (sums.empty() && !isGpu(kernel))
+  if (sums.empty() && !getTarget(kernel).isSimt())
     keepForVectors(cast<scf::ForOp>(*std::prev(b.getInsertionPoint())));
   return made;
 }
@@ -210,7 +210,7 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
     Values next = loop(number(0), number(rounds), number(1), sums, treat);
     // Memory is busy as long as many elements are on their way to each thread.
     constexpr int64_t copies = 8;
-    if (!sums.empty() && rounds > copies && isGpu(kernel))
+    if (!sums.empty() && rounds > copies && getTarget(kernel).isSimt())
       setCopies(next[0].getDefiningOp<scf::ForOp>(), copies);
     return next;
   }

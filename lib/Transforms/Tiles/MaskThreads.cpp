@@ -363,7 +363,7 @@ LogicalResult ThreadMask::run() {
   Block &body = kernel.getFunctionBody().front();
   Block::iterator begin = body.begin(), end = std::prev(body.end());
   Value alive;
-  if (kernel->hasAttr(warp::attr::ragged) && warp::isGpu(kernel)) {
+  if (kernel->hasAttr(warp::attr::ragged) && warp::getTarget(kernel).isSimt()) {
     b.setInsertionPoint(&*begin);
     alive = isPresent();
     masked.insert(alive);

@@ -23,12 +23,12 @@ class AccumulatorPlanner {
 public:
   AccumulatorPlanner(FunctionOpInterface kernel, int64_t threads)
       : kernel(kernel), buffers(kernel), threads(threads),
-        target(getVariant(kernel).getTarget()) {}
+        target(getTarget(kernel)) {}
 
   void run() {
     SmallVector<TileMatmulOp> products;
     kernel->walk([&](TileMatmulOp op) {
-      if (auto form = findProductForm(op, threads, target.getVersion())) {
+      if (auto form = findProductForm(op, threads, target)) {
         setProductForm(op, *form);
         products.push_back(op);
       }
@@ -207,6 +207,8 @@ private:
 
   /// The loop that can load factors of its next iterations; null if none can.
   scf::ForOp findAheadLoop(TileMatmulOp product) const {
+    if (!target.has(Feature::AsyncCopy))
+      return {};
     auto loop = dyn_cast<scf::ForOp>(product->getParentOp());
     std::optional<Factor> a =
         getFactor(product.getA(), product.getTransposeA());
@@ -244,7 +246,7 @@ private:
     // sums take the registers of two.
     int64_t blocks =
         form.isByWarpgroups() && form.slots > mostSharedSums ? 1 : 2;
-    int64_t room = getMostBlockBytes(target.getVersion()) / blocks - (5 << 10);
+    int64_t room = target.getSharedBytes() / blocks - (5 << 10);
     int64_t stages = std::clamp<int64_t>(room / bytes, 2, 4);
     loop->setAttr(attr::stages, builder.getI64IntegerAttr(stages));
     for (Operation *load : loads)
@@ -272,13 +274,13 @@ private:
   FunctionOpInterface kernel;
   TileBuffers buffers;
   int64_t threads;
-  TargetAttr target;
+  const TargetInfo &target;
 };
 
 } // namespace
 
 void planAccumulators(FunctionOpInterface kernel, int64_t threads) {
-  if (isGpu(kernel) && threads > 1 && !getVariant(kernel).getDebug())
+  if (getTarget(kernel).isSimt() && threads > 1 && !getVariant(kernel).getDebug())
     AccumulatorPlanner(kernel, threads).run();
 }
 

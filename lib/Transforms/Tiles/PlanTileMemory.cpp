@@ -27,34 +27,6 @@ using namespace warp::tiles;
 
 /// Widest access that code may make of it, and a pattern of swizzled rows.
 constexpr int64_t alignment = 64, patternBytes = 1024;
-/// Bytes that a thread's stack surely has.
-constexpr int64_t cpuBytes = 4 << 20;
-
-/// Shared memory that launches can get for a block of a GPU (CUDA C++
-/// Programming Guide, technical specifications per compute capability).
-int64_t warp::tiles::getMostBlockBytes(int64_t version) {
-  switch (version) {
-  case 75:
-    return 64 << 10;
-  case 70:
-  case 72:
-    return 96 << 10;
-  case 86:
-  case 89:
-  case 120:
-  case 121:
-    return 99 << 10;
-  case 80:
-  case 87:
-    return 163 << 10;
-  case 90:
-  case 100:
-  case 101:
-  case 103:
-    return 227 << 10;
-  }
-  return staticBlockBytes;
-}
 
 int64_t warp::getDynamicBytes(Operation *kernel) {
   auto bytes = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockBytes);
@@ -211,8 +183,7 @@ private:
 LogicalResult plan(FunctionOpInterface kernel, int64_t threads) {
   Planner planner(kernel, threads);
   int64_t total = planner.place();
-  int64_t version = getVariant(kernel).getTarget().getVersion();
-  int64_t most = warp::isGpu(kernel) ? getMostBlockBytes(version) : cpuBytes;
+  int64_t most = getTarget(kernel).getSharedBytes();
   if (total > most) {
     planner.report(total, most);
     return failure();

@@ -65,7 +65,8 @@ Values ReductionLowering::combine(TileReduction kind, ValueRange best,
     return {sum};
   }
   Type type = best[0].getType();
-  if (best.size() == 1 && isGpu(kernel) && (type.isF32() || type.isF64())) {
+  if (best.size() == 1 && getTarget(kernel).isSimt() &&
+      (type.isF32() || type.isF64())) {
     // An instruction, which skips NaN.
     if (kind == TileReduction::min)
       return {arith::MinNumFOp::create(b, loc, best[0], next[0])};
@@ -135,8 +136,9 @@ Values ReductionLowering::overBlock(Operation *op, TileReduction kind,
                                     Values sums) {
   if (threads == 1)
     return sums;
-  if (sums[0].getType().isF32() && threads % 32 == 0 &&
-      getVariant(kernel).getTarget().getVersion() >= 80)
+  const TargetInfo &target = getTarget(kernel);
+  if (sums[0].getType().isF32() && target.has(Feature::BlockTiles) &&
+      target.hasFullSubgroups(threads))
     return overWarps(op, kind, sums);
   int64_t offset = scratchOf(op);
   // Arrays have elements of the language's types, so positions get a sign.

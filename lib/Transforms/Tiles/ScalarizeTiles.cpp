@@ -195,7 +195,7 @@ struct ScalarizeTiles : warp::impl::ScalarizeTilesBase<ScalarizeTiles> {
     auto threads =
         kernel ? kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads)
                : IntegerAttr();
-    if (!threads || threads.getInt() != 1 || isGpu(kernel) ||
+    if (!threads || threads.getInt() != 1 || getTarget(kernel).isSimt() ||
         getVariant(kernel).getDebug())
       return;
     SmallVector<Operation *> ops;

@@ -98,7 +98,7 @@ bool callsForTiles(Operation *op, int64_t threads) {
   auto kernel = dyn_cast<FunctionOpInterface>(op);
   if (!kernel)
     kernel = op->getParentOfType<FunctionOpInterface>();
-  return threads == 1 && !isGpu(kernel);
+  return threads == 1 && !getTarget(kernel).isSimt();
 }
 
 static void collectReaders(Value tile, llvm::SetVector<Operation *> &readers) {

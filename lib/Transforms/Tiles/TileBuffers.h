@@ -30,9 +30,6 @@ constexpr llvm::StringLiteral scratch = "scratch";
 constexpr llvm::StringLiteral stages = "warp.stages";
 } // namespace attr
 
-/// Shared memory that launches can get for a block on that architecture.
-int64_t getMostBlockBytes(int64_t version);
-
 /// Threads of the blocks that a kernel is for; 0 for one without tiles.
 int64_t getBlockThreads(mlir::Operation *kernel);
 /// Runs `work` on the kernel of a module, with the threads of a block; a kernel

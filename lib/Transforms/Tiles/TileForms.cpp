@@ -66,8 +66,9 @@ static void limitRegisters(FunctionOpInterface kernel, int64_t threads,
 }
 
 void chooseFunctions(FunctionOpInterface kernel, int64_t threads) {
-  if (!isGpu(kernel) || threads % 32 != 0 || getVariant(kernel).getDebug() ||
-      getVariant(kernel).getTarget().getVersion() < 80)
+  const TargetInfo &target = getTarget(kernel);
+  if (!target.has(Feature::BlockTiles) || !target.hasFullSubgroups(threads) ||
+      getVariant(kernel).getDebug())
     return;
   Functions functions;
   kernel->walk([&](TileOpInterface op) {

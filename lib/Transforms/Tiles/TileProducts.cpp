@@ -16,11 +16,6 @@ namespace warp::tiles {
 // Forms
 //===----------------------------------------------------------------------===//
 
-/// Asynchronous copies and matrices of 16 x 8 came with it.
-constexpr int64_t oldestVersion = 80;
-/// Matrices of 16 x 8 in double precision.
-constexpr int64_t oldestVersionOfDoubles = 90;
-
 static bool isOne(Value factor) {
   if (!factor)
     return true;
@@ -84,12 +79,14 @@ static std::optional<Patch> findThreadPatch(ArrayRef<int64_t> shape,
 }
 
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
-                                           int64_t version) {
+                                           const TargetInfo &target) {
   Type type = tileType(op.getA()).getElementType(),
        result = tileType(op.getResult()).getElementType();
   bool isNarrow = type.isF16() || type.isBF16();
-  bool isDouble = type.isF64() && version >= oldestVersionOfDoubles;
-  if (version < oldestVersion || threads % 32 != 0 || !isOne(op.getAlpha()) ||
+  bool isDouble = type.isF64() && target.has(Feature::DoubleMma);
+  if (!target.has(Feature::BlockTiles) ||
+      (isNarrow && !target.has(Feature::Mma)) ||
+      !target.hasFullSubgroups(threads) || !isOne(op.getAlpha()) ||
       !isOne(op.getBeta()) || tileType(op.getB()).getElementType() != type ||
       !(result == type || (isNarrow && result.isF32())) ||
       (op.getC() && op.getC().getType() != op.getResult().getType()) ||
@@ -117,14 +114,14 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
       {64, 32}, {32, 32}, {32, 16}, {16, 32}, {16, 16}};
   static constexpr Patch ofHalves[] = {{64, 64}, {64, 32}, {32, 64}, {32, 32},
                                        {32, 16}, {16, 32}, {16, 16}};
-  auto patch = findPatch(shape, threads / 32,
+  auto patch = findPatch(shape, threads / target.getSubgroupSize(),
                          isDouble ? ArrayRef(ofDoubles) : ArrayRef(ofHalves));
   if (!patch)
     return std::nullopt;
   std::string name = isDouble ? "f64" : type.isF16() ? "f16" : "bf16";
   return ProductForm{name + nameOf(*patch) + ending,
                      (isDouble ? "f64_mma" : "mma") + nameOf(*patch),
-                     patch->first * patch->second / 32};
+                     patch->first * patch->second / target.getSubgroupSize()};
 }
 
 void setProductForm(TileMatmulOp op, const ProductForm &form) {

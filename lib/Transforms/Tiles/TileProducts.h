@@ -28,11 +28,11 @@ struct ProductForm {
 };
 /// The form of a product in registers of GPU threads; none for other shapes.
 std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
-                                           int64_t version);
+                                           const TargetInfo &target);
 /// The form of a pipelined product by warpgroups; none where those
 /// instructions, or the shape, are missing (WarpgroupProducts.cpp).
 std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
-                                             TargetAttr target);
+                                             const TargetInfo &target);
 /// True if warpgroups can share so many rows and columns of sums.
 bool hasWarpgroupPatch(llvm::ArrayRef<int64_t> shape, int64_t threads);
 /// Chooses how a loop loads the factors of its product ahead: how many steps at

@@ -72,7 +72,7 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
 void findPlainUpdates(LoweringState &state, ArrayRef<Operation *> ops) {
   // Exact sums have memory of their own, and are not updated plainly.
   bool isExact = getVariant(state.kernel).hasExactSums();
-  if (isExact || (state.threads > 1 && !isGpu(state.kernel)))
+  if (isExact || (state.threads > 1 && !getTarget(state.kernel).isSimt()))
     return;
   for (Operation *op : ops)
     if (auto update = dyn_cast<TileAtomicOp>(op))
@@ -107,7 +107,7 @@ Value UpdateLowering::isDisjoint(ArrayRef<int64_t> steps) {
   Value disjoint;
   for (auto [dim, step] : llvm::enumerate(steps)) {
     Value extent = LaunchExtentOp::create(b, loc, i32, dim);
-    bool isOfThreads = isGpu(kernel) && dim + 1 == steps.size();
+    bool isOfThreads = getTarget(kernel).isSimt() && dim + 1 == steps.size();
     int64_t most = isOfThreads ? threads
                    : step == 0 ? 1
                                : std::numeric_limits<int32_t>::max() / step;
@@ -133,18 +133,18 @@ void UpdateLowering::lower(TileAtomicOp op) {
     return updateElements(op, /*plainly=*/false);
   Value disjoint, inside;
   Values early;
-  if (isGpu(kernel) && threads > 1)
+  if (getTarget(kernel).isSimt() && threads > 1)
     early = loadEarly(op, disjoint);
   if (early.empty())
     disjoint = isDisjoint(own->second);
   // One loop of each kind is enough on a GPU: what crosses an edge is rare.
-  if (isGpu(kernel)) {
+  if (getTarget(kernel).isSimt()) {
     collectTested(op, inside);
     disjoint = both(disjoint, inside);
   }
   auto branch = scf::IfOp::create(b, loc, disjoint, /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
-  llvm::SaveAndRestore saved(state.isDecided, isGpu(kernel));
+  llvm::SaveAndRestore saved(state.isDecided, getTarget(kernel).isSimt());
   for (bool plainly : {true, false}) {
     llvm::SaveAndRestore savedTesting(state.testing, !plainly);
     Block *block = plainly ? branch.thenBlock() : branch.elseBlock();

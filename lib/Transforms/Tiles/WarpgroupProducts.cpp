@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Targets/Target.h"
 #include "TileProducts.h"
 
 using namespace mlir;
@@ -39,11 +40,11 @@ bool hasWarpgroupPatch(ArrayRef<int64_t> shape, int64_t threads) {
 }
 
 std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
-                                             TargetAttr target) {
+                                             const TargetInfo &target) {
   Type type = tileType(op.getA()).getElementType();
   std::optional<Factor> a = getFactor(op.getA(), op.getTransposeA());
   std::optional<Factor> b = getFactor(op.getB(), !op.getTransposeB());
-  if (target.getProcessor() != "sm_90a" || threads % 128 != 0 ||
+  if (!target.has(Feature::Wgmma) || threads % 128 != 0 ||
       !(type.isF16() || type.isBF16()) || !a || !b || !canSwizzle(*a) ||
       !canSwizzle(*b))
     return std::nullopt;

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // One value is combined in two steps of the same kind. Each warp combines its
-// 32 values by shuffles, halving the distance; its first lane leaves the result
+// values by shuffles, halving the distance; its first lane leaves the result
 // in shared memory, one slot per warp. After a barrier the first warp combines
 // the slots.
 //
@@ -26,7 +26,8 @@ using namespace mlir;
 
 warp::BlockReduce::BlockReduce(OpBuilder &b, Location loc, ModuleOp module,
                                int64_t blockDim)
-    : b(b), loc(loc), module(module), warps(blockDim / warpSize) {
+    : b(b), loc(loc), module(module), warpSize(subgroupSizeAt(b)),
+      warps(blockDim / warpSize) {
   thread = threadInBlock(b, loc);
   lane = arith::AndIOp::create(b, loc, thread, constant(warpSize - 1));
 }
@@ -67,7 +68,7 @@ Value warp::BlockReduce::reduceOne(const Reduced &reduced) {
   {
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPointToStart(leave.thenBlock());
-    Value warp = arith::ShRUIOp::create(b, loc, thread, constant(5));
+    Value warp = subgroupOf(b, loc, thread);
     LLVM::StoreOp::create(b, loc, value, slot(warp));
   }
   synchronizeBlock(b, loc);
@@ -132,7 +133,7 @@ SmallVector<Value> warp::BlockReduce::reduceTogether(AtomicKind kind,
     return LLVM::GEPOp::create(b, loc, pointer, element, memory,
                                ValueRange(number));
   };
-  Value warp = arith::ShRUIOp::create(b, loc, thread, constant(5));
+  Value warp = subgroupOf(b, loc, thread);
   Value row = arith::MulIOp::create(b, loc, warp, constant(slots));
   for (auto [value, lanes, begin] : shared) {
     Value offset = arith::DivUIOp::create(b, loc, lane, constant(lanes));

@@ -48,7 +48,7 @@ private:
   mlir::OpBuilder &b;
   mlir::Location loc;
   mlir::ModuleOp module;
-  int64_t warps;
+  int64_t warpSize, warps;
   mlir::Value thread, lane;
 };
 

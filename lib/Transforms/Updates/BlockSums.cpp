@@ -104,9 +104,9 @@ static void addLanes(OpBuilder &b, Location loc, Value window, Value words,
       arith::CmpIOp::create(b, loc, CmpIPredicate::eq, lane, none);
   auto once = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
   b.setInsertionPointToStart(once.thenBlock());
-  LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::add,
-                            element(b, loc, words, weight), digit,
-                            LLVM::AtomicOrdering::monotonic, "block", 8);
+  LLVM::AtomicRMWOp::create(
+      b, loc, LLVM::AtomicBinOp::add, element(b, loc, words, weight), digit,
+      LLVM::AtomicOrdering::monotonic, warp::targetAt(b).getBlockScope(), 8);
 }
 
 void warp::addWindows(OpBuilder &b, Location loc, ModuleOp module,
@@ -115,8 +115,8 @@ void warp::addWindows(OpBuilder &b, Location loc, ModuleOp module,
   int64_t count = countDigits(width);
   Type i64 = b.getI64Type();
   Value thread = arith::ExtUIOp::create(b, loc, i64, threadInBlock(b, loc));
-  Value lane = arith::AndIOp::create(b, loc, thread,
-                                     constant(b, loc, warpSize - 1));
+  Value lane = arith::AndIOp::create(
+      b, loc, thread, constant(b, loc, warp::subgroupSizeAt(b) - 1));
   Value words = makeShared(b, loc, module,
                            LLVM::LLVMArrayType::get(i64, count), "exact_sum");
   forEachWord(b, loc, thread, count, blockDim, [&](Value weight) {

@@ -99,21 +99,21 @@ static Value viewComponent(OpBuilder &b, AtomicComponentsOp op, Value number) {
                                        StringAttr());
 }
 
-/// Each lane updates a component of the element, 32 of them at a time.
+/// Each lane updates a component of the element, a warp of them at a time.
 static void updateByLanes(OpBuilder &b, AtomicComponentsOp op) {
   Location loc = op.getLoc();
   Value lane = warp::readGrid(b, loc, warp::GridValue::laneId);
   Type type = warp::leavesOf(op).front().type;
-  int64_t count = op.getNumResults();
-  for (int64_t begin = 0; begin < count; begin += warp::warpSize) {
+  int64_t count = op.getNumResults(), warpSize = warp::subgroupSizeAt(b);
+  for (int64_t begin = 0; begin < count; begin += warpSize) {
     SmallVector<Value> values(
-        op.getComponents().drop_front(begin).take_front(warp::warpSize));
+        op.getComponents().drop_front(begin).take_front(warpSize));
     int64_t size = values.size();
     Value total =
         warp::shareOverLanes(b, loc, lane, values, [&](Value x, Value y) {
           return combineTwo(b, op, x, y, type);
         });
-    int64_t lanes = warp::warpSize / llvm::PowerOf2Ceil(size);
+    int64_t lanes = warpSize / llvm::PowerOf2Ceil(size);
     auto constant = [&](int64_t value) {
       return arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(value));
     };
@@ -157,7 +157,7 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    if (!warp::isGpu(entry))
+    if (!warp::getTarget(entry).isSimt())
       return;
     SmallVector<AtomicComponentsOp> updates;
     entry->walk([&](AtomicComponentsOp op) {

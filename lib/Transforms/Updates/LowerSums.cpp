@@ -48,10 +48,10 @@ class SumLowering {
 public:
   SumLowering(LLVM::LLVMFuncOp entry)
       : entry(entry), first(&entry.getBody().front()), b(entry->getContext()),
-        functions(entry->getParentOfType<ModuleOp>(), warp::isGpu(entry)),
+        functions(entry->getParentOfType<ModuleOp>(), warp::getTarget(entry)),
         debug(warp::getVariant(entry).getDebug()),
-        shared(warp::isGpu(entry) || !warp::getSchedule(entry).getExclusive()) {
-  }
+        shared(warp::getTarget(entry).isSimt() ||
+               !warp::getSchedule(entry).getExclusive()) {}
 
   void lower(warp::AtomicComponentsOp op);
 
@@ -105,8 +105,8 @@ Value SumLowering::read(Type type, int64_t offset) {
 warp::SumPlace SumLowering::sums(int64_t descriptor) {
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(first);
-  auto pointer =
-      LLVM::LLVMPointerType::get(b.getContext(), warp::isGpu(entry) ? 1 : 0);
+  auto pointer = LLVM::LLVMPointerType::get(
+      b.getContext(), warp::getTarget(entry).isSimt() ? 1 : 0);
   warp::SumPlace place;
   place.digits = read(pointer, descriptor);
   place.touched =
@@ -264,7 +264,7 @@ void SumLowering::lowerInBlock(warp::AtomicComponentsOp op) {
 void SumLowering::lower(warp::AtomicComponentsOp op) {
   if (warp::getUpdate(op).getScope() != warp::UpdateScope::group)
     lowerShared(op);
-  else if (warp::isGpu(entry))
+  else if (warp::getTarget(entry).isSimt())
     lowerInBlock(op);
   else
     lowerInRange(op);

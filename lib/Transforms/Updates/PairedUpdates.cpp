@@ -2,9 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// GPUs from sm_90 on add two floats at once, where the address of the first is
-// a multiple of eight. Elements with an odd number of floats, such as vec3,
-// begin at one in turn. There the pairs come first and one float is left over,
+// Some GPUs add two floats at once, where the address of the first is a
+// multiple of eight. Elements with an odd number of floats, such as vec3, begin
+// at one in turn. There the pairs come first and one float is left over,
 // elsewhere one float comes first:
 //
 //   address      8 k         8 k + 4     8 k + 8     8 k + 12
@@ -34,7 +34,7 @@ bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
   // There are none for the memory of a block.
   auto space = cast<LLVM::LLVMPointerType>(pointer.getType()).getAddressSpace();
   if (space == sharedSpace ||
-      !variant.getTarget().has(Feature::PairedFloatUpdates) ||
+      !getTarget(entry).has(Feature::PairedFloatAtomics) ||
       variant.getDebug() || !op->use_empty() ||
       combiningKind(op.getKind()) != AtomicKind::add)
     return false;
@@ -44,8 +44,8 @@ bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
   return leaves.size() >= 3 && leaves.size() % 2 == 1;
 }
 
-void warp::addInPairs(OpBuilder &b, Location loc, ValueRange values,
-                      Value pointer) {
+void warp::addInPairs(OpBuilder &b, Location loc, const TargetInfo &target,
+                      ValueRange values, Value pointer) {
   Type i64 = b.getI64Type();
   auto constant = [&](int64_t value) {
     return arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(value));
@@ -63,19 +63,12 @@ void warp::addInPairs(OpBuilder &b, Location loc, ValueRange values,
     return arith::SelectOp::create(b, loc, isOdd, odd, even);
   };
   Value single = advance(choose(constant(0), constant(last * floatSize)));
-  LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::fadd, single,
-                            choose(values[0], values[last]),
-                            LLVM::AtomicOrdering::monotonic, "device",
-                            floatSize);
+  LLVM::AtomicRMWOp::create(
+      b, loc, LLVM::AtomicBinOp::fadd, single, choose(values[0], values[last]),
+      LLVM::AtomicOrdering::monotonic, target.getLaunchScope(), floatSize);
   pointer = advance(shift);
   for (int64_t i = 0; i < last; i += 2)
-    LLVM::InlineAsmOp::create(
-        b, loc, TypeRange(),
-        ValueRange{advance(int32_t(i * floatSize)),
-                   choose(values[i + 1], values[i]),
-                   choose(values[i + 2], values[i + 1])},
-        b.getStringAttr("red.global.add.v2.f32 [$0], {$1, $2};"),
-        b.getStringAttr("l,f,f,~{memory}"),
-        /*has_side_effects=*/b.getUnitAttr(), /*is_align_stack=*/UnitAttr(),
-        LLVM::TailCallKindAttr(), LLVM::AsmDialectAttr(), ArrayAttr());
+    target.emitPairedAtomic(b, loc, advance(int32_t(i * floatSize)),
+                            choose(values[i + 1], values[i]),
+                            choose(values[i + 2], values[i + 1]));
 }

@@ -7,6 +7,7 @@
 #ifndef WARP_LIB_TRANSFORMS_PAIREDUPDATES_H
 #define WARP_LIB_TRANSFORMS_PAIREDUPDATES_H
 
+#include "Targets/Target.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -20,7 +21,8 @@ bool canAddInPairs(mlir::Operation *entry, AtomicComponentsOp op,
                    llvm::ArrayRef<Leaf> leaves, mlir::Value pointer);
 
 /// Adds floats atomically to those that follow each other from `pointer` on.
-void addInPairs(mlir::OpBuilder &b, mlir::Location loc, mlir::ValueRange values,
+void addInPairs(mlir::OpBuilder &b, mlir::Location loc,
+                const TargetInfo &target, mlir::ValueRange values,
                 mlir::Value pointer);
 
 } // namespace warp

@@ -70,7 +70,7 @@ public:
   UpdatePlanner(FunctionOpInterface kernel, warp::ThreadsOp threads)
       : variance(kernel), threads(threads),
         first(&kernel.getFunctionBody().front()),
-        variant(warp::getVariant(kernel)) {}
+        variant(warp::getVariant(kernel)), target(warp::getTarget(kernel)) {}
 
   /// Updates by the whole group. `exact`: also exact sums.
   void planGroups(bool exact);
@@ -97,6 +97,7 @@ private:
   warp::ThreadsOp threads;
   Block *first;
   warp::VariantAttr variant;
+  const warp::TargetInfo &target;
 };
 
 } // namespace
@@ -218,7 +219,7 @@ std::optional<int64_t> UpdatePlanner::runOf(AtomicComponentsOp op) {
 }
 
 void UpdatePlanner::planNeighbours() {
-  bool gpu = variant.isGpu();
+  bool gpu = target.isSimt();
   if (gpu)
     planRings();
   threads.walk([&](AtomicComponentsOp op) {
@@ -262,7 +263,8 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       return;
     warp::markExactUpdates(kernel);
     // One variant is in order, the other for launches that do not ask for it.
-    if (!warp::isGpu(kernel) && !warp::getVariant(kernel).isDeterministic() &&
+    if (!warp::getTarget(kernel).isSimt() &&
+        !warp::getVariant(kernel).isDeterministic() &&
         warp::mayTellTurns(kernel))
       warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(
                                     warp::threadOrderFact));
@@ -274,11 +276,11 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     }
     // A debugging launch names the thread that fails, so each does its own.
     debug = warp::getVariant(kernel).getDebug();
-    if (!debug && !warp::isGpu(kernel))
+    if (!debug && !warp::getTarget(kernel).isSimt())
       warp::foldViews(kernel);
     if (!debug)
       warp::unrollUpdates(kernel);
-    if (warp::isGpu(kernel))
+    if (warp::getTarget(kernel).isSimt())
       planGpu(kernel, threads);
     else
       planCpu(kernel, threads);
@@ -293,7 +295,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
         variant.isDeterministic() && warp::hasOrderedUpdates(kernel);
     if (!inTurn && !isOrdered)
       return success();
-    if (warp::isGpu(kernel))
+    if (warp::getTarget(kernel).isSimt())
       return kernel->emitError(
           "deterministic updates by blocks with tiles are sums of 32 or 64 "
           "bits in an array that the launch does not read or store to");
@@ -362,7 +364,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
   /// end, so each adds to exact sums.
   void planOneBlock(FunctionOpInterface kernel, UpdatePlanner &planner) {
     int64_t threads = warp::getVariant(kernel).getBlockDim();
-    if (!debug && threads % 32 == 0)
+    if (!debug && warp::getTarget(kernel).hasFullSubgroups(threads))
       planner.planGroups(/*exact=*/false);
     if (!planner.coversOrder()) {
       threads = 1;

@@ -66,8 +66,7 @@ void SumFunctions::mark(const SumPlace &to, Value weight, unsigned width) {
     LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::max,
                               element(i32, to.touched, constant(i64, number)),
                               arith::TruncIOp::create(b, loc, i32, bound),
-                              LLVM::AtomicOrdering::monotonic,
-                              gpu ? "device" : "", 4);
+                              LLVM::AtomicOrdering::monotonic, scope, 4);
   };
   raise(count + 1, arith::SubIOp::create(b, loc, constant(i64, count), weight));
   raise(count + 2, arith::AddIOp::create(b, loc, weight, constant(i64, 1)));
@@ -102,8 +101,7 @@ void SumFunctions::combine(const SumPlace &to, Value weight, Value digit,
   b.setInsertionPointToStart(ifAny.thenBlock());
   mark(to, weight, width);
   LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::add, wordAt(to, weight),
-                            digit, LLVM::AtomicOrdering::monotonic,
-                            gpu ? "device" : "", 8);
+                            digit, LLVM::AtomicOrdering::monotonic, scope, 8);
 }
 
 /// Sets flags, which is rare.
@@ -114,8 +112,7 @@ void SumFunctions::setFlags(const SumPlace &to, Value flags, unsigned width) {
   LLVM::StoreOp::create(b, loc, constant(i32, 1),
                         element(i32, to.touched, weight));
   LLVM::AtomicRMWOp::create(b, loc, LLVM::AtomicBinOp::_or, wordAt(to, weight),
-                            flags, LLVM::AtomicOrdering::monotonic,
-                            gpu ? "device" : "", 8);
+                            flags, LLVM::AtomicOrdering::monotonic, scope, 8);
 }
 
 /// Digits of `fraction << shift`; the shift is less than a digit.

@@ -7,6 +7,8 @@
 #ifndef WARP_LIB_TRANSFORMS_SUMFUNCTIONS_H
 #define WARP_LIB_TRANSFORMS_SUMFUNCTIONS_H
 
+#include "Targets/Target.h"
+
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/IR/Builders.h"
 #include "mlir/IR/BuiltinOps.h"
@@ -27,8 +29,9 @@ constexpr int64_t emptyWindow = -2;
 /// `shared`: other threads may add at the same time.
 class SumFunctions {
 public:
-  SumFunctions(mlir::ModuleOp module, bool gpu)
-      : module(module), b(module.getContext()), gpu(gpu) {}
+  SumFunctions(mlir::ModuleOp module, const TargetInfo &target)
+      : module(module), b(module.getContext()), scope(target.getLaunchScope()) {
+  }
 
   /// Adds a float.
   void add(mlir::OpBuilder &caller, mlir::Location loc, const SumPlace &to,
@@ -68,7 +71,8 @@ private:
 
   mlir::ModuleOp module;
   mlir::OpBuilder b;
-  bool gpu;
+  /// That of atomic updates.
+  llvm::StringRef scope;
 };
 
 } // namespace warp

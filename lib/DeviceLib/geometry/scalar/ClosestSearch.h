@@ -240,7 +240,7 @@ public:
   /// A face with a smaller squared distance than the bound, or -1; `lane` of
   /// `block` is its triangle.
   i32 run(i32 root) {
-#ifdef WARP_GPU
+#ifdef WARP_TEAMS
     if (Octet::areAllHere() && Octet().areSame(nodes))
       runWith(Octet(), root);
     else

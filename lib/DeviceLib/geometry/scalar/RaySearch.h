@@ -257,7 +257,7 @@ private:
   i32 reach;
 };
 
-#ifdef WARP_GPU
+#ifdef WARP_TEAMS
 using RaySearch = RaySearchBy<Octet>;
 #else
 using RaySearch = RaySearchBy<Single>;

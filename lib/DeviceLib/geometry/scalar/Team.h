@@ -41,7 +41,7 @@ struct Single {
   void sync() const {}
 };
 
-#ifdef WARP_GPU
+#ifdef WARP_TEAMS
 /// Eight lanes of a warp whose lanes are all here.
 class Octet {
 public:

@@ -5,7 +5,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "AssembledLibrary.h"
-#include "Embedded.h"
+
+#include "Compiler/Embedded.h"
 
 #include "WarpDialect/LibraryOps.h"
 #include "warp/Forks.h"
@@ -37,7 +38,7 @@ static llvm::StringRef libraryFor(llvm::StringRef target) {
       .Default({});
 }
 
-/// Whether the objects for a target have products of tiles.
+/// True if the objects for a target have products of tiles.
 static bool hasProducts(llvm::StringRef target) { return target == "sm_90a"; }
 
 bool warp::hasAssembledLibrary(const std::string &target) {

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What LibraryObject.h is for CPUs: searches and the algebra of tiles, for
+// The counterpart of LibraryObject.h: searches and the algebra of tiles, for
 // which the driver's assembler needs most of a first launch, are assembled when
 // the library is built, once for each family of GPUs. Quickly compiled kernels
 // call them, and the driver links both. In better code they are part of the
@@ -10,8 +10,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_COMPILER_ASSEMBLEDLIBRARY_H
-#define WARP_LIB_COMPILER_ASSEMBLEDLIBRARY_H
+#ifndef WARP_LIB_TARGETS_NVIDIA_ASSEMBLEDLIBRARY_H
+#define WARP_LIB_TARGETS_NVIDIA_ASSEMBLEDLIBRARY_H
 
 #include "llvm/ADT/StringRef.h"
 
@@ -22,10 +22,11 @@ class Module;
 
 namespace warp {
 
-/// Whether the assembled library for a target, "sm_90a", has a function: one of
-/// those exported by the sources that lib/DeviceLib/CMakeLists.txt lists for it.
+/// True if the assembled library for a target, "sm_90a", has a function: one of
+/// those exported by the sources that lib/DeviceLib/CMakeLists.txt lists for
+/// it.
 bool isAssembled(llvm::StringRef symbol, llvm::StringRef target);
-/// Whether a module declares any such function that is long.
+/// True if a module declares any such function that is long.
 bool callsAssembled(const llvm::Module &module, llvm::StringRef target);
 
 /// Keeps such declarations as calls while it lives: linking a library does not
@@ -43,4 +44,4 @@ private:
 
 } // namespace warp
 
-#endif // WARP_LIB_COMPILER_ASSEMBLEDLIBRARY_H
+#endif // WARP_LIB_TARGETS_NVIDIA_ASSEMBLEDLIBRARY_H

@@ -9,8 +9,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_COMPILER_LIBRARYOBJECT_H
-#define WARP_LIB_COMPILER_LIBRARYOBJECT_H
+#ifndef WARP_LIB_TARGETS_CPU_LIBRARYOBJECT_H
+#define WARP_LIB_TARGETS_CPU_LIBRARYOBJECT_H
 
 #include "llvm/ADT/ArrayRef.h"
 #include "llvm/ADT/StringRef.h"
@@ -35,4 +35,4 @@ llvm::StringRef libraryLevel(const llvm::MCSubtargetInfo &processor);
 
 } // namespace warp
 
-#endif // WARP_LIB_COMPILER_LIBRARYOBJECT_H
+#endif // WARP_LIB_TARGETS_CPU_LIBRARYOBJECT_H

@@ -5,7 +5,8 @@
 //===----------------------------------------------------------------------===//
 
 #include "LibraryObject.h"
-#include "Embedded.h"
+
+#include "Compiler/Embedded.h"
 
 #include "llvm/MC/MCSubtargetInfo.h"
 

@@ -1,4 +1,4 @@
-//===- TargetCPU.cpp - Code for x86-64 ------------------------------------===//
+//===- Codegen.cpp - x86-64 code generation and library linking -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -10,11 +10,11 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Embedded.h"
+#include "Cpu.h"
 #include "LibraryObject.h"
-#include "Target.h"
 
-#include "Transforms/Variant.h"
+#include "Compiler/Embedded.h"
+#include "Compiler/Target.h"
 #include "WarpDialect/LibraryOps.h"
 
 #include "llvm/IR/Module.h"
@@ -45,21 +45,20 @@ static Processor findHost() {
   return host;
 }
 
-static Processor findProcessor(const CompileOptions &options) {
+static Processor findProcessor(llvm::StringRef name) {
   static const Processor host = findHost();
-  llvm::StringRef name = options.target;
   if (!name.consume_front("cpu:"))
     return host;
   return {name.str(), ""};
 }
 
-std::string warp::describeCpu(const CompileOptions &options) {
-  Processor processor = findProcessor(options);
+std::string CpuTarget::describeProcessor() const {
+  Processor processor = findProcessor(getName());
   return processor.name + " " + processor.features;
 }
 
 std::unique_ptr<llvm::TargetMachine>
-warp::createCpuMachine(const CompileOptions &options) {
+CpuTarget::createMachine(const CompileOptions &options) const {
   static const llvm::Target *target = [] {
     LLVMInitializeX86TargetInfo();
     LLVMInitializeX86Target();
@@ -69,7 +68,7 @@ warp::createCpuMachine(const CompileOptions &options) {
     return llvm::TargetRegistry::lookupTarget(
         llvm::Triple("x86_64-unknown-linux-gnu"), error);
   }();
-  Processor processor = findProcessor(options);
+  Processor processor = findProcessor(getName());
   llvm::TargetOptions settings;
   auto level = options.optLevel == 0   ? llvm::CodeGenOptLevel::None
                : options.optLevel == 1 ? llvm::CodeGenOptLevel::Less
@@ -84,7 +83,7 @@ static bool isMissing(const llvm::Function &function) {
   return function.isDeclaration() && !function.isIntrinsic();
 }
 
-/// Whether the device library has it as machine code.
+/// True if the device library has it as machine code.
 static bool isLong(const llvm::Function &function) {
   return isMissing(function) && findLibraryFunction(function.getName());
 }
@@ -98,8 +97,9 @@ static void nameLibraryFunctions(llvm::Module &module,
       function.setName(function.getName() + "." + level);
 }
 
-void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
-                            const CompileOptions &options) {
+void CpuTarget::prepareModule(llvm::Module &module,
+                              llvm::TargetMachine &machine,
+                              const CompileOptions &options) const {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
   bool missesShort = llvm::any_of(module, [](const llvm::Function &function) {
@@ -109,7 +109,7 @@ void warp::prepareCpuModule(llvm::Module &module, llvm::TargetMachine &machine,
     linkBitcode(module, devicelib_cpu, "device library");
   linkNativeCode(module);
   nameLibraryFunctions(module, machine);
-  bool wide = getVectorBits(options.target) == 512;
+  bool wide = getVectorBits() == 512;
   for (llvm::Function &function : module) {
     if (function.isDeclaration())
       continue;

@@ -1,4 +1,4 @@
-//===- TargetNVPTX.cpp - Code for NVIDIA GPUs -----------------------------===//
+//===- Codegen.cpp - PTX generation and library linking -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -10,8 +10,13 @@
 //===----------------------------------------------------------------------===//
 
 #include "AssembledLibrary.h"
-#include "Embedded.h"
-#include "Target.h"
+#include "Nvidia.h"
+#include "Reductions.h"
+
+#include "Compiler/Embedded.h"
+#include "Compiler/Target.h"
+
+#include "warp/NativeCode.h"
 
 #include "llvm/IR/Constants.h"
 #include "llvm/IR/Module.h"
@@ -23,18 +28,9 @@
 
 using namespace warp;
 
-/// 90 for "sm_90".
-static unsigned numberOf(llvm::StringRef architecture) {
-  unsigned number = 0;
-  architecture.consume_front("sm_");
-  architecture.consumeInteger(10, number);
-  return number;
-}
-
 /// The oldest PTX version that knows the architecture, but 8.0 at least, and
 /// 8.1 where pairs of floats are added.
-static std::string ptxVersion(llvm::StringRef architecture) {
-  unsigned number = numberOf(architecture);
+static const char *ptxVersion(unsigned number) {
   if (number == 103 || number > 120)
     return "+ptx88";
   if (number == 120)
@@ -44,12 +40,11 @@ static std::string ptxVersion(llvm::StringRef architecture) {
   return number >= 90 ? "+ptx81" : "+ptx80";
 }
 
-// In the text, where nothing can come before it any more.
-void warp::waitForPredecessor(llvm::SmallVectorImpl<char> &ptx,
-                              llvm::StringRef entry,
-                              llvm::StringRef architecture) {
-  if (numberOf(architecture) < 90)
-    return;
+/// Lets the entry wait, before all else, until the kernel before it on its
+/// stream has ended and its writes are visible, so that a launch may start it
+/// early. In the text, where nothing can come before it any more.
+static void waitForPredecessor(llvm::SmallVectorImpl<char> &ptx,
+                               llvm::StringRef entry) {
   llvm::StringRef text(ptx.data(), ptx.size());
   llvm::StringRef open = "\n{\n", wait = "\tgriddepcontrol.wait;\n";
   size_t begin = text.find((".entry " + entry + "(").str());
@@ -58,12 +53,23 @@ void warp::waitForPredecessor(llvm::SmallVectorImpl<char> &ptx,
     ptx.insert(ptx.begin() + body + open.size(), wait.begin(), wait.end());
 }
 
-std::vector<int> warp::gpuArchitectures() {
-  return {70, 72, 75, 80, 86, 87, 89, 90, 100, 101, 103, 120, 121};
+void NvidiaTarget::finishText(llvm::SmallVectorImpl<char> &ptx,
+                              llvm::StringRef entry) const {
+  if (has(Feature::ProgrammaticLaunch))
+    waitForPredecessor(ptx, entry);
+  llvm::StringRef text(ptx.data(), ptx.size());
+  if (text.contains(nativeCodePrefix)) {
+    std::string whole = joinNativePtx(text.str(), getName().str());
+    ptx.assign(whole.begin(), whole.end());
+  }
+}
+
+void NvidiaTarget::finishModule(llvm::Module &module) const {
+  useReductions(module);
 }
 
 std::unique_ptr<llvm::TargetMachine>
-warp::createGpuMachine(const CompileOptions &options) {
+NvidiaTarget::createMachine(const CompileOptions &options) const {
   static const llvm::Target *target = [] {
     LLVMInitializeNVPTXTargetInfo();
     LLVMInitializeNVPTXTarget();
@@ -77,9 +83,8 @@ warp::createGpuMachine(const CompileOptions &options) {
   auto level = options.optLevel == 0 ? llvm::CodeGenOptLevel::None
                                      : llvm::CodeGenOptLevel::Default;
   return std::unique_ptr<llvm::TargetMachine>(target->createTargetMachine(
-      llvm::Triple("nvptx64-nvidia-cuda"), options.target,
-      ptxVersion(options.target), settings, llvm::Reloc::PIC_,
-      llvm::CodeModel::Small, level));
+      llvm::Triple("nvptx64-nvidia-cuda"), getName(), ptxVersion(version),
+      settings, llvm::Reloc::PIC_, llvm::CodeModel::Small, level));
 }
 
 /// Tells libdevice to flush subnormals to zero, or not to.
@@ -94,14 +99,15 @@ static void setReflection(llvm::Module &module, bool flush) {
   entry("nvvm-reflect-prec-sqrt", !flush);
 }
 
-void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
-                            const CompileOptions &options) {
+void NvidiaTarget::prepareModule(llvm::Module &module,
+                                 llvm::TargetMachine &machine,
+                                 const CompileOptions &options) const {
   module.setTargetTriple(machine.getTargetTriple());
   module.setDataLayout(machine.createDataLayout());
-  declareForNativeCode(module, options.target);
+  declareForNativeCode(module, getName().str());
   std::optional<AssembledCalls> calls;
   if (options.linked)
-    calls.emplace(module, options.target);
+    calls.emplace(module, getName());
   if (llvm::any_of(module, [](const llvm::Function &function) {
         return function.isDeclaration() &&
                function.getName().starts_with("warp_tile_");
@@ -129,4 +135,13 @@ void warp::prepareGpuModule(llvm::Module &module, llvm::TargetMachine &machine,
     if (options.minBlocks > 0)
       function.addFnAttr("nvvm.minctasm", std::to_string(options.minBlocks));
   }
+}
+
+void NvidiaTarget::limitRegisters(llvm::Function &kernel, int leastBlocks,
+                                  int mostRegisters) const {
+  // A target takes one of both.
+  if (leastBlocks)
+    kernel.addFnAttr("nvvm.minctasm", std::to_string(leastBlocks));
+  else if (mostRegisters)
+    kernel.addFnAttr("nvvm.maxnreg", std::to_string(mostRegisters));
 }

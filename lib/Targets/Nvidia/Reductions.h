@@ -4,8 +4,8 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_COMPILER_REDUCTIONS_H
-#define WARP_LIB_COMPILER_REDUCTIONS_H
+#ifndef WARP_LIB_TARGETS_NVIDIA_REDUCTIONS_H
+#define WARP_LIB_TARGETS_NVIDIA_REDUCTIONS_H
 
 namespace llvm {
 class Module;
@@ -19,4 +19,4 @@ void useReductions(llvm::Module &module);
 
 } // namespace warp
 
-#endif // WARP_LIB_COMPILER_REDUCTIONS_H
+#endif // WARP_LIB_TARGETS_NVIDIA_REDUCTIONS_H
