@@ -51,11 +51,12 @@ def overloads(names=()):
 
 def without_reference():
     """Builtins of floats in the registry that the search has no formula for."""
+    builtins = {name: getattr(wp, name) for name in dir(wp) if name not in FORMULAS}
     return sorted(
         name
-        for name in dir(wp)
-        if name not in FORMULAS
-        and any(map(parse_signature, getattr(getattr(wp, name), "signatures", ())))
+        for name, found in builtins.items()
+        # Other objects have any attribute that is asked for.
+        if isinstance(found, type(wp.sin)) and any(map(parse_signature, found.signatures))
     )
 
 
