@@ -1,4 +1,4 @@
-// RUN: warp-opt %s --warp-form-launch --warp-plan-updates --warp-emit-entry \
+// RUN: warp-opt %s --warp-form-launch --warp-plan-updates --warp-apply-schedules --warp-emit-entry \
 // RUN:     --warp-combine-over-warps | FileCheck %s
 
 #wave64 = #warp.variant<target = <name = "gfx90a">>

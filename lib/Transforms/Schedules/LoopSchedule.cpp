@@ -45,3 +45,14 @@ Value warp::LoopSchedule::endOfTiles(ArrayRef<Value> compared) {
                                   constant(counterType(), 0));
   return add(first, trips);
 }
+
+void warp::LoopSchedule::buildBody(
+    scf::ForOp made,
+    function_ref<SmallVector<Value>(Value, ValueRange)> build) {
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(made.getBody());
+  SmallVector<Value> yielded =
+      build(made.getInductionVar(), made.getRegionIterArgs());
+  if (!yielded.empty())
+    scf::YieldOp::create(b, made.getLoc(), yielded);
+}

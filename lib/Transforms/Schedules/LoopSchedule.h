@@ -37,6 +37,14 @@ protected:
   /// warp with a lane missing, or whose lanes do not agree.
   mlir::Value endOfTiles(llvm::ArrayRef<mlir::Value> compared);
 
+  /// Builds the body of a new loop, which yields the values that `build`
+  /// returns. The loop is in the function by then, whose target decides.
+  void
+  buildBody(mlir::scf::ForOp made,
+            llvm::function_ref<llvm::SmallVector<mlir::Value>(mlir::Value,
+                                                              mlir::ValueRange)>
+                build);
+
   mlir::Value constant(mlir::Type type, int64_t value) {
     return mlir::arith::ConstantOp::create(b, loc,
                                            b.getIntegerAttr(type, value));

@@ -83,8 +83,9 @@ private:
   };
 
   void makeSlots();
-  void buildTile(Value tile, ValueRange carried);
-  void buildStep(Value tile, Value number, ValueRange carried);
+  using Values = SmallVector<Value>;
+  Values buildTile(Value tile, ValueRange carried);
+  Values buildStep(Value tile, Value number, ValueRange carried);
   void accumulate(Update &update, AtomicComponentsOp op, Value offset);
   void publish(Update &update, Value iteration);
   void readUpdates();
@@ -133,8 +134,7 @@ void RingReduction::makeSlots() {
       update.slots.push_back(
           LLVM::AllocaOp::create(b, loc, pointer, type, one));
     if (update.isConditional())
-      update.reached =
-          LLVM::AllocaOp::create(b, loc, pointer, maskType(), one);
+      update.reached = LLVM::AllocaOp::create(b, loc, pointer, maskType(), one);
   }
 }
 
@@ -149,8 +149,8 @@ void RingReduction::accumulate(Update &update, AtomicComponentsOp op,
                   type, /*anyOrder=*/true),
           slot);
   if (update.isConditional()) {
-    Value bit = arith::ShLIOp::create(b, loc, constant(maskType(), 1),
-                                      toMask(offset));
+    Value bit =
+        arith::ShLIOp::create(b, loc, constant(maskType(), 1), toMask(offset));
     Value old = load(update.reached, maskType());
     store(bitOr(old, bit), update.reached);
   }
@@ -158,7 +158,8 @@ void RingReduction::accumulate(Update &update, AtomicComponentsOp op,
 }
 
 /// One iteration of each lane, then its sums go to the lane before.
-void RingReduction::buildStep(Value tile, Value number, ValueRange carried) {
+RingReduction::Values RingReduction::buildStep(Value tile, Value number,
+                                               ValueRange carried) {
   Value offset = bitAnd(add(lane, number), constant(warpSize - 1));
   IRMapping clones;
   clones.map(loop.getInductionVar(), add(tile, widen(offset)));
@@ -175,7 +176,7 @@ void RingReduction::buildStep(Value tile, Value number, ValueRange carried) {
   SmallVector<Value> sums;
   for (Value sum : loop.getBody()->getTerminator()->getOperands())
     sums.push_back(clones.lookupOrDefault(sum));
-  scf::YieldOp::create(b, loc, sums);
+  return sums;
 }
 
 /// Each lane updates the element of its iteration, if any lane did.
@@ -202,24 +203,22 @@ void RingReduction::publish(Update &update, Value iteration) {
       cloneComputation(b, op.getArray(), *loop, clones), indices);
 }
 
-void RingReduction::buildTile(Value tile, ValueRange carried) {
+RingReduction::Values RingReduction::buildTile(Value tile, ValueRange carried) {
   for (Update &update : updates) {
     for (auto [slot, type] : llvm::zip_equal(update.slots, update.types))
       store(identity(b, loc, update.op.getKind(), type), slot);
     if (update.isConditional())
       store(constant(maskType(), 0), update.reached);
   }
-  auto steps = scf::ForOp::create(
-      b, loc, constant(0), constant(warpSize), constant(1), carried,
-      [&](OpBuilder &body, Location, Value number, ValueRange sums) {
-        OpBuilder::InsertionGuard guard(b);
-        b.restoreInsertionPoint(body.saveInsertionPoint());
-        buildStep(tile, number, sums);
-      });
+  auto steps = scf::ForOp::create(b, loc, constant(0), constant(warpSize),
+                                  constant(1), carried);
+  buildBody(steps, [&](Value number, ValueRange sums) {
+    return buildStep(tile, number, sums);
+  });
   Value iteration = add(tile, widen(lane));
   for (Update &update : updates)
     publish(update, iteration);
-  scf::YieldOp::create(b, loc, steps.getResults());
+  return Values(steps.getResults());
 }
 
 void RingReduction::rewrite() {
@@ -232,13 +231,9 @@ void RingReduction::rewrite() {
     end.getDefiningOp()->setAttr(attr::nonNegative, b.getUnitAttr());
   auto tiles = scf::ForOp::create(
       b, loc, loop.getLowerBound(), end, constant(counterType(), warpSize),
-      loop.getInitArgs(),
-      [&](OpBuilder &body, Location, Value tile, ValueRange sums) {
-        OpBuilder::InsertionGuard guard(b);
-        b.restoreInsertionPoint(body.saveInsertionPoint());
-        buildTile(tile, sums);
-      },
-      loop.getUnsignedCmp());
+      loop.getInitArgs(), nullptr, loop.getUnsignedCmp());
+  buildBody(tiles,
+            [&](Value tile, ValueRange sums) { return buildTile(tile, sums); });
   loop.getLowerBoundMutable().assign(end);
   loop.getInitArgsMutable().assign(tiles.getResults());
 }
