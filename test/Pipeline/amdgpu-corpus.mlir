@@ -4,5 +4,5 @@
 
 // Every kernel of the benchmarks and of this folder becomes assembly for waves
 // of 64 and of 32 lanes: reductions, roots, output, searches, tiles.
-// CHECK: gfx90a: [[#ALL:]] of [[#ALL]]
-// CHECK: gfx1100: [[#ALL]] of [[#ALL]]
+// CHECK: gfx90a: [[ALL:[0-9]+]] of [[ALL]]{{$}}
+// CHECK: gfx1100: [[ALL]] of [[ALL]]{{$}}
