@@ -134,8 +134,7 @@ void StageSharedLoads::allocate() {
   Value shared = makeShared(b, loc, module, type, "staged_loads");
   StringRef name = shared.getDefiningOp<LLVM::AddressOfOp>().getGlobalName();
   module.lookupSymbol<LLVM::GlobalOp>(name).setAlignment(16);
-  Value number =
-      subgroupOf(b, loc, threadInBlock(b, loc));
+  Value number = subgroupOf(b, loc, threadInBlock(b, loc));
   Value offset = arith::MulIOp::create(b, loc, number, constant(warpBytes));
   memory = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(), shared,
                                ArrayRef<LLVM::GEPArg>(offset));
