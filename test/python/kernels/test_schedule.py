@@ -177,6 +177,7 @@ SCHEDULES = {
     "reverse_order": (scale, 1 << 24, "reverse_order", "alternates for L2 reuse"),
     "ring_reduction": (accumulate, 1 << 18, "loop", "lanes are skewed over iterations"),
     "stage_shared_loads": (pairs, 1 << 18, "loop", "uniform loads staged through shared memory"),
+    "coarsen_blocks": (product, (64, 64, 256), "block_coarsening", "read less shared memory"),
     "map_to_grid": (scale, 1000, "coarsening", "the launch is not large"),
 }
 

@@ -401,7 +401,7 @@ class Kernel:
         Example:
             >>> print(scale.schedule("cpu", dim=1000))  # doctest: +SKIP
             scale: cpu, 1 dimension
-              lanes    16  worth it
+              lanes             16: worth it
               ...
         """
         from warp._src.kernels.schedule import schedules_of

@@ -20,7 +20,7 @@ class Choice:
 
     def __str__(self):
         place = f" (line {self.line})" if self.line else ""
-        return f"{self.what:<10}{self.value}: {self.reason}{place}"
+        return f"{self.what:<18}{self.value}: {self.reason}{place}"
 
 
 @dataclasses.dataclass(frozen=True)
