@@ -240,7 +240,7 @@ TEST_F(Cuda, LaunchCoversTheGrid) {
     struct {
       LaunchHeader header;
       void *data;
-    } params{{{z, y, x, 1}, 0}, buffer.data()};
+    } params{{{z, y, x, 1}, {0}}, buffer.data()};
     launch(variant, &params, sizeof params);
     std::vector<char> back = download(buffer.data(), 0, count * 4);
     if (isFake())
