@@ -33,9 +33,13 @@ def write(path, module, rank, block):
 
 def write_kernel(folder, name, kernel, rank, block, adjoint):
     from warp._src.derivatives.kernel_derivatives import differentiate
+    from warp._src.kernels.blocks import block_code
 
     native = kernel.prepare()
-    native = kernel.for_blocks(None, block) if block else kernel.code_for(native, ARCH)
+    if block:
+        native = block_code(kernel).for_blocks(kernel, None, block)
+    else:
+        native = kernel.code_for(native, ARCH)
     text = native.module.text()
     found = re.search(r"warp.block_threads = (\d+)", text)
     if found:

@@ -13,7 +13,11 @@
 #ifndef WARP_DEVICELIB_GPU_TILES_H
 #define WARP_DEVICELIB_GPU_TILES_H
 
+#ifdef __AMDGCN__
+#include "../amd/TileInstructions.h"
+#else
 #include "../nvidia/TileInstructions.h"
+#endif
 
 #include "DeviceLib/Prototypes.h"
 
@@ -39,6 +43,7 @@ template <class T> WARP_INLINE Global<T> *global(u64 address) {
 }
 template <class T> WARP_INLINE T *own(u64 address) { return (T *)address; }
 
+#ifndef __AMDGCN__
 /// Waits for all threads of a block of so many.
 WARP_INLINE void syncBlock(i32 threads) {
   if (threads == warpSize)
@@ -46,6 +51,7 @@ WARP_INLINE void syncBlock(i32 threads) {
   else
     syncThreads();
 }
+#endif
 
 /// Of an array of two dimensions, steps in bytes, and a tile in it.
 struct Window {
