@@ -144,7 +144,7 @@ def atomic_rows(session):
 
 
 def transfer_rows(session):
-    """Copies between host and device beside the copy engine and PyTorch."""
+    """Copies between host and device beside cudaMemcpyAsync and PyTorch."""
     result = session.measure("transfers")
     rows = []
     for way, name in (("up", "H2D"), ("down", "D2H")):

@@ -51,7 +51,7 @@ inline constexpr llvm::StringLiteral threadMemory = "warp_thread_memory";
 inline constexpr llvm::StringLiteral isDifferentiated =
     "warp_is_differentiated";
 
-/// Of both forms; null if the library has no such function.
+/// Returns null if the library has no function of either form.
 const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);
 /// True if a call gives the address of the slot of a handle.
 bool findsSlot(LibraryCallOp call);

@@ -50,8 +50,8 @@ constexpr llvm::StringLiteral update = "warp.update";
 /// Places that error records refer to by number.
 constexpr llvm::StringLiteral sites = "warp.sites";
 
-// What warp-autodiff leaves on the kernel that it differentiates, see
-// include/warp/Autodiff.h.
+// Attributes that warp-autodiff leaves on the kernel that it differentiates,
+// see include/warp/Autodiff.h.
 /// On an argument that the primal does not have, a `#warp.hidden`; at the end
 /// on the function, a list of them.
 constexpr llvm::StringLiteral hidden = "warp.hidden";

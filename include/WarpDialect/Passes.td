@@ -330,7 +330,7 @@ def FuseMultiplyAdd : WarpPass<"warp-fuse-multiply-add"> {
 def FormLaunch : WarpPass<"warp-form-launch"> {
   let summary = "Make the body of a kernel the region of its threads";
   let description = [{
-    Begins phase `launch`. What the launch promises of arguments becomes
+    Begins phase `launch`. The promises of the launch about arguments become
     attributes of them.
 
     ```mlir
@@ -438,7 +438,7 @@ def VerifyLaunch : WarpPass<"warp-verify-launch"> {
 }
 
 //===----------------------------------------------------------------------===//
-// What is known of values, for people
+// Facts about values, for people
 //===----------------------------------------------------------------------===//
 
 def PrintVariance : WarpPass<"warp-print-variance"> {
@@ -463,11 +463,12 @@ def CheckVariance : WarpPass<"warp-check-variance"> {
   let summary = "Test what is known of the values of a kernel while it runs";
   let description = [{
     Takes thread IR of a kernel with an argument `warp_claims`, an array of
-    64-bit integers, and leaves any other as it is. What warp-print-variance
-    says of a value is tested behind it; element 0 of the array counts what did
-    not hold, element 1 is the number of the last such claim, and the 2^17
-    elements from 8 on, zero at first, are a table for claims about several
-    threads. A debugging launch has these tests if the kernel has that argument.
+    64-bit integers, and leaves any other as it is. Each fact that
+    warp-print-variance says of a value is tested behind it; element 0 of the
+    array counts what did not hold, element 1 is the number of the last such
+    claim, and the 2^17 elements from 8 on, zero at first, are a table for
+    claims about several threads. A debugging launch has these tests if the
+    kernel has that argument.
 
     ```mlir
     %j = arith.addi %i, %c1 : i32
@@ -554,9 +555,9 @@ def EmitEntry : WarpPass<"warp-emit-entry"> {
 def LowerLanes : WarpPass<"warp-lower-lanes"> {
   let summary = "Turn what lanes do together into operations on vectors";
   let description = [{
-    Code for full vectors, whose mask is a constant, is simplified first. What
-    is done lane by lane becomes a loop over the lanes, with operands and results
-    in memory.
+    Code for full vectors, whose mask is a constant, is simplified first. An
+    operation is done lane by lane becomes a loop over the lanes, with operands
+    and results in memory.
 
     ```mlir
     %any = warp.any %m : vector<16xi1>
@@ -575,8 +576,8 @@ def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
     On a GPU, an update of the scope `lanes`, whose address the threads of a
     warp share in one iteration of a loop or one row of the launch, becomes one
     update by the first lane, of what shuffles have combined, where all lanes come to it
-    together. Of an element with several components each lane gets a share, which
-    the first of those that have the same one updates.
+    together. For an element with several components each lane gets a share,
+    which the first of those that have the same one updates.
 
     ```mlir
     %old = warp.atomic_components add(%x), %row[%i] : ...

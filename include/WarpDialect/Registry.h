@@ -1,4 +1,4 @@
-//===- Registry.h - What is known about every builtin -----------*- C++ -*-===//
+//===- Registry.h - Registry of builtins ------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -23,7 +23,7 @@ class OpBuilder;
 
 namespace warp {
 
-/// What a builtin's derivative is: none, zero almost everywhere, or a function
+/// The derivative of a builtin: none, zero almost everywhere, or a function
 /// of the operands.
 enum class DerivativeKind { None, Zero, Function };
 

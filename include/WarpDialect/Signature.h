@@ -42,9 +42,9 @@ struct TypePattern {
   enum class Base { Bool, Signed, Unsigned, Float, BFloat };
 
   Kind kind = Kind::AnyValue;
-  /// Of the Any kinds.
+  /// The name of an Any kind.
   char letter = 0;
-  /// Of a scalar.
+  /// The type of a scalar.
   Base base = Base::Bool;
   unsigned width = 1;
   /// Length of a vector, rows and columns of a matrix, rank of an array.

@@ -111,7 +111,7 @@ def : TileFunction<"transform_*",
 def : TileFunction<"multiply_*",
     "(sums: address, a: address, b: address, rows: i32, columns: i32, "
     "depth: i32, row_step_a: i32, row_step_b: i32) -> ()", [AssembledProduct]>;
-/// Multi-buffered products. Of either factor: place, tensor map, first row and
+/// Multi-buffered products. For either factor: place, tensor map, first row and
 /// column, steps of both, columns of a TMA tile.
 def : TileFunction<"stream_*",
     "(sums: address, barriers: address, stages: i32, steps: i32, a: address, "

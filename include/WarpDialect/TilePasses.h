@@ -29,14 +29,14 @@ constexpr llvm::StringLiteral ragged = "warp.ragged";
 /// On a branch of such a kernel, one side of which returns: "then" or "else",
 /// the side of the threads that stay.
 constexpr llvm::StringLiteral stays = "warp.stays";
-/// On such a kernel, from warp-plan-tile-memory on: bytes of block memory.
+/// On such a kernel, from warp-plan-tile-memory on: bytes of shared memory.
 constexpr llvm::StringLiteral blockBytes = "warp.block_bytes";
 /// On one whose threads hold tiles: blocks that a multiprocessor of a GPU is to
 /// have room for, which limits registers.
 constexpr llvm::StringLiteral leastBlocks = "warp.least_blocks";
 } // namespace attr
 
-/// What a GPU's block has without asking for more.
+/// Shared memory of a GPU block without an opt-in.
 constexpr int64_t staticBlockBytes = 48 << 10;
 /// The bytes that launches of a kernel have to ask for.
 int64_t getDynamicBytes(mlir::Operation *kernel);

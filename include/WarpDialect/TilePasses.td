@@ -137,7 +137,7 @@ def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
 }
 
 def PlanTileMemory : WarpTilePass<"warp-plan-tile-memory"> {
-  let summary = "Give tiles their place in the memory of a block";
+  let summary = "Give tiles their offset in shared memory";
   let description = [{
     Tiles whose lifetimes do not overlap share memory. Largest first, each gets
     the lowest place that is free for as long as it lives. More memory than the

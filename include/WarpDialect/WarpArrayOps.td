@@ -294,8 +294,8 @@ def Warp_IndexDimOp
                             Warp_ArrayViewOpInterface]> {
   let summary = "array of lower rank at an index of any dimension";
   let description = [{
-    `a[:, j]` of a rank-2 array is one of rank 1. Of a leading dimension this is
-    a `view`.
+    `a[:, j]` of a rank-2 array is one of rank 1. For a leading dimension this
+    is a `view`.
 
     (C1) `dim` is within the rank. (C2) the result has one dimension less, at
     least one, and the same element type.

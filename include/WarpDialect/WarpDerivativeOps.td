@@ -15,8 +15,8 @@ def Warp_VjpOp : Warp_Op<"vjp",
      DeclareOpInterfaceMethods<SymbolUserOpInterface>]> {
   let summary = "cotangents of a function's arguments";
   let description = [{
-    What the adjoint of a function makes of cotangents of its results: one
-    cotangent per argument that is a float or a composite of floats. Nothing
+    The map from cotangents of a function's results to those of its arguments:
+    one cotangent per argument that is a float or a composite of floats. Nothing
     that the function writes is written. With `arrays` the gradients of its
     array arguments are added to, else these arrays are constants.
 

@@ -37,7 +37,7 @@ def Warp_ThreadsOp : Warp_Op<"threads", [SingleBlock,
   let summary = "the threads of a group";
   let description = [{
     The block's arguments are the indices of the thread, one per dimension of
-    the launch. What the region yields is combined over all threads of the
+    the launch. The yields of the region are combined over all threads of the
     group; a group has at least one.
 
     With `lanes = N` the region does the work of N threads that follow each

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What kernels do in C++ of ours. In a header of its own: few passes know it.
+// Calls of functions in C++. In a header of its own: few passes know it.
 //
 //===----------------------------------------------------------------------===//
 

@@ -26,7 +26,7 @@ template <typename ConcreteType>
 class ThreadPhase
     : public mlir::OpTrait::TraitBase<ConcreteType, ThreadPhase> {};
 
-/// What an access does to an element: an update reads it and writes it.
+/// The effect of an access on an element: an update reads it and writes it.
 enum class AccessEffect { Read, Write, Update };
 
 } // namespace warp

@@ -185,7 +185,7 @@ def Warp_MinOp : Warp_ScalarMath<"min", ["(a: S, b: S) -> S",
     "(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>", "(a: vec<n,S>) -> S"],
     "smaller value, by component; of one vector, its smallest component. A NaN "
     "counts as missing"> {
-  // Of two equal values, the second is the result.
+  // The second of two equal values is the result.
   let derivative = Formulas<[
     ["where(a < b or b != b, g, 0)", "where(a < b or b != b, 0, g)"], [], []],
     ["partials"]>;
@@ -195,7 +195,7 @@ def Warp_MaxOp : Warp_ScalarMath<"max", ["(a: S, b: S) -> S",
     "(a: vec<n,S>, b: vec<n,S>) -> vec<n,S>", "(a: vec<n,S>) -> S"],
     "larger value, by component; of one vector, its largest component. A NaN "
     "counts as missing"> {
-  // Of two equal values, the second is the result.
+  // The second of two equal values is the result.
   let derivative = Formulas<[
     ["where(a > b or b != b, g, 0)", "where(a > b or b != b, 0, g)"], [], []],
     ["partials"]>;

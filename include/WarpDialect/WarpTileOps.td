@@ -625,7 +625,7 @@ def Warp_LaunchExtentOp : Warp_Op<"launch_extent", [Pure, Warp_ThreadPhase]> {
 }
 
 def Warp_BlockMemoryOp : Warp_Op<"block_memory", [Pure, Warp_ThreadPhase]> {
-  let summary = "address of a place in the memory of the block";
+  let summary = "address in shared memory";
   let description = [{
     A block has one piece of memory; the place is `offset` bytes behind its start.
   }];

@@ -44,7 +44,7 @@ mlir::Type getElementScalar(mlir::Type type);
 /// The same composite or scalar with another scalar type; null if a composite
 /// of that kind can't have it.
 mlir::Type withElementScalar(mlir::Type type, mlir::Type scalar);
-/// What the gradient of an array of such elements has for elements: 16-bit
+/// The element type of the gradient of an array of such elements: 16-bit
 /// floats become f32, everything else stays.
 mlir::Type getGradientElement(mlir::Type element);
 /// Type that thread IR has for a scalar: integers lose their sign.

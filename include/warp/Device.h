@@ -26,7 +26,7 @@ namespace warp {
 struct StreamUse;
 
 inline constexpr int cpuDevice = -1;
-/// Whether memory of a device is memory of the host, and work is done on
+/// True if memory of a device is memory of the host, and work is done on
 /// return.
 inline bool isHost(int device) { return device == cpuDevice; }
 

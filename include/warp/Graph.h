@@ -6,8 +6,8 @@
 // and not run; the graph that comes out repeats them with one call. On CUDA
 // the driver records what is queued on a stream, and on others that wait for
 // it; on the CPU the runtime records what the calling thread does. Memory
-// freed in between belongs to the graph from then on. What else a graph uses,
-// arrays and kernels, must outlive it; the Python layer sees to that.
+// freed in between belongs to the graph from then on. Everything else a graph
+// uses, arrays and kernels, must outlive it; the Python layer sees to that.
 //
 // Branches and loops depend on an int32 in device memory that is read when the
 // graph runs. A condition is made first, then bodies that run if it holds:
@@ -46,12 +46,12 @@ public:
   virtual void launch(const Stream *stream = nullptr) = 0;
   /// Number of nodes; those inside of bodies are not counted.
   virtual size_t size() const = 0;
-  /// Whether a launch gives its thread back at once, or nearly so.
+  /// True if a launch gives its thread back at once, or nearly so.
   virtual bool isShort() const = 0;
   /// Writes a Graphviz file.
   virtual void writeDot(const std::string &path, bool verbose) const = 0;
 
-  /// What it was captured from, if it is to be saved (warp/SavedGraph.h).
+  /// The capture that it comes from, if it is to be saved (warp/SavedGraph.h).
   const GraphTrace *trace() const { return recorded.get(); }
 
 protected:
@@ -83,7 +83,7 @@ public:
   int device() const { return deviceIndex; }
   virtual std::shared_ptr<Graph> end() = 0;
 
-  /// Whether `*value` is not zero (if `negated`: is zero) at that point.
+  /// True if `*value` is not zero (if `negated`: is zero) at that point.
   virtual Condition addCondition(const int32_t *value, bool negated) = 0;
   /// The same, again, for an existing condition.
   virtual void updateCondition(Condition condition, const int32_t *value,
@@ -98,10 +98,10 @@ private:
   int deviceIndex;
 };
 
-/// Whether work for a device is being recorded: on the CPU by this thread, on
+/// True if work for a device is being recorded: on the CPU by this thread, on
 /// CUDA by anyone through `Capture`.
 WARP_API bool isCapturing(int device);
-/// Whether the driver has conditional nodes.
+/// True if the driver has conditional nodes.
 WARP_API bool supportsConditionalGraphs();
 
 } // namespace warp

@@ -19,7 +19,7 @@ public:
   ~Abandonable();
 };
 
-/// Whether the flag of this thread's `Abandonable` is set.
+/// True if the flag of this thread's `Abandonable` is set.
 bool isAbandoned();
 
 } // namespace warp

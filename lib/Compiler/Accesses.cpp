@@ -52,7 +52,7 @@ private:
 
 } // namespace
 
-/// Whether a loop may end by what the operation loads: one around it, or around
+/// True if a loop may end by what the operation loads: one around it, or around
 /// a call of the function that it is in.
 bool Summary::mayBeWatched(Operation *op) const {
   return hasWhile && (op->getParentOfType<scf::WhileOp>() ||

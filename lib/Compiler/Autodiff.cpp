@@ -12,7 +12,7 @@
 //   4  warp-simplify-adjoint, warp-clean-up-adjoint and canonicalisation take
 //      away what is not needed
 //
-// What the passes have to say to the runtime they leave in attributes of the
+// The passes leave facts for the runtime in attributes of the
 // kernel. It moves to the `Derivative` here, so that equal code has an equal
 // fingerprint, whatever source line it comes from.
 //
@@ -73,7 +73,7 @@ struct Stages {
 
 } // namespace
 
-/// What is known of one launch stands at the kernel while it is differentiated.
+/// The facts about one launch stand at the kernel while it is differentiated.
 static void markApart(ModuleOp module, const AutodiffOptions &options) {
   SmallVector<bool> flags(options.apart.begin(), options.apart.end());
   for (auto function : module.getOps<func::FuncOp>())
@@ -114,7 +114,7 @@ static void finish(ModuleOp module) {
 }
 
 //===----------------------------------------------------------------------===//
-// What the passes said
+// Facts of the passes
 //===----------------------------------------------------------------------===//
 
 static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {

@@ -136,7 +136,7 @@ static int64_t knownStep(mlir::Value step) {
   return number ? *number : 0;
 }
 
-/// Whether counting up to `hi` cannot leave the type after the last trip.
+/// True if counting up to `hi` cannot leave the type after the last trip.
 static bool staysInRange(mlir::Value hi, int64_t step) {
   if (step == 1)
     return true;

@@ -30,7 +30,7 @@ warp::buildLibraryCall(Builder::Impl &impl, StringRef name, ValueRange args) {
     return SmallVector<mlir::Value>(call.getResults());
   }
   const LibraryFunction *function = findLibraryFunction(name);
-  // What changes memory is for passes alone.
+  // Effects on memory are for passes alone.
   if (!function || function->results.empty())
     return std::nullopt;
   SmallVector<mlir::Type> results;

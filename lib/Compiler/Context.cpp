@@ -58,7 +58,7 @@ warp::Diagnostics::Diagnostics() : ScopedDiagnosticHandler(&compilerContext()) {
       text += note.str();
     }
     if (!firstError.empty()) {
-      // What unrolled copies of a line report is said once.
+      // Equal reports of unrolled copies of a line are said once.
       text.insert(0, "\n");
       if (text != "\n" + firstError && rest.find(text) == std::string::npos)
         rest += text;

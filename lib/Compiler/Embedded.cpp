@@ -23,7 +23,7 @@ std::vector<char> warp::decompress(llvm::StringRef packed) {
   return bytes;
 }
 
-// What a process compiles with lives as long as it.
+// Objects that a process compiles with live as long as it.
 #define WARP_KEPT(function, packed)                                            \
   llvm::StringRef warp::function() {                                           \
     static const auto *bytes = new std::vector<char>(decompress(packed()));    \

@@ -3,11 +3,11 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // One JITLink session per process. Every object gets a library of its own, so
-// names never clash and one kernel's code can go when its owner does. What an
-// object may call is listed here: the C library's mathematics, memory
-// functions, the kernels' printf, and conversions of small floats that
-// compilers otherwise take from their run-time library. Besides, the device
-// library, which is linked when the first object needs it.
+// names never clash and one kernel's code can go when its owner does. The
+// functions that an object may call is listed here: the C library's
+// mathematics, memory functions, the kernels' printf, and conversions of small
+// floats that compilers otherwise take from their run-time library. Besides,
+// the device library, which is linked when the first object needs it.
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,4 +1,5 @@
-//===- LibmNames.h - What native code calls of the C library ----*- C++ -*-===//
+//===- LibmNames.h - Functions of the C library that native code calls *- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

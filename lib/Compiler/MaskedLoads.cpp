@@ -23,7 +23,7 @@
 
 using namespace warp;
 
-/// Whether something after it in its block may write memory.
+/// True if something after it in its block may write memory.
 static bool isBeforeWrite(llvm::Instruction &load) {
   for (auto *next = load.getNextNode(); next; next = next->getNextNode())
     if (next->mayWriteToMemory())

@@ -27,7 +27,7 @@ namespace {
 
 struct Known {
   warp::NativeCode code;
-  /// What compilers made of it, by target; "" is the host.
+  /// The compilers' results, by target; "" is the host.
   llvm::StringMap<std::string> made;
 };
 
@@ -166,8 +166,8 @@ static bool isPartOfName(char c) {
   return llvm::isAlnum(c) || c == '_' || c == '$';
 }
 
-/// What a line of PTX defines for the whole file: a function or a variable;
-/// empty for others.
+/// The name that a line of PTX defines for the whole file: a function or a
+/// variable; empty for others.
 static StringRef definedName(StringRef line) {
   for (StringRef linkage : {".visible ", ".weak "})
     line.consume_front(linkage);

@@ -154,8 +154,8 @@ template <typename T> static void setLlvmOption(llvm::StringRef name, T value) {
     static_cast<llvm::cl::opt<T> *>(found->second)->setValue(value);
 }
 
-/// What takes long and gains nothing here, and only options of the command line
-/// have a say in.
+/// Passes that take long and gain nothing here, and only options of the command
+/// line have a say in.
 static void setLlvmOptions() {
   // A second, narrower vector loop for what the first leaves over would cost a
   // quarter of the compile time.
@@ -195,11 +195,12 @@ static constexpr unsigned mostJoined = 8000;
 /// Accesses of a loop beyond which none of them stays in a register from one
 /// iteration to the next: to look for such ones takes the square of their
 /// number. Where a GPU's loops have more, they are unrolled exchanges by way of
-/// the block's memory (a third of the time that a Cholesky factor takes here).
+/// shared memory (a third of the time that a Cholesky factor takes here).
 static constexpr unsigned mostPromotedOnGpus = 100, mostPromotedOnCpus = 250;
 
-/// What is left to do for code whose calls are inlined and whose loops have the
-/// form they were given on purpose: a third of the standard passes find that.
+/// The remaining passes for code whose calls are inlined and whose loops have
+/// the form they were given on purpose: a third of the standard passes find
+/// that.
 static llvm::FunctionPassManager buildLeanPasses(bool gpu, bool vectorize,
                                                  bool join) {
   using namespace llvm;

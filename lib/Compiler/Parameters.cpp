@@ -1,4 +1,4 @@
-//===- Parameters.cpp - What a kernel's parameter block holds -------------===//
+//===- Parameters.cpp - Layout of a kernel's parameter block --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

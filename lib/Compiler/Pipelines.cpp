@@ -123,7 +123,7 @@ void warp::addPreparation(OpPassManager &pm) {
   addInlining(pm);
   // Rules are about numbers and composites of them.
   pm.addPass(createFlattenStructs());
-  // What has no rule of its own is differentiated as what it consists of.
+  // A builtin without a rule of its own is differentiated as its decomposition.
   pm.addPass(createExpandBuiltins());
   addSimplification(pm);
   // Last, on the indices that are left: a value that goes through memory has
@@ -206,7 +206,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     // Values are signless from here on.
     pm.addPass(createQuickCanonicalizer());
     pm.addPass(createCSEPass());
-    // Of the values that launches decide on, as these find them.
+    // Facts about the values that launches decide on, as these find them.
     pm.addPass(createCheckVariance());
     pm.addPass(createVerifyThread());
     return;

@@ -1,4 +1,4 @@
-//===- Regions.cpp - What part of an array a kernel touches ---------------===//
+//===- Regions.cpp - Access regions of a kernel's arrays ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Version.cpp - What build this is -----------------------------------===//
+//===- Version.cpp - Version of this build --------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -23,7 +23,7 @@ class OverloadMatcher {
 public:
   explicit OverloadMatcher(mlir::MLIRContext *context) : context(context) {}
 
-  /// Whether operands of these types fit; afterwards the letters are bound.
+  /// True if operands of these types fit; afterwards the letters are bound.
   bool match(const Signature &signature, mlir::TypeRange operands);
   /// The type that a pattern stands for.
   mlir::Type build(const TypePattern &pattern) const;
@@ -38,7 +38,7 @@ private:
   std::array<int64_t, 26> extents;
 };
 
-/// What to tell a user whose operands fit no overload.
+/// The message for operands that fit no overload.
 std::string describeMismatch(const BuiltinSpec &spec,
                              mlir::MLIRContext *context,
                              mlir::TypeRange operands);

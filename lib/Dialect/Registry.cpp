@@ -1,4 +1,4 @@
-//===- Registry.cpp - What is known about every builtin -------------------===//
+//===- Registry.cpp - Registry of builtins --------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -8,7 +8,7 @@
 // record's order and binds their letters; the first that fits wins. Nothing
 // here knows any builtin by name.
 //
-// What a failed match says to the user is in Mismatch.cpp.
+// The messages about a failed match are in Mismatch.cpp.
 //
 //===----------------------------------------------------------------------===//
 

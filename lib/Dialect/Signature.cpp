@@ -48,7 +48,7 @@ private:
   bool parseResults(std::vector<TypePattern> &results);
 
   StringRef text;
-  /// What is not read yet; `lastWord` is that before the last word was.
+  /// The unread text; `lastWord` is that before the last word was.
   StringRef rest, lastWord;
   std::string &error;
 };

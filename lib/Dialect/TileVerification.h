@@ -1,4 +1,5 @@
-//===- TileVerification.h - What verifiers about tiles share ----*- C++ -*-===//
+//===- TileVerification.h - Shared parts of verifiers of tile operations *- C++
+//-*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TypeQueries.cpp - What the compiler asks about types ---------------===//
+//===- TypeQueries.cpp - Queries about types ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -42,7 +42,7 @@ struct WarpAsmInterface : OpAsmDialectInterface {
     auto structure = dyn_cast<warp::StructType>(type);
     if (!structure)
       return AliasResult::NoAlias;
-    // Of `module.function.<locals>.Name`, the last part.
+    // The last part of `module.function.<locals>.Name`.
     os << structure.getName().rsplit('.').second;
     if (!structure.getName().contains('.'))
       os << structure.getName();

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Printing, parsing and verification of the types. What other parts ask about
+// Printing, parsing and verification of the types. Queries about a type
 // a type is in TypeQueries.cpp.
 //
 //===----------------------------------------------------------------------===//
@@ -226,7 +226,7 @@ LogicalResult warp::TileType::verify(EmitError emitError,
 }
 
 namespace {
-/// What a type costs those who walk it, element types of arrays included.
+/// The cost of a walk over a type, element types of arrays included.
 struct Extent {
   int64_t parts = 1;
   int64_t depth = 0;

@@ -49,7 +49,7 @@ private:
   ForkMutex mutex;
   std::condition_variable_any changed;
   std::deque<std::function<void()>> tasks;
-  /// Those of the process.
+  /// The threads of the process.
   cpu_set_t processors{};
   bool isStarted = false, isBusy = false;
   std::atomic<bool> isStopped{false};
@@ -86,7 +86,7 @@ void Worker::run() {
   pthread_setname_np(pthread_self(), "warp-compiler");
   // Who starts it may be bound to a processor.
   sched_setaffinity(0, sizeof(processors), &processors);
-  // Of this thread alone, on Linux.
+  // The priority of this thread alone, on Linux.
   (void)setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + politeness);
   Abandonable tasksAre(isStopped);
   std::unique_lock lock(mutex);
@@ -123,7 +123,7 @@ void Worker::stop() {
 }
 
 void Worker::restartInChild() {
-  // Those who waited, and who was busy, are not here.
+  // Waiting and busy threads are not here.
   new (&changed) std::condition_variable_any;
   isStarted = isBusy = false;
   if (!tasks.empty() && !isStopped)

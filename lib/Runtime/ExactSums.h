@@ -16,7 +16,7 @@
 
 namespace warp {
 
-/// Whether arrays that a launch sums into share memory with others that it
+/// True if arrays that a launch sums into share memory with others that it
 /// accesses.
 bool overlap(const std::vector<SummedArray> &arrays, const void *params);
 

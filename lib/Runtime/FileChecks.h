@@ -1,4 +1,4 @@
-//===- FileChecks.h - Whether fields of files fit together ------*- C++ -*-===//
+//===- FileChecks.h - Consistency of fields of files ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

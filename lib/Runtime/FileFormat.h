@@ -23,7 +23,7 @@ struct FileFormat {
   /// Eight characters.
   std::string_view magic;
   uint32_t version;
-  /// What a file is, and what to do with that of another version, in errors.
+  /// The kind of a file, and the remedy for one of another version, in errors.
   std::string_view name, remedy;
 
   Error error(const std::string &path, const std::string &problem) const;

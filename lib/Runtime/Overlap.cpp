@@ -1,4 +1,4 @@
-//===- Overlap.cpp - What memory the arrays of a launch have --------------===//
+//===- Overlap.cpp - Memory of a launch's arrays --------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

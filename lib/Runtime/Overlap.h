@@ -1,4 +1,4 @@
-//===- Overlap.h - What memory the arrays of a launch have ------*- C++ -*-===//
+//===- Overlap.h - Memory of a launch's arrays ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -85,7 +85,7 @@ private:
     /// Its CPU; entry 0 has the one that is free for the caller.
     std::atomic<int> cpu{-1};
     clockid_t clock{};
-    /// What its clock said at the last look of a caller that waits.
+    /// The clock at the last look of a caller that waits.
     int64_t lookedAt = 0;
     int64_t coreAtLook = 0;
     /// Written at every job: on a line that callers seldom read.

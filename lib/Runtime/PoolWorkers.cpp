@@ -1,4 +1,4 @@
-//===- PoolWorkers.cpp - What the pool's workers do -----------------------===//
+//===- PoolWorkers.cpp - Workers of the pool ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -191,7 +191,7 @@ void Pool::waitForWorkers() {
   }
 }
 
-/// Whether its clock stood still since the last look, if that is of this wait.
+/// True if its clock stood still since the last look, if that is of this wait.
 bool Pool::hasLostCore(Worker &worker, int64_t begin) {
   int64_t now = wallTime();
   int64_t passed = now - worker.lookedAt;

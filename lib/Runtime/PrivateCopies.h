@@ -33,7 +33,7 @@ enum class UpdateMode {
   Atomic,
 };
 
-/// What is quickest, by estimates of the compiler and the arrays' sizes.
+/// The quickest mode, by estimates of the compiler and the arrays' sizes.
 UpdateMode chooseUpdates(const CopiedArrays &copied, const void *params,
                          int64_t items);
 

@@ -18,7 +18,7 @@ static Span hullOf(const Span &a, const Span &b) {
                                         std::abs(a.start - b.start)))};
 }
 
-/// Whether the hull of two spans has no element that neither has.
+/// True if the hull of two spans has no element that neither has.
 static bool isTight(const Span &a, const Span &b, const Span &hull) {
   if (hull == a || hull == b)
     return true;

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Boxes of progressions. Those of one array that continue each other become
+// Boxes of progressions. Boxes of one array that continue each other become
 // one.
 //
 //===----------------------------------------------------------------------===//

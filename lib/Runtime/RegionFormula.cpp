@@ -82,7 +82,7 @@ static int64_t combine(const Node &node, int64_t a, int64_t b) {
 
 namespace {
 
-/// What the nodes of a formula are at a launch.
+/// The values of a formula's nodes at a launch.
 class Values {
 public:
   Values(const RegionFormula &formula, const LaunchDim &dim,
@@ -264,7 +264,7 @@ static MemoryBlock blockOf(const Box &box, ArrayDescriptor array,
 // Launches
 //===----------------------------------------------------------------------===//
 
-/// What a kernel does with one array, as a region.
+/// The accesses of a kernel to one array, as a region.
 static Region regionOf(const RegionFormula &formula, const Values &values,
                        int32_t number, const ArrayDescriptor &array,
                        int64_t itemSize, bool written) {

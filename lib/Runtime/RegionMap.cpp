@@ -107,7 +107,7 @@ void RegionMap::meeting(const Region &region,
   for (const MemoryBlock &block : region.blocks) {
     collect(byAddress, block.start, block.end(), found);
     for (const auto &[pitch, line] : byColumn) {
-      // Of a block that is no column of these rows, the range in a row.
+      // The range in a row of a block that is no column of these rows.
       Place place = placeOf(block);
       if (place.pitch != pitch) {
         uint64_t length = block.end() - block.start;

@@ -137,7 +137,7 @@ static bool digitsOf(const MemoryBlock &block, uint64_t base,
       return false;
     room = unit;
   }
-  // What is left has the stride of another dimension.
+  // The rest has the stride of another dimension.
   return next == block.rank;
 }
 
@@ -216,7 +216,7 @@ MemoryBlock warp::blockOf(const ArrayDescriptor &array, int64_t itemSize) {
 // Regions
 //===----------------------------------------------------------------------===//
 
-/// Whether it is known that `b` has all elements of `a`.
+/// True if it is known that `b` has all elements of `a`.
 static bool isWithin(const MemoryBlock &a, const MemoryBlock &b) {
   if (a == b)
     return true;

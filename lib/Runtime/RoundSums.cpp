@@ -9,9 +9,9 @@
 // all others only say whether something was lost when it is rounded, to nearest
 // and ties to even. An element that no update touched is not written.
 //
-// What the element was before is one more term of the sum. It is exchanged only
-// if it still is that, so that launches of several threads or streams may add
-// to one array.
+// The former value of the element is one more term of the sum. It is exchanged
+// only if it still is that, so that launches of several threads or streams may
+// add to one array.
 //
 //===----------------------------------------------------------------------===//
 
@@ -83,7 +83,7 @@ private:
   N compose(N top, const N (&window)[3], N lost);
   Value roundOrNot(Value old);
   Value exceptional(Value old, N flags);
-  /// Whether a digit of the number is not zero.
+  /// True if a digit of the number is not zero.
   N anyWord();
   /// The weights from the lowest to the highest digit of the sum and the old
   /// element, and of what is carried.
@@ -197,7 +197,7 @@ Number64 RoundingKernel::digit(Value weight) {
   return word(weight) + old;
 }
 
-/// What is left after the last digit.
+/// The remainder after the last digit.
 Number64 RoundingKernel::carryOverAll() {
   auto loop = beginDigits({zero.value});
   N total = digit(loop[0]) + wrap(loop[1]);

@@ -35,11 +35,11 @@ public:
   /// For a launch of `items` in which `most` threads could take part.
   Plan plan(int64_t items, int most);
 
-  /// What a launch of `width` threads took.
+  /// The time of a launch of `width` threads.
   void record(int64_t items, int width, double nanoseconds);
 
 private:
-  /// What the pairs seen so far took, by the item.
+  /// The time of the pairs seen so far, by the item.
   struct Trial {
     int usualWidth = 0;
     int otherWidth = 0;
@@ -47,7 +47,7 @@ private:
     double usual = 0;
     double other = 0;
   };
-  /// What the launch under way is to a trial.
+  /// The role of the running launch in a trial.
   enum class Role { None, Usual, Other };
 
   void beginTrial(int most);

@@ -14,7 +14,7 @@
 
 using namespace mlir;
 
-/// Of what is indexed and has its check.
+/// The values that are indexed and have their check.
 static constexpr StringLiteral checkedAttr = "warp.checked";
 
 static bool areKnown(ValueRange indices) {

@@ -18,7 +18,7 @@ void checkIndices(mlir::OpBuilder &b, mlir::Location loc, mlir::Type composite,
 
 /// The same for all that is indexed within an operation: components, rows,
 /// tiles and arrays of a thread; other arrays are checked where they are
-/// accessed. What has its check is left alone: first this is done before
+/// accessed. An access with a check is left alone: first this is done before
 /// anything is removed that nobody uses, and then for what passes have made.
 void insertIndexChecks(mlir::Operation *module);
 

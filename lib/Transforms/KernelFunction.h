@@ -49,7 +49,7 @@ inline const TargetInfo &getTarget(mlir::Operation *func) {
   return getVariant(func).getTarget().getInfo();
 }
 
-/// What passes found out about how a function is to be launched.
+/// The passes' decisions about the launch of a function.
 inline ScheduleAttr getSchedule(mlir::Operation *func) {
   auto schedule = func->getAttrOfType<ScheduleAttr>(attr::schedule);
   return schedule ? schedule : ScheduleAttr::getDefault(func->getContext());

@@ -12,7 +12,7 @@
 using namespace mlir;
 using warp::RunLoop;
 
-/// Whether a condition does not hold where place < end.
+/// True if a condition does not hold where place < end.
 static bool meansEnd(Value condition, Value place, Value end) {
   Operation *op = condition.getDefiningOp();
   if (auto compare = dyn_cast_or_null<arith::CmpIOp>(op))

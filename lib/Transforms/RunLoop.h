@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What a loop over the neighbours of a point in a hash grid is: its condition
+// The loop over the neighbours of a point in a hash grid: its condition
 // looks for the next run when one has ended, its body goes on by one.
 //
 //     while (seek(place, end), place < end)

@@ -1,4 +1,4 @@
-//===- VerifyPhases.cpp - What may be left after each phase ---------------===//
+//===- VerifyPhases.cpp - Legal operations after each phase ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -82,7 +82,7 @@ static LogicalResult checkTypes(ModuleOp module, StringRef phase,
   return failure(result.wasInterrupted());
 }
 
-/// What thread and launch IR share.
+/// The operations that thread and launch IR share.
 static bool isScalarCode(Operation *op) {
   // Conversions that saturate have no form in arith.
   return isa<LLVM::CallIntrinsicOp>(op) ||
@@ -151,7 +151,7 @@ struct VerifyLaunch : warp::impl::VerifyLaunchBase<VerifyLaunch> {
     if (!isa_and_nonnull<warp::WarpDialect>(op->getDialect()))
       return isScalarCode(op);
     bool ofThreads = op->hasTrait<warp::ThreadPhase>() && !isa<warp::TidOp>(op);
-    // What lanes do has a value per lane.
+    // A result of lanes has a value per lane.
     bool ofLanes =
         llvm::any_of(op->getOperandTypes(), llvm::IsaPred<VectorType>) ||
         llvm::any_of(op->getResultTypes(), llvm::IsaPred<VectorType>);

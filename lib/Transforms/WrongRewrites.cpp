@@ -1,4 +1,4 @@
-//===- WrongRewrites.cpp - What takes the place of rewrites of LLVM -------===//
+//===- WrongRewrites.cpp - Replacements of wrong rewrites of LLVM ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -63,7 +63,7 @@ struct MoveBranchIntoBody : OpRewritePattern<scf::WhileOp> {
         ends.push_back(handedOn.add(
             branch.elseYield().getOperand(made.getResultNumber())));
     }
-    // What the branch takes from the condition, in its order.
+    // The operands that the branch takes from the condition, in its order.
     llvm::SetVector<Value> used;
     getUsedValuesDefinedAbove(branch.getThenRegion(), used);
     for (Value result : branch.thenYield().getOperands())

@@ -47,7 +47,7 @@ static const char *kindText(HiddenArgument::Kind kind) {
 // Gradients that share memory
 //===----------------------------------------------------------------------===//
 
-/// Whether two elements of an array are at one address, or may be: sorted by
+/// True if two elements of an array are at one address, or may be: sorted by
 /// stride, each dimension has to step over all smaller ones.
 static bool repeatsElements(const ArrayDescriptor &array, int64_t itemSize) {
   std::vector<std::pair<int64_t, int64_t>> steps;
@@ -75,7 +75,7 @@ static std::pair<int64_t, int64_t> extentOf(const ArrayDescriptor &array,
   return {first, last + itemSize};
 }
 
-/// Whether an address may belong to two elements of these arrays. Not exact:
+/// True if an address may belong to two elements of these arrays. Not exact:
 /// arrays whose elements interleave count as sharing.
 bool python::sharesElements(const std::vector<py::object> &arrays) {
   std::vector<std::pair<int64_t, int64_t>> extents;

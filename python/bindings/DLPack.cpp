@@ -86,7 +86,7 @@ struct Versioned {
 };
 static_assert(sizeof(Versioned) == 80);
 
-/// What an exported tensor keeps until its deleter runs.
+/// The state that an exported tensor keeps until its deleter runs.
 template <typename Managed> struct Lent {
   Managed managed = {};
   std::vector<int64_t> shape, strides;

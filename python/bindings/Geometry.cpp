@@ -183,11 +183,11 @@ template <class T> static T *dataOf(py::handle array) {
   return static_cast<T *>(descriptor.data);
 }
 
-/// What a hierarchy is built of, in memory for its nodes, its blocks and what
-/// was found, for the handle `id`.
+/// The source of a hierarchy, in memory for its nodes, its blocks and the
+/// results was found, for the handle `id`.
 static TreeBuild treeOf(py::handle first, py::handle second, bool ofTriangles,
                         bool alongCurve, py::handle memory, uint64_t id) {
-  // Of slots (lib/Geometry/Slots.h).
+  // The words of slots (lib/Geometry/Slots.h).
   constexpr int scaleAt = 24;
   constexpr uint64_t addressMask = (uint64_t(1) << 49) - 1;
   int64_t elements = descriptorOf(second).shape[0];

@@ -87,7 +87,7 @@ static py::object keepBlocks(const Region &region, py::handle array,
 }
 
 //===----------------------------------------------------------------------===//
-// What was kept
+// Kept memory
 //===----------------------------------------------------------------------===//
 
 PyObject *python::keptContents(VersionObject *version, PyObject *value) {

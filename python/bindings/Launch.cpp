@@ -57,7 +57,7 @@ static int64_t readExtent(const Kernel &kernel, PyObject *value) {
   int64_t extent = PyLong_AsLongLongAndOverflow(value, &overflow);
   if (overflow)
     throw dimError(kernel, Error::Kind::LaunchValue, describeValue(value));
-  // What is recorded is told at once.
+  // A recorded launch is reported at once.
   if (extent < 0)
     throw Error(Error::Kind::LaunchValue,
                 "launch('" + kernel.name() +
@@ -133,7 +133,7 @@ static int intArgument(PyObject *value) {
   return static_cast<int>(number);
 }
 
-/// What a graph needs to run the launch again.
+/// The state with which a graph runs the launch again.
 static void holdArguments(int device, PyObject *self, const Items &inputs,
                           const Items &outputs,
                           const std::vector<py::object> &keep) {

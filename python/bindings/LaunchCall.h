@@ -76,7 +76,7 @@ void packArguments(Packer &packer, const Items &inputs, const Items &outputs,
                    std::vector<pybind11::object> &keep);
 /// The stream of a Python object; null for None.
 const Stream *asStream(PyObject *object);
-/// What Python has printed comes before what the kernel prints.
+/// Flushes Python's output before the kernel prints.
 void flushPythonOutput();
 
 /// Runs a plan; the GIL is released and what `makeHold` returns is kept if it

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// `warp._native` is a thin layer over include/warp. What launches touch
+// `warp._native` is a thin layer over include/warp. The types of launches
 // (arrays, kernels) are types written against the C API, because a launch has
 // about a microsecond; everything else is pybind11.
 //
@@ -46,7 +46,7 @@ void setPythonError(const Error &error);
 /// A number per type text, so that launches compare ints.
 int typeId(const std::string &text);
 const std::string &typeText(int id);
-/// What Python calls a type: "float32" for "f32".
+/// Python's name of a type: "float32" for "f32".
 std::string pythonTypeName(const std::string &text);
 
 /// Graphs being recorded; guarded by the GIL.
@@ -62,8 +62,8 @@ inline void hold(int device, PyObject *object) {
 /// The same for work of this thread on the host.
 inline void hold(PyObject *object) { hold(cpuDevice, object); }
 
-/// Of `ArrayDescriptor::flags` in Python's structs: the memory must not be
-/// written. The bits below are the array's device plus 2, or 0.
+/// The bits of `ArrayDescriptor::flags` in Python's structs: the memory must
+/// not be written. The bits below are the array's device plus 2, or 0.
 constexpr int readOnlyFlag = 1 << 16;
 
 /// The instance layout of `warp._native.Array`.
@@ -76,8 +76,8 @@ struct ArrayObject {
   PyObject *strides;
   int64_t itemSize;
   int typeId;
-  /// What packing compares first: `typeId`, or -1 for memory that must not be
-  /// written, which takes the way with all checks.
+  /// The key that packing compares first: `typeId`, or -1 for memory that must
+  /// not be written, which takes the way with all checks.
   int packId;
   int device;
   bool pinned;

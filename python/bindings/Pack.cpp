@@ -270,7 +270,7 @@ bool Packer::packBytes(PackParam &param, PyObject *value, char *out) {
   return true;
 }
 
-/// Whether a parameter is the struct of an indexed array.
+/// True if a parameter is the struct of an indexed array.
 static bool isIndexedArray(const Param &param) {
   return param.type.rfind("!warp.struct<\"indexedarray", 0) == 0 &&
          param.type.find('(') < param.type.find('"', 15);

@@ -32,7 +32,7 @@ enum class Scalar {
   F64
 };
 
-/// What is known about a type from its text.
+/// The facts about a type from its text.
 struct TypeShape {
   enum class Kind { Scalar, Composite, Struct, Other };
   Kind kind = Kind::Other;
@@ -65,7 +65,7 @@ Outcome storeScalar(Scalar scalar, PyObject *value, char *out);
 std::string describeValue(PyObject *value);
 std::string expectedText(const Param &param);
 
-/// Packs the arguments of one kernel. What a foreign array object needs to
+/// Packs the arguments of one kernel. Objects that a foreign array needs to
 /// stay valid is appended to `keep`.
 class Packer {
 public:

@@ -120,7 +120,7 @@ static Interface readInterface(const py::dict &fields) {
   return found;
 }
 
-/// Whether the last extents are the element's own and packed.
+/// True if the last extents are the element's own and packed.
 static bool innerFits(const Interface &found, const TypeShape &shape,
                       int rank) {
   size_t inner = shape.extents.size();
@@ -145,8 +145,8 @@ static std::string describe(const Interface &found) {
 }
 
 /// Lets the device's current stream wait for the stream that wrote an array;
-/// false if there is nothing to wait for. What is recorded into a graph runs
-/// later, and cannot wait for other streams.
+/// false if there is nothing to wait for. Work that is recorded into a graph
+/// runs later, and cannot wait for other streams.
 static bool waitForWriter(const py::dict &fields, int device) {
   if (capturesInProgress || !fields.contains("stream") ||
       fields["stream"].is_none())

@@ -141,7 +141,7 @@ static py::object plainNumber(Scalar scalar, PyObject *value) {
   PyNumberMethods *methods = Py_TYPE(value)->tp_as_number;
   if (value == Py_None || !methods)
     return {};
-  // What has components is no number, even if it could be turned into one.
+  // A composite is no number, even if it could be turned into one.
   if (PyObject_Size(value) >= 0)
     return {};
   PyErr_Clear();

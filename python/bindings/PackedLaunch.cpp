@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What `wp.launch(..., record_cmd=True)` returns is a subclass of this type.
+// The result of `wp.launch(..., record_cmd=True)` is a subclass of this type.
 // The arguments are packed and the variant is chosen when they change; a
 // launch then only runs it. Launches that may take long, and those with checks,
 // which write into the block, work on a copy.
@@ -52,7 +52,7 @@ private:
   std::vector<uint64_t> block;
   /// Each argument, with what was made to read it.
   std::vector<std::vector<py::object>> arguments;
-  /// Whether only the bytes of an argument are known, not its type.
+  /// True if only the bytes of an argument are known, not its type.
   std::vector<bool> isRaw;
   bool hasStructs = false;
   Kernel::Plan plan;

@@ -224,7 +224,7 @@ static bool findFields(const LaunchRecorder &recorder, Arguments &values) {
   return true;
 }
 
-/// Whether all arrays are such, of that device and rank.
+/// True if all arrays are such, of that device and rank.
 static bool areOrdinary(const LaunchRecorder &recorder, Arguments &values,
                         int device) {
   const auto &params = recorder.kernel()->kernel->parameters();
@@ -279,7 +279,7 @@ static void observe(PyObject *memory, VersionMap &map,
     const ArrayDescriptor &descriptor = asArray(array)->descriptor;
     if (std::count(descriptor.shape, descriptor.shape + descriptor.ndim, 0))
       continue;
-    // What is written elsewhere is of no concern to the adjoint.
+    // Writes elsewhere are of no concern to the adjoint.
     bool reads = (known.apart >> i & 1) || regions.written.blocks.empty();
     py::object version =
         reads ? map.observe(memory, array, regions.read)
@@ -301,7 +301,7 @@ struct Recording {
 };
 } // namespace
 
-/// Whether all that the launch has to keep for its adjoint are arrays as they
+/// True if all that the launch has to keep for its adjoint are arrays as they
 /// are before it.
 static bool canPreserve(const Activity &activity,
                         const LaunchRecorder &recorder,

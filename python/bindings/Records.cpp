@@ -91,7 +91,7 @@ static void deallocRecord(PyObject *self) {
 }
 
 //===----------------------------------------------------------------------===//
-// What adjoints read
+// Reads of adjoints
 //===----------------------------------------------------------------------===//
 
 py::tuple python::flagsOf(ArraySet set, size_t count) {

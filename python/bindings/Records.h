@@ -23,7 +23,7 @@ namespace warp::python {
 using ArraySet = uint64_t;
 inline constexpr size_t mostArrays = 64;
 
-/// What is known of the adjoint for a set of arrays with gradients.
+/// The facts about the adjoint for a set of arrays with gradients.
 struct Activity {
   ArraySet active = 0, apart = 0;
   /// When `needed` was found out; 0 is never.
@@ -59,7 +59,7 @@ struct StructField {
   pybind11::object type, name;
 };
 
-/// What recording needs to know of a native kernel.
+/// The facts about a native kernel that recording needs.
 class LaunchRecorder : public RegionFinder {
 public:
   /// `fields` has (position, class, name) of each array if some are in structs,
@@ -91,13 +91,13 @@ struct RecordObject {
   PyObject base;
   PyObject *weak;
   PyObject *kernel, *native, *dim, *stream, *place;
-  /// Of records that were made here.
+  /// For records that were made here.
   PyObject *recorder;
   PyObject *budget;
-  /// What Python keeps.
+  /// The objects that Python keeps.
   PyObject *versions, *call, *event, *before, *behind, *saved, *aliases, *apart,
       *originals, *made;
-  /// Of records that were made here: the arguments, after them all arrays if
+  /// For records that were made here: the arguments, after them all arrays if
   /// some are in structs, and the version of each array, null without elements
   /// or gradients.
   PyObject **items;
@@ -119,7 +119,7 @@ inline bool isRecord(PyObject *object) {
   return PyObject_TypeCheck(object, recordBase);
 }
 
-/// Whether a record's adjoint reads what a version is of; nothing if that is
+/// True if a record's adjoint reads what a version is of; nothing if that is
 /// for Python to say.
 std::optional<bool> recordNeeds(RecordObject *record, VersionObject *version);
 

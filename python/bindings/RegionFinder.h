@@ -1,4 +1,4 @@
-//===- RegionFinder.h - What launches of a kernel touch ---------*- C++ -*-===//
+//===- RegionFinder.h - Access regions of launches --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -17,7 +17,7 @@
 
 namespace warp::python {
 
-/// What a launch touches, by array.
+/// The access regions of a launch, by array.
 struct LaunchRegions {
   std::vector<ArrayRegions> arrays;
 
@@ -28,7 +28,7 @@ struct LaunchRegions {
   std::vector<bool> apart() const;
 };
 
-/// What launches of one kernel touch.
+/// The access regions of launches of one kernel.
 class RegionFinder {
 public:
   explicit RegionFinder(pybind11::object object);

@@ -1,4 +1,4 @@
-//===- Regions.cpp - What launches touch, for the tape --------------------===//
+//===- Regions.cpp - Access regions of launches, for the tape -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

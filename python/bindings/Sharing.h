@@ -13,7 +13,7 @@
 
 namespace warp::python {
 
-/// Whether an address may belong to two elements of some arrays.
+/// True if an address may belong to two elements of some arrays.
 bool sharesElements(const std::vector<pybind11::object> &arrays);
 
 } // namespace warp::python

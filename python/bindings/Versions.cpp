@@ -1,4 +1,4 @@
-//===- Versions.cpp - What regions of memory held -------------------------===//
+//===- Versions.cpp - Former contents of memory regions -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -311,7 +311,7 @@ py::object VersionMap::observe(PyObject *self, PyObject *array,
         reinterpret_cast<PyObject *>(entry->second));
     if (isIntact(entry->second) || !version.attr("changed").cast<bool>())
       return version;
-    // What was made of the former one may have ended meanwhile.
+    // The object made from the former one may have ended meanwhile.
     version = py::handle(self).attr("_renew")(version, py::handle(array),
                                               Region(region));
     number = table->regions.add(region);

@@ -1,10 +1,10 @@
-//===- Versions.h - What regions of memory held -----------------*- C++ -*-===//
+//===- Versions.h - Former contents of memory regions -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The part of `Version` and `Memory` (python/warp/_src/arrays/versions.py) that
 // each recorded launch needs: to find the version of a region, and to end those
-// that a write meets and nobody wants. What has to be copied, Python keeps.
+// that a write meets and nobody wants. Python keeps the regions to copy.
 //
 //===----------------------------------------------------------------------===//
 
@@ -79,7 +79,7 @@ inline VersionObject *asVersion(PyObject *object) {
   return reinterpret_cast<VersionObject *>(object);
 }
 
-/// Whether nothing was written to the memory since the version began, as far
+/// True if nothing was written to the memory since the version began, as far
 /// as can be told without looking there.
 inline bool isIntact(const VersionObject *version) {
   return !version->ended && !version->lent &&

@@ -137,7 +137,7 @@ static void bindRecipe(py::module_ &m) {
   }();
 }
 
-/// What kernels that write grids have to know.
+/// The parameters of kernels that write grids.
 static void bindLayouts(py::module_ &m) {
   py::class_<GridLayout>(m, "GridLayout", "Offsets in grids.")
       .def_readonly("root_at", &GridLayout::rootAt)

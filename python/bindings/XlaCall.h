@@ -1,4 +1,4 @@
-//===- XlaCall.h - What all calls from XLA do -------------------*- C++ -*-===//
+//===- XlaCall.h - Shared parts of calls from XLA ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

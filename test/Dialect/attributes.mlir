@@ -5,7 +5,7 @@
 // RUN: warp-opt %s --warp-pipeline="to-thread target=cpu:znver5" | FileCheck %s --check-prefix=ZEN
 // RUN: warp-opt %s --warp-pipeline=to-thread | FileCheck %s --check-prefix=KEPT
 
-// What is as usual is not printed; a variant that a kernel has stays unless
+// Default values are not printed; a variant that a kernel has stays unless
 // options are given, and those can ask for all that the runtime can.
 // CHECK: func.func @f()
 // CHECK-SAME: warp.schedule = #warp.schedule<coarsening = 4, cost = 7, exclusive = true, sums = [#warp.summed_array<width = 32, descriptor = 24, element_size = 4>, #warp.summed_array<descriptor = 80, gradient = true, element_size = 12, stride_scale = 2>]>

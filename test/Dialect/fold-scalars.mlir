@@ -42,7 +42,7 @@ func.func @floats() -> (f32, f16, f16, f32, f64) {
   return %0, %1, %2, %3, %4 : f32, f16, f16, f32, f64
 }
 
-// What holds for every value is used.
+// A fact that holds for every value is used.
 // CHECK-LABEL: func.func @identities(
 // CHECK-SAME: %[[I:.*]]: si32, %[[X:.*]]: f32, %[[V:.*]]: !warp.vec<3 x f32>)
 // CHECK-NEXT: %[[ZERO:.*]] = warp.constant 0 : si32

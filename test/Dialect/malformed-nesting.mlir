@@ -10,6 +10,6 @@
 // RUN: %python %S/Inputs/nest.py arrays 60 | not warp-opt 2>&1 | FileCheck %s --check-prefix=C3
 // C3: error: (C3) struct 'S' has more than 65536 components or 64 levels
 
-// What is just within the limits is read.
+// Input just within the limits is read.
 // RUN: %python %S/Inputs/nest.py struct 64 | warp-opt
 // RUN: %python %S/Inputs/nest.py pairs 12 | warp-opt

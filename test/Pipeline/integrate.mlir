@@ -21,7 +21,7 @@
 // PTX-NEXT: st.global.b32 [%[[V]]+8]
 
 // On the CPU, lanes are threads: a vec3 of 32 of them is three vectors, taken
-// apart and put together by shuffles. What rounds is in the IR, not up to LLVM.
+// apart and put together by shuffles. Roundings are in the IR, not up to LLVM.
 // IR-LABEL: define void @integrate
 // IR-NOT: contract
 // IR: br label %[[LOOP:[0-9]+]]

@@ -4,7 +4,7 @@
 // RUN: %python %S/../Dialect/Inputs/mutate.py %s 300 1 | not warp-opt -split-input-file '--warp-pipeline=to-llvm debug' -o /dev/null
 // RUN: %python %S/../Dialect/Inputs/mutate.py %s 300 2 | not warp-opt -split-input-file '--warp-pipeline=to-llvm target=sm_90' -o /dev/null
 
-// What is damaged is a kernel that compiles.
+// The damaged input is a kernel that compiles.
 // RUN: warp-opt %s --warp-pipeline=to-llvm -o /dev/null
 
 func.func private @helper(%v: !warp.vec<3 x f32>, %i: si32) -> (f32, !warp.vec<3 x f32>) {

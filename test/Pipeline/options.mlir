@@ -4,7 +4,7 @@
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=target=sm_90,fast-math | FileCheck %s --check-prefix=FAST
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=target=sm_120 | FileCheck %s --check-prefix=BLACKWELL
 
-// What each option changes in the code.
+// The effect of each option on the code.
 
 // LINES: .loc 1 12 5
 // LINES: .file 1 "{{.*}}k.py"

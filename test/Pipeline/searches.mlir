@@ -1,5 +1,5 @@
 // Threads that search geometry leave room for others: they wait for memory at
-// each step. What a user asks for comes first.
+// each step. The user's choice comes first.
 //
 // RUN: warp-opt %s --warp-emit=ptx --warp-options="target=sm_90" \
 // RUN:   | FileCheck %s

@@ -1,5 +1,5 @@
-// What a loop gives in the end is what the branch yields then; what it takes
-// from the condition is handed on.
+// The final value of a loop is the one that the branch yields then; the value
+// that it takes from the condition is handed on.
 //
 // RUN: warp-opt %s --warp-emit=thread | FileCheck %s
 

@@ -2,7 +2,7 @@
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=sm_90 packed=3" | FileCheck %s --check-prefix=MANY
 
 // The eight warps of a block have the same 32 indices and an eighth of the loop
-// each; the first adds up what the others leave in block memory.
+// each; the first adds up what the others leave in shared memory.
 // CHECK-LABEL: gpu.func @count(
 // CHECK-SAME: workgroup({{.*}} : memref<1024xi8
 // CHECK-SAME: split_reduction = 8

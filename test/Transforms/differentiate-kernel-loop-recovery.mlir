@@ -68,7 +68,7 @@ func.func @chosen(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 // -----
 
 // Iterations whose sums are in a branch, or in a loop within, have no order
-// either: what they carry besides is had again as it comes.
+// either: what they carry besides is recovered as it comes.
 func.func @sums_in_branches(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                             %next: !warp.array<1 x si32>)
     attributes {warp.kernel} {

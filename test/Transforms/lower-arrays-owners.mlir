@@ -1,8 +1,8 @@
 // RUN: warp-opt %s --warp-pipeline="to-gpu target=cpu:x86-64-v4" | FileCheck %s
 
-// Tiles in the memory of a block, and arrays that the launch was given, do not
+// Tiles in shared memory, and arrays that the launch was given, do not
 // overlap: vector loops need not ask.
-// CHECK: #[[BLOCK:.*]] = #llvm.alias_scope<{{.*}}"memory of a block">
+// CHECK: #[[BLOCK:.*]] = #llvm.alias_scope<{{.*}}"shared memory">
 // CHECK-LABEL: llvm.func @twice(
 // CHECK: llvm.load %{{.*}} {alignment = 4 : i64, noalias_scopes = [#[[BLOCK]]]}
 // CHECK: llvm.store %{{.*}} {alias_scopes = [#[[BLOCK]]], alignment = 4 : i64}

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s --warp-plan-tile-memory --verify-diagnostics
 
-// expected-error @below {{tiles need 8388608 bytes of a block's memory, which has 4194304; make them smaller}}
+// expected-error @below {{tiles need 8388608 bytes of shared memory, which has 4194304; make them smaller}}
 func.func @large(%a: !warp.array<2 x f32>)
     attributes {warp.kernel, warp.block_threads = 1 : i64} {
   %c0 = warp.constant 0 : si32

@@ -106,7 +106,7 @@ func.func private @unused(%a: f32) -> f32 {
 
 // -----
 
-// Where values are had again without being computed, the derivative is made.
+// Where values are recovered without being computed, the derivative is made.
 // KEEP-LABEL: @replayed(
 // KEEP: func.func private @f({{.*}}) -> f32 attributes {warp.replay = @r, warp.vjp = @f_vjp}
 // KEEP: func.func private @f_vjp(%{{.*}}: f32, %{{.*}}: f32) -> f32

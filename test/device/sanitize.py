@@ -24,7 +24,7 @@ PROGRAM = Path(__file__).with_name("sanitize_work.py")
 
 @dataclass
 class Finding:
-    """What one tool says of one program."""
+    """The findings of one tool in one program."""
 
     count: int | None  # None: the tool printed no summary
     status: int

@@ -1,4 +1,4 @@
-"""What sanitize.py inspects: kernels of every sort, small, with their results checked.
+"""Programs for sanitize.py: kernels of every sort, small, with their results checked.
 
     python sanitize_work.py [wild|unset]
 

@@ -1,4 +1,4 @@
-// What is wrong with a formula is reported at its record.
+// A wrong formula is reported at its record.
 
 // RUN: not warp-tblgen -gen-derivatives -DNAME %s 2>&1 | FileCheck %s --check-prefix=NAME
 // RUN: not warp-tblgen -gen-derivatives -DCALL %s 2>&1 | FileCheck %s --check-prefix=CALL

@@ -1,4 +1,4 @@
-// What is wrong with a record of a function or a handle is reported there.
+// A wrong record of a function or a handle is reported there.
 
 // RUN: not warp-tblgen -gen-handle-kinds -DWORDS %s 2>&1 | FileCheck %s --check-prefix=WORDS
 // RUN: not warp-tblgen -gen-handle-kinds -DNUMBERS %s 2>&1 | FileCheck %s --check-prefix=NUMBERS

@@ -1,4 +1,4 @@
-// What is wrong with a record is reported at the record.
+// A wrong record is reported at the record.
 
 // RUN: not warp-tblgen -gen-docs -DSUMMARY %s 2>&1 | FileCheck %s --check-prefix=SUMMARY
 // RUN: not warp-tblgen -gen-docs -DGROUP %s 2>&1 | FileCheck %s --check-prefix=GROUP

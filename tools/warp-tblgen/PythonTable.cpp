@@ -45,7 +45,8 @@ static std::vector<std::string> getSignatures(const Builtin &builtin) {
   return texts;
 }
 
-/// What the package finds by name: functions and imports that can wait.
+/// The names that the package finds lazily: functions and imports that can
+/// wait.
 static void emitPlaces(ArrayRef<Builtin> builtins, raw_ostream &os) {
   os << "LIBRARY = {\n";
   for (const Builtin &builtin : builtins)

@@ -35,7 +35,7 @@ struct Builtin {
   /// The kind of the derivative and its name in the documentation.
   llvm::StringRef derivativeKind = "None", derivative;
   std::vector<llvm::StringRef> domain, smoothDomain;
-  /// Of a special name with a call: its overloads, parsed.
+  /// The parsed overloads of a special name with a call.
   std::vector<CallSignature> callSignatures;
 
   bool isSpecial() const { return opName.empty(); }

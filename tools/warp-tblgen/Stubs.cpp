@@ -214,7 +214,8 @@ static void emitNamedTypes(raw_ostream &os) {
 // The file
 //===----------------------------------------------------------------------===//
 
-/// What the package imports, but not what the stubs define themselves.
+/// The names that the package imports, but not those that the stubs define
+/// themselves.
 static void emitImports(ArrayRef<Builtin> builtins, raw_ostream &os) {
   auto isDefinedHere = [&](StringRef name) {
     return name == "float32" || name == "int32" ||

@@ -303,8 +303,8 @@ struct OneThread {
   void barrier() const {}
 };
 
-/// What moves squares of vectors costs more than elements one by one of so few
-/// rows: a factor of 4 rows takes an eighth of the time, one of 16 twice as
+/// Moving squares of vectors costs more than moving elements one by one of so
+/// few rows: a factor of 4 rows takes an eighth of the time, one of 16 twice as
 /// long.
 constexpr i32 mostFactored = 8, mostSolved = 4;
 

@@ -65,7 +65,7 @@ template <class T> struct Systems {
 };
 
 //===----------------------------------------------------------------------===//
-// From the memory of the blocks and back
+// From shared memory and back
 //===----------------------------------------------------------------------===//
 
 template <class T> template <bool upper> void Systems<T>::readMatrix() const {

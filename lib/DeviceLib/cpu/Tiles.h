@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A block of the CPU is one thread, so functions for tiles get whole ones:
-// addresses in the block's memory, extents, steps between rows and columns in
+// addresses in shared memory, extents, steps between rows and columns in
 // elements. Contiguous elements are computed in vectors of 64 bytes, which
 // the compiler cuts in two where registers are shorter. Functions of the
 // library are called with an address for results last; these give none.

@@ -1,4 +1,4 @@
-//===- Published.h - What blocks of a GPU tell each other -------*- C++ -*-===//
+//===- Published.h - Decoupled look-back between blocks of a GPU *- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

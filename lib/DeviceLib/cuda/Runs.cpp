@@ -55,7 +55,7 @@ template <typename T> using Wide = T __attribute__((ext_vector_type(4)));
 
 } // namespace
 
-/// What the tiles before this one have, for all lanes of a warp.
+/// The runs of the tiles before this one, for all lanes of a warp.
 static Found lookBack(const uint64_t *states, int tile) {
   Found all = {0, 0};
   for (int next = tile - 1; next >= 0; next -= warpSize) {
@@ -100,7 +100,7 @@ static void findRuns(const T *numbers, int64_t count, T *runNumbers,
                      uint32_t *runLengths, uint32_t *runCount,
                      uint64_t *states) {
   constexpr int rounds = ::rounds<T>;
-  // Of the runs that begin here: the number, and where in the tile.
+  // The runs that begin here: their number, and their places in the tile.
   WARP_SHARED T found[tileLength<T>];
   WARP_SHARED unsigned short starts[tileLength<T>];
   WARP_SHARED uint32_t counts[warps];

@@ -43,7 +43,7 @@ template <typename T> struct Tile {
   /// Neighbours can be moved at once.
   bool packed;
 
-  /// Whether all of the tile is there and neighbours can be moved at once.
+  /// True if all of the tile is there and neighbours can be moved at once.
   bool isPlain() const { return packed && count >= tileLength<T>; }
 
   Packet<T> loadPlain(int first) const {
@@ -78,7 +78,7 @@ private:
 
 } // namespace
 
-/// What precedes a tile whose sum is `total`; publishes that. There are
+/// The sum that precedes a tile whose sum is `total`; publishes that. There are
 /// `tiles` of them, and the sums of groups follow theirs.
 template <typename T>
 static T sumBeforeTile(uint64_t *sums, int tiles, int tile, T total) {

@@ -1,4 +1,4 @@
-//===- Segments.h - What the sorts of segments share ------------*- C++ -*-===//
+//===- Segments.h - Shared parts of the sorts of segments -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -22,7 +22,7 @@ struct Order {
   uint32_t last() const { return ~flip; }
 };
 
-/// What all kernels of a sort get.
+/// The parameters of all kernels of a sort.
 struct Segments {
   uint32_t *keys, *values;
   int64_t count;

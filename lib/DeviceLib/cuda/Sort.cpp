@@ -18,8 +18,8 @@
 /// How many tiles a thread looks at at once.
 static constexpr int lookAt = 8;
 
-/// What a tile has published of a digit: nothing, its own count, or the sum up
-/// to and with it. In the two upper bits.
+/// The published count of a tile for a digit: nothing, its own count, or the
+/// sum up to and with it. In the two upper bits.
 static constexpr uint32_t published = 1u << 30;
 static constexpr uint32_t summed = 2u << 30;
 static constexpr uint32_t countMask = published - 1;
@@ -176,7 +176,7 @@ movePairs(const Pass<Order, Value> &pass) {
 #pragma unroll
   for (int i = 0; i < perThread; ++i) {
     int at = mine + i * warpSize;
-    // What is missing at the end goes last.
+    // Missing elements at the end go last.
     keys[i] = at < valid ? pass.keys[first + at] : pass.order.last();
   }
   uint32_t *own = counts + warp * digits;

@@ -1,4 +1,4 @@
-//===- SortKeys.h - What the sorts of a GPU share ---------------*- C++ -*-===//
+//===- SortKeys.h - Shared parts of the sorts of a GPU ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -23,7 +23,7 @@ static_assert(digits == threads, "a thread per digit");
 /// order.
 template <typename Bits> struct Integers {
   using Key = Bits;
-  /// What turns them: the bit of the sign, or nothing.
+  /// The mask that flips them: the bit of the sign, or nothing.
   Key flip;
   Key ordered(Key bits) const { return bits ^ flip; }
   /// The last of all.
@@ -102,7 +102,7 @@ inline uint32_t takePlace(uint32_t *own, int digit) {
 /// How many pairs of this thread's digit each warp has in a tile.
 class DigitCounts {
 public:
-  /// What they are, by warp and digit.
+  /// The counts, by warp and digit.
   explicit DigitCounts(uint32_t *counts) : counts(counts) {
 #pragma unroll
     for (int i = 0; i < warps; ++i) {

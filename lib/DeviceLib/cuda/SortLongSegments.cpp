@@ -58,7 +58,7 @@ static void moveSegment(Half from, Half into, int length, Digit digitOf,
       if (i >= rounds)
         continue;
       int at = mine + i * warpSize;
-      // What is missing at the end goes last.
+      // Missing elements at the end go last.
       bool isThere = at < valid;
       keys[i] = isThere ? from.keys[first + at] : digitOf.order.last();
       values[i] = isThere ? from.values[first + at] : 0;

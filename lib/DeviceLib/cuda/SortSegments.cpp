@@ -6,7 +6,7 @@
 // by 8 lanes, one of up to 512 by a whole warp, in registers: by a network of
 // comparisons (Batcher, "Sorting networks and their applications", 1968) of
 // keys with the place of the pair behind them, so that equal keys keep their
-// order. What is longer is noted in a list for the next kernel; the last ones
+// order. Longer segments are noted in a list for the next kernel; the last ones
 // are for blocks (SortLongSegments.cpp).
 //
 //===----------------------------------------------------------------------===//
@@ -18,7 +18,7 @@
 template <int lanes, int each, int size, int distance>
 [[gnu::always_inline]] static inline void compare(uint64_t (&x)[each]) {
   int first = (lane() & (lanes - 1)) * each;
-  // Whether this lane keeps the smaller of two numbers.
+  // True if this lane keeps the smaller of two numbers.
   bool smaller = !(first & distance) == !(first & size);
 #pragma unroll
   for (int i = 0; i < each; ++i) {
@@ -52,7 +52,7 @@ template <int lanes, int each>
 sortGroups(uint32_t *keys, uint32_t *values, int length, Order order,
            unsigned short *places, uint32_t *moved) {
   int own = lane() & (lanes - 1);
-  // What is missing at the end is read again, so that no load waits for a
+  // Missing elements at the end are read again, so that no load waits for a
   // branch; values are on their way while keys are compared.
   uint32_t key[each];
 #pragma unroll
@@ -145,7 +145,7 @@ template <int lanes, int most>
   }
 }
 
-/// Those in a list, or all if there is none.
+/// The segments in a list, or all if there is none.
 #define WARP_SEGMENTS(name, lanes, most, blocks)                               \
   WARP_KERNEL(threads, blocks)                                                 \
   void segments_##name(uint32_t *keys, uint32_t *values, int64_t count,        \

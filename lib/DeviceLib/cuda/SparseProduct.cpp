@@ -8,9 +8,9 @@
 // sequence, in which the end of a row follows its last entry, and a block takes
 // as much of it as any other. It puts its products side by side in shared
 // memory and adds those of each row: a warp does for a row where rows are long,
-// else each thread goes through as much of the sequence as any other. What a
-// block has of a row that goes on is published for the block in which the row
-// ends. What is added in which order depends on the matrix alone.
+// else each thread goes through as much of the sequence as any other. The part
+// that a block has of a row that goes on is published for the block in which
+// the row ends. The order of additions depends on the matrix alone.
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,7 +20,8 @@ using namespace gpu;
 
 static constexpr int threads = 256;
 static constexpr int warps = threads / warpSize;
-/// Of the sequence, by thread; odd, so that neighbours use different banks.
+/// The length of the sequence by thread; odd, so that neighbours use different
+/// banks.
 static constexpr int perThread = 7;
 static constexpr int tileLength = threads * perThread;
 /// Up to so many rows in a tile, a warp adds a row.
@@ -46,7 +47,7 @@ template <typename T> struct Target {
   T alpha, beta;
 
   void put(int row, T sum) const {
-    // What is not wanted need not be a number.
+    // An unwanted entry need not be a number.
     y[row] = beta == T(0) ? alpha * sum : alpha * sum + beta * y[row];
   }
 };
@@ -77,7 +78,7 @@ template <typename T> struct Tile {
   int endOf(int row) const { return row < rows ? end(row) : count; }
 };
 
-/// What a thread has of its last row, and whether that began in it.
+/// The part of a thread in its last row, and true if that began in it.
 template <typename T> struct Tail {
   bool begins;
   T sum;
@@ -127,7 +128,7 @@ static T addByWarps(const Tile<T> &tile, Put put) {
   return rest;
 }
 
-/// What the threads before this one have of the row that it begins in.
+/// The part of the threads before this one in the row that it begins in.
 template <typename T> static T tailBefore(Tail<T> own, T &ofBlock) {
   WARP_SHARED T sums[warps];
   WARP_SHARED bool begins[warps];

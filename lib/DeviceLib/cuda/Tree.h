@@ -1,4 +1,4 @@
-//===- Tree.h - What kernels that build hierarchies share -------*- C++ -*-===//
+//===- Tree.h - Shared parts of kernels that build hierarchies --*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -97,7 +97,7 @@ inline Box nothing() {
   return {{infinity, infinity, infinity}, {-infinity, -infinity, -infinity}};
 }
 
-/// What a hierarchy is built of (include/warp/TreeBuild.h).
+/// The source of a hierarchy (include/warp/TreeBuild.h).
 struct Primitives {
   /// Points, or lower corners; corners of faces, or upper corners.
   const float *first;

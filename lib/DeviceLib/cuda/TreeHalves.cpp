@@ -9,7 +9,8 @@
 // halved together, down to 4096 by `tree_count` and `tree_part`, a block for
 // each 4096 places; `tree_halve` does the rest within a block.
 //
-// What has no center is behind all others, and what is not there behind that:
+// A primitive without a center is behind all others, and an absent one behind
+// that:
 // only the last segment has fewer primitives than places.
 //
 //===----------------------------------------------------------------------===//
@@ -108,10 +109,10 @@ namespace {
 struct Halving {
   const Quad *from;
   Quad *to;
-  /// Of segments of this size, and of their halves.
+  /// For segments of this size, and for their halves.
   const uint32_t *bounds;
   uint32_t *halves;
-  /// Of each segment.
+  /// For each segment.
   uint32_t *counts;
   /// The next chunk, then for each chunk how many of its primitives are in the
   /// bins up to the middle, plus one.
@@ -349,7 +350,7 @@ static void halveByBins(const Chunk &all, uint32_t *counts, int size) {
 
 /// Sorts segments.
 static void halveBySorting(const Chunk &all, uint32_t *words, int size) {
-  // What is not there has the last numbers, and places in its order.
+  // Absent primitives have the last numbers, and places in its order.
   constexpr int numbers = ~0u / chunk;
   Quad center[each];
   uint32_t place[each], word[each];

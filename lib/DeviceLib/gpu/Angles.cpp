@@ -29,7 +29,7 @@ struct Angle {
 
 } // namespace
 
-/// Of any float; infinities and NaN have no angle.
+/// For any float; infinities and NaN have no angle.
 static __attribute__((noinline, const)) Pair reduceRareAngle(float x) {
   float positive = __builtin_fabsf(x);
   if (!(positive < __builtin_inff()))

@@ -2,10 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Of a Cholesky factor. With the cotangent D' of a block L, that of what it was
-// computed from is the lower triangle, the diagonal halved, of G = L^-T P L^-1,
-// where P is symmetric and has the lower triangle of L^T D'. Lanes of a warp
-// have a column each.
+// The cotangent of a Cholesky factor. With the cotangent D' of a block L, that
+// of what it was computed from is the lower triangle, the diagonal halved, of G
+// = L^-T P L^-1, where P is symmetric and has the lower triangle of L^T D'.
+// Lanes of a warp have a column each.
 //
 //===----------------------------------------------------------------------===//
 
@@ -16,8 +16,8 @@
 
 namespace {
 
-/// What follows is loaded when these are computed, not before: registers are
-/// few.
+/// The following elements are loaded when these are computed, not before:
+/// registers are few.
 template <int width> WARP_INLINE void launderAll(float (&x)[width]) {
 #pragma unroll
   for (int i = 0; i < width; i += 8)
@@ -35,8 +35,8 @@ template <int width> struct BlockAdjoint : Panels<width> {
     return shared<float>(scratch) + j * width;
   }
 
-  /// Four elements up to the diagonal of row i of the factor of a block. What
-  /// is beyond the matrix is a unit matrix.
+  /// Four elements up to the diagonal of row i of the factor of a block. The
+  /// part is beyond the matrix is a unit matrix.
   WARP_INLINE Four factorFour(i32 first, int i, int k) const {
     bool exists = has(first + i);
     if (n % 4 == 0 && exists)
@@ -78,8 +78,9 @@ template <int width> struct BlockAdjoint : Panels<width> {
     syncWarp();
   }
 
-  /// Of the block that begins at a row, whose columns lanes have: what they
-  /// have of the cotangent gives G, which is left in the block's memory, too.
+  /// The block that begins at a row, whose columns lanes have: the part that
+  /// they have of the cotangent gives G, which is left in shared memory,
+  /// too.
   WARP_INLINE void reverseBlock(float (&a)[width], i32 first, i32 lane) const {
     bool writes = lane < width;
     i32 own = writes ? lane : 0;

@@ -1,4 +1,4 @@
-//===- TileFactorAdjoints.cpp - What a matrix does to its Cholesky factor -===//
+//===- TileFactorAdjoints.cpp - Cotangents of Cholesky factors ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -95,7 +95,7 @@ template <int width> struct FactorAdjoint : BlockAdjoint<width> {
       bar.setFour(row, first + j, Four{a[j], a[j + 1], a[j + 2], a[j + 3]});
   }
 
-  /// What a thread's column of a block's rows, to the left of it, gets from it.
+  /// The change of a thread's column of a block's rows, to the left of it.
   WARP_INLINE void subtractBeside(i32 first, i32 column) const {
     float a[width];
     take(a, bar, first, column);

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Lanes of a warp have a row each, in registers, of as many columns as a panel
-// has. A column that is reached goes to the lanes by way of the block's memory,
+// has. A column that is reached goes to the lanes by way of shared memory,
 // where four numbers are read at once. Panels one after the other, looking
 // left: what columns before a panel take from it, its diagonal block, the rows
 // below. Groups of rows are shared by the warps of the block.
@@ -17,7 +17,7 @@
 
 namespace {
 
-/// What is less is no pivot.
+/// A smaller value is no pivot.
 constexpr float leastPivot = 1.17549435e-38f;
 
 /// 1 / x of a pivot, to the last bit.
@@ -86,8 +86,9 @@ template <int width> struct Factor : Panels<width> {
 
   using Panels<width>::n, Panels<width>::has;
 
-  /// A row of the panel that begins at a column, less what is before it. What
-  /// is beyond the matrix is a unit matrix, or whatever else: nobody needs it.
+  /// A row of the panel that begins at a column, less the columns before it.
+  /// The part is beyond the matrix is a unit matrix, or whatever else: nobody
+  /// needs it.
   WARP_INLINE void take(float (&a)[width], i32 i, i32 first) const {
     // A lane without a row reads the last one, which its own warp writes.
     i32 row = i < n ? i : n - 1;

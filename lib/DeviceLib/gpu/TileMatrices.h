@@ -1,4 +1,4 @@
-//===- TileMatrices.h - Matrices in the memory of a block -------*- C++ -*-===//
+//===- TileMatrices.h - Matrices in shared memory ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -64,7 +64,7 @@ struct Matrix {
 template <int width> struct Panels {
   i32 n;
 
-  /// Whether there is a row or column, which is known of whole panels.
+  /// True if there is a row or column, which is known of whole panels.
   WARP_INLINE bool has(i32 i) const { return n % width == 0 || i < n; }
 
   /// Rows above the panel that begins at a column have zeros there.

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // For sums lanes exchange theirs at distances that double, so that all of them
-// have the same in the end; then warps do by way of the block's memory. The
+// have the same in the end; then warps do by way of shared memory. The
 // order depends on nothing but the number of threads. Extrema are found as
 // integers, which lanes compare in one instruction.
 //
@@ -32,8 +32,8 @@ WARP_INLINE void combineSums(u64 own, u64 scratch, i32 threads) {
   *::own<float>(own) = value;
 }
 
-/// Numbers as integers in the same order, which lanes compare at once. What
-/// loses against everything stands for NaN.
+/// Numbers as integers in the same order, which lanes compare at once. The
+/// value that loses against everything stands for NaN.
 template <bool isGreatest> struct Key {
   static constexpr i32 none = isGreatest ? (i32)0x80000000 : 0x7fffffff;
 

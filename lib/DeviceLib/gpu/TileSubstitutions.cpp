@@ -28,7 +28,7 @@ template <int rows, bool backwards> struct Substitution {
     }
   }
 
-  /// Whether a block's numbers count for rows r, one block or more away.
+  /// True if a block's numbers count for rows r, one block or more away.
   WARP_INLINE static constexpr bool counts(int r, int block) {
     return backwards ? r < block : r > block;
   }

@@ -4,14 +4,14 @@
 //
 // Lengths are powers of two. A thread has `radix` elements of a row in
 // registers and transforms them; then threads exchange elements through the
-// block's memory (Stockham's order, as in cpu/TileTransforms.cpp):
+// shared memory (Stockham's order, as in cpu/TileTransforms.cpp):
 //
 //   y[q + s (r p + k)] = w^(k p s) sum over j of e^(-2 pi i j k / r)
 //                        x[q + s p + j n / r]
 //
 // for q < s and p < n / (r s), with w = e^(-2 pi i / n). In the exchange eight
 // elements are followed by a gap, so that those of a warp lie in different
-// banks. Of the powers of w a thread computes the first. The inverse has real
+// banks. A thread computes the first of the powers of w. The inverse has real
 // and imaginary parts swapped.
 //
 //===----------------------------------------------------------------------===//
@@ -50,7 +50,7 @@ template <> struct Butterfly<4> {
     x[3] = left - right;
   }
 };
-/// Of even elements and of odd ones, which are turned by their place.
+/// The transforms of even elements and of odd ones, rotated by their place.
 template <int radix> struct Butterfly {
   static constexpr int half = radix / 2;
 
@@ -155,7 +155,7 @@ template <int own> struct Rows {
     give<own, radix>(x, to, stride, place, lanes, swaps);
   }
 
-  /// A row, by `lanes` threads. Those without one only meet the others.
+  /// A row, by `lanes` threads. Threads without one only join the barriers.
   WARP_INLINE void run(i32 row, i32 group, i32 place, bool exists) const {
     i32 lanes = n / own;
     Row packed{shared<Complex>(tile) + row * n, false};

@@ -1,8 +1,8 @@
-//===- Tiles.h - What threads of a block do with a tile ---------*- C++ -*-===//
+//===- Tiles.h - Tile operations of the threads of a block ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Functions for tiles get addresses in the block's memory and in that of
+// Functions for tiles get addresses in shared memory and in that of
 // arrays, and shapes, which are constants where they become part of a kernel:
 // all are inlined there. A thread's own values come by address, too; accesses
 // at known places make registers of them. Functions of the library are called
@@ -53,7 +53,7 @@ WARP_INLINE void syncBlock(i32 threads) {
 }
 #endif
 
-/// Of an array of two dimensions, steps in bytes, and a tile in it.
+/// For an array of two dimensions, steps in bytes, and a tile in it.
 struct Window {
   u64 data;
   i32 first[2], extent[2], step[2];
@@ -72,7 +72,7 @@ struct Window {
     return data + i64(first[0] + row) * step[0] +
            i64(first[1] + column) * step[1];
   }
-  /// Whether runs of elements lie at multiples of `bytes`.
+  /// True if runs of elements lie at multiples of `bytes`.
   WARP_INLINE bool isAligned(i32 size, i32 bytes) const {
     u64 start = data + u64(i64(first[1]) * size);
     return step[1] == size && ((start | u64(i64(step[0]))) & (bytes - 1)) == 0;

@@ -128,7 +128,7 @@ struct ReducedAngle {
   unsigned quadrant;
 };
 
-/// Of a float that is finite and positive.
+/// For a float that is finite and positive.
 __attribute__((always_inline)) inline ReducedAngle
 reduceLargeAngle(float x) {
   constexpr double halfPi = 0x1.921fb54442d18p+0;

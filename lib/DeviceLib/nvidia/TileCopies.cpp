@@ -1,4 +1,4 @@
-//===- TileCopies.cpp - From arrays to the memory of a block --------------===//
+//===- TileCopies.cpp - From arrays to shared memory ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -24,7 +24,7 @@ struct Pitched {
   i32 pitch;
 
   WARP_INLINE i32 at(i32 row, i32 column) const { return row * pitch + column; }
-  /// Whether rows that are a multiple of `rows` apart differ by as much.
+  /// True if rows that are a multiple of `rows` apart differ by as much.
   WARP_INLINE bool isEven(i32) const { return true; }
 };
 
@@ -114,7 +114,7 @@ WARP_FETCH(b32, u32, Pitched{pitch})
 WARP_FETCH(b64, u64, Pitched{pitch})
 WARP_FETCH(swizzled_b16, u16, Swizzled(rows, columns))
 
-/// What was fetched since the last call is a group.
+/// The fetches since the last call form a group.
 WARP_TILES warp_tile_close_group(void *) {
   asm volatile("cp.async.commit_group;" ::: "memory");
 }

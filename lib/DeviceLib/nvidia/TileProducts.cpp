@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Threads hold the sums, in one of two layouts, and read factors from the
-// block's memory. A factor lies along the depth (`k`: elements that are summed
+// shared memory. A factor lies along the depth (`k`: elements that are summed
 // over are neighbours) or across it.
 //
 //   blocked   a thread has rows x columns of sums; factors come in runs of four

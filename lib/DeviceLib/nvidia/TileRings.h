@@ -18,8 +18,8 @@
 
 namespace {
 
-/// What holds for all threads of a warp or for none, in a way that the
-/// assembler sees, too, where kernels call.
+/// A condition that holds for all threads of a warp or for none, in a way that
+/// the assembler sees, too, where kernels call.
 WARP_INLINE bool holdsForAll(bool condition) {
   if (!isCalled)
     return condition;
@@ -51,9 +51,9 @@ template <int last> WARP_INLINE void awaitProducts() {
 struct TmaFactor {
   u64 place, map;
   i32 row, column, rowStep, columnStep;
-  /// Of a box.
+  /// The extents of a TMA tile.
   i32 width;
-  /// Of a step, as it lies in memory.
+  /// The layout of a step in memory.
   i32 rows, columns, size;
 
   WARP_INLINE i32 bytes() const { return rows * columns * size; }
@@ -150,7 +150,7 @@ WARP_INLINE void runRing(u64 sums, Ring ring, i32 steps, const TmaFactor &a,
 #pragma clang loop unroll(disable)
     for (i32 step = 0; step < steps && step < ring.places; ++step)
       ring.fill(step, step, a, b);
-  // Of this step, and of the one before.
+  // The parities of this step, and of the one before.
   i32 place = 0, phase = 0, lastPlace = 0, lastPhase = 0;
 #pragma clang loop unroll(disable)
   for (i32 step = 0; holdsForAll(step < steps); ++step) {

@@ -62,7 +62,7 @@ template <class Layout> struct ElementOf<Layout, void> {
   using Type = typename Layout::Sum;
 };
 
-/// From packed memory of the block to sums, or back.
+/// From packed shared memory to sums, or back.
 template <class Layout, bool back, class T>
 WARP_INLINE void exchange(u64 sums, u64 memory, i32 m, i32 n) {
   constexpr int run = Layout::run;

@@ -4,7 +4,7 @@
 //
 // For compute capability 9.0 alone: the matrix instructions of a warpgroup (PTX
 // ISA, asynchronous warpgroup level matrix instructions) read both factors from
-// the block's memory while its threads go on. A warpgroup has rows x columns of
+// shared memory while its threads go on. A warpgroup has rows x columns of
 // sums, fragments of 64 rows one after the other; of each, a warp has 16 rows,
 // as it has with mma.m16n8k16.
 //
@@ -91,7 +91,7 @@ WARP_INLINE void multiplyFragment(float *sum, u64 x, u64 y) {
                     WARP_SUMS_32(96));
 }
 
-/// A factor in the block's memory: rows and columns as it lies there. Elements
+/// A factor in shared memory: rows and columns as it lies there. Elements
 /// that are summed over are neighbours (along), or not.
 template <bool along> struct Factor {
   static constexpr i32 widest = 64, bytes = 2;
@@ -104,7 +104,7 @@ template <bool along> struct Factor {
   WARP_INLINE i32 step() const { return rows * width() * bytes; }
   /// The matrix descriptor of fragments from an element on, the depth a
   /// multiple of 16: address and steps in units of 16 bytes, and how chunks
-  /// lie. Of a factor across the depth, the first step is from one group of
+  /// lie. For a factor across the depth, the first step is from one group of
   /// columns to the next.
   WARP_INLINE u64 describe(i32 across, i32 depth) const {
     i32 row = along ? across : depth, column = along ? depth : across;

@@ -87,7 +87,7 @@ private:
   void lowerStride(StrideOp op);
   void lowerPointer(PointerOp op);
   mlir::Value getBlockMemory();
-  /// A place in the block's memory that bytes are added to; null if an
+  /// A place in shared memory that bytes are added to; null if an
   /// operation is something else.
   static BlockMemoryOp getPlaceBehind(mlir::Operation *op);
   void lowerArrayAt(ArrayAtOp op);
@@ -232,7 +232,7 @@ private:
   llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;
   bool malformed = false;
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;
-  /// Pointer to the memory of the block, once something is there.
+  /// Pointer to shared memory, once something is there.
   mlir::Value blockMemory;
   /// The scope of accesses there.
   mlir::ArrayAttr blockScope;

@@ -36,8 +36,8 @@ void ArrayLowering::setOwner(Op access, ArrayParts::Owner owner) {
   if (!blockScope) {
     auto domain = LLVM::AliasScopeDomainAttr::get(
         b.getContext(), b.getStringAttr("memory of a launch"));
-    blockScope = b.getArrayAttr(LLVM::AliasScopeAttr::get(
-        domain, b.getStringAttr("memory of a block")));
+    blockScope = b.getArrayAttr(
+        LLVM::AliasScopeAttr::get(domain, b.getStringAttr("shared memory")));
   }
   if (owner == ArrayParts::Owner::Block)
     access.setAliasScopesAttr(blockScope);

@@ -19,7 +19,7 @@
 using namespace mlir;
 using namespace warp;
 
-/// What a slot holds in memory: a boolean takes a byte.
+/// The type of a slot in memory: a boolean takes a byte.
 static mlir::Type storedType(mlir::Type element) {
   mlir::Type byte = IntegerType::get(element.getContext(), 8);
   if (auto lanes = dyn_cast<VectorType>(element))

@@ -82,7 +82,7 @@ void ArrayLowering::lowerComponentView(ComponentViewOp op) {
   }
   int64_t size = getByteSize(getElementScalar(element));
   if (std::optional<StringRef> field = op.getField()) {
-    // Of a transform: the vector comes first.
+    // In a transform the vector comes first.
     parts.data = advance(parts.data, *field == "p" ? 0 : 3 * size);
     known[op] = parts;
     return;
@@ -123,8 +123,8 @@ void ArrayLowering::lowerPointer(PointerOp op) {
       b, loc, getSignless(op.getType()), getParts(op.getArray()).data));
 }
 
-/// What the threads of a block share: on a CPU, where a block is one thread, on
-/// its stack.
+/// Memory that the threads of a block share: on a CPU, where a block is one
+/// thread, on its stack.
 mlir::Value ArrayLowering::getBlockMemory() {
   if (blockMemory)
     return blockMemory;

@@ -365,7 +365,7 @@ int64_t LaneCost::chooseLanes(int64_t bits) const {
       varying <= mostAround)
     return 4 * lanes;
   bool isShort = operations <= (hasLoop ? 40 * warp::cost::loopTrips : 24);
-  // Those of 64 bits are two vectors already.
+  // Values of 64 bits are two vectors already.
   bool isMixed = wide <= narrow && 2 * wide > narrow;
   bool isDoubled = (isShort && !isMixed) || (hasChain && varying <= most);
   return isDoubled ? 2 * lanes : lanes;

@@ -7,7 +7,7 @@
 // that it is a sum of thread indices and trips; its range; and that an index
 // tells threads apart.
 //
-// What one thread can tell by itself is compared where the value is. What is
+// A claim about one thread is compared where the value is. A claim
 // about several threads goes through a table in memory: the first thread that
 // gets to a claim (and element, or iteration) leaves its value there, and those
 // that come later compare theirs. Threads may run at the same time: claim and
@@ -245,7 +245,7 @@ void ClaimTests::testAgreement(Value value) {
     return requireSame({}, bits);
   Agreement agreement = variance.agreement(value, Scope::Lanes);
   std::optional<int64_t> step = variance.step(value);
-  // Of what is written, threads in step find other values than these, which run
+  // Threads in step find other values of written elements than these, which run
   // one after the other.
   if (!step || variance.dependsOnWrites(value))
     return;
@@ -291,7 +291,8 @@ Value ClaimTests::compute(const Form &form) {
 
 void ClaimTests::testForm(Value value) {
   const Form &form = variance.form(value);
-  // What a while loop passes on is not visible in its second region.
+  // The values that a while loop passes on are not visible in its second
+  // region.
   auto isVisible = [&](Symbol symbol) {
     Value part = symbol.getValue();
     return !part || part.getParentRegion()->isAncestor(value.getParentRegion());

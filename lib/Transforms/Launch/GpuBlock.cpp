@@ -2,9 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// What passes need that let the threads of a block work together, so that none
-// of them names an operation of the `gpu` dialect, whose header is costly. What
-// that dialect lacks, the target builds.
+// Helpers of passes that let the threads of a block work together, so that none
+// of them names an operation of the `gpu` dialect, whose header is costly. The
+// target builds operations that the dialect lacks.
 //
 //===----------------------------------------------------------------------===//
 

@@ -47,15 +47,15 @@ enum class ShuffleMode { index, down, exclusiveOr };
 mlir::Value shuffle(mlir::OpBuilder &b, mlir::Location loc, ShuffleMode mode,
                     mlir::Value value, mlir::Value lane);
 
-/// Whether an operation exchanges values between lanes, so that it must stay
+/// True if an operation exchanges values between lanes, so that it must stay
 /// where all of them get to, though it does nothing to memory.
 bool isShuffle(mlir::Operation *op);
 
 /// Number of the thread in its block, which has any number of axes.
 mlir::Value threadInBlock(mlir::OpBuilder &b, mlir::Location loc);
 
-/// What all lanes of the warp have together; all of them must get here, and get
-/// it.
+/// The combination over all lanes of the warp; all of them must get here, and
+/// get it.
 mlir::Value
 overLanes(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value,
           llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
@@ -77,19 +77,19 @@ void synchronizeBlock(mlir::OpBuilder &b, mlir::Location loc);
 // Votes and barriers of the target
 //===----------------------------------------------------------------------===//
 
-/// Whether all lanes of the warp get here together.
+/// True if all lanes of the warp get here together.
 mlir::Value isFullWarp(mlir::OpBuilder &b, mlir::Location loc);
 
-/// Whether a condition holds in all lanes of a full warp.
+/// True if a condition holds in all lanes of a full warp.
 mlir::Value holdsInWarp(mlir::OpBuilder &b, mlir::Location loc,
                         mlir::Value condition);
 
-/// Whether all lanes of the warp come to the insertion point together and agree
+/// True if all lanes of the warp come to the insertion point together and agree
 /// on these values.
 mlir::Value isWarpTogether(mlir::OpBuilder &b, mlir::Location loc,
                            llvm::ArrayRef<mlir::Value> compared);
 
-/// Whether a condition holds in any thread of the block; waits for all of them.
+/// True if a condition holds in any thread of the block; waits for all of them.
 mlir::Value holdsAnywhere(mlir::OpBuilder &b, mlir::Location loc,
                           mlir::Value condition);
 

@@ -121,7 +121,7 @@ public:
     });
     auto diagnostic = kernel.emitError()
                       << "tiles need " << total
-                      << " bytes of a block's memory, which has " << most
+                      << " bytes of shared memory, which has " << most
                       << "; make them smaller";
     for (const Piece &piece : ArrayRef(pieces).take_front(3))
       if (piece.tile)

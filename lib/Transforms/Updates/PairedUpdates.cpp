@@ -31,7 +31,7 @@ constexpr int64_t floatSize = 4;
 bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
                          ArrayRef<Leaf> leaves, Value pointer) {
   VariantAttr variant = getVariant(entry);
-  // There are none for the memory of a block.
+  // There are none for shared memory.
   auto space = cast<LLVM::LLVMPointerType>(pointer.getType()).getAddressSpace();
   if (space == sharedSpace ||
       !getTarget(entry).has(Feature::PairedFloatAtomics) ||

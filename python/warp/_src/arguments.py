@@ -1,4 +1,4 @@
-"""What public functions say about arguments that they cannot use.
+"""Errors of public functions about arguments that they cannot use.
 
 A function that is called with a wrong argument fails somewhere inside, in words that do not help:
 `'str' object has no attribute 'device'`. `checked` looks at the arguments after such a failure and
@@ -95,7 +95,7 @@ def checked(**kinds: Kind) -> typing.Callable[[_Function], _Function]:
     """Makes a public function say which of its arguments is wrong, once a call has failed.
 
     Args:
-        kinds: kinds by the names of parameters. Those whose names mean the same everywhere, such
+        kinds: kinds by the names of parameters. Names that mean the same everywhere, such
             as `device`, need none. The default of a parameter is right whatever its kind.
 
     Raises:

@@ -48,7 +48,7 @@ def _release(count=None) -> None:
 
 
 def _others_import() -> bool:
-    """Whether another thread holds the lock of a module."""
+    """True if another thread holds the lock of a module."""
     locks = getattr(sys.modules.get("_frozen_importlib"), "_module_locks", {})
     held = (reference() for reference in list(locks.values()))
     return any(getattr(lock, "owner", None) not in (None, get_ident()) for lock in held)

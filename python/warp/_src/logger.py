@@ -16,7 +16,7 @@ from warp._src.config import LOG_WARNING
 
 @typing.runtime_checkable
 class Logger(typing.Protocol):
-    """What a logger has."""
+    """The protocol of a logger."""
 
     def debug(self, message: str) -> None:
         """Tells a message of level debug."""

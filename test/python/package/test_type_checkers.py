@@ -1,4 +1,4 @@
-"""What type checkers say about programs: nothing about those that run."""
+"""Type checkers report nothing about programs that run."""
 
 import os
 import subprocess

@@ -40,7 +40,7 @@ def rebits(value, source, target):
 
 
 class Memory:
-    """An array of a kernel, or one at a place in the block's memory."""
+    """An array of a kernel, or one at a place in shared memory."""
 
     def __init__(self, data):
         self.data = data

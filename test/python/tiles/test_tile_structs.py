@@ -115,7 +115,7 @@ def collect_vectors(a: wp.array(dtype=wp.vec3), out: wp.array(dtype=wp.vec3)):
     wp.tile_store(out, t)
 
 
-# Hopper adds floats in pairs to arrays, but not to the memory of a block.
+# Hopper adds floats in pairs to arrays, but not to shared memory.
 def test_scattered_sums_of_vectors(device):
     a = np.random.default_rng(2).normal(size=(4, 3)).astype(np.float32)
     out = wp.zeros(2, dtype=wp.vec3, device=device)

@@ -1,4 +1,4 @@
-"""What a type checker says about code that uses the package."""
+"""Reports of type checkers about code that uses the package."""
 
 import warp as wp
 

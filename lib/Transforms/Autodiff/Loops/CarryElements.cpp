@@ -5,7 +5,7 @@
 // `for k in range(n): y[i] = y[i] * x[k]` overwrites in every iteration what
 // the derivative of that iteration needs. But one element is a value that the
 // loop carries: it is loaded before the loop, stores say what it is from then
-// on, and loads use it. How carried values are had again is what reversed loops
+// on, and loads use it. How carried values are recovered is what reversed loops
 // know. The stores stay.
 //
 // An element qualifies if its indices do not change in the loop and nothing

@@ -14,7 +14,7 @@
 
 namespace warp::autodiff {
 
-/// How the values that a loop carries are had again, iteration by iteration.
+/// How the values that a loop carries are recovered, iteration by iteration.
 /// The numbers are those that --dump-recovery prints.
 enum class RecoveryRank {
   NotNeeded = 0,

@@ -55,7 +55,7 @@ struct ReverseOptions {
   /// for `untaped`.
   bool globalTape = false;
   llvm::DenseSet<mlir::Operation *> untaped;
-  /// Says how each value that a loop carries is had again.
+  /// Says how each value that a loop carries is recovered.
   bool dumpRecovery = false;
   /// The values that a second run of the kernel keeps; null without one.
   const MemoryLog *log = nullptr;

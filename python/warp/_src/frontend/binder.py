@@ -258,7 +258,7 @@ def _bound(overload, positional, keywords):
     """Arguments by the names of parameters, and (kind, name) of the first problem, or None."""
     given = dict(zip(overload.names, positional, strict=False))
     count, variadic = len(positional), overload.variadic
-    # Those without a default come first.
+    # Parameters without a default come first.
     if not keywords and variadic is None and overload.least <= count <= len(overload.names):
         return given, None
     rest = positional[len(overload.names) :]

@@ -17,7 +17,7 @@ _CONSTRUCTORS = {None: _SAH, "sah": _SAH, "cubql": _SAH, "lbvh": _MEDIAN, "media
 
 
 def constructor_number(constructor, on_device=False) -> int:
-    """What the runtime is to do for a constructor of that name.
+    """The runtime's method for a constructor of that name.
 
     Raises:
         ValueError: there is no such constructor.
@@ -30,7 +30,7 @@ def constructor_number(constructor, on_device=False) -> int:
 
 
 def builds_on_device(device, constructor) -> bool:
-    """Whether kernels build a hierarchy, and not the host."""
+    """True if kernels build a hierarchy, and not the host."""
     return not device.is_cpu and constructor != "sah"
 
 
@@ -88,7 +88,7 @@ def check_group_count(groups, count, what, primitives) -> None:
 
 
 class Hierarchical:
-    """What a `Bvh` and a `Mesh` have: a place, groups of primitives."""
+    """Common parts of a `Bvh` and a `Mesh`: a place, groups of primitives."""
 
     @property
     def device(self):
@@ -154,7 +154,7 @@ class Bvh(Hierarchical):
         self._constructor = constructor
         self._check_corners()
         check_group_count(groups, self._count, "a Bvh", "boxes")
-        # What refits what the host has built for a GPU, and what is built there.
+        # Refits of hierarchies that the host has built for a GPU, and builds there.
         self._kernels = self._built = None
         if not there:
             self._wait()
@@ -189,7 +189,7 @@ class Bvh(Hierarchical):
 
     @property
     def report(self):
-        """What is in the hierarchy."""
+        """The primitives of the hierarchy."""
         return (self._built or self._native).report
 
     def _check_corners(self):

@@ -1,4 +1,4 @@
-"""What kernels ask a hash grid: `hash_grid_query`, `hash_grid_query_next`, `hash_grid_point_id`.
+"""Hash grid queries of kernels: `hash_grid_query`, `hash_grid_query_next`, `hash_grid_point_id`.
 
 Points are sorted by the number of their cell, x fastest, so the cells that a query overlaps along x
 are one run of points, or two where the grid wraps. A query is the runs still to come and the place
@@ -6,7 +6,7 @@ in the current one. It yields all points of the overlapped cells, each once; dis
 caller's to check.
 """
 
-# What is assigned to a reference, the caller reads.
+# The caller reads the value that is assigned to a reference.
 # ruff: noqa: F841
 
 from warp._src.device_table import WORDS

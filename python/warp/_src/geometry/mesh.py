@@ -122,7 +122,7 @@ class Mesh(Hierarchical, Behind):
         by_host = self.support_winding_number and self.device.is_cpu
         self._native = _native.Mesh(points, velocities, indices, groups, index, number, by_host)
         self.id = self._native.id
-        # What refits on the device, what builds there, and the arrays that kernels know of.
+        # The refit on the device, the build there, and the arrays that kernels know of.
         self._kernels = self._built = self._shown = self._moments = None
         if there:
             self._build(bvh_constructor)
@@ -188,7 +188,7 @@ class Mesh(Hierarchical, Behind):
 
     @property
     def report(self):
-        """What is in the hierarchy."""
+        """The primitives of the hierarchy."""
         return (self._built or self._native).report
 
     def refit(self):
@@ -217,13 +217,13 @@ class Mesh(Hierarchical, Behind):
 
     @property
     def _by_kernels(self):
-        """What refits on the device, if the runtime does not."""
+        """The refit on the device, if the runtime does not do it."""
         return self._built or self._kernels
 
     def _published(self):
         """Called when the slot has been written."""
         self._shown = self._addresses()
-        # Those that the slot leads to live on when the attributes are replaced.
+        # The arrays behind the slot live on when the attributes are replaced.
         self._in_use = (self._points, self._velocities, self.indices)
         self._kernels = self._moments = None
         if not self.device.is_cpu and not self._built:
@@ -268,7 +268,7 @@ class Mesh(Hierarchical, Behind):
         ]
 
     def _addresses(self) -> list:
-        """Of the arrays that kernels read."""
+        """The addresses of the arrays that kernels read."""
         arrays = (self._points, self._velocities, self.indices)
         return [getattr(array, "ptr", None) for array in arrays]
 

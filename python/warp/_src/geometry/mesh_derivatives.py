@@ -23,7 +23,7 @@ def _weights(a: vec3f, b: vec3f, c: vec3f, point: vec3f, u: float, v: float):
 
 
 def _along(first: vec3f, second: vec3f, point: vec3f, t: float, g: float):
-    """Of the parameter of a point on an edge: cotangents of both ends and of the query point."""
+    """Cotangents of both ends and of the query point, by the parameter of a point on an edge."""
     edge = second - first
     scaled = g / wp.dot(edge, edge)
     off = (point - first - edge * t) * scaled

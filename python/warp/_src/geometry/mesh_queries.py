@@ -1,11 +1,11 @@
-"""What kernels ask a mesh: closest points, rays, and its arrays.
+"""Mesh queries of kernels: closest points, rays, and its arrays.
 
 Searches are calls of the device library; what surrounds them is in the kernel language, so what a
 kernel does not read of a result costs nothing. Functions with parameters by reference are the first
 forms of these queries: they leave variables as they are if nothing is found.
 """
 
-# What is assigned to a reference, the caller reads.
+# The caller reads the value that is assigned to a reference.
 # ruff: noqa: F841
 
 from warp._src.geometry.handles import publish
@@ -216,7 +216,7 @@ def _ray_into(
 def mesh_query_ray_anyhit(
     id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int = -1
 ) -> bool:
-    """Whether a ray meets a mesh at 0 <= t < max_t."""
+    """True if a ray meets a mesh at 0 <= t < max_t."""
     check_root(id, root)
     met = wp._library_call(
         "warp_mesh_ray_any", id, start, dir, max_t, root

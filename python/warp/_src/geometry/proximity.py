@@ -10,8 +10,8 @@ from warp._src.language import namespace as wp
 from warp._src.types.dtypes import vec3d, vec3f
 from warp._src.types.scalars import float32, float64, int32
 
-# Of a determinant of three differences, in parts of the sum of its products' sizes (Shewchuk,
-# "Adaptive precision floating-point arithmetic", 1997: 7 units and a little).
+# The error of a determinant of three differences, in parts of the sum of its products' sizes
+# (Shewchuk, "Adaptive precision floating-point arithmetic", 1997: 7 units and a little).
 _ROUNDING = 8.9e-16
 
 
@@ -30,7 +30,7 @@ def _ratio(x: float64, y: float64):
 def closest_point_edge_edge(p1: vec3f, q1: vec3f, p2: vec3f, q2: vec3f, epsilon: float32) -> vec3f:
     """Where two edges are closest: (s, t, distance) of p1 + s (q1 - p1) and p2 + t (q2 - p2).
 
-    An edge whose squared length is at most `epsilon` is its first point. Of parallel edges one of
+    An edge whose squared length is at most `epsilon` is its first point. For parallel edges one of
     the closest pairs is given (Ericson, "Real-Time Collision Detection", 2004, 5.1.9).
     """
     d1 = wide(q1) - wide(p1)
@@ -103,7 +103,7 @@ def _pierces(p: vec3d, q: vec3d, a: vec3d, b: vec3d, c: vec3d) -> int32:
 
 
 def _turn(px: float64, py: float64, qx: float64, qy: float64, rx: float64, ry: float64) -> int32:
-    """Whether three points of a plane go left (1), right (-1) or along a line."""
+    """True if three points of a plane go left (1), right (-1) or along a line."""
     a = (qx - px) * (ry - py)
     b = (qy - py) * (rx - px)
     limit = float64(_ROUNDING) * (wp.abs(a) + wp.abs(b))
@@ -118,7 +118,7 @@ def _turn(px: float64, py: float64, qx: float64, qy: float64, rx: float64, ry: f
 
 
 def _within(p: float64, q: float64, r: float64, s: float64) -> int32:
-    """Whether two closed intervals, of any order of their ends, share a number."""
+    """True if two closed intervals, of any order of their ends, share a number."""
     return int(wp.max(p, q) >= wp.min(r, s) and wp.max(r, s) >= wp.min(p, q))
 
 

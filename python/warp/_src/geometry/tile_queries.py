@@ -1,10 +1,10 @@
-"""What a block of threads asks a hierarchy together.
+"""Joint queries of a block of threads.
 
 The threads divide the tree among themselves where a query starts (lib/DeviceLib/geometry/Shares.h);
 then each has an iterator of its own, and one that is at its end gives -1 until all are.
 """
 
-# What is assigned to a reference, the caller reads.
+# The caller reads the value that is assigned to a reference.
 
 from warp._src.geometry.handles import publish
 from warp._src.geometry.tree_queries import Cursor, step
@@ -93,7 +93,7 @@ def tile_mesh_query_aabb_next(query: ref[MeshQueryAABBTiled]):
 
 
 def tile_query_valid(query: BvhQueryTiled) -> bool_:
-    """Whether a block is to ask on: at first, and after a tile in which a thread had a result."""
+    """True if a block is to ask on: at first, and after a tile in which a thread had a result."""
     return wp.tile_max(wp.tile(query.last))[0] >= 0
 
 

@@ -1,9 +1,9 @@
-"""What kernels ask hierarchies: which primitives touch a box, a ball or a ray, one by one.
+"""Hierarchy queries of kernels: the primitives that touch a box, a ball or a ray, one by one.
 
 A query is a shape and a cursor (lib/DeviceLib/geometry/Overlap.h); the device library advances it.
 """
 
-# What is assigned to a reference, the caller reads.
+# The caller reads the value that is assigned to a reference.
 
 from warp._src.device_table import WORDS
 from warp._src.geometry.handles import BVH, MESH, publish, words

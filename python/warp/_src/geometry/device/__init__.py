@@ -1,1 +1,1 @@
-"""What kernels build and refit on the device: hash grids, hierarchies."""
+"""Builds and refits on the device by kernels: hash grids, hierarchies."""

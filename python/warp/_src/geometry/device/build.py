@@ -3,7 +3,7 @@
 Primitives are put in an order: eight that follow each other share a block, eight blocks a node,
 eight nodes the next. Where nodes are and which children they have depends on the number of
 primitives alone, so building is ordering (lib/DeviceLib/cuda/TreeOrder.cpp): by halves, or along a
-Hilbert curve, which is quicker to build, but queries take up to twice as long. Those with groups
+Hilbert curve, which is quicker to build, but queries take up to twice as long. Trees with groups
 are built by kernels of the package (groups.py).
 """
 

@@ -1,4 +1,4 @@
-"""What kernels have built on a GPU: nodes and blocks in memory of the package."""
+"""Trees that kernels have built on a GPU: nodes and blocks in memory of the package."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warp._src.types import dtypes
 
 
 class Built:
-    """What kernels have built: a subclass has `run`, `refit` and `_read`.
+    """A tree that kernels have built: a subclass has `run`, `refit` and `_read`.
 
     Args:
         count: how many primitives there are.
@@ -31,7 +31,7 @@ class Built:
     """
 
     groups = 0
-    # What `_read` would give, if a first build has it already.
+    # The result of `_read`, if a first build has it already.
     _first_found = None
 
     def __init__(self, count, device, of_triangles, levels, blocks, others=0):
@@ -60,7 +60,7 @@ class Built:
 
     @property
     def report(self):
-        """What is in the hierarchy; waits for its build."""
+        """The primitives of the hierarchy; waits for its build."""
         return SimpleNamespace(
             skipped=self._found()[1] if self.count else 0,
             nodes=sum(self._levels), blocks=self._blocks,

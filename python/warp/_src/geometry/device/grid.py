@@ -80,7 +80,7 @@ def _find_starts(keys: wp.array(dtype=wp.uint32), count: int, starts: wp.array(d
 
 
 class DeviceGrid:
-    """What `HashGrid` is made of on a GPU; on a CPU it makes the same arrays as the runtime.
+    """Arrays of a `HashGrid` on a GPU; on a CPU it makes the same arrays as the runtime.
 
     Args:
         cells: cells along the axes.

@@ -13,7 +13,7 @@ from warp._src.geometry.device.refit import CHILD_BLOCKS, CHILD_NODES, MASKS, NO
 
 # The word of 32 bits of a slot with the number of groups.
 _GROUP_COUNT = wp.constant(2 * WORDS["Mesh"]["tree_counts"])
-# What coordinates resolve, at their distance from the origin.
+# The resolution of coordinates, at their distance from the origin.
 _FAR = wp.constant(wp.float64(2.0**-20))
 
 

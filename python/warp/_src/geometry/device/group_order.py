@@ -1,7 +1,7 @@
 """Puts primitives in the order of their groups, and those of a group along a Hilbert curve.
 
-What is NaN, infinite or inverted comes last in its group, as it may be found after a refit.
-Neighbours in the order say where groups begin.
+A primitive that is NaN, infinite or inverted comes last in its group, as it may be found after a
+refit. Neighbours in the order say where groups begin.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from warp._src.geometry.device.refit import is_finite
 _CELLS = wp.constant(10)
 _CURVE, _GROUP = wp.constant(wp.uint64(30)), 32
 _END = wp.constant(wp.uint64((1 << 30) - 1))
-# What is found: how far from the end the first face with a wrong index is, how many primitives
+# The results: how far from the end the first face with a wrong index is, how many primitives
 # nothing finds, and how many groups there are.
 WRONG, SKIPPED, GROUPS = (wp.constant(i) for i in range(3))
 _FOUND = 3

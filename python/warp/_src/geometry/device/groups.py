@@ -66,7 +66,7 @@ class GroupedBuild(Built):
         # Blocks, and nodes of each height.
         self._firsts = [0, *reversed(starts[len(tops) + 1 : -1])]
         self._starts = wp.empty(room, dtype=int, device=device)
-        # What was found; it stays where it is for graphs.
+        # The results; they stay where they are for graphs.
         self.found = self._sorted = self._refit = None
 
     @property

@@ -1,4 +1,4 @@
-"""What far triangles count for winding numbers, by kernels: a level after the other, upward.
+"""Moments of far triangles for winding numbers, by kernels: a level after the other, upward.
 
 The layout is that of lib/DeviceLib/geometry/Winding.h, the sums are those of
 lib/Geometry/Moments.cpp, in 64 bits. Nothing is read on the host, so graphs may capture it.
@@ -22,7 +22,7 @@ from warp._src.geometry.device.refit import (
 _MOMENTS = wp.constant(128)
 MOMENTS_IN_SLOT = WORDS["Mesh"]["moments"]
 
-# Of a set of triangles: area, area times center, area times normal, and that times the center.
+# For a set of triangles: area, area times center, area times normal, and that times the center.
 _Sums = wp.types.vector(16, wp.float64)
 
 
@@ -46,7 +46,7 @@ def _sum_blocks(blocks: wp.array(dtype=wp.uint32), sums: wp.array(dtype=_Sums)):
         c = _corner(blocks, at + 48)
         normal = wp.float64(0.5) * wp.cross(b - a, c - a)
         area = wp.length(normal)
-        # Those that are not there are NaN.
+        # Absent triangles are NaN.
         if area > wp.float64(0.0):
             center = (a + b + c) / wp.float64(3.0)
             total[0] += area

@@ -24,7 +24,7 @@ def words(address, count, device):
 
 
 def slot_of(id, device):
-    """What a handle leads to (lib/Geometry/Slots.h)."""
+    """The memory behind a handle (lib/Geometry/Slots.h)."""
     return words(id & ((1 << 49) - 1), 64, device)
 
 
@@ -135,7 +135,7 @@ def _bound(
                     at = block * block_words + 24 * corner + 8 * axis + lane
                     x = wp.cast(blocks[at], float)
                     if x == x:
-                        # Of a box the first corner is the lower one.
+                        # The first corner of a box is the lower one.
                         low = wp.min(low, x)
                         high = wp.max(high, x)
         nodes[node + 8 * axis + child] = wp.cast(low, wp.uint32)
@@ -186,7 +186,7 @@ class Refit:
 
 
 def refit_of(handle, of_triangles) -> Refit:
-    """What refits a `Mesh` or `Bvh` of a GPU that the host has built.
+    """Refits of a `Mesh` or `Bvh` of a GPU that the host has built.
 
     Made with the hierarchy: a graph that records a refit could not copy the order of its nodes.
     """

@@ -105,7 +105,7 @@ def _mark_first(
     voxels: wp.array(dtype=wp.vec3i),
     ends: wp.array(dtype=wp.vec4i),
 ):
-    """Whether a root, a lower node, a leaf and a voxel start at a place of the order."""
+    """True if a root, a lower node, a leaf and a voxel start at a place of the order."""
     i = wp.tid()
     firsts = wp.vec4i()
     if keys[i] != _LAST:

@@ -34,7 +34,7 @@ def _join_sides(
 ):
     i = wp.tid()
     edge = edges[i]
-    # Of more than two sides the first and the second belong together, the third and the fourth.
+    # Among more than two sides the first and the second belong together, the third and the fourth.
     before = int(0)
     while before < i and edges[i - before - 1] == edge:
         before += 1

@@ -32,7 +32,7 @@ def _area(a: wp.vec2, b: wp.vec2, c: wp.vec2):
 
 @wp.func
 def _is_in_circle(a: wp.vec2, b: wp.vec2, c: wp.vec2, d: wp.vec2):
-    """Whether d is inside the circle through a, b, c; not where rounding decides.
+    """True if d is inside the circle through a, b, c; not where rounding decides.
 
     So no two edges take turns, and points on one circle stay as they are.
     """
@@ -81,7 +81,7 @@ def _should_flip(
     c: int,
     d: int,
 ):
-    """Whether triangles cab and dba should become cad and dbc."""
+    """True if triangles cab and dba should become cad and dbc."""
     pa = positions[a]
     pb = positions[b]
     pc = positions[c]
@@ -211,7 +211,7 @@ def delaunay_edge_flip(
 ):
     """Flips edges until no triangle's circle has the corner of a neighbour inside.
 
-    `indices` are changed; positions stay. Whether a point is inside a circle is computed in 64 bits
+    `indices` are changed; positions stay. True if a point is inside a circle is computed in 64 bits
     and decided only beyond their rounding. It can be captured in a graph.
 
     Args:

@@ -88,7 +88,7 @@ def public_tables():
     starts, triangles = tables()
     ranges, edges = [0], []
     for case in range(256):
-        # What is set there is what is out here.
+        # A bit that is set there is clear here.
         edges += triangles[starts[255 - case] : starts[256 - case]].reshape(-1).tolist()
         ranges.append(len(edges))
     return tuple(ranges), tuple(edges)
@@ -96,7 +96,7 @@ def public_tables():
 
 @functools.cache
 def loop_tables():
-    """What surface nets need of the cases, all int32.
+    """Tables of cases for surface nets, all int32.
 
     Returns:
         Where the loops of each case start (257 numbers); where the edges of each loop start (one

@@ -21,7 +21,7 @@ def is_in(field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: i
 def crosses(
     field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: int, axis: int
 ) -> bool:
-    """Whether the surface goes through the edge that starts at a node along an axis."""
+    """True if the surface goes through the edge that starts at a node along an axis."""
     i1 = i + int(axis == 0)
     j1 = j + int(axis == 1)
     k1 = k + int(axis == 2)

@@ -86,7 +86,7 @@ def _place_vertices(
 def _has_face(
     field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: int, axis: int
 ) -> bool:
-    """Whether the surface crosses an edge that has four cells around it."""
+    """True if the surface crosses an edge that has four cells around it."""
     at = wp.vec3i(i, j, k)
     last = wp.vec3i(field.shape[0] - 1, field.shape[1] - 1, field.shape[2] - 1)
     found = crosses(field, threshold, i, j, k, axis)

@@ -84,14 +84,14 @@ def check_status(status, device):
 
 
 def builds_there(device, recipe) -> bool:
-    """Whether kernels build the grids of a recipe, in room for as many nodes as it says."""
+    """True if kernels build the grids of a recipe, in room for as many nodes as it says."""
     if device.is_cpu or recipe.capacities is None:
         return False
     return recipe.room <= MOST_ROOM
 
 
 def counts_there(device, given) -> bool:
-    """Whether kernels find out how large the grid of points is, and build it."""
+    """True if kernels find out how large the grid of points is, and build it."""
     if device.is_cpu or not dtypes.is_array(given) or given.device != device:
         return False
     return given.size > 0 and not _native.is_capturing(device.index)

@@ -22,7 +22,7 @@ _ROW, _MOST = 64, 2**31 - 1
 
 
 def reading(value, scalar, number):
-    """Whether a grid has values of a type, its memory, and what reads a value there."""
+    """True if a grid has values of a type, its memory, and what reads a value there."""
     size, length = type_size_in_bytes(scalar), type_size(value)
     in_row = _ROW // size
 

@@ -31,7 +31,7 @@ INDEX, ON_INDEX = NUMBERS["Index"], NUMBERS["OnIndex"]
 
 
 class GridInfo(NamedTuple):
-    """What a grid says about itself.
+    """The header of a grid.
 
     Attributes:
         name, type_str: of the grid and of its values.
@@ -60,7 +60,7 @@ class FeatureArrayInfo(NamedTuple):
 
 
 def info_of(info) -> GridInfo:
-    """What a native `GridInfo` says."""
+    """The contents of a native `GridInfo`."""
     return GridInfo(
         info.name,
         info.size,

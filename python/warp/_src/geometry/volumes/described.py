@@ -1,4 +1,4 @@
-"""What a volume says about its grid."""
+"""The header of a volume's grid."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from warp._src.types import dtypes
 class GridContents:
     """Counts, coordinates and arrays of a volume's grid; the part of `Volume` that only reads."""
 
-    # What builds the grid on the device, in room for larger ones; None if the host builds it.
+    # The builder of the grid on the device, in room for larger ones; None if the host builds it.
     _built = None
 
     @property
     def _info(self):
-        """What the grid says; waits for kernels that build it."""
+        """The header of the grid; waits for kernels that build it."""
         if self._built is not None:
             self._native.refresh()
         return self._native.info
@@ -35,7 +35,7 @@ class GridContents:
     FeatureArrayInfo = contents.FeatureArrayInfo
 
     class ActiveStats(NamedTuple):
-        """What the grid has now."""
+        """The present header of the grid."""
 
         voxel_count: int
         leaf_node_count: int
@@ -103,7 +103,7 @@ class GridContents:
         return tuple(float(np.float32(edge)) for edge in self._info.voxel_size)
 
     def get_grid_info(self) -> GridInfo:
-        """What the grid says about itself."""
+        """The header of the grid."""
         return contents.info_of(self._info)
 
     @property
@@ -113,7 +113,7 @@ class GridContents:
 
     @property
     def is_index(self) -> bool:
-        """Whether voxels have numbers, which stand for elements of any array."""
+        """True if voxels have numbers, which stand for elements of any array."""
         return self._native.info.is_index
 
     def get_feature_array_count(self) -> int:

@@ -29,7 +29,7 @@ class LeafValues(Behind):
 
         An array of shape (n, 512): a row for each tile of `get_tiles`, in it the voxels, z fastest.
         With `leaf_values.requires_grad = True` derivatives of samples and lookups are added to
-        `leaf_values.grad`. What `rebuild` makes has values of its own.
+        `leaf_values.grad`. The result of `rebuild` has values of its own.
 
         Raises:
             RuntimeError: voxels have numbers instead of values, or values of a type without arrays.

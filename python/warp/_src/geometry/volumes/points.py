@@ -1,4 +1,4 @@
-"""What volumes are made of: sizes of voxels, backgrounds, arrays of points."""
+"""Sources of volumes: sizes of voxels, backgrounds, arrays of points."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def arrays_on(device, points, mask, what):
 
 
 def given(points, mask=None, what="points"):
-    """What native recipes take: points, whether they are voxels, their mask, and their name.
+    """The arguments of native recipes: points, whether they are voxels, their mask, and their name.
 
     Raises:
         WarpError: the points, or the mask, are no such array.

@@ -1,4 +1,4 @@
-"""What kernels ask a volume, under public names: one overload for each type of values.
+"""Volume queries of kernels, under public names: one overload for each type of values.
 
 Functions of one type, such as `volume_sample_f`, are the same ones without the type as an argument.
 """

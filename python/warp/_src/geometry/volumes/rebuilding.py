@@ -34,7 +34,7 @@ class Rebuildable:
 
     @property
     def is_rebuildable(self) -> bool:
-        """Whether there is room for `rebuild`."""
+        """True if there is room for `rebuild`."""
         return self._recipe is not None
 
     def get_rebuild_info(self) -> RebuildInfo:

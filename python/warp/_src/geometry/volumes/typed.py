@@ -1,10 +1,10 @@
-"""What kernels ask a volume, for one type of values.
+"""Volume queries of kernels, for one type of values.
 
 A sample is made of the values of a cell's corners (cells.py says where these are), and its
 derivative follows from the weights. Values of another type than the grid's are 0.
 """
 
-# What is assigned to a reference, the caller reads.
+# The caller reads the value that is assigned to a reference.
 # ruff: noqa: F841
 
 from typing import Any
@@ -56,7 +56,7 @@ def lookups(value, scalar, number):
 
 
 def of_corners(read):
-    """What `read` gives for each corner of a cell, of whatever it reads from."""
+    """The result of `read` for each corner of a cell, of whatever it reads from."""
 
     def _of_corners(source: Any, other: Any, c: Any):
         return (
