@@ -7,7 +7,7 @@
 //
 //   for j in range(n): sum += f(x[i], x[j])
 //
-// The launch dimension is unrolled by two and jammed: a thread runs the loop
+// The launch dimension is unrolled by two and jammed (unroll-and-jam): a thread runs the loop
 // once for two indices i and loads x[j] once for both, and the latency of one
 // is hidden by the other:
 //
