@@ -29,7 +29,8 @@ constexpr double exactSum = 15, atomicExactSum = 50;
 constexpr double gainOfLanes = 6;
 constexpr double cyclesPerNanosecond = 3;
 
-/// The accumulators that a thread can keep before register pressure spills them.
+/// The accumulators that a thread can keep before register pressure spills
+/// them.
 constexpr int64_t mostSums = 16;
 /// Threads in a row that may update one element, by a divisor that nobody
 /// knows.

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Those of functions that do not depend on the lanes of a subgroup.
+// Instructions of functions that do not depend on the lanes of a subgroup.
 //
 //===----------------------------------------------------------------------===//
 

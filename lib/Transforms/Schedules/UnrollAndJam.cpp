@@ -7,9 +7,9 @@
 //
 //   for j in range(n): sum += f(x[i], x[j])
 //
-// The launch dimension is unrolled by two and jammed (unroll-and-jam): a thread runs the loop
-// once for two indices i and loads x[j] once for both, and the latency of one
-// is hidden by the other:
+// The launch dimension is unrolled by two and jammed (unroll-and-jam): a thread
+// runs the loop once for two indices i and loads x[j] once for both, and the
+// latency of one is hidden by the other:
 //
 //   for j in range(n): a += f(x[i], x[j]); b += f(x[i + block], x[j])
 //

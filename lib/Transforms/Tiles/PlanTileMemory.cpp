@@ -1,4 +1,4 @@
-//===- PlanTileMemory.cpp - Shared memory allocation by liveness of tiles --===//
+//===- PlanTileMemory.cpp - Shared memory, by liveness of tiles -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
