@@ -1,4 +1,4 @@
-//===- Launch.h - Layouts shared by the runtime and compiled code -*- C++ -*-//
+//===- Launch.h - Layouts shared with compiled code -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RegionBuilder.h - Makes the formula of a kernel's regions -*- C++ -*-==//
+//===- RegionBuilder.h - Formulas of access regions -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

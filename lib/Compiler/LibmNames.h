@@ -1,5 +1,4 @@
-//===- LibmNames.h - Functions of the C library that native code calls *- C++
-//-*-===//
+//===- LibmNames.h - C library functions of native code ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,5 +1,4 @@
-//===- TileVerification.h - Shared parts of verifiers of tile operations *- C++
-//-*-===//
+//===- TileVerification.h - Shared parts of tile verifiers ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,5 +1,4 @@
-//===- geometry-build-test.cpp - Trees that the surface area heuristic builds
-//===//
+//===- geometry-build-test.cpp - Trees of the SAH builder -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Quantised.h - Grids whose voxels are numbers of a few bits -*- C++ -*-=//
+//===- Quantised.h - Grids of quantised voxels ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

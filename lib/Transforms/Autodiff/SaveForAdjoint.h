@@ -1,5 +1,4 @@
-//===- SaveForAdjoint.h - Values that a launch keeps for its adjoint *- C++
-//-*-===//
+//===- SaveForAdjoint.h - Values kept for an adjoint ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,5 +1,4 @@
-//===- LanePlan.h - Choice of scalar threads or lanes, and of the width *- C++
-//-*-===//
+//===- LanePlan.h - Choice of lanes and their width -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

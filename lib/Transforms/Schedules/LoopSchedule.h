@@ -1,4 +1,4 @@
-//===- LoopSchedule.h - Loops in tiles of one iteration per lane -*- C++ -*-==//
+//===- LoopSchedule.h - Loops in tiles of lanes -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

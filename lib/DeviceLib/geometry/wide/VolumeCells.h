@@ -1,4 +1,4 @@
-//===- VolumeCells.h - Cells of a volume, for all lanes of a CPU -*- C++ -*-==//
+//===- VolumeCells.h - Cells of a volume for all lanes ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,5 +1,4 @@
-//===- LastAssignments.h - Loop values that one iteration assigns *- C++
-//-*-===//
+//===- LastAssignments.h - Loop values of one iteration ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,5 +1,4 @@
-//===- Formula.h - Operands and operations of derivative formulas *- C++
-//-*-===//
+//===- Formula.h - Parts of derivative formulas -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
