@@ -63,7 +63,7 @@ bench: release
 # In the folder of the optimised build, whose objects it takes.
 wheel: release
 	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
-	@$(PYTHON) scripts/wheels.py $$(ls -t dist/*.whl | head -1)
+	@advzip -z -2 -q $$(ls -t dist/*.whl | head -1)
 	@! find dist -name '*.whl' -size +25600k -printf '%f has %s bytes, more than 25 MB\n' | grep .
 
 shim: environment

@@ -1,13 +1,9 @@
-"""Writes wheels of files that are there already.
-
-wheels.py WHEEL...   compresses wheels as far as deflate can
-"""
+"""Writes wheels of files that are there already."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import sys
 import zipfile
 from pathlib import Path
 
@@ -54,20 +50,3 @@ def pack_wheel(folder: Path, name, version, tag, requires=(), files=(), pure=Tru
         for path, data in entries.items():
             archive.writestr(path, data)
     return wheel
-
-
-def compress_wheel(wheel: Path) -> None:
-    """Rewrites a wheel with the highest level of deflate, about 0.5 % smaller; contents stay."""
-    packed = wheel.with_suffix(".packed")
-    with (
-        zipfile.ZipFile(wheel) as source,
-        zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as archive,
-    ):
-        for entry in source.infolist():
-            archive.writestr(entry, source.read(entry), zipfile.ZIP_DEFLATED, 9)
-    packed.replace(wheel)
-
-
-if __name__ == "__main__":
-    for path in sys.argv[1:]:
-        compress_wheel(Path(path))

@@ -70,7 +70,7 @@ PYTHON
   for source in python/bindings/*.cpp; do
     objects+=("$work/$(basename "$source" .cpp).o")
     # shellcheck disable=SC2086
-    g++ -std=c++20 -O2 -fPIC -fvisibility=hidden $includes -Iinclude \
+    g++ -std=c++20 -O2 -fPIC -fvisibility=hidden $includes "-I$package/include" \
       -c "$source" -o "${objects[-1]}" &
   done
   for source in $(jobs -p); do wait "$source" || failed=1; done

@@ -175,7 +175,7 @@ def test_hessian_of_vectors(device):
     expected = np.zeros((6, 6))
     for i, x in enumerate(numbers):
         size = np.linalg.norm(x)
-        block_dim = 3 * (size * np.eye(3) + np.outer(x, x) / size)
+        block = 3 * (size * np.eye(3) + np.outer(x, x) / size)
         expected[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
     np.testing.assert_allclose(found.numpy().reshape(6, 6), expected, rtol=1e-12, atol=1e-13)
 

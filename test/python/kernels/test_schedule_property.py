@@ -26,7 +26,7 @@ def run(program, mode, size, device):
     arrays.append(wp.zeros(1, dtype=program.real, device=device, requires_grad=True))
     with wp.Tape() as tape:
         block_dim = 64 if trips % 2 else 256
-        wp.launch(kernel, threads, [*arrays, *size], device=device, block_dim=block)
+        wp.launch(kernel, threads, [*arrays, *size], device=device, block_dim=block_dim)
     results = [one.numpy().copy() for one in arrays[2:]]
     seeds = [wp.array(random.standard_normal(shape), program.element, device=device)] * 2
     seeds.append(wp.full(1, 0.7, dtype=program.real, device=device))

@@ -167,16 +167,16 @@ class JaxKernel:
         wanted = output_dims if output_dims is not None else self.output_dims
         arguments.add_outputs(shapes, parameters, wanted, dims)
         plan = Plan(parameters, values, shapes, arguments)
-        # The size of blocks depends on the device, which is not known yet.
-        has_blocks = type(self.kernel) is not Kernel
+        # Hooks choose the code by the device, which is not known yet.
+        has_hooks = bool(self.kernel.hooks)
         call = jax.ffi.ffi_call(
-            jax_arrays.RECORDABLE_TARGET if has_blocks else TARGET,
+            jax_arrays.RECORDABLE_TARGET if has_hooks else TARGET,
             plan.results_for(jax, shapes, arguments.message),
             vmap_method=vmap_method or self.vmap_method,
             input_output_aliases=plan.aliases,
             has_side_effect=self.has_side_effect,
         )
-        if has_blocks:
+        if has_hooks:
             jax_arrays.register()
             made = Launch(self.kernel, parameters, plan, dims, self.block_dim)
             number = jax_arrays.add_callback(made.text, made)
