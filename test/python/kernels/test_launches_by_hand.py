@@ -150,14 +150,16 @@ def test_descriptors_are_arguments(device):
         ),
     ],
 )
-def test_errors_have_the_words_of_warp(kernel, arguments, words):
+def test_errors_have_the_words_of_warp(kernel, arguments, words, config):
+    config.peer_messages = True
     made = {"int": wp.zeros(2, dtype=int, device="cpu"), "flat": wp.zeros((2, 2), device="cpu")}
     values = [made[v] if isinstance(v, str) else v for v in arguments]
     with pytest.raises(TypeError, match=words):
         wp.launch(kernel, 1, values, device="cpu")
 
 
-def test_what_cannot_be_converted_is_a_wrong_value():
+def test_what_cannot_be_converted_is_a_wrong_value(config):
+    config.peer_messages = True
     with pytest.raises(ValueError, match="Failed to convert argument for param shift to vec2f"):
         wp.launch(advance, 1, [Step(), None, None], device="cpu")
 
@@ -198,7 +200,8 @@ def test_indexed_arrays_in_structs_are_those_assigned(device):
     assert chosen.values is None
 
 
-def test_outputs_of_map_that_do_not_fit(device):
+def test_outputs_of_map_that_do_not_fit(device, config):
+    config.peer_messages = True
     x = wp.zeros(3, dtype=float, device=device)
     for out, words in (
         (wp.zeros(2, dtype=float, device=device), r"Output array shape \(2,\) does not match"),
