@@ -134,7 +134,11 @@ def tracked() -> list[str]:
     listed = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.split("\n")
-    return [name for name in listed if name.endswith(SOURCES) and not name.startswith(SKIPPED)]
+    return [
+        name
+        for name in listed
+        if name.endswith(SOURCES) and not name.startswith(SKIPPED) and (ROOT / name).is_file()
+    ]
 
 
 def missing_terms(texts: dict[str, str]) -> list[str]:
