@@ -1,9 +1,9 @@
 """First derivatives where singular values or eigenvalues repeat: right, or counted by `report`.
 
-Functions that do not depend on the choice of vectors are held against closed forms. A function that tells the
-values of a pair apart, or weighs their vectors by functions of the values, has a part that no
-cotangent shows; `wp.config.singular = "report"` names the line. Products that are recognised are in
-test_spectral_products.py.
+Functions that do not depend on the choice of vectors are held against closed forms. A function that
+tells the values of a pair apart, or weighs their vectors by functions of the values, has a part
+that no cotangent shows; `wp.config.singular = "report"` names the line. Products that are
+recognised are in test_spectral_products.py.
 """
 
 import numpy as np
