@@ -2,8 +2,8 @@
 
     check_language.py [FILE ...]
 
-Without arguments every tracked source and document is checked. Three rules, each printed as
-`file:line: rule`:
+Without arguments every source and document is checked that git tracks or does not ignore. Three
+rules, each printed as `file:line: rule`:
 
 - No sentence of a comment, docstring or document begins with one of `OPENINGS`: such a clause has
   no subject that a reader could look up.
@@ -131,12 +131,12 @@ def broken_rules(path: str, source: str) -> Iterator[tuple[int, str]]:
 
 
 def tracked() -> list[str]:
-    listed = subprocess.run(
-        ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
-    ).stdout.split("\n")
+    """Paths of sources and documents, new ones too."""
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard"]
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     return [
         name
-        for name in listed
+        for name in sorted(set(listed.stdout.split("\n")))
         if name.endswith(SOURCES) and not name.startswith(SKIPPED) and (ROOT / name).is_file()
     ]
 
