@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The rest of the runtime asks before it does work: is somebody recording it?
-// Where no capture is in progress, that is one read of an atomic.
+// Without a capture in progress, that is one read of an atomic.
 //
 //===----------------------------------------------------------------------===//
 

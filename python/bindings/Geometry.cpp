@@ -184,7 +184,7 @@ template <class T> static T *dataOf(py::handle array) {
 }
 
 /// The source of a hierarchy, in memory for its nodes, its blocks and the
-/// results was found, for the handle `id`.
+/// results, for the handle `id`.
 static TreeBuild treeOf(py::handle first, py::handle second, bool ofTriangles,
                         bool alongCurve, py::handle memory, uint64_t id) {
   // The words of slots (lib/Geometry/Slots.h).

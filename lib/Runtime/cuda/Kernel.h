@@ -37,7 +37,7 @@ public:
   /// True if threads keep a stack in memory: some search longer than others,
   /// and a block's room is free when its last thread has ended.
   bool keepsStack = false;
-  /// Where checks of the code report; null if it has none.
+  /// The record of the code's checks; null if it has none.
   std::unique_ptr<DeviceErrorRecord> record;
 
 private:

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Neighbouring blocks of a matrix product load the same rows of one factor.
-// Where block j has columns [T j, T j + T) of the other factor and of the
+// If block j has columns [T j, T j + T) of the other factor and of the
 // result, and does nothing else with j, one block of as many threads can
 // compute the columns of several: tiles become wider, and each element is
 // computed as before. Threads hold more accumulators then, and read less shared

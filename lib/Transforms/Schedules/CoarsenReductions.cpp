@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where threads are so short that the reduction over their block is most of
+// If threads are so short that the reduction over their block is most of
 // the work of a large launch, a thread takes 32 indices, a block apart, and
 // accumulates their values in registers. The block then reduces once for all:
 //

@@ -168,7 +168,7 @@ Value CoarsenThreads::cloneStretch(Block *body,
   markIndices(*stretch.inside);
   Value done = cloneStretch(stretch.inside, clones);
   scf::YieldOp::create(b, loc, done);
-  // Where no index is inside, as at the border of a stencil, nothing is left.
+  // If no index is inside, as at the border of a stencil, nothing is left.
   b.setInsertionPointToStart(together.elseBlock());
   Value none = arith::XOrIOp::create(b, loc, any, constant(i1, 1));
   scf::YieldOp::create(b, loc, none);

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A launch of few threads with a long loop each leaves most of a GPU idle.
-// Where the loop is a reduction whose order is open, the warps of a block split
+// If the loop is a reduction whose order is open, the warps of a block split
 // its iterations: thread (i, s) reduces part s, the parts are exchanged through
 // shared memory, and thread (i, 0) continues with their sum:
 //

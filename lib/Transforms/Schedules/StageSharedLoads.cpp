@@ -42,7 +42,7 @@ namespace {
 /// A load of one element per iteration, the same for the warp.
 struct Staged {
   LoadComponentsOp load;
-  /// Where its elements begin in the memory of a warp.
+  /// The offset of its elements in the memory of a warp.
   int64_t offset = 0, elementSize = 0;
 };
 

@@ -58,7 +58,7 @@ public:
   bool hasIndependentBlocks() const override { return true; }
 
 private:
-  /// Where the elements of some indices of a thread are in the tiles.
+  /// The positions in the tiles of a thread's elements.
   struct Part {
     SmallVector<IRMapping> maps;
     Values offsets;

@@ -59,7 +59,7 @@ Values TileLowering::unravel(Value index, ArrayRef<int64_t> shape) {
   return indices;
 }
 
-/// Where an element lies.
+/// The address of an element.
 Value TileLowering::placeIn(Value tile, ValueRange indices) {
   if (std::optional<int64_t> pitch = getPitch(tile))
     return add(mul(indices[0], number(*pitch)), indices[1]);

@@ -22,9 +22,9 @@ namespace warp::tiles {
 namespace attr {
 /// Number of the operand whose memory the result takes over.
 constexpr llvm::StringLiteral inPlace = "in_place";
-/// Where the results lie in shared memory, in bytes, one per result.
+/// Offsets of the results in shared memory, in bytes, one per result.
 constexpr llvm::StringLiteral offsets = "offsets";
-/// Where the operation may put what it needs on the way.
+/// The offset of the operation's scratch memory.
 constexpr llvm::StringLiteral scratch = "scratch";
 /// On a software-pipelined loop: its stages, which are those of its loads.
 constexpr llvm::StringLiteral stages = "warp.stages";
@@ -101,7 +101,7 @@ public:
   /// The tile that stands for its class.
   mlir::Value rootOf(mlir::Value tile) const;
   llvm::ArrayRef<mlir::Value> getTiles() const { return tiles; }
-  /// Where a tile lies in shared memory, in bytes, once that is planned.
+  /// The offset of a tile in shared memory, in bytes, once that is planned.
   int64_t getOffset(mlir::Value tile) const {
     return offsetOf.lookup(rootOf(tile));
   }

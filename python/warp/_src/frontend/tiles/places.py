@@ -11,7 +11,7 @@ from warp._src.frontend.tiles.arguments import TileTopic
 
 
 class Selection:
-    """Where a part lies: offsets and steps per dimension, its shape with all dimensions, and the
+    """The place of a part: offsets and steps per dimension, its shape with all dimensions, and the
     shape it is seen in; None for both shapes for one element."""
 
     __slots__ = ("full", "offsets", "shape", "steps")
@@ -60,7 +60,7 @@ class TilePlaces(TileTopic):
         return self.selection(native, offsets, steps, full, seen)
 
     def from_the_end(self, offset, extent, node):
-        """Where a row lies: its index, known at run time, may count from the end of an axis."""
+        """The place of a row: its index, known at run time, may count from the end of an axis."""
         if offset.constant() is not None:
             return offset
         self.context.at(node)
