@@ -14,9 +14,14 @@ from warp._src.arrays.recording import measured_by as measured_by
 from warp._src.arrays.recording import note_writes as note_writes
 from warp._src.arrays.recording import record_adjoint as record_adjoint
 from warp._src.arrays.recording import unrecorded as unrecorded
+from warp._src.derivatives.functions import gradient_by as gradient_by
 from warp._src.devices.paused_captures import capture_pause as capture_pause
 from warp._src.devices.paused_captures import capture_resume as capture_resume
 from warp._src.devices.paused_captures import is_capturing as is_capturing
+from warp._src.kernels.descriptions import Description as Description
+from warp._src.kernels.descriptions import Operator as Operator
+from warp._src.kernels.descriptions import Recast as Recast
+from warp._src.kernels.descriptions import Static as Static
 from warp._src.kernels.made_functions import function_from_text as function_from_text
 from warp._src.kernels.made_functions import function_from_tree as function_from_tree
 from warp._src.kernels.made_functions import transformed_function as transformed_function

@@ -123,6 +123,14 @@ class Hessian(FunctionDerivative):
     """`wp.hessian(func)`."""
 
 
+class GradientBy(FunctionDerivative):
+    """`gradient_by(func, count)`."""
+
+    def __init__(self, func, count):
+        super().__init__(func, "gradient_by")
+        self.count = count
+
+
 def grad(func) -> Gradient:
     """The gradient of a function, to be called in kernels with the function's arguments.
 
@@ -166,6 +174,8 @@ def hessian(func) -> Hessian:
 class CustomFunction(Function):
     """A function together with derivatives of it, see `custom_vjp` and `custom_jvp`."""
 
+    has_lasting_name = False
+
     def __init__(self, forward, pullback=None, pushforward=None):
         super().__init__(forward.func, forward.key)
         self.overloads = forward.overloads
@@ -179,6 +189,18 @@ class CustomFunction(Function):
         result = super().__call__(*args, **kwargs)
         has_residuals = self.pullback is not None and isinstance(result, tuple)
         return result[0] if has_residuals else result
+
+
+def gradient_by(func, count) -> GradientBy:
+    """The gradient of a function by its first arguments, to be called in kernels, in a tuple.
+
+    Others may be what has no gradient, such as structs of arrays.
+
+    Args:
+        func: a `@wp.func` function.
+        count: of the arguments.
+    """
+    return GradientBy(func, count)
 
 
 def custom_vjp(f, pullback) -> CustomFunction:
@@ -266,7 +288,7 @@ def fixed_point(step, start, *parameters):
 
 
 # Makes functions at compile time where a kernel calls it.
-FACTORIES = (grad, hessian, custom_vjp, custom_jvp)
+FACTORIES = (grad, hessian, gradient_by, custom_vjp, custom_jvp)
 
 
 def check_no_struct_of_arrays(native, what, place) -> None:

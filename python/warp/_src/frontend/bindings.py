@@ -6,6 +6,7 @@ A name in a kernel is bound to one of
 * a Python `int`, `float` or `bool`: a literal or captured constant. It becomes `int32`, `float32`
   or `bool` where a value is needed, and stays a number where a constant is (`range`, indices);
 * a tuple of bindings;
+* a `Record`: a description known at compile time, and bindings that are its parts;
 * any other Python object, known at compile time: a function, type, module, string, enum.
 """
 
@@ -94,3 +95,17 @@ class Parts:
     def __init__(self, native, parts):
         self.native = native
         self.parts = parts
+
+
+class Record:
+    """A description and its parts. As a shape for `unflatten`, the parts are shapes."""
+
+    __slots__ = ("description", "parts")
+
+    def __init__(self, description, parts):
+        self.description = description
+        self.parts = parts
+
+    @property
+    def python_name(self):
+        return str(self.description)

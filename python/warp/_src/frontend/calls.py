@@ -14,12 +14,13 @@ from warp._src import errors
 from warp._src.builtin_calls import CALLS
 from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
 from warp._src.frontend import address, names
-from warp._src.frontend.bindings import Value
+from warp._src.frontend.bindings import Record, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
 from warp._src.frontend.updates import references_of
 from warp._src.kernels import declared, statics
+from warp._src.kernels.descriptions import Description, Operator
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import lookup
 from warp._src.types import dtypes
@@ -78,6 +79,12 @@ class Calls(Part):
             return self.context.user_calls.call_function(
                 function, *self.context.constructors.arguments(node), node
             )
+        if type(function) is Record:
+            return self.context.records.call(function, node)
+        if isinstance(function, Operator):
+            return self.context.records.call_operator(function, node)
+        if isinstance(function, Description):
+            return self.context.records.make(function, node)
         if isinstance(function, FunctionDerivative):
             return self.context.derivative_calls.call_derivative(function, node)
         if any(function is factory for factory in FACTORIES):

@@ -10,7 +10,7 @@ import enum
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.bindings import FLOAT32, LocalArray, TileStack, TileView, Value
+from warp._src.frontend.bindings import FLOAT32, LocalArray, Record, TileStack, TileView, Value
 from warp._src.frontend.session import Session
 from warp._src.frontend.values import Values
 from warp._src.types import dtypes
@@ -125,7 +125,7 @@ class Context(Values):
             return True
         kinds = (
             *(dtypes.scalar_base, dtypes.Composite, names.BuiltinRef),
-            *(LocalArray, TileView, TileStack),
+            *(LocalArray, TileView, TileStack, Record),
         )
         return isinstance(binding, kinds) or callable(binding) or dtypes.is_struct(type(binding))
 

@@ -9,9 +9,14 @@ from __future__ import annotations
 
 from warp._src.derivatives.functions import Hessian, check_no_struct_of_arrays, is_differentiable
 from warp._src.frontend import functions
+from warp._src.frontend.bindings import Record
 from warp._src.frontend.context import Part
 from warp._src.kernels.function import Function
 from warp._src.types import dtypes
+
+
+def _parts(binding) -> tuple:
+    return binding.parts if type(binding) is Record else binding
 
 
 class DerivativeCalls(Part):
@@ -34,24 +39,26 @@ class DerivativeCalls(Part):
             raise self.context.type_error(
                 node, f"{derivative!r}: no result is a float or made of floats"
             )
-        return self.cotangents(made, bound, values, seeds, False, node)
+        count = getattr(derivative, "count", None)
+        return self.cotangents(made, bound, values, seeds, False, node, count)
 
-    def cotangents(self, made, bound, values, seeds, arrays, node):
-        """Results of `vjp`, as one binding per argument."""
+    def cotangents(self, made, bound, values, seeds, arrays, node, count=None):
+        """Results of `vjp`, as one binding per argument, of all or the first ones."""
         self.context.at(node)
         results = iter(self.builder.vjp(made.symbol, values, seeds, arrays))
         bindings = [
             self.cotangent(shape, binding, results, node)
-            for shape, binding in zip(made.arguments, bound, strict=True)
+            for shape, binding in [*zip(made.arguments, bound, strict=True)][:count]
             if not functions.is_static(binding)
         ]
+        if count is not None:
+            return tuple(bindings)
         return bindings[0] if len(bindings) == 1 else tuple(bindings)
 
     def cotangent(self, shape, binding, results, node):
-        if type(shape) is tuple:
-            return tuple(
-                [self.cotangent(s, b, results, node) for s, b in zip(shape, binding, strict=True)]
-            )
+        if type(shape) in (tuple, Record):
+            pairs = zip(_parts(shape), _parts(binding), strict=True)
+            return tuple([self.cotangent(s, b, results, node) for s, b in pairs])
         native = self.context.static_type(binding)
         if native.kind == "array":
             return 0

@@ -13,9 +13,10 @@ import typing
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.bindings import LocalArray, TileStack, Value
+from warp._src.frontend.bindings import LocalArray, Record, TileStack, Value
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
+from warp._src.kernels.descriptions import Description, Operator
 from warp._src.kernels.function import Function
 from warp._src.types import annotations, dtypes
 from warp._src.types.annotations import FixedArrayType, Reference, annotations_of
@@ -100,6 +101,8 @@ def fits_generic(context, annotation, binding) -> bool:
     """True if a binding is what a generic annotation asks for."""
     if annotation is typing.Any:
         return True
+    if type(binding) is Record:
+        return isinstance(annotation, type) and isinstance(binding.description, annotation)
     if typing.get_origin(annotation) is tuple:
         return type(binding) is tuple and fits_parts(context, annotation, binding)
     if typing.get_origin(annotation) is type:
@@ -330,4 +333,4 @@ def overload_of(function) -> Overload:
 
 def is_static(binding) -> bool:
     """True if a binding is passed by specialising the callee."""
-    return isinstance(binding, (type, str, names.BuiltinRef, Function))
+    return isinstance(binding, (type, str, names.BuiltinRef, Function, Description, Operator))

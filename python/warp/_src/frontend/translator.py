@@ -20,6 +20,7 @@ from warp._src.frontend.indexed import Indexed
 from warp._src.frontend.local_arrays import LocalArrays
 from warp._src.frontend.loops import Loops
 from warp._src.frontend.output import Output
+from warp._src.frontend.records import Records
 from warp._src.frontend.references import References
 from warp._src.frontend.session import Session
 from warp._src.frontend.slices import Slices
@@ -43,6 +44,7 @@ _PARTS = {
     "local_arrays": LocalArrays,
     "loops": Loops,
     "output": Output,
+    "records": Records,
     "references": References,
     "slices": Slices,
     "slots": Slots,

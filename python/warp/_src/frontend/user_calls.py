@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.bindings import LocalArray, Parts, TileStack, Value
+from warp._src.frontend.bindings import LocalArray, Parts, Record, TileStack, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import NOTHING, Specialization
@@ -115,6 +115,8 @@ class UserCalls(Part):
             return binding.type
         if type(binding) is tuple:
             return tuple(map(self.signature_of, binding))
+        if type(binding) is Record:
+            return binding.description, *map(self.signature_of, binding.parts)
         if type(binding) is LocalArray:
             return LocalArray(binding.shape, binding.element)
         if type(binding) is TileStack:
@@ -240,6 +242,9 @@ class UserCalls(Part):
         """Appends the types of a binding's values; gives its shape for `unflatten`."""
         if type(binding) is tuple:
             return tuple([self.types_of(part, into, apart) for part in binding])
+        if type(binding) is Record:
+            parts = tuple([self.types_of(part, into, apart) for part in binding.parts])
+            return Record(binding.description, parts)
         if type(binding) is LocalArray:
             into += [part.type for part in binding.parts]
             return LocalArray(binding.shape, binding.element, len(binding.parts), binding.is_copy)
@@ -259,6 +264,9 @@ class UserCalls(Part):
         """Like `flatten`, with structs as their fields."""
         if type(binding) is tuple:
             return tuple([self.take_apart(part, node, into) for part in binding])
+        if type(binding) is Record:
+            parts = tuple([self.take_apart(part, node, into) for part in binding.parts])
+            return Record(binding.description, parts)
         if type(binding) in (LocalArray, TileStack):
             return self.context.flatten(binding, node, into)
         value = self.context.materialize(binding, node)

@@ -14,6 +14,7 @@ from warp._src.frontend.bindings import (
     LocalArray,
     NativeType,
     Parts,
+    Record,
     TileStack,
     TileView,
     Value,
@@ -97,6 +98,12 @@ class Values:
             return self.builder.construct(native, parts)
         if kind is tuple:
             raise self.type_error(node, "expects a value, but got a tuple")
+        if kind is Record:
+            raise self.type_error(
+                node,
+                f"expects a value, but got '{binding.python_name}'",
+                "evaluate it at a sample, as in `f(s)`",
+            )
         if binding is None:
             raise self.type_error(node, "expects a value, but got 'None'")
         if dtypes.is_struct(kind):
@@ -132,7 +139,7 @@ class Values:
             return binding.type
         if kind is NativeType:
             return binding
-        if kind in (LocalArray, TileStack):
+        if kind in (LocalArray, TileStack, Record):
             return None
         if kind is TileView:
             return binding.type
@@ -182,6 +189,9 @@ class Values:
         """Appends the values of a binding; gives its shape for `unflatten`."""
         if type(binding) is tuple:
             return tuple([self.flatten(part, node, into) for part in binding])
+        if type(binding) is Record:
+            parts = tuple([self.flatten(part, node, into) for part in binding.parts])
+            return Record(binding.description, parts)
         if type(binding) is LocalArray:
             into += binding.parts
             return LocalArray(binding.shape, binding.element, len(binding.parts), binding.is_copy)
@@ -195,6 +205,9 @@ class Values:
         """Rebuilds a binding from an iterator over values."""
         if type(shape) is tuple:
             return tuple([self.unflatten(part, values) for part in shape])
+        if type(shape) is Record:
+            parts = tuple([self.unflatten(part, values) for part in shape.parts])
+            return Record(shape.description, parts)
         if type(shape) is LocalArray:
             parts = [next(values) for _ in range(shape.parts)]
             return LocalArray(shape.shape, shape.element, parts, shape.is_copy)
@@ -209,7 +222,7 @@ class Values:
         """Python's name for the type of a binding, for messages."""
         if type(binding) is Value:
             return binding.type.python_name
-        if type(binding) in (NativeType, LocalArray, TileStack):
+        if type(binding) in (NativeType, LocalArray, TileStack, Record):
             return binding.python_name
         if type(binding) is TileView:
             return binding.type.python_name

@@ -32,6 +32,8 @@ class Function:
 
     # How other modules know a function of kernels without importing this one.
     _wp_function_ = True
+    # True if the kernel cache may know it by its texts; a subclass with state of its own says no.
+    has_lasting_name = True
     # The derivatives that `wp.custom_vjp` and `wp.custom_jvp` were given.
     pullback = None
     pushforward = None
@@ -254,6 +256,8 @@ class NativeFunction(Function):
     Attributes:
         native_snippet, adj_native_snippet, replay_snippet: the texts.
     """
+
+    has_lasting_name = False
 
     def __init__(self, func, snippet, adj_snippet, replay_snippet):
         super().__init__(func)

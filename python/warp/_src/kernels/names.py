@@ -14,6 +14,7 @@ import types
 import typing
 
 from warp._src.kernels import texts
+from warp._src.kernels.descriptions import Description, Operator
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import Builtin
 from warp._src.types.annotations import FixedArrayType, Reference
@@ -115,6 +116,11 @@ class Names:
             return self._function_of_kernels(value)
         if isinstance(value, Builtin):
             return f"builtin {value.key}"
+        if isinstance(value, Description):
+            parts = [self.token(getattr(value, name)) for name in kind.__dataclass_fields__]
+            return f"{self._class(kind)}({', '.join(parts)})"
+        if isinstance(value, Operator):
+            return f"operator {value.name}"
         return self._number_token(value, kind) or self._annotation(value, kind)
 
     def _number_token(self, value, kind) -> str | None:
@@ -171,7 +177,7 @@ class Names:
         if isinstance(value, NativeFunction) and value.is_block_barrier:
             # A module has the address of other native code in this process.
             return "barrier"
-        if type(value) is not Function:
+        if not type(value).has_lasting_name:
             raise UnnamedError
         if _is_packaged(value.func):
             return f"library {value.__module__}.{value.__qualname__}"

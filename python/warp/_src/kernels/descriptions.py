@@ -1,0 +1,66 @@
+"""Descriptions and operators: types that libraries make known to the kernel language."""
+
+from __future__ import annotations
+
+
+class Description:
+    """The compile-time part of a record: subclasses are frozen dataclasses of plain values.
+
+    Called in a kernel with the record's parts, it gives a record. Two descriptions that are equal
+    have one translation, and the kernel cache knows them by the values of their fields.
+    """
+
+    def operation(self, name: str, count: int):
+        """The meaning of an operator applied to a record.
+
+        Args:
+            name: of the operator; "()" for a call of the record.
+            count: arguments after the record.
+
+        Returns:
+            A `wp.Function`, called with the parts and the arguments; a `Static`; a `Recast`; None
+            if the operator is not defined.
+
+        Raises:
+            TypeError, ValueError: the operator cannot be applied; says why.
+        """
+        return None
+
+    def __str__(self):
+        return type(self).__name__
+
+
+class Operator:
+    """A name that kernels call with a record first, as in `grad(u, s)`."""
+
+    def __init__(self, name, doc=None):
+        self.name = name
+        self.__doc__ = doc
+
+    def __call__(self, *args, **kwargs):
+        raise TypeError(f"'{self.name}' can be called in kernels only")
+
+    def __repr__(self):
+        return f"<operator '{self.name}'>"
+
+
+class Static:
+    """Result of `Description.operation`: a value known at compile time."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, value):
+        self.value = value
+
+
+class Recast:
+    """Result of `Description.operation`: a record of another description.
+
+    function: makes the new record's part of the old one's parts; None keeps the parts.
+    """
+
+    __slots__ = ("description", "function")
+
+    def __init__(self, description, function=None):
+        self.description = description
+        self.function = function
