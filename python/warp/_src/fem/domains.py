@@ -1,0 +1,381 @@
+"""Domains - sets of elements over which forms are integrated: cells, sides, selections."""
+
+import functools
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import warp as wp
+from warp import extend
+from warp._src.fem.geometry.base import geometry_functions, per_device
+from warp._src.fem.geometry.partition import (
+    GeometryPartition,
+    PartitionRecord,
+    WholeGeometryPartition,
+    partition_functions,
+)
+from warp._src.fem.types import ElementKind
+
+_OF_CELLS = {
+    **{f"element_{name}": f"cell_{name}" for name in ("position", "measure", "normal")},
+    **{f"element_{name}": f"cell_{name}" for name in ("measure_ratio", "deformation_gradient")},
+    **{f"element_{name}": f"cell_{name}" for name in ("closest_point", "coordinates", "lookup")},
+    "element_inverse_deformation_gradient": "cell_inverse_deformation_gradient",
+    "element_environment_index": "cell_environment_index",
+}
+_OF_SIDES = {
+    **{name: of.replace("cell_", "side_") for name, of in _OF_CELLS.items() if "lookup" not in of},
+    **{f"element_{name}": f"side_{name}" for name in ("inner_cell_index", "outer_cell_index")},
+    **{f"element_{name}": f"side_{name}" for name in ("inner_cell_coords", "outer_cell_coords")},
+    "element_inner_inverse_deformation_gradient": "side_inner_inverse_deformation_gradient",
+    "element_outer_inverse_deformation_gradient": "side_outer_inverse_deformation_gradient",
+    "cell_to_element_coords": "side_from_cell_coords",
+}
+_INDICES = {
+    "cells": "cell_index",
+    "sides": "side_index",
+    "boundary": "boundary_side_index",
+    "frontier": "frontier_side_index",
+}
+
+
+@dataclass(frozen=True)
+class DomainRecord:
+    """Facts of a domain that its functions of kernels depend on.
+
+    `kind` is cells, sides, boundary or frontier; `is_subset` says that a table selects elements.
+    """
+
+    kind: str
+    partition: PartitionRecord
+    is_subset: bool = False
+
+    @property
+    def geometry(self):
+        """Record of the geometry."""
+        return self.partition.geometry
+
+    @property
+    def is_cells(self) -> bool:
+        """Elements are cells."""
+        return self.kind == "cells"
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Structs and functions of kernels."""
+        return domain_functions(self)
+
+
+@functools.cache
+def domain_functions(record: DomainRecord) -> SimpleNamespace:
+    """Structs and functions of kernels of a domain: made once per record.
+
+    They have one set of names for cells and for sides: `element_position`, and `position`.
+    """
+    geometry = geometry_functions(record.geometry)
+    partition = partition_functions(record.partition)
+    f = SimpleNamespace()
+    for name, of in (_OF_CELLS if record.is_cells else _OF_SIDES).items():
+        if hasattr(geometry, of):
+            setattr(f, name, getattr(geometry, of))
+            setattr(f, name.removeprefix("element_"), getattr(geometry, of))
+    f.ElementArg = geometry.CellArg if record.is_cells else geometry.SideArg
+    f.ElementIndexArg = partition.CellArg if record.is_cells else partition.SideArg
+    f.element_index = getattr(partition, _INDICES[record.kind])
+    f.element_partition_index = partition.partition_cell_index
+    if record.is_subset:
+        _select(f)
+    fields = {"geo": f.ElementArg, "index": f.ElementIndexArg}
+    f.DomainArg = extend.struct_from_fields("DomainArg", fields, module=__name__)
+    _add_cells(f, record, geometry, partition)
+    return f
+
+
+def _select(f: SimpleNamespace) -> None:
+    """Makes the numbers of elements those of a table of selected ones."""
+    Whole, whole_index, whole_partition_index = (
+        *(f.ElementIndexArg, f.element_index, f.element_partition_index),
+    )
+    fields = {"domain_arg": Whole, "element_indices": wp.array(dtype=wp.int32)}
+    IndexArg = extend.struct_from_fields("SubdomainIndexArg", fields, module=__name__)
+
+    @wp.func
+    def element_index(arg: IndexArg, index: int):
+        return whole_index(arg.domain_arg, arg.element_indices[index])
+
+    @wp.func
+    def element_partition_index(arg: IndexArg, element: int):
+        return whole_partition_index(arg.domain_arg, element)
+
+    f.ElementIndexArg, f.element_index = IndexArg, element_index
+    f.element_partition_index = element_partition_index
+
+
+def _add_cells(f, record, geometry, partition) -> None:
+    """Adds the way from a domain to that of its cells, and the look-up in a partition."""
+    DomainArg = f.DomainArg
+    if record.is_cells:
+
+        @wp.func
+        def domain_cell_arg(arg: DomainArg):
+            return arg
+
+    else:
+        cells = domain_functions(DomainRecord("cells", record.partition))
+        CellsArg, to_cell, index_to_cell = (
+            *(cells.DomainArg, geometry.side_to_cell_arg, partition.side_to_cell_arg),
+        )
+        is_subset = record.is_subset
+
+        @wp.func
+        def domain_cell_arg(arg: DomainArg):
+            if wp.static(is_subset):
+                return CellsArg(to_cell(arg.geo), index_to_cell(arg.index.domain_arg))
+            else:
+                return CellsArg(to_cell(arg.geo), index_to_cell(arg.index))
+
+    f.domain_cell_arg = domain_cell_arg
+    if record.is_cells and hasattr(geometry, "make_filtered_cell_lookup"):
+        from warp._src.fem.geometry.lookup_forms import add_partition_lookup
+
+        add_partition_lookup(f, record, geometry)
+
+
+class GeometryDomain:
+    """Base of domains: elements of a geometry or of a partition of one."""
+
+    kind = ""
+
+    def __init__(self, geometry):
+        whole = not isinstance(geometry, GeometryPartition)
+        self.geometry_partition = WholeGeometryPartition(geometry) if whole else geometry
+        self.geometry = self.geometry_partition.geometry
+
+    @property
+    def record(self) -> DomainRecord:
+        """Facts that functions of kernels depend on."""
+        return DomainRecord(self.kind, self.geometry_partition.record)
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Structs and functions of kernels."""
+        return domain_functions(self.record)
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name in ("geometry_partition", "geometry"):
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        if name in ("element_lookup", "element_partition_lookup"):
+            return getattr(self.functions, name, None)
+        try:
+            return getattr(self.functions, name)
+        except AttributeError:
+            text = f"{type(self).__name__!r} has no attribute {name!r}"
+            raise AttributeError(text) from None
+
+    def __eq__(self, other) -> bool:
+        same = type(self) is type(other)
+        return same and self.geometry_partition == other.geometry_partition
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.geometry_partition))
+
+    @property
+    def name(self) -> str:
+        """Partition and kind in one word."""
+        return f"{self.geometry_partition.name}_{type(self).__name__}"
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def is_cells(self) -> bool:
+        """Elements are cells."""
+        return self.kind == "cells"
+
+    @property
+    def element_kind(self) -> ElementKind:
+        """Cells or sides."""
+        return ElementKind.CELL if self.is_cells else ElementKind.SIDE
+
+    @property
+    def cell(self):
+        """Reference cell of the elements."""
+        return self.geometry.cell if self.is_cells else self.geometry.side_cell
+
+    def reference_element(self):
+        """Reference cell of the elements."""
+        return self.cell
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of the elements."""
+        return self.geometry.dimension - (0 if self.is_cells else 1)
+
+    @property
+    def element_index_func(self) -> wp.Function:
+        """Function of kernels: number in the geometry of an element of the domain."""
+        return self.functions.element_index
+
+    def geometry_element_count(self) -> int:
+        """Number of such elements in the geometry."""
+        return self.geometry.cell_count() if self.is_cells else self.geometry.side_count()
+
+    def element_arg_value(self, device=None):
+        """Argument of the functions of elements."""
+        geometry = self.geometry
+        return (geometry.cell_arg_value if self.is_cells else geometry.side_arg_value)(device)
+
+    def fill_element_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of elements."""
+        (self.geometry.fill_cell_arg if self.is_cells else self.geometry.fill_side_arg)(arg, device)
+
+    def element_index_arg_value(self, device=None):
+        """Argument of `element_index`."""
+        partition = self.geometry_partition
+        return (partition.cell_arg_value if self.is_cells else partition.side_arg_value)(device)
+
+    def fill_element_index_arg(self, arg, device) -> None:
+        """Fills an argument of `element_index`."""
+        partition = self.geometry_partition
+        (partition.fill_cell_arg if self.is_cells else partition.fill_side_arg)(arg, device)
+
+    def domain_arg_value(self, device=None):
+        """Both arguments in one."""
+        arg = self.DomainArg()
+        self.fill_element_arg(arg.geo, device)
+        self.fill_element_index_arg(arg.index, device)
+        return arg
+
+    def supports_lookup(self, device=None) -> bool:
+        """`lookup` works on a device."""
+        return self.is_cells and self.geometry.supports_cell_lookup(device)
+
+    def cell_domain(self) -> "GeometryDomain":
+        """The domain of the cells."""
+        return Cells(self.geometry_partition)
+
+
+class Cells(GeometryDomain):
+    """All cells of a geometry or of a partition."""
+
+    kind = "cells"
+
+    def element_count(self) -> int:
+        """Number of elements."""
+        return self.geometry_partition.cell_count()
+
+    def cell_domain(self) -> "GeometryDomain":
+        """The domain itself."""
+        return self
+
+
+class Sides(GeometryDomain):
+    """All sides, of the interior and of the boundary."""
+
+    kind = "sides"
+
+    def element_count(self) -> int:
+        """Number of elements."""
+        return self.geometry_partition.side_count()
+
+
+class BoundarySides(Sides):
+    """Sides with one cell."""
+
+    kind = "boundary"
+
+    def element_count(self) -> int:
+        """Number of elements."""
+        return self.geometry_partition.boundary_side_count()
+
+    def geometry_element_count(self) -> int:
+        """Number of such sides in the geometry."""
+        return self.geometry.boundary_side_count()
+
+
+class FrontierSides(Sides):
+    """Sides between a partition and others."""
+
+    kind = "frontier"
+
+    def element_count(self) -> int:
+        """Number of elements."""
+        return self.geometry_partition.frontier_side_count()
+
+    def geometry_element_count(self) -> int:
+        """Raises: a whole geometry has no frontier."""
+        raise RuntimeError("frontier sides are those of a partition, the geometry has none")
+
+
+class Subdomain(GeometryDomain):
+    """Selected elements of a domain.
+
+    Args:
+        domain: the domain to select from.
+        element_mask: array (domain.element_count(),) of int32, 1 for elements to take.
+        element_indices: in place of a mask: the numbers in `domain` of the elements.
+
+    Raises:
+        ValueError: both or none are given, or a size that does not fit.
+    """
+
+    def __init__(self, domain, element_mask=None, element_indices=None, temporary_store=None):
+        super().__init__(domain.geometry_partition)
+        if (element_mask is None) == (element_indices is None):
+            raise ValueError("expects one of 'element_mask' and 'element_indices'")
+        if isinstance(domain, Subdomain):
+            raise ValueError("'domain' expects a whole domain, but got a 'Subdomain'")
+        if element_indices is None:
+            from warp._src.fem.geometry.indices import masked_indices
+
+            if element_mask.shape != (domain.element_count(),):
+                raise ValueError(
+                    f"'element_mask' expects shape ({domain.element_count()},), "
+                    f"but got {element_mask.shape}"
+                )
+            element_indices, _ = masked_indices(element_mask)
+        self._domain, self._element_indices = domain, element_indices
+        self.kind = domain.kind
+
+    @property
+    def record(self) -> DomainRecord:
+        """Facts that functions of kernels depend on."""
+        return DomainRecord(self.kind, self.geometry_partition.record, True)
+
+    @property
+    def name(self) -> str:
+        """The domain's name and the class."""
+        return f"{self._domain.name}_Subdomain"
+
+    def __eq__(self, other) -> bool:
+        return (
+            type(self) is type(other)
+            and self._domain == other._domain
+            and self._element_indices is other._element_indices
+        )
+
+    def __hash__(self) -> int:
+        return hash((self._domain, id(self._element_indices)))
+
+    def element_count(self) -> int:
+        """Number of elements."""
+        return self._element_indices.shape[0]
+
+    def geometry_element_count(self) -> int:
+        """Number of such elements in the geometry."""
+        return self._domain.geometry_element_count()
+
+    @per_device
+    def element_index_arg_value(self, device):
+        """Argument of `element_index`."""
+        arg = self.ElementIndexArg()
+        self.fill_element_index_arg(arg, device)
+        return arg
+
+    def fill_element_index_arg(self, arg, device) -> None:
+        """Fills an argument of `element_index`."""
+        self._domain.fill_element_index_arg(arg.domain_arg, device)
+        arg.element_indices = self._element_indices.to(device)
+
+    def cell_domain(self) -> "GeometryDomain":
+        """The domain of the cells."""
+        return self._domain.cell_domain()

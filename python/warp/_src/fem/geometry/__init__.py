@@ -1,0 +1,1 @@
+"""Geometries: grids, meshes, sparse grids, their partitions, positions and look-up."""

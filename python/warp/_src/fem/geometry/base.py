@@ -1,0 +1,206 @@
+"""Geometry - cells and sides in space: record, functions of kernels, arguments per device."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import warp as wp
+from warp._src.fem.types import coords_type, sample_type
+
+
+def per_device(method):
+    """Decorates a method of `device` whose value is kept per device until it is forgotten."""
+
+    @functools.wraps(method)
+    def kept(self, device=None):
+        device = wp.get_device(device)
+        values = self.__dict__.setdefault("_per_device", {})
+        key = (method.__name__, device.alias)
+        if key not in values:
+            values[key] = method(self, device)
+        return values[key]
+
+    return kept
+
+
+def forget(owner, *names: str) -> None:
+    """Drops the values that `per_device` methods of `owner` keep; all of them without names."""
+    values = owner.__dict__.get("_per_device", {})
+    for key in [key for key in values if not names or key[0] in names]:
+        del values[key]
+
+
+@dataclass(frozen=True)
+class GeometryRecord:
+    """Facts of a geometry that its functions of kernels depend on.
+
+    `kind` names the maker of functions, `cell` is the reference cell by name, `affine` says that
+    the deformation gradient is constant in a cell, `environments` that there are several.
+    """
+
+    kind: str
+    cell: str
+    dimension: int
+    scalar: type = field(default=wp.float32)
+    affine: bool = True
+    environments: bool = False
+    base: object = None
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        return geometry_functions(self)
+
+
+# Module and function that make the functions of kernels of a kind of geometry.
+_MAKERS = {
+    "Grid2D": ("grid_functions", "grid_functions"),
+    "Grid3D": ("grid_functions", "grid_functions"),
+}
+
+
+@functools.cache
+def geometry_functions(record: GeometryRecord) -> SimpleNamespace:
+    """The structs and functions of kernels of a geometry: made once per record."""
+    from warp._src.fem.geometry.derived import add_derived
+
+    module, maker = _MAKERS[record.kind]
+    module = importlib.import_module(f"warp._src.fem.geometry.{module}")
+    functions = getattr(module, maker)(record)
+    add_derived(record, functions)
+    return functions
+
+
+class Geometry:
+    """A set of cells and of the sides between them.
+
+    Functions of kernels (`cell_position`, `side_normal`, ...) are attributes. They are those of
+    the geometry's record, so geometries of one kind share them.
+    """
+
+    record: GeometryRecord
+    _environments = 1
+
+    def __getattr__(self, name):
+        if name.startswith("_") or name == "record":
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        try:
+            return getattr(self.record.functions, name)
+        except AttributeError:
+            text = f"{type(self).__name__!r} has no attribute {name!r}"
+            raise AttributeError(text) from None
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Structs and functions of kernels."""
+        return self.record.functions
+
+    @property
+    def scalar_type(self) -> type:
+        """Scalar type of positions and coordinates: `wp.float32` or `wp.float64`."""
+        return self.record.scalar
+
+    @property
+    def coords_type(self) -> type:
+        """Vector type of coordinates in elements."""
+        return coords_type(self.record.scalar)
+
+    @property
+    def sample_type(self) -> type:
+        """Struct type of samples."""
+        return sample_type(self.record.scalar)
+
+    @property
+    def dimension(self) -> int:
+        """Dimension of the space that holds the geometry."""
+        return self.record.dimension
+
+    @property
+    def cell_dimension(self) -> int:
+        """Dimension of a cell."""
+        return self.cell.dimension
+
+    @property
+    def is_affine(self) -> bool:
+        """The deformation gradient is constant in each cell."""
+        return self.record.affine
+
+    @property
+    def cell(self):
+        """Reference cell."""
+        from warp._src.fem.geometry.shapes import cell_of
+
+        return cell_of(self.record.cell)
+
+    @property
+    def side_cell(self):
+        """Reference cell of the sides."""
+        from warp._src.fem.geometry.shapes import cell_of, side_name
+
+        return cell_of(side_name(self.record.cell))
+
+    def reference_cell(self):
+        """Reference cell."""
+        return self.cell
+
+    def reference_side(self):
+        """Reference cell of the sides."""
+        return self.side_cell
+
+    @property
+    def base(self) -> Geometry:
+        """The geometry whose topology this one has; mostly itself."""
+        return self
+
+    @property
+    def name(self) -> str:
+        """Class, environments and scalar type in one word."""
+        name = type(self).__name__ + ("_env" if self.environment_count() > 1 else "")
+        return name if self.scalar_type is wp.float32 else f"{name}_f64"
+
+    def __str__(self) -> str:
+        return self.name
+
+    def environment_count(self) -> int:
+        """Number of topologically independent copies of space."""
+        return self._environments
+
+    @property
+    def cell_env(self):
+        """Environment of each cell, if cells name theirs."""
+        return None
+
+    @per_device
+    def cell_arg_value(self, device):
+        """Argument of the functions of cells."""
+        arg = self.CellArg()
+        self.fill_cell_arg(arg, device)
+        return arg
+
+    @per_device
+    def side_arg_value(self, device):
+        """Argument of the functions of sides."""
+        arg = self.SideArg()
+        self.fill_side_arg(arg, device)
+        return arg
+
+    @per_device
+    def side_index_arg_value(self, device):
+        """Argument of `boundary_side_index`."""
+        arg = self.SideIndexArg()
+        self.fill_side_index_arg(arg, device)
+        return arg
+
+    def fill_side_index_arg(self, arg, device) -> None:
+        """Fills an argument of `boundary_side_index`."""
+        self.fill_side_arg(arg, device)
+
+    def entities(self, device=None):
+        """Edges and faces of a mesh; None if numbers follow from arithmetic."""
+        return None
+
+    def supports_cell_lookup(self, device=None) -> bool:
+        """`lookup` works on a device."""
+        return True

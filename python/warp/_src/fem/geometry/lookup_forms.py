@@ -1,0 +1,130 @@
+"""Look-up - the nine forms of `lookup`: with a distance, a filter, an environment, a guess."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+from warp._src.fem.types import sample_type
+
+
+@wp.func
+def no_filter(data: int, cell: int):
+    return 0
+
+
+@wp.func
+def array_filter(data: wp.array(dtype=Any), cell: int):
+    return data[cell]
+
+
+def add_lookup_forms(f: SimpleNamespace, record, make_search) -> None:
+    """Adds `cell_lookup` and `make_filtered_cell_lookup`.
+
+    Args:
+        f: functions of the geometry.
+        record: its record.
+        make_search: makes, for a filter or None, the function of (arg, position, max_dist,
+            filter data, filter target, environment) that finds the nearest cell.
+    """
+    real, several = record.scalar, record.environments
+    vector, Sample, CellArg = wp.types.vector(record.dimension, real), sample_type(real), f.CellArg
+    position, environment_of = f.cell_position, f.cell_environment_index
+    search, filtered_search = make_search(None), make_search(array_filter)
+
+    @wp.func
+    def cell_lookup(arg: CellArg, x: vector, max_dist: real, environment: int):
+        return search(arg, x, max_dist, 0, 0, environment)
+
+    @wp.func
+    def cell_lookup(arg: CellArg, x: vector, guess: Sample):
+        distance = wp.length(position(arg, guess) - x)
+        return search(arg, x, distance, 0, 0, environment_of(arg, guess.element_index))
+
+    @wp.func
+    def cell_lookup(arg: CellArg, x: vector, environment: int):
+        return search(arg, x, real(0.0), 0, 0, environment)
+
+    @wp.func
+    def cell_lookup(
+        arg: CellArg,
+        x: vector,
+        max_dist: real,
+        filter_array: wp.array(dtype=Any),
+        filter_target: Any,
+        environment: int,
+    ):
+        return filtered_search(arg, x, max_dist, filter_array, filter_target, environment)
+
+    @wp.func
+    def cell_lookup(
+        arg: CellArg,
+        x: vector,
+        filter_array: wp.array(dtype=Any),
+        filter_target: Any,
+        environment: int,
+    ):
+        return filtered_search(arg, x, real(0.0), filter_array, filter_target, environment)
+
+    if not several:
+
+        @wp.func
+        def cell_lookup(arg: CellArg, x: vector):
+            return search(arg, x, real(0.0), 0, 0, 0)
+
+        @wp.func
+        def cell_lookup(arg: CellArg, x: vector, max_dist: real):
+            return search(arg, x, max_dist, 0, 0, 0)
+
+        @wp.func
+        def cell_lookup(
+            arg: CellArg, x: vector, filter_array: wp.array(dtype=Any), filter_target: Any
+        ):
+            return filtered_search(arg, x, real(0.0), filter_array, filter_target, 0)
+
+        @wp.func
+        def cell_lookup(
+            arg: CellArg,
+            x: vector,
+            max_dist: real,
+            filter_array: wp.array(dtype=Any),
+            filter_target: Any,
+        ):
+            return filtered_search(arg, x, max_dist, filter_array, filter_target, 0)
+
+    f.cell_lookup = cell_lookup
+    f.make_filtered_cell_lookup = make_search
+
+
+def add_partition_lookup(f: SimpleNamespace, record, geometry) -> None:
+    """Adds `element_partition_lookup`: the nearest cell of the domain's partition."""
+    real, several = record.geometry.scalar, record.geometry.environments
+    vector = wp.types.vector(record.geometry.dimension, real)
+    DomainArg, partition_index = f.DomainArg, f.element_partition_index
+    IndexArg = f.ElementIndexArg
+
+    @wp.func
+    def is_inside(data: IndexArg, cell: int):
+        return partition_index(data, cell) >= 0
+
+    is_whole = record.partition.kind == "whole"
+    search = geometry.make_filtered_cell_lookup(None if is_whole else is_inside)
+
+    @wp.func
+    def element_partition_lookup(arg: DomainArg, x: vector, max_dist: real, environment: int):
+        return search(arg.geo, x, max_dist, arg.index, True, environment)
+
+    @wp.func
+    def element_partition_lookup(arg: DomainArg, x: vector, environment: int):
+        return search(arg.geo, x, real(0.0), arg.index, True, environment)
+
+    if not several:
+
+        @wp.func
+        def element_partition_lookup(arg: DomainArg, x: vector, max_dist: real):
+            return search(arg.geo, x, max_dist, arg.index, True, 0)
+
+        @wp.func
+        def element_partition_lookup(arg: DomainArg, x: vector):
+            return search(arg.geo, x, real(0.0), arg.index, True, 0)
+
+    f.element_partition_lookup = element_partition_lookup

@@ -1,0 +1,19 @@
+"""Reference cells - names, entities and small functions that geometries need of them."""
+
+from __future__ import annotations
+
+SIDES = {"line": "point", "triangle": "line", "square": "line", "tet": "triangle", "cube": "square"}
+MEASURES = {"point": 1.0, "line": 1.0, "triangle": 0.5, "square": 1.0, "tet": 1 / 6, "cube": 1.0}
+DIMENSIONS = {"point": 0, "line": 1, "triangle": 2, "square": 2, "tet": 3, "cube": 3}
+
+
+def side_name(cell: str) -> str:
+    """Reference cell of the sides of a cell."""
+    return SIDES[cell]
+
+
+def cell_of(name: str):
+    """The record of a reference cell."""
+    from warp._src.fem.cells import cell as cells
+
+    return getattr(cells, name.upper())
