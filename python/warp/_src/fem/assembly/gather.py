@@ -1,0 +1,96 @@
+"""Gather - sums of element contributions in element order, without atomics.
+
+A plan kernel writes the blocks of a batch of elements to scratch memory; a thread per target
+(a nonzero of a matrix, a node of a vector) then adds its contributions in element order. The bits
+do not depend on threads. A batch has at most 64 MiB of blocks.
+"""
+
+import functools
+
+import warp as wp
+from warp import extend
+from warp._src.fem.assembly.pattern import Batch
+
+
+@functools.cache
+def _gather_kernel(block, wide, out, is_scattered: bool):
+    """Sums contributions of type `block` as `wide` into values of type `out`."""
+
+    def gather(
+        blocks: wp.array(dtype=block),
+        begins: wp.array(dtype=int),
+        entries: wp.array(dtype=int),
+        targets: wp.array(dtype=int),
+        adds: int,
+        values: wp.array(dtype=out),
+    ):
+        k = wp.tid()
+        begin, end = begins[k], begins[k + 1]
+        target = k
+        if wp.static(is_scattered):
+            target = targets[k]
+        total = wide()
+        if adds != 0:
+            total = wide(values[target])
+        for at in range(begin, end):
+            total += wide(blocks[entries[at]])
+        values[target] = out(total)
+
+    return wp.kernel(gather, enable_backward=False)
+
+
+@functools.cache
+def _scatter_kernel(block, out, is_scattered: bool):
+    """Copies the adjoint of each value to its contributions."""
+
+    def scatter(
+        adjoints: wp.array(dtype=out),
+        begins: wp.array(dtype=int),
+        entries: wp.array(dtype=int),
+        targets: wp.array(dtype=int),
+        block_adjoints: wp.array(dtype=block),
+    ):
+        k = wp.tid()
+        target = k
+        if wp.static(is_scattered):
+            target = targets[k]
+        adjoint = block(adjoints[target])
+        for at in range(begins[k], begins[k + 1]):
+            block_adjoints[entries[at]] = adjoint
+
+    return wp.kernel(scatter, enable_backward=False)
+
+
+@functools.cache
+def with_scalar(dtype, scalar):
+    """The type of as many numbers of another scalar type."""
+    if extend.type_is_matrix(dtype):
+        return wp.types.matrix(shape=dtype._shape_, dtype=scalar)
+    if extend.type_is_vector(dtype):
+        return wp.types.vector(length=dtype._length_, dtype=scalar)
+    return scalar
+
+
+def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64) -> None:
+    """Sums the blocks of a batch into values.
+
+    Args:
+        batch: the batch.
+        blocks: contributions, of one dimension: by element, local row, local column.
+        values: one element per target.
+        adds: if the values are added to; set otherwise.
+        accumulate: scalar type of sums.
+    """
+    wide = with_scalar(extend.canonical(blocks.dtype), accumulate)
+    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, batch.targets is not None)
+    targets = batch.entries if batch.targets is None else batch.targets
+    inputs = [blocks, batch.begins, batch.entries, targets, int(adds), values]
+    wp.launch(kernel, batch.target_count, inputs, device=values.device)
+
+
+def spread_adjoint(batch: Batch, adjoints, block_adjoints) -> None:
+    """Sets the adjoints of a batch's blocks from those of the values: transpose of `add_blocks`."""
+    kernel = _scatter_kernel(block_adjoints.dtype, adjoints.dtype, batch.targets is not None)
+    targets = batch.entries if batch.targets is None else batch.targets
+    inputs = [adjoints, batch.begins, batch.entries, targets, block_adjoints]
+    wp.launch(kernel, batch.target_count, inputs, device=adjoints.device)

@@ -1,0 +1,80 @@
+"""Incidence - positions of each node in an element-node table, in element order.
+
+A table has a row per element and a column per local node; numbers below 0 are nodes that take no
+part. The position of local node i of element e is e n + i.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import warp as wp
+
+
+@wp.kernel(enable_backward=False)
+def _fill_keys(
+    table: wp.array2d(dtype=int),
+    first: int,
+    unused: int,
+    keys: wp.array(dtype=int),
+    positions: wp.array(dtype=int),
+):
+    e, i = wp.tid()
+    node = table[first + e, i]
+    at = e * table.shape[1] + i
+    # Nodes that take no part go to the end of the sorted positions.
+    keys[at] = wp.where(node < 0, unused, node)
+    positions[at] = at
+
+
+@wp.kernel(enable_backward=False)
+def _mark_begins(keys: wp.array(dtype=int), count: int, begins: wp.array(dtype=int)):
+    at = wp.tid()
+    key = wp.int32(-1)
+    if at > 0:
+        key = keys[at - 1]
+    last = begins.shape[0] - 1
+    if at < count:
+        last = wp.min(keys[at], last)
+    for node in range(key + 1, last + 1):
+        begins[node] = at
+
+
+@dataclasses.dataclass
+class Incidence:
+    """Positions of nodes.
+
+    Attributes:
+        begins: int32, `node_count + 1`: the positions of node r are `begins[r]` to `begins[r + 1]`.
+        positions: int32, sorted by node, then ascending: in element order.
+    """
+
+    begins: wp.array
+    positions: wp.array
+
+
+def find_incidence(table, node_count: int, first: int = 0, count: int | None = None) -> Incidence:
+    """Sorts the positions of a range of elements by node.
+
+    Args:
+        table: int32 (elements, n), node numbers below `node_count`, negative if unused.
+        node_count: number of nodes.
+        first, count: the elements; positions count from the first one.
+    """
+    device, width = table.device, table.shape[1]
+    count = table.shape[0] - first if count is None else count
+    size = count * width
+    if size >= 2**31 - 1:
+        raise ValueError(
+            f"expects fewer than 2^31 nodes of elements, but got {count} x {width}; "
+            "integrate over subdomains"
+        )
+    keys = wp.empty(2 * size, dtype=int, device=device)
+    positions = wp.empty(2 * size, dtype=int, device=device)
+    begins = wp.empty(node_count + 1, dtype=int, device=device)
+    wp.launch(
+        _fill_keys, (count, width), [table, first, node_count, keys, positions], device=device
+    )
+    wp.utils.radix_sort_pairs(keys, positions, size, end_bit=node_count.bit_length())
+    wp.launch(_mark_begins, size + 1, [keys, size, begins], device=device)
+    return Incidence(begins, positions[:size].contiguous() if device.is_cuda else positions[:size])

@@ -1,0 +1,118 @@
+"""Symbolic sparsity and gathers, against sets of Python and sums of NumPy in float64."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+from warp._src.fem import grids
+from warp._src.fem.assembly import pattern as patterns
+from warp._src.fem.assembly.gather import add_blocks, spread_adjoint
+from warp._src.fem.assembly.pattern import Pattern, batch_size, node_batches
+
+RNG = np.random.default_rng(1)
+
+
+def array(table):
+    return wp.array(np.asarray(table, dtype=np.int32), dtype=int, device="cpu")
+
+
+def random_tables():
+    test = RNG.integers(-1, 40, (60, 5))
+    return test, RNG.integers(-1, 30, (60, 3)), 40, 30
+
+
+TABLES = {
+    "triangles": lambda: (*[grids.grid_to_tris(7, 5)] * 2, 48, 48),
+    "tetrahedra": lambda: (*[grids.grid_to_tets(3, 4, 2)] * 2, 60, 60),
+    "cubes": lambda: (*[grids.grid_to_hexes(4, 3, 2)] * 2, 60, 60),
+    "mixed": lambda: (grids.grid_to_hexes(3, 2, 2), np.arange(12)[:, None], 36, 12),
+    "unused": random_tables,
+    "empty": lambda: (np.zeros((0, 4)), np.zeros((0, 3)), 7, 6),
+}
+
+
+def expected_columns(test, trial, rows):
+    found = [set() for _ in range(rows)]
+    for rs, cs in zip(test.tolist(), trial.tolist(), strict=True):
+        for r in rs:
+            if r >= 0:
+                found[int(r)].update(int(c) for c in cs if c >= 0)
+    return [sorted(columns) for columns in found]
+
+
+@pytest.fixture(params=TABLES)
+def tables(request):
+    return TABLES[request.param]()
+
+
+@pytest.mark.parametrize("entries", [4 << 20, 200, 1])
+def test_columns_are_the_union_of_the_elements(tables, entries, monkeypatch):
+    monkeypatch.setattr(patterns, "ENTRIES", entries)
+    test, trial, rows, columns = tables
+    pattern = Pattern(array(test), array(trial), rows, columns)
+    offsets, found = pattern.offsets.numpy(), pattern.columns.numpy()
+    expected = expected_columns(test, trial, rows)
+    assert [found[a:b].tolist() for a, b in zip(offsets[:-1], offsets[1:], strict=True)] == expected
+    assert pattern.nnz == sum(map(len, expected))
+
+
+@pytest.mark.parametrize("limit", [10**6, 7, 1])
+def test_matrix_is_the_sum_of_element_matrices(tables, limit, monkeypatch):
+    monkeypatch.setattr(patterns, "batch_size", lambda block_bytes: limit)
+    test, trial, rows, columns = tables
+    blocks = RNG.standard_normal((len(test), test.shape[1], trial.shape[1])).astype(np.float32)
+    dense = np.zeros((rows + 1, columns + 1))
+    for e, (r, c) in enumerate(zip(test.astype(int), trial.astype(int), strict=True)):
+        np.add.at(dense, (r[:, None], c[None, :]), blocks[e].astype(np.float64))
+    pattern = Pattern(array(test), array(trial), rows, columns)
+    expected = expected_columns(test, trial, rows)
+    assert pattern.columns.numpy().tolist() == sum(expected, [])
+    values = wp.full(pattern.nnz, np.nan, dtype=wp.float64, device="cpu")
+    if len(pattern.batches) != 1:
+        values.zero_()
+    for batch in pattern.batches:
+        part = wp.array(blocks[batch.first : batch.first + batch.count].ravel(), device="cpu")
+        add_blocks(batch, part, values, adds=len(pattern.batches) > 1)
+    row = np.repeat(np.arange(rows), np.diff(pattern.offsets.numpy()))
+    expected = dense[row, pattern.columns.numpy()]
+    np.testing.assert_allclose(values.numpy(), expected, rtol=1e-14, atol=1e-13)
+
+
+def test_batches_of_matrices_give_the_same_bits(monkeypatch):
+    test, trial, rows, columns = TABLES["cubes"]()
+    blocks = RNG.standard_normal((len(test), 64)).astype(np.float32)
+    results = []
+    for limit in (10**6, 5):
+        monkeypatch.setattr(patterns, "batch_size", lambda block_bytes, limit=limit: limit)
+        pattern = Pattern(array(test), array(trial), rows, columns)
+        values = wp.zeros(pattern.nnz, dtype=wp.float64, device="cpu")
+        for batch in pattern.batches:
+            part = wp.array(blocks[batch.first : batch.first + batch.count].ravel(), device="cpu")
+            add_blocks(batch, part, values, adds=True)
+        results.append(values.numpy())
+    np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.parametrize("limit", [10**6, 3])
+def test_adjoint_of_a_gather_is_its_transpose(tables, limit, monkeypatch):
+    monkeypatch.setattr(patterns, "batch_size", lambda block_bytes: limit)
+    test, _, rows, _ = tables
+    seed = RNG.standard_normal(rows)
+    adjoints = wp.array(seed, dtype=wp.float64, device="cpu")
+    for batch in node_batches(array(test), rows):
+        part = test[batch.first : batch.first + batch.count].astype(int)
+        found = wp.zeros(part.size, dtype=wp.float32, device="cpu")
+        spread_adjoint(batch, adjoints, found)
+        expected = np.where(part >= 0, np.append(seed, 0.0)[part], 0.0).astype(np.float32)
+        np.testing.assert_array_equal(found.numpy(), expected.ravel())
+
+
+def test_a_batch_holds_at_most_64_mib_of_blocks():
+    size = 8 * 8 * 9 * 4
+    assert batch_size(size) * size <= 64 << 20
+    assert batch_size(10**12) == 1
+
+
+def test_tables_of_different_elements_are_named():
+    with pytest.raises(ValueError, match="one number of elements, but got 2 and 3"):
+        Pattern(array([[0], [1]]), array([[0], [1], [2]]), 2, 3)
