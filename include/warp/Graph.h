@@ -18,6 +18,9 @@
 //   capture->updateCondition(condition, value);
 //   capture->endBody();
 //
+// A CPU graph may call functions of the host in between, such as exchanges of
+// messages with other processes (`Capture::addHost`).
+//
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_GRAPH_H
@@ -26,6 +29,7 @@
 #include "warp/Device.h"
 #include "warp/Export.h"
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -90,6 +94,11 @@ public:
                                bool negated) = 0;
   virtual void beginBody(Condition condition, bool loop) = 0;
   virtual void endBody() = 0;
+
+  /// CPU: calls a function at this point of each replay, on the thread that
+  /// replays. `name` is for messages and pictures. Such a graph cannot be
+  /// saved.
+  virtual void addHost(std::function<void()> function, const std::string &name);
 
 protected:
   explicit Capture(int device) : deviceIndex(device) {}

@@ -43,6 +43,8 @@ public:
   /// Writes a file: all of it or nothing. A failure costs a notice.
   void write(const std::string &name, const std::string &bytes);
   void remove(const std::string &name);
+  /// Makes the folder; false if nothing can be written there.
+  bool prepareToWrite();
 
   std::optional<Code> find(const std::string &key);
   void store(const std::string &key, const Code &code);

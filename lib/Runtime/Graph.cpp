@@ -59,6 +59,13 @@ void warp::setThreadRecorder(HostRecorder *recorder) {
 Graph::~Graph() = default;
 Capture::~Capture() = default;
 
+void Capture::addHost(std::function<void()>, const std::string &name) {
+  throw Error(Error::Kind::Runtime, "a capture on '" +
+                                        deviceInfo(device()).alias +
+                                        "' cannot hold a call of the host, '" +
+                                        name + "': only captures on 'cpu' can");
+}
+
 std::unique_ptr<Capture> Capture::begin(int device,
                                         std::shared_ptr<Stream> stream,
                                         CaptureMode mode, bool external,

@@ -18,6 +18,7 @@
 #include "warp/Forks.h"
 
 #include "Bytes.h"
+#include "KernelClaim.h"
 #include "Support.h"
 #include "warp/Version.h"
 
@@ -122,7 +123,7 @@ static void removeLeftovers(const std::string &folder) {
   forEachFile(folder, [&](const std::string &name) {
     std::string file = folder + "/" + name;
     struct stat status;
-    if (name.rfind(temporaryPrefix, 0) == 0 &&
+    if ((name.rfind(temporaryPrefix, 0) == 0 || endsWith(name, claimSuffix)) &&
         stat(file.c_str(), &status) == 0 &&
         now - status.st_mtime > temporaryLifetime)
       unlink(file.c_str());
@@ -214,6 +215,18 @@ static std::string temporaryName(const std::string &key) {
          key.substr(0, 16);
 }
 
+bool KernelCache::prepareToWrite() {
+  std::string message;
+  bool possible;
+  {
+    std::lock_guard lock(cacheMutex);
+    possible = active && prepare(message);
+  }
+  if (!message.empty())
+    notice(message);
+  return possible;
+}
+
 void KernelCache::write(const std::string &name, const std::string &bytes) {
   std::string message;
   write(name, bytes, message);
@@ -256,7 +269,7 @@ int KernelCache::clear() {
   int count = 0;
   forEachFile(where, [&](const std::string &name) {
     bool entry = endsWith(name, suffix);
-    if (endsWith(name, ".kernel"))
+    if (endsWith(name, ".kernel") || endsWith(name, claimSuffix))
       unlink((where + "/" + name).c_str());
     if (!entry && name.rfind(temporaryPrefix, 0) != 0)
       return;

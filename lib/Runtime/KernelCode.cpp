@@ -21,6 +21,7 @@
 #include "Compiler/Abandon.h"
 #include "FileChecks.h"
 #include "GraphImpl.h"
+#include "KernelClaim.h"
 #include "KernelImpl.h"
 #include "Support.h"
 #include "warp/FirstCode.h"
@@ -83,6 +84,9 @@ Code Kernel::Impl::obtain(const CompileOptions &compileOptions,
   std::optional<Code> cached = findCached(key);
   watch.lap("cache");
   if (cached)
+    return std::move(*cached);
+  KernelClaim claim(key);
+  if (claim.hasWaited() && (cached = findCached(key)))
     return std::move(*cached);
   Code code = compile(source(), compileOptions);
   watch.lap("compile");
@@ -182,13 +186,21 @@ FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
   std::string best = fingerprint(hashes(), wanted);
   std::string key = fingerprint(hashes(), quick);
   watch.lap("fingerprint");
-  std::optional<Code> cached = findCached(best);
-  bool isQuick = !cached;
-  if (isQuick)
-    cached = findCached(key);
+  auto find = [&]() -> std::optional<FirstCode> {
+    if (std::optional<Code> code = findCached(best))
+      return FirstCode{std::move(*code), false};
+    std::optional<Code> code = findCached(key);
+    if (code && (quick.linked || isQuickEnough(*code, items)))
+      return FirstCode{std::move(*code), true};
+    return std::nullopt;
+  };
+  std::optional<FirstCode> cached = find();
   watch.lap("cache");
-  if (cached && (!isQuick || quick.linked || isQuickEnough(*cached, items)))
-    return {std::move(*cached), isQuick};
+  if (cached)
+    return std::move(*cached);
+  KernelClaim claim(best);
+  if (claim.hasWaited() && (cached = find()))
+    return std::move(*cached);
   FirstCode made = compileFirst(source(), wanted, items);
   watch.lap("compile");
   addTimes(times, made.code.phaseMs, "compile/");

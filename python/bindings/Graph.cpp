@@ -278,6 +278,21 @@ void python::bindGraph(py::module_ &m) {
           "end_bodies",
           [](PyCapture &self, size_t depth) { self.endBodies(depth); },
           py::arg("depth"), "Ends bodies until so many are open.")
+      .def(
+          "add_host",
+          [](PyCapture &self, py::object function, const std::string &name) {
+            // The graph holds the function.
+            self.held.push_back(function);
+            PyObject *target = function.ptr();
+            self.get().addHost(
+                [target] {
+                  py::gil_scoped_acquire locked;
+                  py::reinterpret_borrow<py::object>(target)();
+                },
+                name);
+          },
+          py::arg("function"), py::arg("name"),
+          "Calls a function without arguments at this point of each replay.")
       .def_readonly("depth", &PyCapture::depth, "How many bodies are open.");
   m.def(
       "is_capturing", [](int device) { return isCapturing(device); },

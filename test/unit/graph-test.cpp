@@ -13,6 +13,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <gtest/gtest.h>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
@@ -63,6 +64,32 @@ TEST(HostGraphs, BelongToTheirThread) {
   }).join();
   EXPECT_EQ(a, Numbers(3));
   EXPECT_EQ(capture->end()->size(), 0u);
+}
+
+// Functions of the host run at each replay, in order, also from within another
+// graph; their exceptions leave the replay.
+TEST(HostGraphs, CallFunctionsOfTheHost) {
+  Numbers a(2, 1), seen;
+  auto capture = Capture::begin(cpuDevice);
+  int value = 5;
+  fillMemory(a.data(), cpuDevice, &value, 4, 2);
+  capture->addHost([&] { seen.push_back(a[1]); }, "look");
+  value = 7;
+  fillMemory(a.data(), cpuDevice, &value, 4, 2);
+  std::shared_ptr<Graph> graph = capture->end();
+  EXPECT_EQ(graph->size(), 3u);
+  EXPECT_FALSE(graph->isShort());
+  EXPECT_EQ(seen, Numbers());
+  graph->launch();
+  graph->launch();
+  EXPECT_EQ(seen, Numbers({5, 5}));
+  EXPECT_EQ(a, Numbers({7, 7}));
+  auto outer = Capture::begin(cpuDevice);
+  graph->launch();
+  outer->addHost([] { throw std::runtime_error("stop"); }, "stop");
+  std::shared_ptr<Graph> both = outer->end();
+  EXPECT_THROW(both->launch(), std::runtime_error);
+  EXPECT_EQ(seen.size(), 3u);
 }
 
 //===----------------------------------------------------------------------===//

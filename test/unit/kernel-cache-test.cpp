@@ -5,9 +5,11 @@
 //===----------------------------------------------------------------------===//
 
 #include "Runtime/Bytes.h"
+#include "Runtime/KernelClaim.h"
 #include "warp/KernelCache.h"
 
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
@@ -243,4 +245,71 @@ TEST_F(KernelCacheTest, KilledWriter) {
   ASSERT_TRUE(cache.find(keyOf('a')));
   EXPECT_EQ(cache.clear(), 1);
   EXPECT_TRUE(files().empty());
+}
+
+namespace {
+/// The process's cache in a folder of its own, and the time that a claim takes.
+class KernelClaims : public testing::Test {
+protected:
+  void SetUp() override {
+    before = KernelCache::get().directory();
+    folder =
+        fs::path(testing::TempDir()) / ("claims" + std::to_string(getpid()));
+    KernelCache::get().setDirectory(folder);
+  }
+  void TearDown() override {
+    KernelCache::get().setDirectory(before);
+    fs::remove_all(folder);
+  }
+  fs::path file() const { return folder / (keyOf('c') + claimSuffix); }
+
+  double secondsToClaim(bool &waited) {
+    auto start = std::chrono::steady_clock::now();
+    KernelClaim claim(keyOf('c'));
+    waited = claim.hasWaited();
+    std::chrono::duration<double> time =
+        std::chrono::steady_clock::now() - start;
+    return time.count();
+  }
+
+  std::string before;
+  fs::path folder;
+};
+} // namespace
+
+// The first has the claim; a second process waits until it is given up.
+TEST_F(KernelClaims, LetOthersWait) {
+  auto claim = std::make_unique<KernelClaim>(keyOf('c'));
+  EXPECT_FALSE(claim->hasWaited());
+  EXPECT_TRUE(fs::exists(file()));
+  pid_t child = fork();
+  if (child == 0) {
+    bool waited = false;
+    double seconds = secondsToClaim(waited);
+    _exit(waited && seconds > 0.05 && seconds < 1.5 ? 0 : 1);
+  }
+  usleep(200'000);
+  claim.reset();
+  int status = -1;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+  EXPECT_FALSE(fs::exists(file()));
+}
+
+// Claims of processes that are gone, and old ones, hold nobody up.
+TEST_F(KernelClaims, EndWithTheirProcess) {
+  bool waited = false;
+  pid_t child = fork();
+  if (child == 0) {
+    auto *claim = new KernelClaim(keyOf('c'));
+    _exit(claim->hasWaited());
+  }
+  waitpid(child, nullptr, 0);
+  EXPECT_TRUE(fs::exists(file()));
+  EXPECT_LT(secondsToClaim(waited), 0.5);
+  EXPECT_TRUE(waited);
+  std::ofstream(file()) << "1 another-host\n";
+  fs::last_write_time(file(), fs::file_time_type::clock::now() -
+                                  std::chrono::seconds(5));
+  EXPECT_LT(secondsToClaim(waited), 0.5);
 }

@@ -4,12 +4,16 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Runtime/PoolCpus.h"
 #include "Runtime/WidthPolicy.h"
 #include "warp/ThreadPool.h"
 
 #include <atomic>
 #include <chrono>
+#include <climits>
 #include <csignal>
+#include <filesystem>
+#include <fstream>
 #include <gtest/gtest.h>
 #include <stdexcept>
 #include <sys/wait.h>
@@ -210,4 +214,38 @@ TEST(ThreadPool, WorksAfterFork) {
   ASSERT_EQ(waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status));
   EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// The least quota of the process's group and its parents counts, in both
+// versions of control groups.
+TEST(PoolCpus, QuotaOfOwnControlGroup) {
+  namespace fs = std::filesystem;
+  fs::path root =
+      fs::path(testing::TempDir()) / ("groups-" + std::to_string(getpid()));
+  auto write = [&](const std::string &file, const std::string &text) {
+    fs::create_directories((root / file).parent_path());
+    std::ofstream(root / file) << text << "\n";
+  };
+  auto quota = [&](const std::string &groups) {
+    write("self", groups);
+    return warp::quotaOfControlGroups(root / "self", root);
+  };
+  EXPECT_EQ(quota("0::/a/b"), INT_MAX);
+  write("a/b/cpu.max", "max 100000");
+  EXPECT_EQ(quota("0::/a/b"), INT_MAX);
+  write("a/cpu.max", "350000 100000");
+  EXPECT_EQ(quota("0::/a/b"), 4);
+  EXPECT_EQ(quota("0::/c"), INT_MAX);
+  write("a/b/cpu.max", "150000 100000");
+  EXPECT_EQ(quota("0::/a/b"), 2);
+  write("cpu.max", "100000 100000");
+  EXPECT_EQ(quota("0::/a/b"), 1);
+  fs::remove(root / "cpu.max");
+  write("cpu/jobs/cpu.cfs_quota_us", "-1");
+  write("cpu/jobs/cpu.cfs_period_us", "100000");
+  EXPECT_EQ(quota("3:cpuacct,cpu:/jobs/one"), INT_MAX);
+  write("cpu/jobs/cpu.cfs_quota_us", "300000");
+  EXPECT_EQ(quota("3:cpuacct,cpu:/jobs/one\n1:memory:/jobs"), 3);
+  EXPECT_EQ(quota("3:cpuset:/jobs/one"), INT_MAX);
+  fs::remove_all(root);
 }

@@ -110,6 +110,8 @@ public:
   }
   void beginBody(Condition condition, bool loop) override;
   void endBody() override;
+  void addHost(std::function<void()> function,
+               const std::string &name) override;
 
 private:
   void add(Step step) { open.back()->push_back(std::move(step)); }
@@ -181,6 +183,15 @@ void HostCapture::endBody() {
   open.pop_back();
   if (trace())
     trace()->endBody();
+}
+
+void HostCapture::addHost(std::function<void()> function,
+                          const std::string &name) {
+  if (trace())
+    trace()->addOther("a call of the host, '" + name + "'");
+  // It may wait for other processes.
+  graph->work += shortWork;
+  add({std::move(function), name});
 }
 
 std::shared_ptr<Graph> HostCapture::end() {
