@@ -36,9 +36,8 @@ def _mark_runs(
     at = wp.tid()
     row = rows[at]
     mark = wp.where(row < row_count, 1, 0)
-    if at > 0:
-        if rows[at - 1] == row and columns[at - 1] == columns[at]:
-            mark = 0
+    if at > 0 and rows[at - 1] == row and columns[at - 1] == columns[at]:
+        mark = 0
     marks[at] = mark
 
 

@@ -7,6 +7,7 @@ single batch is the result; several are merged, a range of rows at a time.
 """
 
 import dataclasses
+import itertools
 
 import numpy as np
 
@@ -207,7 +208,7 @@ class Pattern:
             first, total = last, total + nnz
         offsets = _concatenated([p.offsets[:-1] for p in parts] + [parts[-1].offsets[-1:]])
         rows = Rows(offsets, _concatenated([p.columns for p in parts]), None, None)
-        return rows, [targets[a:b] for a, b in zip(shifts[:-1], shifts[1:], strict=True)]
+        return rows, [targets[a:b] for a, b in itertools.pairwise(shifts)]
 
     def _union_of_rows(self, found, starts, shifts, first, last, size) -> Rows:
         device = self.device

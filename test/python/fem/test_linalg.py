@@ -1,4 +1,4 @@
-"""The part of `warp.fem.linalg` for programs without finite elements."""
+"""Dense algebra of `warp.fem.linalg`, against LAPACK."""
 
 import numpy as np
 import pytest
@@ -68,10 +68,3 @@ def test_axpy_and_its_gradient(device):
     assert y.grad.numpy().tolist() == [0.5, 0.5]
     with pytest.raises(ValueError, match="one shape and device"):
         array_axpy(x, wp.zeros(3, device=device))
-
-
-def test_what_is_left_out_says_so():
-    import warp.fem.linalg as linalg
-
-    with pytest.raises(wp.WarpError, match=r"fem\.linalg\.inverse_qr"):
-        linalg.inverse_qr(1.0)

@@ -1,0 +1,142 @@
+"""Essential boundary conditions - projectors of fixed degrees of freedom, projected systems.
+
+A projector P is a block-diagonal matrix: P x are the fixed parts of x. With fixed values u,
+the projected system is (1 - P) A (1 - P) + P, (1 - P) (b - A P u) + P u.
+"""
+
+import functools
+
+import warp as wp
+from warp import extend
+from warp._src.fem.linalg import array_axpy, symmetric_eigenvalues_qr
+from warp.sparse import bsr_assign, bsr_axpy, bsr_block_index, bsr_copy, bsr_mm, bsr_mv
+
+
+@functools.cache
+def _normalize_kernel(scalar, size):
+    block = wp.types.matrix(shape=(size, size), dtype=scalar)
+    vector = wp.types.vector(length=size, dtype=scalar)
+
+    def normalize(
+        offsets: wp.array(dtype=int),
+        columns: wp.array(dtype=int),
+        counts: wp.array(dtype=int),
+        blocks: wp.array(dtype=block),
+        values: wp.array(dtype=vector),
+        has_values: int,
+    ):
+        row = wp.tid()
+        at = bsr_block_index(row, row, offsets, columns, counts)
+        if at >= 0:
+            A = blocks[at]
+            value = vector()
+            if has_values != 0:
+                value = values[row]
+            # Directions that are fixed at all count as fixed; the rest of them is rounding.
+            least = wp.trace(A) * scalar(1.0e-6)
+            modes, vectors = symmetric_eigenvalues_qr(A, scalar(0.0))
+            P, u = block(), vector()
+            for k in range(size):
+                if modes[k] > least:
+                    v = vectors[k]
+                    P += wp.outer(v, v)
+                    u += wp.dot(v, value) / modes[k] * v
+            blocks[at] = P
+            if has_values != 0:
+                values[row] = u
+
+    return wp.kernel(normalize, enable_backward=False)
+
+
+def _check_projector(projector) -> None:
+    rows, cols = projector.block_shape
+    if projector.nrow != projector.ncol or rows != cols:
+        raise ValueError(
+            "'projector_matrix' expects a square matrix of square blocks, but got "
+            f"{projector.nrow} x {projector.ncol} blocks of shape {rows} x {cols}"
+        )
+
+
+def _as_vectors(values, scalar, size, count):
+    """Fixed values as one vector per row of blocks."""
+    if values.size * extend.type_size(values.dtype) != count * size:
+        raise ValueError(
+            f"'fixed_value' expects {count} elements of {size} numbers, but got "
+            f"{values.size} of {extend.type_size(values.dtype)}"
+        )
+    flat = values.view(extend.type_scalar_type(values.dtype)).flatten()
+    return flat.reshape((count, size)).view(wp.types.vector(length=size, dtype=scalar)).flatten()
+
+
+def normalize_dirichlet_projector(projector_matrix, fixed_value=None) -> None:
+    """Scales a projector so that P P = P, and its fixed values alike.
+
+    Args:
+        projector_matrix: symmetric positive semi-definite blocks of a diagonal, such as a mass
+            matrix of the boundary by nodes.
+        fixed_value: in: the integral of the values, by the same form; out: the values.
+
+    Raises:
+        ValueError: shapes do not fit.
+    """
+    P = projector_matrix
+    _check_projector(P)
+    size, scalar = P.block_shape[0], P.scalar_type
+    block = wp.types.matrix(shape=(size, size), dtype=scalar)
+    blocks = P.scalar_values.view(block).flatten() if size > 1 else _one_by_one(P, block)
+    values = wp.empty(0, dtype=wp.types.vector(length=size, dtype=scalar), device=P.device)
+    if fixed_value is not None:
+        values = _as_vectors(fixed_value, scalar, size, P.nrow)
+    inputs = [P.offsets, P.columns, P._counts(), blocks, values, int(fixed_value is not None)]
+    wp.launch(_normalize_kernel(scalar, size), P.nrow, inputs, device=P.device)
+
+
+def _one_by_one(matrix, block):
+    """The blocks of numbers as matrices of one row."""
+    return matrix.scalar_values.reshape((matrix.values.shape[0], 1, 1)).view(block).flatten()
+
+
+def project_system_rhs(system_matrix, system_rhs, projector_matrix, fixed_value=None) -> None:
+    """Sets b to (1 - P) (b - A P u) + P u.
+
+    Args:
+        system_matrix: A.
+        system_rhs: b, in and out.
+        projector_matrix: P, normalized.
+        fixed_value: u; 0 by default.
+    """
+    rest = wp.clone(system_rhs)
+    if fixed_value is None:
+        system_rhs.zero_()
+    else:
+        bsr_mv(projector_matrix, fixed_value, system_rhs, alpha=1.0, beta=0.0)
+        bsr_mv(system_matrix, system_rhs, rest, alpha=-1.0, beta=1.0)
+    array_axpy(x=rest, y=system_rhs, alpha=1.0, beta=1.0)
+    bsr_mv(projector_matrix, rest, system_rhs, alpha=-1.0, beta=1.0)
+
+
+def project_system_matrix(system_matrix, projector_matrix) -> None:
+    """Sets A to (1 - P) A (1 - P) + P; P is normalized."""
+    complement = bsr_copy(system_matrix)
+    bsr_mm(projector_matrix, system_matrix, complement, alpha=-1.0, beta=1.0)
+    bsr_assign(dest=system_matrix, src=complement)
+    bsr_axpy(projector_matrix, system_matrix)
+    bsr_mm(complement, projector_matrix, system_matrix, alpha=-1.0, beta=1.0)
+
+
+def project_linear_system(
+    system_matrix, system_rhs, projector_matrix, fixed_value=None, normalize_projector=True
+) -> None:
+    """Imposes fixed values on a system: both sides are projected.
+
+    Args:
+        system_matrix: A, in and out.
+        system_rhs: b, in and out.
+        projector_matrix: P.
+        fixed_value: values where P fixes them; 0 by default.
+        normalize_projector: P and the values are first scaled so that P P = P.
+    """
+    if normalize_projector:
+        normalize_dirichlet_projector(projector_matrix, fixed_value)
+    project_system_rhs(system_matrix, system_rhs, projector_matrix, fixed_value)
+    project_system_matrix(system_matrix, projector_matrix)
