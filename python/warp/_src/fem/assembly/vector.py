@@ -1,0 +1,66 @@
+"""Vectors - values of linear forms, gathered by node in element order."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import warp as wp
+from warp import extend
+from warp._src.fem.assembly.matrix import fill
+from warp._src.fem.assembly.pattern import Batch, node_batches
+from warp._src.fem.linalg import array_axpy
+
+
+@dataclasses.dataclass
+class NodePattern:
+    """Contributions to nodes: `batches` of elements with `width` nodes."""
+
+    batches: list[Batch]
+    width: int
+    node_count: int
+
+
+def node_pattern_of(form) -> NodePattern:
+    """The pattern of a linear form: made once for a partition and a domain."""
+    rows = form.test.space_partition
+    kept = vars(rows.space_topology).setdefault("_node_patterns", {})
+    size = wp.types.type_size_in_bytes(form.block_dtype)
+    revision = getattr(rows.space_topology, "revision", 0)
+    key = (rows, form.domain, form.device.alias, size)
+    found = kept.get(key)
+    if found is None or found[0] != revision:
+        table = form.test_table(form.device)
+        batches = node_batches(table, rows.node_count(), size)
+        pattern = NodePattern(batches, table.shape[1], rows.node_count())
+        found = kept[key] = (revision, pattern)
+    return found[1]
+
+
+def assemble_vector(
+    form, output, accumulate_dtype=wp.float64, add=False, temporary_store=None
+) -> None:
+    """Sets or adds the vector of a linear form.
+
+    Args:
+        form: the form; `blocks(first, count, array)` writes a value per element and local node.
+        output: one element of as many numbers as `form.block_dtype` has, for each node.
+        accumulate_dtype: scalar type of sums over elements.
+        add: if the result is added to `output`.
+        temporary_store: where element vectors come from.
+    """
+    pattern = node_pattern_of(form)
+    if output.shape != (pattern.node_count,):
+        raise RuntimeError(
+            f"'output' expects shape ({pattern.node_count},), but got {output.shape}"
+        )
+    if extend.type_size(output.dtype) != extend.type_size(form.block_dtype):
+        raise RuntimeError(
+            f"'output' expects elements of {extend.type_size(form.block_dtype)} numbers, but got "
+            f"{extend.type_repr(output.dtype)}"
+        )
+    target = wp.empty_like(output) if add else output
+    if not pattern.batches:
+        target.zero_()
+    fill(form, pattern, target, accumulate_dtype, temporary_store)
+    if add:
+        array_axpy(x=target, y=output)
