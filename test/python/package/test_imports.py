@@ -56,6 +56,7 @@ def test_nothing_imports_the_public_names():
         "geometry.meshing",
         "geometry.surfaces",
         "optim",
+        "render",
         "sparse",
         "utils",
     )

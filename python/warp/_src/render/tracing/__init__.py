@@ -1,0 +1,1 @@
+"""A path tracer in kernels: geometry, scattering, sky, film and noise removal."""
