@@ -1,0 +1,1 @@
+"""Tools of finite-element examples: `warp.examples.fem.utils`."""
