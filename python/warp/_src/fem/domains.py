@@ -165,8 +165,9 @@ class GeometryDomain:
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
         if name in ("element_lookup", "element_partition_lookup"):
             return getattr(self.functions, name, None)
+        functions = self.functions
         try:
-            return getattr(self.functions, name)
+            return getattr(functions, name)
         except AttributeError:
             text = f"{type(self).__name__!r} has no attribute {name!r}"
             raise AttributeError(text) from None

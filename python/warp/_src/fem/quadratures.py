@@ -59,8 +59,9 @@ class Quadrature:
     def __getattr__(self, name):
         if name.startswith("_") or name == "record":
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        functions = self.record.functions
         try:
-            return getattr(self.record.functions, name)
+            return getattr(functions, name)
         except AttributeError:
             text = f"{type(self).__name__!r} has no attribute {name!r}"
             raise AttributeError(text) from None

@@ -58,6 +58,7 @@ class GeometryRecord:
 _MAKERS = {
     "Grid2D": ("grid_functions", "grid_functions"),
     "Grid3D": ("grid_functions", "grid_functions"),
+    "mesh": ("mesh_functions", "mesh_functions"),
 }
 
 
@@ -86,8 +87,9 @@ class Geometry:
     def __getattr__(self, name):
         if name.startswith("_") or name == "record":
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        functions = self.record.functions
         try:
-            return getattr(self.record.functions, name)
+            return getattr(functions, name)
         except AttributeError:
             text = f"{type(self).__name__!r} has no attribute {name!r}"
             raise AttributeError(text) from None

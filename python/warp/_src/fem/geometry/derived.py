@@ -99,7 +99,9 @@ def _of_element(functions, kind: str, Arg, Sample, cell: str, dimension: int, re
     return made
 
 
-def _environment(Arg, Sample) -> wp.Function:
+def only_environment(Arg, Sample) -> wp.Function:
+    """Function of kernels that gives environment 0 for all elements and samples."""
+
     @wp.func
     def environment_index(arg: Arg, element: int):
         return 0
@@ -180,8 +182,8 @@ def add_derived(record, f: SimpleNamespace) -> None:
         return real(1.0)
 
     _add(f, {"cell_measure_ratio": cell_measure_ratio})
-    _add(f, {"cell_environment_index": _environment(CellArg, Sample)})
-    _add(f, {"side_environment_index": _environment(f.SideArg, Sample)})
+    _add(f, {"cell_environment_index": only_environment(CellArg, Sample)})
+    _add(f, {"side_environment_index": only_environment(f.SideArg, Sample)})
     _add(f, _of_element(f, "cell", CellArg, Sample, record.cell, dimension, real))
     _add(f, _samples_of_cells(f, Sample))
     _add(f, _by_cells(f, Sample))

@@ -29,6 +29,8 @@ def add_lookup_forms(f: SimpleNamespace, record, make_search) -> None:
     real, several = record.scalar, record.environments
     vector, Sample, CellArg = wp.types.vector(record.dimension, real), sample_type(real), f.CellArg
     position, environment_of = f.cell_position, f.cell_environment_index
+    guided = getattr(f, "guided_lookup", None)
+    has_guided = guided is not None
     search, filtered_search = make_search(None), make_search(array_filter)
 
     @wp.func
@@ -37,8 +39,11 @@ def add_lookup_forms(f: SimpleNamespace, record, make_search) -> None:
 
     @wp.func
     def cell_lookup(arg: CellArg, x: vector, guess: Sample):
-        distance = wp.length(position(arg, guess) - x)
-        return search(arg, x, distance, 0, 0, environment_of(arg, guess.element_index))
+        if wp.static(has_guided):
+            return guided(arg, x, guess)
+        else:
+            distance = wp.length(position(arg, guess) - x)
+            return search(arg, x, distance, 0, 0, environment_of(arg, guess.element_index))
 
     @wp.func
     def cell_lookup(arg: CellArg, x: vector, environment: int):

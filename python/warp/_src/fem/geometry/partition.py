@@ -73,8 +73,9 @@ class GeometryPartition:
     def __getattr__(self, name):
         if name.startswith("_") or name in ("record", "geometry"):
             raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        functions = self.record.functions
         try:
-            return getattr(self.record.functions, name)
+            return getattr(functions, name)
         except AttributeError:
             text = f"{type(self).__name__!r} has no attribute {name!r}"
             raise AttributeError(text) from None

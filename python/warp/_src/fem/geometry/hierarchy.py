@@ -1,0 +1,78 @@
+"""Hierarchies of boxes of cells per device, for look-up."""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+from warp import extend
+from warp._src.fem.geometry.base import forget
+
+
+@functools.cache
+def _bounds_kernel(record):
+    from warp._src.fem.geometry.mesh_lookup import bounds_kernel
+
+    return bounds_kernel(record, record.functions)
+
+
+class CellHierarchy:
+    """The `wp.Bvh` of a geometry's cells, and the box of all, per device."""
+
+    def __init__(self, geometry):
+        self._geometry, self._built = geometry, {}
+
+    def has(self, device) -> bool:
+        """The hierarchy was built for a device."""
+        return wp.get_device(device).alias in self._built
+
+    def id(self, device):
+        """Handle of the hierarchy, 0 if there is none."""
+        found = self._built.get(wp.get_device(device).alias)
+        return found[0].id if found and found[0] else wp.uint64(0)
+
+    def fill(self, arg, device) -> None:
+        """Fills the fields `bvh` and `box` of an argument of cells."""
+        found = self._built.get(wp.get_device(device).alias)
+        if found and found[0]:
+            arg.bvh, arg.box = found[0].id, found[1]
+
+    def build(self, device=None) -> None:
+        """Builds the hierarchy from scratch."""
+        geometry, device = self._geometry, wp.get_device(device)
+        count = geometry.cell_count()
+        with extend.unrecorded():
+            lowers, uppers = (wp.empty(count, dtype=wp.vec3, device=device) for _ in range(2))
+            box = wp.empty(2, dtype=wp.vec3, device=device)
+            self._write(device, lowers, uppers, box)
+            groups = self._groups(device)
+            bvh = wp.Bvh(lowers, uppers, groups=groups) if count else None
+        self._built[device.alias] = (bvh, box, lowers, uppers)
+        forget(geometry, "cell_arg_value", "side_arg_value", "side_index_arg_value")
+
+    def update(self, device=None) -> None:
+        """Fits the hierarchy to new positions; builds it where there is none."""
+        device = wp.get_device(device)
+        if device.alias not in self._built:
+            return self.build(device)
+        bvh, box, lowers, uppers = self._built[device.alias]
+        with extend.unrecorded():
+            self._write(device, lowers, uppers, box)
+            if bvh:
+                bvh.refit()
+
+    def _write(self, device, lowers, uppers, box) -> None:
+        geometry = self._geometry
+        box[0:1].fill_(wp.vec3(float("inf")))
+        box[1:2].fill_(wp.vec3(float("-inf")))
+        inputs, outputs = [geometry.cell_arg_value(device)], [lowers, uppers, box]
+        kernel = _bounds_kernel(geometry.record)
+        wp.launch(kernel, geometry.cell_count(), inputs, outputs, device=device)
+
+    def _groups(self, device):
+        geometry = self._geometry
+        if geometry.environment_count() <= 1:
+            return None
+        if geometry.cell_env is not None:
+            return geometry.cell_env.to(device)
+        return geometry.environments_of_cells(device)

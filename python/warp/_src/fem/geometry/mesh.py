@@ -1,0 +1,303 @@
+"""Meshes - triangles, quadrilaterals, tetrahedra, hexahedra: one class of tables for all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+import warp as wp
+from warp import extend
+from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget, per_device
+from warp._src.fem.geometry.hierarchy import CellHierarchy
+from warp._src.fem.geometry.shapes import VERTICES
+
+
+@wp.kernel(enable_backward=False)
+def _find_bad_vertices(
+    cells: wp.array2d(dtype=wp.int32), vertex_count: int, found: wp.array(dtype=wp.int32)
+):
+    cell, k = wp.tid()
+    v = cells[cell, k]
+    if v < 0 or v >= vertex_count:
+        wp.atomic_min(found, 0, cell * cells.shape[1] + k)
+
+
+@wp.kernel(enable_backward=False)
+def _reorder_columns(
+    cells: wp.array2d(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+    out: wp.array2d(dtype=wp.int32),
+):
+    i, k = wp.tid()
+    out[i, k] = cells[i, columns[k]]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshEntities:
+    """Edges and faces of a mesh.
+
+    Attributes:
+        cells: (cells, n) of int32, vertices in the order of the reference cell.
+        edges, faces: `EntityTable`s; `faces` is None in two dimensions.
+        vertex_count, edge_count, face_count: numbers of entities.
+        cell_edges, cell_faces: (cells, k) of int32, entities of each cell.
+        edge_vertices, face_vertices: (entities, n) of int32, ascending; of squares the smallest
+            first, then its smaller neighbour, its other neighbour, the opposite vertex.
+    """
+
+    vertex_count: int
+    cells: wp.array
+    edges: object
+    faces: object
+
+    @property
+    def edge_count(self) -> int:
+        return self.edges.count
+
+    @property
+    def face_count(self) -> int:
+        return self.faces.count if self.faces else 0
+
+    @property
+    def cell_edges(self) -> wp.array:
+        return self.edges.of_cells
+
+    @property
+    def cell_faces(self) -> wp.array:
+        return self.faces.of_cells if self.faces else None
+
+    @property
+    def edge_vertices(self) -> wp.array:
+        return self.edges.vertices
+
+    @property
+    def face_vertices(self) -> wp.array:
+        return self.faces.vertices if self.faces else None
+
+
+def _checked_cells(name: str, cells, width: int) -> wp.array:
+    if not extend.is_array(cells):
+        raise TypeError(f"'{name}' expects an array, but got {extend.shown(cells)}")
+    if cells.ndim == 1 and extend.type_is_vector(cells.dtype):
+        cells = cells.view(wp.int32).reshape((cells.shape[0], -1))
+    if cells.ndim != 2 or cells.shape[1] != width or cells.dtype is not wp.int32:
+        raise ValueError(
+            f"'{name}' expects an array of int32 of shape (cells, {width}), but got "
+            f"{extend.type_repr(cells.dtype)} of shape {cells.shape}"
+        )
+    return cells
+
+
+def _checked_positions(positions, cells, dimensions: tuple) -> None:
+    if not extend.is_array(positions):
+        raise TypeError(f"'positions' expects an array, but got {extend.shown(positions)}")
+    dtype = positions.dtype
+    fits = extend.type_is_vector(dtype) and positions.ndim == 1 and dtype._length_ in dimensions
+    if not fits or extend.type_scalar_type(dtype) not in (wp.float32, wp.float64):
+        names = " or ".join(f"vec{d} (or vec{d}d)" for d in dimensions)
+        raise ValueError(
+            f"'positions' expects an array (vertices,) of {names}, but got "
+            f"{extend.type_repr(dtype)} of shape {positions.shape}"
+        )
+    if positions.device != cells.device:
+        raise ValueError(
+            f"'positions' expects an array on {cells.device}, where the cells are, "
+            f"but got one on {positions.device}"
+        )
+
+
+class Mesh(Geometry):
+    """Base of meshes: a table of vertices of cells, and positions of vertices."""
+
+    _shape = ""
+    _dimensions: tuple = (3,)
+    _name = "cells"
+
+    def __init__(
+        self, cells, positions, build_bvh=False, affine=False, cell_env=None, env_count=None
+    ):
+        cells = _checked_cells(self._name, cells, VERTICES[self._shape])
+        _checked_positions(positions, cells, self._dimensions)
+        self._cells, self._positions = cells, positions
+        self._check_vertices()
+        self._cell_env = self._checked_environments(cell_env, env_count)
+        self.record = GeometryRecord(
+            "mesh",
+            self._shape,
+            positions.dtype._length_,
+            extend.type_scalar_type(positions.dtype),
+            affine or self._shape in ("triangle", "tet"),
+            self._environments > 1,
+        )
+        self._hierarchy = CellHierarchy(self)
+        if build_bvh:
+            self.build_bvh(positions.device)
+
+    def _check_vertices(self) -> None:
+        """Raises ValueError for the first vertex that the mesh does not have."""
+        cells, n = self._cells, self.vertex_count()
+        with extend.unrecorded():
+            found = wp.full(1, 2**31 - 1, dtype=wp.int32, device=cells.device)
+            wp.launch(_find_bad_vertices, cells.shape, [cells, n, found], device=cells.device)
+            first = int(found.numpy()[0])
+        if first < 2**31 - 1:
+            cell, k = divmod(first, cells.shape[1])
+            vertex = int(cells[cell : cell + 1].numpy()[0, k])
+            raise ValueError(
+                f"cell {cell} names vertex {vertex}, but the mesh has vertices 0 to {n - 1}"
+                if n
+                else f"cell {cell} names vertex {vertex}, but the mesh has no vertices"
+            )
+
+    def _checked_environments(self, cell_env, env_count):
+        if cell_env is None:
+            if env_count not in (None, 1):
+                raise ValueError(f"'env_count' {env_count} expects 'cell_env', but got None")
+            return None
+        if env_count is None or env_count < 1:
+            raise ValueError(
+                f"'cell_env' expects an 'env_count' of at least 1, but got {env_count}"
+            )
+        shape = (self.cell_count(),)
+        if not extend.is_array(cell_env) or cell_env.shape != shape or cell_env.dtype != wp.int32:
+            raise ValueError(f"'cell_env' expects an array {shape} of int32, one per cell")
+        if not cell_env.is_contiguous:
+            raise ValueError("'cell_env' expects a contiguous array")
+        if cell_env.device != self._cells.device:
+            raise RuntimeError(
+                f"'cell_env' expects an array on {self._cells.device}, but got {cell_env.device}"
+            )
+        values = cell_env.numpy()
+        if len(values) and not 0 <= values.min() <= values.max() < env_count:
+            bad = int(np.flatnonzero((values < 0) | (values >= env_count))[0])
+            raise ValueError(
+                f"'cell_env' expects numbers below {env_count}, but cell {bad} has {values[bad]}"
+            )
+        self._environments = int(env_count)
+        return cell_env
+
+    @property
+    def cell_env(self):
+        """Environment of each cell, or None."""
+        return self._cell_env
+
+    @property
+    def positions(self) -> wp.array:
+        """Positions of the vertices; a new array of the same type and size may be set."""
+        return self._positions
+
+    @positions.setter
+    def positions(self, positions) -> None:
+        _checked_positions(positions, self._cells, (self.dimension,))
+        if positions.shape != self._positions.shape or positions.dtype != self._positions.dtype:
+            raise ValueError(
+                f"'positions' expects {self._positions.shape[0]} elements of "
+                f"{extend.type_repr(self._positions.dtype)}, but got {positions.shape[0]} of "
+                f"{extend.type_repr(positions.dtype)}"
+            )
+        self._positions = positions
+        forget(self)
+
+    def cell_count(self) -> int:
+        """Number of cells."""
+        return self._cells.shape[0]
+
+    def vertex_count(self) -> int:
+        """Number of vertices, used or not."""
+        return self._positions.shape[0]
+
+    def side_count(self) -> int:
+        """Number of sides."""
+        return self._side_entities.count
+
+    def boundary_side_count(self) -> int:
+        """Number of sides with one cell."""
+        return self._sides.boundary.shape[0]
+
+    def edge_count(self) -> int:
+        """Number of edges."""
+        return self._entities.edge_count
+
+    @property
+    def cell_vertices(self) -> wp.array:
+        """(cells, n) of int32: the vertices of each cell, as the mesh was given."""
+        return self._cells
+
+    @cached_property
+    def _ordered_cells(self) -> wp.array:
+        """The cells in the order of the reference cell's vertices."""
+        cells, device = self._cells, self._cells.device
+        columns = np.array(self.cell.mesh_vertices, np.int32)
+        if (columns == np.arange(len(columns))).all():
+            return cells
+        with extend.unrecorded():
+            out = wp.empty(cells.shape, dtype=wp.int32, device=device)
+            inputs = [cells, wp.array(columns, dtype=wp.int32, device=device)]
+            wp.launch(_reorder_columns, cells.shape, inputs, [out], device=device)
+        return out
+
+    @cached_property
+    def _side_entities(self):
+        from warp._src.fem.geometry.entities import make_entities
+
+        return make_entities(self._ordered_cells, self.cell.sides, self.vertex_count())
+
+    @cached_property
+    def _sides(self):
+        from warp._src.fem.geometry.sides import make_sides
+
+        return make_sides(self._side_entities, self._cells, self._positions)
+
+    @cached_property
+    def _entities(self) -> MeshEntities:
+        from warp._src.fem.geometry.entities import make_entities
+
+        cells, n, edges = self._ordered_cells, self.vertex_count(), self._side_entities
+        faces = None
+        if self.cell_dimension == 3:
+            faces, edges = edges, make_entities(cells, self.cell.edges, n)
+        return MeshEntities(n, cells, edges, faces)
+
+    def entities(self, device=None) -> MeshEntities:
+        """Edges and faces, on the device of the mesh."""
+        return self._entities
+
+    def fill_cell_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of cells."""
+        arg.cells = self._cells.to(device)
+        arg.positions = self._positions.to(device)
+        if self._cell_env is not None:
+            arg.cell_env = self._cell_env.to(device)
+        self._hierarchy.fill(arg, device)
+
+    def fill_side_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of sides."""
+        sides = self._sides
+        self.fill_cell_arg(arg.cell_arg, device)
+        arg.side_vertices = sides.vertices.to(device)
+        arg.side_corners = sides.corners.to(device)
+        arg.side_cells = sides.cells.to(device)
+        arg.boundary = sides.boundary.to(device)
+
+    @per_device
+    def side_index_arg_value(self, device):
+        """Argument of `boundary_side_index`."""
+        return self.side_arg_value(device)
+
+    def supports_cell_lookup(self, device=None) -> bool:
+        """`lookup` works on a device: `build_bvh` was called for it."""
+        return self._hierarchy.has(device)
+
+    def build_bvh(self, device=None) -> None:
+        """Builds the hierarchy of boxes of cells that `lookup` needs."""
+        self._hierarchy.build(device)
+
+    def update_bvh(self, device=None) -> None:
+        """Fits the hierarchy of boxes to new positions, or builds it."""
+        self._hierarchy.update(device)
+
+    def bvh_id(self, device=None):
+        """Handle of the hierarchy of boxes, 0 if there is none."""
+        return self._hierarchy.id(device)

@@ -1,0 +1,363 @@
+"""Functions of kernels of meshes: positions and gradients in differences from the first vertex."""
+
+from types import SimpleNamespace
+
+import warp as wp
+from warp import extend
+from warp._src.fem.geometry.derived import only_environment
+from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
+from warp._src.fem.types import OUTSIDE, coords_type, sample_type
+
+
+def mesh_functions(record) -> SimpleNamespace:
+    """The functions of kernels of a mesh."""
+    from warp._src.fem.geometry.mesh_lookup import add_lookup
+
+    f = _structs(record)
+    real, vector = record.scalar, wp.types.vector(record.dimension, record.scalar)
+    Sample = sample_type(real)
+    position, gradient = shape_functions(record.cell, record.dimension, real, record.affine)
+    side_position, side_gradient = shape_functions(
+        side_name(record.cell), record.dimension, real, False
+    )
+    CellArg, SideArg = f.CellArg, f.SideArg
+    n, m = VERTICES[record.cell], VERTICES[side_name(record.cell)]
+    Corners, SideCorners = (wp.types.matrix((k, record.dimension), real) for k in (n, m))
+
+    @wp.func
+    def cell_corners(arg: CellArg, cell: int):
+        """Vertices of a cell, relative to the first, which is the first row."""
+        origin = arg.positions[arg.cells[cell, 0]]
+        corners = Corners()
+        corners[0] = origin
+        for k in range(1, n):
+            corners[k] = arg.positions[arg.cells[cell, k]] - origin
+        return corners
+
+    @wp.func
+    def side_corners(arg: SideArg, side: int):
+        """Vertices of a side, relative to the first, which is the first row."""
+        origin = arg.cell_arg.positions[arg.side_vertices[side, 0]]
+        corners = SideCorners()
+        corners[0] = origin
+        for k in range(1, m):
+            corners[k] = arg.cell_arg.positions[arg.side_vertices[side, k]] - origin
+        return corners
+
+    @wp.func
+    def cell_position(arg: CellArg, s: Sample):
+        return position(cell_corners(arg, s.element_index), s.element_coords)
+
+    @wp.func
+    def cell_deformation_gradient(arg: CellArg, s: Sample):
+        return gradient(cell_corners(arg, s.element_index), s.element_coords)
+
+    @wp.func
+    def side_position_at(arg: SideArg, s: Sample):
+        return side_position(side_corners(arg, s.element_index), s.element_coords)
+
+    @wp.func
+    def side_deformation_gradient(arg: SideArg, s: Sample):
+        return side_gradient(side_corners(arg, s.element_index), s.element_coords)
+
+    @wp.func
+    def side_inner_cell_index(arg: SideArg, side: int):
+        return arg.side_cells[side][0]
+
+    @wp.func
+    def side_outer_cell_index(arg: SideArg, side: int):
+        return arg.side_cells[side][1]
+
+    @wp.func
+    def boundary_side_index(arg: SideArg, boundary_side: int):
+        return arg.boundary[boundary_side]
+
+    @wp.func
+    def side_to_cell_arg(arg: SideArg):
+        return arg.cell_arg
+
+    f.vector, f.cell_corners, f.side_corners = vector, cell_corners, side_corners
+    f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
+    f.side_position, f.side_deformation_gradient = side_position_at, side_deformation_gradient
+    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
+    f.boundary_side_index, f.side_to_cell_arg = boundary_side_index, side_to_cell_arg
+    f.position_in, f.gradient_in = position, gradient
+    _add_environments(f, record)
+    _add_coordinates(f, record)
+    add_lookup(f, record)
+    return f
+
+
+def _structs(record) -> SimpleNamespace:
+    vector = wp.types.vector(record.dimension, record.scalar)
+    ints, table = wp.array(dtype=wp.int32), wp.array2d(dtype=wp.int32)
+    word = f"{record.cell.capitalize()}Mesh{record.dimension}D" + (
+        "" if record.scalar is wp.float32 else "_f64"
+    )
+    cell = {"cells": table, "positions": wp.array(dtype=vector), "cell_env": ints}
+    cell |= {"bvh": wp.uint64, "box": wp.array(dtype=wp.vec3)}
+    CellArg = extend.struct_from_fields(f"{word}CellArg", cell, module=__name__)
+    side = {"cell_arg": CellArg, "side_vertices": table, "side_corners": table}
+    side |= {"side_cells": wp.array(dtype=wp.vec2i), "boundary": ints}
+    SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
+    return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
+
+
+def shape_functions(cell: str, d: int, real, affine: bool):
+    """Position and gradient by (corners, coordinates): the first corner, then differences."""
+    vector, Coords = wp.types.vector(d, real), coords_type(real)
+    if cell == "line":
+        return _line(wp.types.matrix((2, d), real), Coords)
+    if cell in ("triangle", "tet"):
+        return _simplex(cell, wp.types.matrix((VERTICES[cell], d), real), Coords)
+    Corners = wp.types.matrix((VERTICES[cell], d), real)
+    if affine:
+        return _parallel(cell, Corners, Coords)
+    return (_square if cell == "square" else _cube)(Corners, Coords, real, vector)
+
+
+def _line(Corners, Coords):
+    @wp.func
+    def position(p: Corners, c: Coords):
+        return p[0] + c[0] * p[1]
+
+    @wp.func
+    def gradient(p: Corners, c: Coords):
+        return p[1]
+
+    return position, gradient
+
+
+def _simplex(cell, Corners, Coords):
+    if cell == "triangle":
+
+        @wp.func
+        def position(p: Corners, c: Coords):
+            return p[0] + c[1] * p[1] + c[2] * p[2]
+
+        @wp.func
+        def gradient(p: Corners, c: Coords):
+            return wp.matrix_from_cols(p[1], p[2])
+
+    else:
+
+        @wp.func
+        def position(p: Corners, c: Coords):
+            return p[0] + c[0] * p[1] + c[1] * p[2] + c[2] * p[3]
+
+        @wp.func
+        def gradient(p: Corners, c: Coords):
+            return wp.matrix_from_cols(p[1], p[2], p[3])
+
+    return position, gradient
+
+
+def _parallel(cell, Corners, Coords):
+    """Parallelograms and parallelepipeds: the neighbours of the first vertex say all."""
+    if cell == "square":
+
+        @wp.func
+        def position(p: Corners, c: Coords):
+            return p[0] + c[0] * p[1] + c[1] * p[3]
+
+        @wp.func
+        def gradient(p: Corners, c: Coords):
+            return wp.matrix_from_cols(p[1], p[3])
+
+    else:
+
+        @wp.func
+        def position(p: Corners, c: Coords):
+            return p[0] + c[0] * p[1] + c[1] * p[3] + c[2] * p[4]
+
+        @wp.func
+        def gradient(p: Corners, c: Coords):
+            return wp.matrix_from_cols(p[1], p[3], p[4])
+
+    return position, gradient
+
+
+def _square(Corners, Coords, real, vector):
+    @wp.func
+    def position(p: Corners, c: Coords):
+        warp_ = p[2] - p[1] - p[3]
+        return p[0] + c[0] * p[1] + c[1] * p[3] + (c[0] * c[1]) * warp_
+
+    @wp.func
+    def gradient(p: Corners, c: Coords):
+        warp_ = p[2] - p[1] - p[3]
+        return wp.matrix_from_cols(p[1] + c[1] * warp_, p[3] + c[0] * warp_)
+
+    return position, gradient
+
+
+def _cube(Corners, Coords, real, vector):
+    @wp.func
+    def layer(p: Corners, k: int, a: vector, x: real, y: real):
+        """Bilinear part of the square of corners k..k+3, whose first one is `a`."""
+        u = p[k + 1] - a
+        v = p[k + 3] - a
+        return x * u + y * v + (x * y) * (p[k + 2] - a - u - v)
+
+    @wp.func
+    def position(p: Corners, c: Coords):
+        low = layer(p, 0, vector(), c[0], c[1])
+        high = layer(p, 4, p[4], c[0], c[1])
+        return p[0] + low + c[2] * (p[4] + high - low)
+
+    @wp.func
+    def gradient(p: Corners, c: Coords):
+        x, y, z = c[0], c[1], c[2]
+        one = real(1.0)
+        # Differences along each axis at the four parallel edges, blended by the other axes.
+        dx = (one - z) * ((one - y) * p[1] + y * (p[2] - p[3])) + z * (
+            (one - y) * (p[5] - p[4]) + y * (p[6] - p[7])
+        )
+        dy = (one - z) * ((one - x) * p[3] + x * (p[2] - p[1])) + z * (
+            (one - x) * (p[7] - p[4]) + x * (p[6] - p[5])
+        )
+        dz = (one - y) * ((one - x) * p[4] + x * (p[5] - p[1])) + y * (
+            (one - x) * (p[7] - p[3]) + x * (p[6] - p[2])
+        )
+        return wp.matrix_from_cols(dx, dy, dz)
+
+    return position, gradient
+
+
+def _add_environments(f: SimpleNamespace, record) -> None:
+    CellArg, SideArg, Sample = f.CellArg, f.SideArg, sample_type(record.scalar)
+    if not record.environments:
+        f.cell_environment_index = only_environment(CellArg, Sample)
+        f.side_environment_index = only_environment(SideArg, Sample)
+        return
+
+    @wp.func
+    def cell_environment_index(arg: CellArg, cell: int):
+        return wp.where(cell < 0, -1, arg.cell_env[wp.max(cell, 0)])
+
+    @wp.func
+    def cell_environment_index(arg: CellArg, s: Sample):
+        return cell_environment_index(arg, s.element_index)
+
+    @wp.func
+    def side_environment_index(arg: SideArg, side: int):
+        if side < 0:
+            return -1
+        return arg.cell_arg.cell_env[arg.side_cells[side][0]]
+
+    @wp.func
+    def side_environment_index(arg: SideArg, s: Sample):
+        return side_environment_index(arg, s.element_index)
+
+    f.cell_environment_index = cell_environment_index
+    f.side_environment_index = side_environment_index
+
+
+def vertex_coords_function(cell: str, real) -> wp.Function:
+    """Function of kernels: coordinates of a vertex by its column in a mesh's table."""
+    Coords, is_triangle, is_tet = coords_type(real), cell == "triangle", cell == "tet"
+    one, zero = real(1.0), real(0.0)
+
+    @wp.func
+    def vertex_coords(v: int):
+        c = Coords()
+        if wp.static(is_triangle):
+            c[v] = one
+        elif wp.static(is_tet):
+            if v > 0:
+                c[v - 1] = one
+        else:
+            around = v & 3
+            c[0] = wp.where(around == 1 or around == 2, one, zero)
+            c[1] = wp.where(around >= 2, one, zero)
+            c[2] = wp.where(v >= 4, one, zero)
+        return c
+
+    return vertex_coords
+
+
+def _add_coordinates(f: SimpleNamespace, record) -> None:
+    """Adds the way between coordinates of sides and of cells.
+
+    A side's reference cell is flat in that of the cell: its corners there and the coordinates on
+    the side give the point; a scalar product with its axes gives the coordinates back.
+    """
+    real, cell = record.scalar, record.cell
+    SideArg, Coords = f.SideArg, coords_type(real)
+    m = VERTICES[side_name(cell)]
+    place = vertex_coords_function(cell, real)
+    in_triangle, in_tet, is_square = cell == "triangle", cell == "tet", m == 4
+    is_flat = DIMENSIONS[cell] == 2
+    tolerance = real(1.0e-5 if real is wp.float32 else 1.0e-12)
+    outside = real(OUTSIDE)
+
+    @wp.func
+    def to_cell(arg: SideArg, side: int, first: int, c: Coords):
+        a = place(arg.side_corners[side, first])
+        b = place(arg.side_corners[side, first + 1])
+        if wp.static(in_tet):
+            return c[0] * a + c[1] * b + c[2] * place(arg.side_corners[side, first + 2])
+        elif wp.static(is_square):
+            d = place(arg.side_corners[side, first + 3])
+            return a + c[0] * (b - a) + c[1] * (d - a)
+        else:
+            return a + c[0] * (b - a)
+
+    @wp.func
+    def side_inner_cell_coords(arg: SideArg, side: int, c: Coords):
+        return to_cell(arg, side, 0, c)
+
+    @wp.func
+    def side_outer_cell_coords(arg: SideArg, side: int, c: Coords):
+        return to_cell(arg, side, m, c)
+
+    @wp.func
+    def of_vertex(column: int, c: Coords):
+        """Barycentric coordinate of a vertex."""
+        if wp.static(in_triangle):
+            return c[column]
+        else:
+            if column == 0:
+                return real(1.0) - c[0] - c[1] - c[2]
+            return c[column - 1]
+
+    @wp.func
+    def side_from_cell_coords(arg: SideArg, side: int, cell_index: int, c: Coords):
+        """Coordinates on a side of a point of a cell, OUTSIDE if it is not on the side."""
+        if side < 0 or cell_index < 0:
+            return Coords(outside)
+        first = int(0)
+        if arg.side_cells[side][0] != cell_index:
+            if arg.side_cells[side][1] != cell_index:
+                return Coords(outside)
+            first = m
+        s = Coords()
+        gap = real(0.0)
+        if wp.static(in_triangle or in_tet):
+            total = real(0.0)
+            for k in range(m):
+                s[k] = of_vertex(arg.side_corners[side, first + k], c)
+                total += s[k]
+            gap = wp.abs(real(1.0) - total)
+            if wp.static(in_triangle):
+                s = Coords(s[1], real(0.0), real(0.0))
+        else:
+            a = place(arg.side_corners[side, first])
+            u = place(arg.side_corners[side, first + 1]) - a
+            s[0] = wp.dot(c - a, u)
+            rest = c - a - s[0] * u
+            if wp.static(is_square):
+                v = place(arg.side_corners[side, first + 3]) - a
+                s[1] = wp.dot(c - a, v)
+                rest -= s[1] * v
+            if wp.static(is_flat):
+                rest[2] = real(0.0)
+            gap = wp.length(rest)
+        if gap > tolerance:
+            return Coords(outside)
+        return s
+
+    f.side_inner_cell_coords = side_inner_cell_coords
+    f.side_outer_cell_coords = side_outer_cell_coords
+    f.side_from_cell_coords = side_from_cell_coords
+    f.vertex_coords = place

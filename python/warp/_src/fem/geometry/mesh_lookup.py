@@ -1,0 +1,229 @@
+"""Look-up in meshes - a hierarchy of boxes of cells, closest points, the lowest of equal cells."""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+from warp._src.fem.geometry.closest import nearest_functions
+from warp._src.fem.geometry.lookup_forms import add_lookup_forms
+from warp._src.fem.geometry.shapes import VERTICES, side_name
+from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
+
+
+def add_lookup(f: SimpleNamespace, record) -> None:
+    """Adds coordinates and closest points of cells and sides, boxes of cells, and `cell_lookup`."""
+    d, real = record.dimension, record.scalar
+    add_closest(f, record)
+    f.cell_bounds = _bounds(f, d, real, VERTICES[record.cell])
+    add_bvh_lookup(f, record)
+
+
+def add_closest(f: SimpleNamespace, record) -> None:
+    """Adds `cell_coordinates`, `cell_closest_point`, and those of sides."""
+    d, real, side = record.dimension, record.scalar, side_name(record.cell)
+    f.cell_coordinates, f.cell_closest_point = _of_element(
+        f.CellArg, f.cell_corners, nearest_functions(record.cell, d, real, record.affine), d, real
+    )
+    f.side_coordinates, f.side_closest_point = _of_element(
+        f.SideArg, f.side_corners, nearest_functions(side, d, real, False), d, real
+    )
+
+
+def _of_element(Arg, corners_of, nearest, d, real):
+    vector = wp.types.vector(d, real)
+    coordinates_in, closest_in = nearest
+
+    @wp.func
+    def coordinates(arg: Arg, element: int, x: vector):
+        corners = corners_of(arg, element)
+        q = x - corners[0]
+        corners[0] = vector()
+        return coordinates_in(corners, q)
+
+    @wp.func
+    def closest_point(arg: Arg, element: int, x: vector):
+        corners = corners_of(arg, element)
+        q = x - corners[0]
+        corners[0] = vector()
+        return closest_in(corners, q)
+
+    return coordinates, closest_point
+
+
+def _bounds(f: SimpleNamespace, d: int, real, n: int) -> wp.Function:
+    CellArg = f.CellArg
+
+    @wp.func
+    def cell_bounds(arg: CellArg, cell: int):
+        lower = arg.positions[arg.cells[cell, 0]]
+        upper = lower
+        for k in range(1, n):
+            lower = wp.min(lower, arg.positions[arg.cells[cell, k]])
+            upper = wp.max(upper, arg.positions[arg.cells[cell, k]])
+        return lower, upper
+
+    return cell_bounds
+
+
+@functools.cache
+def _to_box(d: int, real) -> wp.Function:
+    """Function of kernels: a position as one of the hierarchy, in float32 and three axes."""
+    vector = wp.types.vector(d, real)
+
+    @wp.func
+    def to_box(x: vector):
+        y = wp.vec3()
+        for k in range(d):
+            y[k] = wp.float32(x[k])
+        return y
+
+    return to_box
+
+
+def bounds_kernel(record, functions: SimpleNamespace) -> wp.Kernel:
+    """Kernel that writes the boxes of cells, and the box of all.
+
+    Positions in float64 are rounded for the hierarchy: boxes grow by the rounding of both.
+    """
+    d, real = record.dimension, record.scalar
+    to_box, cell_bounds, CellArg = _to_box(d, real), functions.cell_bounds, functions.CellArg
+    pad = 0.0 if real is wp.float32 else 2.0**-22
+
+    @wp.kernel(enable_backward=False)
+    def write_bounds(
+        arg: CellArg,
+        lowers: wp.array(dtype=wp.vec3),
+        uppers: wp.array(dtype=wp.vec3),
+        box: wp.array(dtype=wp.vec3),
+    ):
+        i = wp.tid()
+        lower, upper = cell_bounds(arg, i)
+        a, b = to_box(lower), to_box(upper)
+        grow = pad * wp.max(wp.abs(a), wp.abs(b))
+        a -= grow
+        b += grow
+        lowers[i] = a
+        uppers[i] = b
+        wp.atomic_min(box, 0, a)
+        wp.atomic_max(box, 1, b)
+
+    return write_bounds
+
+
+def add_bvh_lookup(f: SimpleNamespace, record) -> None:
+    """Adds `cell_lookup` by the hierarchy of boxes of `arg.bvh` and the box of all, `arg.box`."""
+
+    @functools.cache
+    def make_search(filter_func=None):
+        nearest = _search_from(f, record, filter_func)
+        real, vector = record.scalar, wp.types.vector(record.dimension, record.scalar)
+        CellArg, Coords = f.CellArg, coords_type(record.scalar)
+
+        @wp.func
+        def search(
+            arg: CellArg,
+            x: vector,
+            max_dist: real,
+            filter_data: Any,
+            filter_target: Any,
+            environment: int,
+        ):
+            none = Coords(real(OUTSIDE))
+            return nearest(
+                arg, x, filter_data, filter_target, environment, -1, none, real(0.0), real(0.0)
+            )
+
+        return search
+
+    f.guided_lookup = _guided(f, record)
+    add_lookup_forms(f, record, make_search)
+
+
+def _guided(f: SimpleNamespace, record) -> wp.Function:
+    """Function of (arg, position, guess): the guess's cell bounds the distance of the search."""
+    vector, Sample = wp.types.vector(record.dimension, record.scalar), sample_type(record.scalar)
+    CellArg, closest, environment_of = f.CellArg, f.cell_closest_point, f.cell_environment_index
+    nearest, real = _search_from(f, record, None), record.scalar
+
+    @wp.func
+    def guided(arg: CellArg, x: vector, guess: Sample):
+        cell = guess.element_index
+        coords, distance_sq = closest(arg, cell, x)
+        if distance_sq <= real(0.0):
+            return make_free_sample(cell, coords)
+        environment = environment_of(arg, cell)
+        return nearest(arg, x, 0, 0, environment, cell, coords, distance_sq, wp.sqrt(distance_sq))
+
+    return guided
+
+
+def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
+    """Function that finds the nearest cell, from a candidate and a radius on.
+
+    A box query finds all cells within a radius. It starts at the point; while nothing is found,
+    the radius grows, and the first find's distance is the radius of the last query.
+    """
+    d, real, several = record.dimension, record.scalar, record.environments
+    vector, Coords, CellArg = wp.types.vector(d, real), coords_type(real), f.CellArg
+    closest, to_box = f.cell_closest_point, _to_box(d, real)
+    is_filtered = filter_func is not None
+    # The distance in float32 of a position in float64 is off by its rounding.
+    pad = wp.float32(0.0 if real is wp.float32 else 2.0**-22)
+
+    @wp.func
+    def nearest(
+        arg: CellArg,
+        x: vector,
+        filter_data: Any,
+        filter_target: Any,
+        environment: int,
+        first_cell: int,
+        first_coords: Coords,
+        first_sq: real,
+        first_radius: real,
+    ):
+        best_cell = first_cell
+        best_coords = first_coords
+        best_sq = first_sq
+        root = int(-1)
+        if wp.static(several):
+            if arg.bvh != wp.uint64(0):
+                root = wp.bvh_get_group_root(arg.bvh, environment)
+        if arg.bvh == wp.uint64(0) or (wp.static(several) and root < 0):
+            return make_free_sample(best_cell, best_coords)
+        center = to_box(x)
+        gap = wp.length(wp.max(wp.max(arg.box[0] - center, center - arg.box[1]), wp.vec3()))
+        size = wp.length(arg.box[1] - arg.box[0])
+        # Beyond this radius are no cells.
+        last_radius = 1.0001 * (gap + size) + wp.length(center) * pad
+        radius = wp.float32(first_radius)
+        for _attempt in range(32):
+            reach = wp.vec3(radius * 1.000001 + pad * wp.max(wp.abs(center)))
+            query = wp.bvh_query_aabb(arg.bvh, center - reach, center + reach, root)
+            cell = int(0)
+            while wp.bvh_query_next(query, cell):
+                if wp.static(is_filtered):
+                    if filter_func(filter_data, cell) != filter_target:
+                        continue
+                coords, distance_sq = closest(arg, cell, x)
+                nearer = distance_sq < best_sq or (distance_sq == best_sq and cell < best_cell)
+                if best_cell < 0 or nearer:
+                    # A cell with NaN is never nearer, and no first find.
+                    if distance_sq >= real(0.0):
+                        best_sq = distance_sq
+                        best_cell = cell
+                        best_coords = coords
+            if best_cell >= 0:
+                distance = wp.float32(wp.sqrt(best_sq))
+                if distance <= radius * 1.000001:
+                    break
+                radius = distance
+            else:
+                if radius >= last_radius:
+                    break
+                grown = wp.where(radius > gap, 4.0 * radius, gap + 0.001 * size)
+                radius = wp.min(grown, last_radius)
+        return make_free_sample(best_cell, best_coords)
+
+    return nearest
