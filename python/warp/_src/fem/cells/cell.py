@@ -25,7 +25,7 @@ class Cell:
         is_simplex: True for points, lines, triangles and tetrahedra.
         corners: parameters of the vertices.
         edges: vertices of each edge, in the edge's direction.
-        faces: vertices of each face. Those of a square are in the order of the vertices of a square.
+        faces: vertices of each face; four are in the order of the vertices of a square.
         mesh_vertices: column of each vertex in a mesh's table.
         measure: length, area or volume in parameters.
     """

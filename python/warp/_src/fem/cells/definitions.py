@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Callable
 
 import numpy as np
 
@@ -16,11 +17,11 @@ from warp._src.fem.cells.polynomial import is_closed, lagrange_scales, quadratur
 
 @dataclass(frozen=True, eq=False)
 class Definition:
-    """What an element's record stands for; `Element` documents the fields.
+    """The numbers that a record stands for; `Element` documents the fields.
 
     Attributes:
         kind: which functions of kernels evaluate the basis.
-        data: what those need.
+        data: the numbers that those need.
     """
 
     kind: str
@@ -57,14 +58,41 @@ def definition(element: Element) -> Definition:
     return made[basis](element)
 
 
-def make_layout(element, entities) -> Layout:
-    """A layout from the entity of each node; entities of a dimension have equally many."""
+def make_layout(element, entities, edge_turns=None, face_turns=None) -> Layout:
+    """A layout from the entity of each node; entities of a dimension have equally many. Turns are
+    those of values at points, which keep their sign, if they are not given."""
     dimension = element.cell.dimension
     counts = [0, 0, 0, 0]
     for d in range(dimension + 1):
         of_first = sum(1 for e in entities if e[0] == d and e[1] == 0)
         counts[3 if d == dimension else d] = of_first
-    return Layout(tuple(counts), tuple(entities))
+    edges, faces = counts[1], counts[2]
+    if edge_turns is None and edges:
+        along = tuple(range(edges))
+        edge_turns = _unsigned((along, along[::-1]))
+    if face_turns is None and faces:
+        is_simplex = element.cell == TET
+        face_turns = simplices.face_turns(element.degree) if is_simplex else square_turns(faces)
+        face_turns = _unsigned(face_turns)
+    return Layout(tuple(counts), tuple(entities), edge_turns or (), face_turns or ())
+
+
+def _unsigned(turns):
+    return tuple((numbers, (1,) * len(numbers)) for numbers in turns)
+
+
+def square_turns(count) -> tuple:
+    """For each of the eight orders of a square's vertices, the numbers of the nodes of a regular
+    grid inside: rows along the axis from the least vertex to the lesser of its neighbours."""
+    m = round(count**0.5)
+    turns = []
+    for corner, swapped in itertools.product(range(4), (0, 1)):
+        numbers = []
+        for i, j in itertools.product(range(m), repeat=2):
+            i, j = m - 1 - i if corner & 2 else i, m - 1 - j if corner & 1 else j
+            numbers.append(j * m + i if swapped else i * m + j)
+        turns.append(tuple(numbers))
+    return tuple(turns)
 
 
 def _constant(element):

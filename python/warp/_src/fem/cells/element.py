@@ -46,10 +46,16 @@ class Layout:
     Attributes:
         counts: nodes per vertex, edge, face (of three-dimensional cells) and in the cell.
         entities: for each node (dimension, number of the entity, number in the entity).
+        edge_turns: for edges in their direction and for reversed ones, the number in the entity
+            and the sign (1 or -1) that nodes of the edge have for all its cells.
+        face_turns: the same for each order of the vertices of a face: order 2 c + s has the
+            least vertex at c, and s is 1 if the next vertices of the face swap.
     """
 
     counts: tuple
     entities: tuple
+    edge_turns: tuple = ()
+    face_turns: tuple = ()
 
 
 @dataclass(frozen=True)

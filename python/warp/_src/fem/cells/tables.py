@@ -9,7 +9,7 @@ from warp._src.types.vectors import vector
 
 
 def table(values, dtype):
-    """What functions of kernels index as `T[i]` or `T[i, j]`, rounded to `dtype` once.
+    """A constant that functions of kernels index as `T[i]` or `T[i, j]`, rounded to `dtype` once.
 
     Args:
         values: (n,) or (n, m) numbers; more than two dimensions are an error.

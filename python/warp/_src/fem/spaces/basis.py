@@ -1,0 +1,210 @@
+"""Basis spaces - basis functions of the nodes of a topology."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import warp as wp
+from warp import extend
+from warp._src.fem.cells.cell import Cell, cell
+from warp._src.fem.cells.element import Element
+from warp._src.fem.spaces.topology import SpaceTopology, TopologyRecord
+
+
+@dataclass(frozen=True)
+class BasisRecord:
+    """Facts of a basis that its functions of kernels depend on.
+
+    Attributes:
+        topology: record of the topology.
+        element: the finite element; None if nodes are points.
+        base: of traces: the record of the basis of cells.
+        points: of points: what their functions depend on.
+    """
+
+    topology: TopologyRecord
+    element: Element | None = None
+    base: BasisRecord | None = None
+    points: object = None
+
+    @property
+    def cell(self) -> Cell:
+        """Reference cell of the geometry."""
+        return cell(
+            {"tet": "tetrahedron"}.get(self.topology.geometry.cell, self.topology.geometry.cell)
+        )
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Functions of kernels, all of (element argument, topology argument, element, ...).
+
+        `weight(..., coords, node)` and `weight_gradient(..., coords, node)` are a basis function
+        and its gradient by parameters, `outer_weight` and `outer_weight_gradient` the ones on the
+        other side of a side; `node_coords(..., node)` and `node_weight(..., node)`.
+        """
+        return _functions(self)
+
+
+@functools.cache
+def _functions(record):
+    from warp._src.fem.spaces.basis_functions import basis_functions
+
+    return basis_functions(record)
+
+
+class BasisSpace:
+    """Basis functions on a geometry, before values have a type.
+
+    Attributes:
+        topology: numbers of the nodes.
+        record: facts that functions of kernels depend on.
+        ORDER: polynomial degree.
+    """
+
+    record: BasisRecord
+    ORDER = 0
+
+    def __init__(self, topology: SpaceTopology, record: BasisRecord):
+        self.topology, self.record = topology, record
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Functions of kernels."""
+        return self.record.functions
+
+    @property
+    def geometry(self):
+        """The geometry."""
+        return self.topology.geometry
+
+    @property
+    def element(self) -> Element | None:
+        """The finite element; None if nodes are points."""
+        return self.record.element
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree."""
+        return self.ORDER
+
+    @property
+    def value(self):
+        """Kind of values, a `ShapeFunction.Value`."""
+        from warp._src.fem.spaces.shape import Value
+
+        maps = {"covariant": Value.CovariantVector, "contravariant": Value.ContravariantVector}
+        return maps.get(self.element.map if self.element else "identity", Value.Scalar)
+
+    @property
+    def weight_type(self) -> type:
+        """Type of basis functions."""
+        from warp._src.fem.spaces.basis_functions import value_types
+
+        return value_types(self.record)[0]
+
+    @property
+    def weight_gradient_type(self) -> type:
+        """Type of gradients of basis functions by parameters."""
+        from warp._src.fem.spaces.basis_functions import value_types
+
+        return value_types(self.record)[1]
+
+    @property
+    def name(self) -> str:
+        """Name of the topology."""
+        return self.topology.name
+
+    def __str__(self) -> str:
+        return self.name
+
+    def node_count(self) -> int:
+        """Number of nodes."""
+        return self.topology.node_count()
+
+    def node_positions(self, out=None):
+        """Positions of the nodes.
+
+        Args:
+            out: array (nodes,) of vectors to fill.
+
+        Raises:
+            ValueError: `out` has another shape or type.
+        """
+        geometry = self.geometry
+        vector = wp.types.vector(length=geometry.dimension, dtype=geometry.scalar_type)
+        shape = (self.node_count(),)
+        if out is None:
+            out = wp.empty(shape, dtype=vector)
+        elif out.shape != shape or not extend.types_equal(out.dtype, vector):
+            raise ValueError(
+                f"'out' expects shape {shape} and type {extend.type_repr(vector)}, but got "
+                f"{out.shape} and {extend.type_repr(out.dtype)}"
+            )
+        kernel, device = _positions_kernel(self.record), out.device
+        inputs = [geometry.cell_arg_value(device), self.topology.topo_arg_value(device), out]
+        with extend.unrecorded():
+            wp.launch(kernel, geometry.cell_count(), inputs, device=device)
+        return out
+
+    def trace(self) -> BasisSpace:
+        """The basis on the sides."""
+        return TraceBasisSpace(self)
+
+    def __eq__(self, other) -> bool:
+        if not isinstance(other, BasisSpace):
+            return NotImplemented
+        return self.topology == other.topology and self.record == other.record
+
+    def __hash__(self) -> int:
+        return hash(self.record)
+
+
+@functools.cache
+def _positions_kernel(record):
+    from warp._src.fem.spaces.basis_kernels import positions_kernel
+
+    return positions_kernel(record)
+
+
+class ShapeBasisSpace(BasisSpace):
+    """Basis functions of a finite element."""
+
+    def __init__(self, topology: SpaceTopology, shape):
+        element = shape.element if hasattr(shape, "element") else shape
+        super().__init__(topology, BasisRecord(topology.record, element))
+        self.ORDER = element.degree
+
+    @property
+    def shape(self):
+        """The element as a `ShapeFunction`."""
+        from warp._src.fem.spaces.shape import ShapeFunction
+
+        return ShapeFunction(self.element, self.geometry.scalar_type)
+
+    def __getattr__(self, name):
+        if name == "node_grid" and "topology" in self.__dict__:
+            return self.topology.node_grid
+        makers = {"node_triangulation": "triangles", "node_tets": "tets", "node_hexes": "hexes"}
+        if name in makers or name == "vtk_cells":
+            from warp._src.fem.spaces import plotting
+
+            made = getattr(plotting, makers.get(name, name))
+            if plotting.has_pieces(self.element, name):
+                return functools.partial(made, self)
+        raise AttributeError(f"{type(self).__name__!r} of {self.element!r} has no {name!r}")
+
+
+class TraceBasisSpace(BasisSpace):
+    """Basis functions on sides: those of the cell on either side."""
+
+    def __init__(self, base: BasisSpace):
+        topology = base.topology.trace()
+        record = BasisRecord(topology.record, base.element, base=base.record)
+        super().__init__(topology, record)
+        self._base, self.ORDER = base, base.ORDER
+
+    def trace(self) -> BasisSpace:
+        """This basis."""
+        return self

@@ -1,0 +1,236 @@
+"""Node numbering - tables of the nodes of each cell, from the entities of a geometry.
+
+Nodes of an entity follow each other and have one order for all cells of the entity: that of its
+vertices sorted by number. Turns of the layout say which place and sign that gives to the nodes of
+a cell whose own order is another.
+"""
+
+import functools
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+import warp as wp
+from warp._src.fem.cells.cell import SQUARE
+from warp._src.fem.cells.tables import table
+
+
+@dataclass(frozen=True)
+class Entities:
+    """Numbers of the vertices, edges and faces of each cell.
+
+    Attributes:
+        cell_vertices, cell_edges, cell_faces: int32 (cells, n) in the reference cell's order.
+        vertex_count, edge_count, face_count: of the whole geometry.
+        aligned: edges and faces have the same direction in all their cells.
+    """
+
+    cell_vertices: object
+    cell_edges: object
+    cell_faces: object
+    vertex_count: int
+    edge_count: int
+    face_count: int
+    aligned: bool = False
+
+
+def grid_entities(res, device) -> Entities:
+    """Entities of one environment of a regular grid.
+
+    Vertices have the last axis fastest; edges are numbered by axis and faces by normal, the place
+    along that axis first and the others in cyclic order.
+    """
+    dimension = len(res)
+    places = np.stack(np.meshgrid(*map(np.arange, res), indexing="ij"), axis=-1)
+    places = places.reshape(-1, dimension)
+    cyclic = [[(axis + k) % dimension for k in range(dimension)] for axis in range(dimension)]
+
+    def numbers(first, order, sizes, offset):
+        at = 0
+        for axis in order:
+            at = at * sizes[axis] + places[:, axis] + offset[axis]
+        return first + at
+
+    def along(axis, values):
+        return {cyclic[axis][k]: value for k, value in enumerate(values)}
+
+    def family(sizes_of, offsets_of):
+        """Numbers of the entities of all axes, and their count in one environment."""
+        columns, first = [], 0
+        for axis in range(dimension):
+            sizes = sizes_of(axis)
+            for offset in offsets_of:
+                columns.append(numbers(first, cyclic[axis], sizes, along(axis, offset)))
+            first += math.prod(sizes)
+        return columns, first
+
+    def edge_sizes(axis):
+        return [n + (k != axis) for k, n in enumerate(res)]
+
+    def face_sizes(axis):
+        return [n + (k == axis) for k, n in enumerate(res)]
+
+    shape = [n + 1 for n in res]
+    corners = itertools.product((0, 1), repeat=dimension)
+    vertices = [numbers(0, range(dimension), shape, corner) for corner in corners]
+    offsets = [(0, *ends) for ends in itertools.product((0, 1), repeat=dimension - 1)]
+    edges, edge_count = family(edge_sizes, offsets)
+    faces, face_count = [], 0
+    if dimension == 3:
+        faces, face_count = family(face_sizes, [(0, 0, 0), (1, 0, 0)])
+    else:
+        edges, edge_count = _square_edges(places, res)
+
+    def array(columns):
+        if not columns:
+            return wp.empty((0, 0), dtype=wp.int32, device=device)
+        return wp.array(np.stack(columns, axis=1).astype(np.int32), device=device)
+
+    arrays = [array(columns) for columns in (vertices, edges, faces)]
+    return Entities(*arrays, math.prod(shape), edge_count, face_count, aligned=True)
+
+
+def _square_edges(places, res):
+    """Edges of a plane grid with the numbers of its sides: by normal, the place along it first."""
+    columns, first = [], {}
+    first[1], first[0] = 0, (res[0] + 1) * res[1]
+    x, y = places[:, 0], places[:, 1]
+    for end in (0, 1):
+        columns.append(first[0] + (y + end) * res[0] + x)
+    for end in (0, 1):
+        columns.append(first[1] + (x + end) * res[1] + y)
+    return columns, first[0] + (res[1] + 1) * res[0]
+
+
+@functools.cache
+def numbering_kernel(cell, layout, aligned: bool):
+    """The kernel that writes numbers and signs of the nodes of cells."""
+    entities = np.array(layout.entities)
+    kinds, numbers, places = (table(entities[:, k], wp.int32) for k in range(3))
+    of_vertices, of_edges, of_faces, of_cells = layout.counts
+    edge_numbers, edge_signs = _turn_tables(layout.edge_turns)
+    face_numbers, face_signs = _turn_tables(layout.face_turns)
+    edge_ends = table(np.array(cell.edges), wp.int32)
+    corners = table(np.array(cell.faces or ((0, 0, 0, 0),)), wp.int32)
+    columns = table(np.array(cell.mesh_vertices), wp.int32)
+    dimension, has_triangles = cell.dimension, cell.is_simplex
+    has_edges, has_faces = of_edges > 0 and dimension > 1, of_faces > 0 and dimension > 2
+
+    @wp.func
+    def vertex(vertices: wp.array2d(dtype=int), element: int, v: int):
+        if wp.static(aligned):
+            return vertices[element, v]
+        else:
+            return vertices[element, columns[v]]
+
+    @wp.func
+    def edge_turn(vertices: wp.array2d(dtype=int), element: int, edge: int):
+        first = vertex(vertices, element, edge_ends[edge, 0])
+        return wp.where(first > vertex(vertices, element, edge_ends[edge, 1]), 1, 0)
+
+    @wp.func
+    def triangle_turn(vertices: wp.array2d(dtype=int), element: int, face: int):
+        a = vertex(vertices, element, corners[face, 0])
+        b = vertex(vertices, element, corners[face, 1])
+        c = vertex(vertices, element, corners[face, 2])
+        if a < b and a < c:
+            return wp.where(b > c, 1, 0)
+        if b < a and b < c:
+            return wp.where(c > a, 3, 2)
+        return wp.where(a > b, 5, 4)
+
+    @wp.func
+    def square_turn(vertices: wp.array2d(dtype=int), element: int, face: int):
+        least = int(0)
+        for v in range(1, 4):
+            here = vertex(vertices, element, corners[face, v])
+            if here < vertex(vertices, element, corners[face, least]):
+                least = v
+        across = vertex(vertices, element, corners[face, least ^ 2])
+        beside = vertex(vertices, element, corners[face, least ^ 1])
+        return 2 * least + wp.where(across > beside, 1, 0)
+
+    face_turn = triangle_turn if has_triangles else square_turn
+
+    @wp.kernel(enable_backward=False)
+    def number_nodes(
+        vertices: wp.array2d(dtype=int),
+        edges: wp.array2d(dtype=int),
+        faces: wp.array2d(dtype=int),
+        first_edge: int,
+        first_face: int,
+        first_cell: int,
+        nodes: wp.array2d(dtype=int),
+        signs: wp.array2d(dtype=wp.int8),
+    ):
+        element, k = wp.tid()
+        kind = kinds[k]
+        number = numbers[k]
+        place = places[k]
+        sign = int(1)
+        node = first_cell + element * of_cells + place
+        if kind == 0:
+            node = vertex(vertices, element, number) * of_vertices + place
+        if wp.static(has_edges):  # noqa: SIM102
+            if kind == 1:
+                turn = int(0)
+                if wp.static(not aligned):
+                    turn = edge_turn(vertices, element, number)
+                sign = edge_signs[turn, place]
+                place = edge_numbers[turn, place]
+                node = first_edge + edges[element, number] * of_edges + place
+        if wp.static(has_faces):  # noqa: SIM102
+            if kind == 2:
+                turn = int(0)
+                if wp.static(not aligned):
+                    turn = face_turn(vertices, element, number)
+                sign = face_signs[turn, place]
+                place = face_numbers[turn, place]
+                node = first_face + faces[element, number] * of_faces + place
+        nodes[element, k] = node
+        signs[element, k] = wp.int8(sign)
+
+    return number_nodes
+
+
+def _turn_tables(turns):
+    turns = turns or (((0,), (1,)),)
+    return (table(np.array([turn[k] for turn in turns]), wp.int32) for k in range(2))
+
+
+def firsts(element, entities: Entities, cells: int) -> tuple:
+    """First node of edges, of faces, of the cells, and the number of nodes. Nodes of squares come
+    before the ones of edges."""
+    of_vertices, of_edges, of_faces, of_cells = element.layout.counts
+    vertices = entities.vertex_count * of_vertices
+    edges = entities.edge_count * of_edges if element.cell.dimension > 1 else 0
+    faces = entities.face_count * of_faces if element.cell.dimension > 2 else 0
+    inside = cells * of_cells
+    total = vertices + edges + faces + inside
+    if element.cell == SQUARE:
+        return vertices + inside, total, vertices, total
+    return vertices, vertices + edges, vertices + edges + faces, total
+
+
+def number_nodes(element, entities: Entities, cells: int, device) -> tuple:
+    """Nodes of each cell.
+
+    Returns:
+        Numbers (cells, n) int32, signs (cells, n) int8, and the number of nodes.
+
+    Raises:
+        ValueError: there are 2^31 nodes or more.
+    """
+    first_edge, first_face, first_cell, total = firsts(element, entities, cells)
+    if total >= 2**31:
+        raise ValueError(f"expects fewer than 2^31 nodes, but {element!r} has {total}")
+    shape = (cells, element.node_count)
+    nodes = wp.empty(shape, dtype=wp.int32, device=device)
+    signs = wp.empty(shape, dtype=wp.int8, device=device)
+    arrays = [entities.cell_vertices, entities.cell_edges, entities.cell_faces]
+    kernel = numbering_kernel(element.cell, element.layout, entities.aligned)
+    inputs = [*arrays, first_edge, first_face, first_cell, nodes, signs]
+    wp.launch(kernel, shape, inputs, device=device)
+    return nodes, signs, total
