@@ -1,0 +1,142 @@
+"""Derivatives of functionals, vectors and matrices against differences in float64."""
+
+import numpy as np
+import pytest
+
+import fem_programs as programs
+import warp as wp
+from warp import fem
+
+RNG = np.random.default_rng(2)
+
+
+@fem.integrand
+def energy(s: fem.Sample, u: fem.Field, c: wp.array(dtype=wp.float64)):
+    g = fem.grad(u, s)
+    w = u(s)
+    return 0.5 * c[0] * wp.dot(g, g) + 0.25 * w * w * w * w
+
+
+@fem.integrand
+def residual(s: fem.Sample, u: fem.Field, v: fem.Field, c: wp.array(dtype=wp.float64)):
+    w = u(s)
+    return c[0] * wp.dot(fem.grad(u, s), fem.grad(v, s)) + w * w * w * v(s)
+
+
+@fem.integrand
+def tangent(s: fem.Sample, w: fem.Field, u: fem.Field, v: fem.Field, c: wp.array(dtype=wp.float64)):
+    k = c[0] * c[0] * (1.0 + w(s) * w(s))
+    return k * wp.dot(fem.grad(u, s), fem.grad(v, s)) + w(s) * u(s) * v(s)
+
+
+def space_of(name, degree, **options):
+    move = None if "grid" in name else programs.warped
+    geo = programs.geometry(name, 2, wp.float64, move, **options)
+    return fem.make_polynomial_space(geo, degree=degree, dtype=wp.float64)
+
+
+def random_field(space):
+    field = programs.field_of(space, RNG.standard_normal(space.node_count()))
+    field.dof_values.requires_grad = True
+    return field
+
+
+def difference(call, array, step=1e-5):
+    """A directional derivative of `call()` by an array, and the direction."""
+    start = array.numpy().copy()
+    direction = RNG.standard_normal(start.shape)
+    values = []
+    for sign in (1.0, -1.0):
+        array.assign(start + sign * step * direction)
+        values.append(call())
+    array.assign(start)
+    return (values[0] - values[1]) / (2.0 * step), direction
+
+
+def check(array, call, expected_zero=False):
+    slope, direction = difference(call, array)
+    found = float((array.grad.numpy() * direction).sum())
+    assert found == pytest.approx(slope, rel=2e-6), (found, slope)
+
+
+CELLS = [("grid3", 1), ("tri", 2), ("tet", 2), ("hex", 1)]
+
+
+@pytest.mark.parametrize(("name", "degree"), CELLS)
+def test_gradient_of_an_energy_is_the_residual(name, degree):
+    space = space_of(name, degree)
+    domain = fem.Cells(space.geometry)
+    rule = fem.RegularQuadrature(domain, order=4 * degree)
+    u = random_field(space)
+    c = wp.array([1.5], dtype=wp.float64, requires_grad=True)
+    loss = wp.zeros(1, dtype=wp.float64, requires_grad=True)
+    values = {"c": c}
+
+    def run():
+        loss.zero_()
+        fem.integrate(energy, quadrature=rule, fields={"u": u}, values=values, output=loss)
+        return float(loss.numpy()[0])
+
+    with wp.Tape() as tape:
+        run()
+    tape.backward(loss)
+    test = fem.make_test(space, domain=domain)
+    r = fem.integrate(residual, quadrature=rule, fields={"u": u, "v": test}, values=values)
+    np.testing.assert_allclose(u.dof_values.grad.numpy(), r.numpy(), atol=1e-12)
+    check(u.dof_values, run)
+    check(c, run)
+
+
+@pytest.mark.parametrize(("name", "degree"), CELLS)
+@pytest.mark.parametrize("assembly", [None, "generic", "dispatch"])
+def test_gradient_of_a_matrix(name, degree, assembly):
+    space = space_of(name, degree)
+    domain = fem.Cells(space.geometry)
+    rule = fem.RegularQuadrature(domain, order=2 * degree)
+    w = random_field(space)
+    c = wp.array([1.5], dtype=wp.float64, requires_grad=True)
+    fields = {"w": w, **programs.fields_of(space, domain)}
+    arguments = {"quadrature": rule, "fields": fields, "values": {"c": c}, "assembly": assembly}
+    with wp.Tape() as tape:
+        matrix = fem.integrate(tangent, **arguments)
+    assert matrix.values.requires_grad
+    weights = RNG.standard_normal(matrix.values.shape)
+    tape.backward(grads={matrix.values: wp.array(weights, dtype=wp.float64)})
+
+    def run():
+        return float((weights * fem.integrate(tangent, **arguments).values.numpy()).sum())
+
+    check(w.dof_values, run)
+    check(c, run)
+
+
+@pytest.mark.parametrize(("name", "degree"), [("tri", 1), ("tet", 2), ("hex", 1)])
+def test_gradient_by_positions(name, degree):
+    space = space_of(name, degree, requires_grad=True)
+    domain = fem.Cells(space.geometry)
+    rule = fem.RegularQuadrature(domain, order=2 * degree)
+    fields = programs.fields_of(space, domain)
+    positions = space.geometry.positions
+    with wp.Tape() as tape:
+        matrix = fem.integrate(programs.diffusion, quadrature=rule, fields=fields)
+    weights = RNG.standard_normal(matrix.values.shape)
+    tape.backward(grads={matrix.values: wp.array(weights, dtype=wp.float64)})
+
+    def run():
+        matrix = fem.integrate(programs.diffusion, quadrature=rule, fields=fields)
+        return float((weights * matrix.values.numpy()).sum())
+
+    check(positions, run)
+    u, loss = random_field(space), wp.zeros(1, dtype=wp.float64, requires_grad=True)
+    c = wp.array([1.5], dtype=wp.float64)
+
+    def functional():
+        loss.zero_()
+        fem.integrate(energy, quadrature=rule, fields={"u": u}, values={"c": c}, output=loss)
+        return float(loss.numpy()[0])
+
+    positions.grad.zero_()
+    with wp.Tape() as tape:
+        functional()
+    tape.backward(loss)
+    check(positions, functional)
