@@ -264,6 +264,10 @@ from warp._src.types.numpy_types import dtype_to_numpy as dtype_to_numpy
 from warp._src.types.structs import struct as struct
 from warp._src.version import VERSION as VERSION
 
+# Picklers look for what is there already.
+from warp import types as types  # isort: skip
+from warp._src import pickling as _pickling  # isort: skip
+
 if _typing.TYPE_CHECKING:
     from warp import autograd as autograd
     from warp import build_experimental as build_experimental

@@ -277,6 +277,11 @@ def on_change(name, listener) -> None:
 class ConfigModule(types.ModuleType):
     """The class of the module `warp.config`."""
 
+    def __reduce__(self):
+        import importlib
+
+        return importlib.import_module, (self.__name__,)
+
     def __setattr__(self, name, value):
         setting = SETTINGS.get(name)
         if setting is None:

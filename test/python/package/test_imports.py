@@ -52,6 +52,7 @@ def test_nothing_imports_the_public_names():
     importers = {name for name, found in graph.items() if "warp" in found}
     folders = (
         "compat",
+        "distributed",
         "geometry.device",
         "geometry.meshing",
         "geometry.surfaces",

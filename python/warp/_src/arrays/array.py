@@ -173,6 +173,9 @@ class array(
         """Bytes from the first element to the end of the last."""
         return bytes_of(self.shape, self.strides, self.item_size)
 
+    def __reduce_ex__(self, protocol):
+        return hooks.reduce_array(self, protocol)
+
     def __len__(self):
         return self.shape[0] if self.ndim else 1
 

@@ -17,5 +17,7 @@ select: typing.Callable
 plain_array: type
 # check_settled(array): rejects reading what work that is being captured writes.
 check_settled: typing.Callable
+# reduce_array(array, protocol): the parts that an array is pickled as.
+reduce_array: typing.Callable
 # Captures in progress: by stream handle on CUDA, by thread on the CPU.
 captures: dict = {}

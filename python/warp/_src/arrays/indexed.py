@@ -134,6 +134,9 @@ class indexedarray(ArrayArithmetic):
         filled = [given for given in self._indices if given is not None and given.size]
         self._readable = filled[0] if filled else _one_element(scalars.int32, data, bytes(4))
 
+    def __reduce__(self):
+        return type(self), (self._data, self.indices[: self.ndim])
+
     @property
     def data(self) -> array:
         """The array behind; one of the same type and number of dimensions may take its place."""

@@ -88,6 +88,14 @@ class Tape(_native.Scope):
 
     # Recording.
 
+    def __reduce__(self):
+        if self._records:
+            raise TypeError(
+                "cannot pickle a tape with records: send arrays and gradients, and record where "
+                "`backward` is to run"
+            )
+        return type(self), (self.preserve,)
+
     def _check(self):
         if Observers.tape is not None:
             raise errors.WarpError(

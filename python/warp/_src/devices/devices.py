@@ -449,6 +449,11 @@ def is_cuda_available() -> bool:
     return bool(_cuda)
 
 
+def present(alias) -> str | None:
+    """The name of a device if it is here, else None, which names the current one."""
+    return alias if is_device_available(alias) else None
+
+
 def is_device_available(device) -> bool:
     """True if `device` is one of this machine's."""
     return device in get_devices()

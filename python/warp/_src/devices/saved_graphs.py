@@ -6,6 +6,7 @@ the graph is saved and records them again when it is loaded (`include/warp/Saved
 
 from __future__ import annotations
 
+import copyreg
 import numbers
 import os
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from warp._src import errors
 from warp._src.argument_kinds import BYTES, DICT, GRAPH
 from warp._src.arguments import checked
 from warp._src.arrays.array import array
-from warp._src.devices.devices import get_device
+from warp._src.devices.devices import get_device, present
 from warp._src.devices.graphs import Graph
 
 SUFFIX = ".wrp"
@@ -181,3 +182,33 @@ def _bytes(data, what) -> bytes:
 
 def _failed(origin, error):
     return errors.WarpError(f"Failed to load APIC graph from {origin}: {error.message}")
+
+
+def _reduce(graph) -> tuple:
+    """A graph as the files that `capture_save` writes.
+
+    Raises:
+        TypeError: it was captured without `apic=True`.
+    """
+    import tempfile
+
+    if not graph.apic:
+        raise TypeError(
+            "cannot pickle a graph: capture it with `apic=True`, or capture the work anew where "
+            "it is to run"
+        )
+    with tempfile.TemporaryDirectory() as folder:
+        capture_save(graph, f"{folder}/graph.wrp")
+        files = {}
+        for place, _, names in os.walk(folder):
+            for name in names:
+                with open(os.path.join(place, name), "rb") as file:
+                    files[name] = file.read()
+    return _load, (files.pop("graph.wrp"), files, str(graph.device))
+
+
+def _load(data, modules, device):
+    return capture_load_from_bytes(data, modules, device=present(device))
+
+
+copyreg.pickle(Graph, _reduce)

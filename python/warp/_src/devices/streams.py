@@ -7,6 +7,8 @@ current stream.
 
 from __future__ import annotations
 
+import copyreg
+
 from warp import _native
 from warp._src import errors
 from warp._src.argument_kinds import EVENT, NONE, STREAM
@@ -16,6 +18,16 @@ from warp._src.devices.devices import get_device
 
 Stream = _native.Stream
 Event = _native.Event
+
+
+def _refuse(value):
+    raise TypeError(
+        f"cannot pickle a '{type(value).__name__}': make one on the device where it is to be used"
+    )
+
+
+copyreg.pickle(Stream, _refuse)
+copyreg.pickle(Event, _refuse)
 
 
 def cuda_index(device) -> int:

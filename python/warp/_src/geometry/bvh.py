@@ -167,6 +167,9 @@ class Bvh(Hierarchical):
         else:
             self._prepare_refits()
 
+    def __reduce__(self):
+        return type(self), (self.lowers, self.uppers, self._constructor, self.groups)
+
     @property
     def lowers(self):
         """Lower corners of the boxes; `refit` and `rebuild` take over another array."""

@@ -58,7 +58,7 @@ class HashGrid:
                 f"but got {' * '.join(map(str, cells))}"
             )
         self._device = devices.get_device(device)
-        self.dtype = dtype
+        self._cells, self.dtype = cells, dtype
         if self.device.is_cpu:
             self._native = _native.HashGrid(*cells)
         else:
@@ -67,6 +67,10 @@ class HashGrid:
             self._native = DeviceGrid(cells, self.device)
         self.id = self._native.id
         self.reserved = False
+
+    def __reduce__(self):
+        # A grid has no points until the program gives it some.
+        return _made_anew, (self._cells, str(self.device), self.dtype)
 
     @property
     def device(self):
@@ -132,3 +136,8 @@ class HashGrid:
             raise ValueError(f"expects a number of points, but got {num_points}")
         self._native.reserve(int(num_points))
         self.reserved = True
+
+
+def _made_anew(cells, device, dtype):
+    """An empty grid on a device, or on the current one if that is not here."""
+    return HashGrid(*cells, device=devices.present(device), dtype=dtype)

@@ -133,6 +133,11 @@ class Mesh(Hierarchical, Behind):
         if not self.support_winding_number:
             _without_winding[self.id] = self
 
+    def __reduce__(self):
+        winding = self.support_winding_number
+        arrays = self.points, self.indices, self.velocities
+        return type(self), (*arrays, winding, self._constructor, None, self.groups)
+
     @staticmethod
     def _check_indices(indices, device):
         check_array(indices, "indices", int32, device)

@@ -14,6 +14,13 @@ from warp._src import errors
 _IDENTIFIER = re.compile(r"[^\W\d]\w*")
 
 
+# By the file that a code object names.
+_HINTS = {
+    "<dynamic-code>": "cloudpickle sent the function around it without source: define the kernel "
+    "outside of that function, kernels travel with theirs"
+}
+
+
 class ByCode:
     """The facts about code objects, of each for itself: Python counts them as equal if they differ
     in nothing but annotations of local variables, which say something here."""
@@ -66,7 +73,7 @@ def lines_of(function, forget=False) -> list[str]:
             f"source of '{function.__name__}' is not available",
             file=code.co_filename,
             line=code.co_firstlineno,
-            hint="define the function in a file or a notebook cell",
+            hint=_HINTS.get(code.co_filename, "define the function in a file or a notebook cell"),
         )
     return lines
 

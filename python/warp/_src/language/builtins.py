@@ -47,6 +47,9 @@ class Builtin:
         self.__doc__ = doc + "\n\nOverloads:\n" + "\n".join(f"    {name}{s}" for s in signatures)
         self._evaluators = {}
 
+    def __reduce__(self):
+        return self.__name__
+
     def __call__(self, *args, **named):
         if self.key == "tile_stack" or (self.key == "tile" and _declares(args, named)):
             from warp._src.types.tiles import TileStackType, declared_tile

@@ -317,3 +317,20 @@ def _stack(vectors):
             )
     numbers = [number for v in vectors for number in scalars_of(v)]
     return matrix((len(vectors), first._length_), first._wp_scalar_type_)._from_numbers(numbers)
+
+
+def composite_of_name(name):
+    """The vector or matrix type of a name such as `vec5f` or `mat4x12d`, or None."""
+    kind, rest = name[:3], name[3:]
+    extents = rest.rstrip("abcdefghijklmnopqrstuvw")
+    by_suffix = {suffix: dtype for dtype, suffix in SUFFIX.items()}
+    dtype = by_suffix.get(rest[len(extents) :])
+    if dtype is None or kind not in ("vec", "mat"):
+        return None
+    parts = extents.split("x") if "x" in extents or kind == "vec" else list(extents)
+    if not all(part.isdecimal() for part in parts):
+        return None
+    numbers = tuple(map(int, parts))
+    if kind == "vec" and len(numbers) == 1:
+        return vector(numbers[0], dtype)
+    return matrix(numbers, dtype) if kind == "mat" and len(numbers) == 2 else None

@@ -62,6 +62,10 @@ def describe(array, gradient=None) -> ArrayDescriptor:
     return descriptor
 
 
+class FieldMark:
+    """A field in the pickled attributes of a struct class, which makes its fields itself."""
+
+
 class Field:
     """Descriptor of one field: checks and converts around the raw ctypes field."""
 
@@ -71,6 +75,9 @@ class Field:
         self.dtype = dtype
         self.raw = raw
         self.offset = raw.offset
+
+    def __reduce__(self):
+        return FieldMark, ()
 
     def __get__(self, instance, owner=None):
         if instance is None:

@@ -22,7 +22,7 @@ from warp._src.types import annotations, dtypes
 from warp._src.types.composites import flatten_numbers
 from warp._src.types.native import ArrayType
 from warp._src.types.scalars import ScalarType
-from warp._src.types.struct_fields import ArrayDescriptor, Field
+from warp._src.types.struct_fields import ArrayDescriptor, Field, FieldMark
 from warp._src.version import calling_frame
 
 
@@ -38,6 +38,9 @@ class _OfClass:
 
 class StructType(type(ctypes.Structure)):
     """Metaclass of struct classes; describes the struct."""
+
+    # The parts that an instance is pickled as; `pickling` sets this.
+    reduce_instance: typing.ClassVar[typing.Callable]
 
     @_OfClass
     def key(cls):
@@ -72,9 +75,19 @@ class StructType(type(ctypes.Structure)):
         return numpy.dtype(cls.numpy_dtype())
 
     def __setattr__(cls, name, value):
+        # Picklers that send a class as its attributes set them on a class of this name.
+        if isinstance(value, FieldMark):
+            return
         if "_wp_fields_" in cls.__dict__ and name in cls._wp_fields_:
             raise AttributeError(f"field '{name}' of struct '{cls.__name__}' cannot be replaced")
         super().__setattr__(name, value)
+        if name == "_wp_fields_":
+            for field, dtype in value.items():
+                raw = cls.__dict__[field]
+                super().__setattr__(field, Field(cls.__name__, field, dtype, raw))
+            dtypes.register(cls)
+
+
 
 
 class StructInstance(ctypes.Structure):
@@ -222,6 +235,9 @@ class StructInstance(ctypes.Structure):
     def __ctype__(self):
         return self
 
+    def __reduce_ex__(self, protocol):
+        return StructType.reduce_instance(self)
+
     def __copy__(self):
         result = type(self).from_buffer_copy(self)
         self._share(result)
@@ -366,10 +382,7 @@ def make_struct(name, fields, base, attributes):
         "_native_": _spelled(name, fields),
     }
     made = StructType(name, (base,), namespace)
-    for field, dtype in fields.items():
-        setattr(made, field, Field(name, field, dtype, made.__dict__[field]))
     made._wp_fields_ = fields
-    dtypes.register(made)
     return made
 
 

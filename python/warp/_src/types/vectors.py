@@ -248,6 +248,8 @@ def make_composite(name, shown, mixin, length, dtype, attributes):
         "_wp_generic_type_hint_": mixin,
         **attributes,
     }
+    # `warp.types` finds types by the qualified name, for other processes.
+    namespace.setdefault("__qualname__", name or shown)
     return ArrayMeta(name or mixin._wp_generic_type_str_, (mixin, ctypes.Array), namespace)
 
 

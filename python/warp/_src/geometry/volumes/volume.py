@@ -63,6 +63,9 @@ class Volume(GridContents, Rebuildable, LeafValues):
         else:
             self._borrow(data)
 
+    def __reduce__(self):
+        return _of_bytes, (self.array(), str(self.device))
+
     @classmethod
     def _of_grids(cls, grids, device) -> Volume:
         """A volume of `GridBytes`, which are kept or copied to the device."""
@@ -303,3 +306,9 @@ class Volume(GridContents, Rebuildable, LeafValues):
         return allocation.by_points(
             cls, recipe, voxel_points, "voxel_points", device, room, status, point_mask
         )
+
+
+def _of_bytes(data, device):
+    """A volume of the bytes of its grids, on a device or, if that is not here, the current one."""
+    there = devices.get_device(devices.present(device))
+    return Volume(data if data.device is there else data.to(there))
