@@ -19,6 +19,7 @@ from warp._src.devices.paused_captures import capture_pause as capture_pause
 from warp._src.devices.paused_captures import capture_resume as capture_resume
 from warp._src.devices.paused_captures import is_capturing as is_capturing
 from warp._src.kernels.descriptions import Description as Description
+from warp._src.kernels.descriptions import OnField as OnField
 from warp._src.kernels.descriptions import Operator as Operator
 from warp._src.kernels.descriptions import Recast as Recast
 from warp._src.kernels.descriptions import Static as Static

@@ -16,7 +16,7 @@ _SOURCES = {
     "dirichlet": "dirichlet normalize_dirichlet_projector project_linear_system "
     "project_system_matrix project_system_rhs",
     "domains": "BoundarySides Cells FrontierSides GeometryDomain Sides Subdomain",
-    "fields.base": "GeometryField",
+    "fields.base": "FieldLike GeometryField",
     "fields.discrete": "DiscreteField make_discrete_field make_restriction",
     "fields.implicit": "ImplicitField",
     "fields.nonconforming": "NonconformingField",
@@ -51,7 +51,7 @@ _SOURCES = {
     "spaces.shapes": "ShapeFunction make_element_shape_function",
     "spaces.space": "FunctionSpace",
     "spaces.topology": "SpaceTopology make_element_based_space_topology",
-    "tags": "Domain Field FieldLike",
+    "tags": "Domain Field",
     "temporaries": "Temporary TemporaryStore borrow_temporary borrow_temporary_like "
     "set_default_temporary_store",
     "types": "Coords Coords_f64 ElementIndex ElementKind NULL_ELEMENT_INDEX NULL_NODE_INDEX "
@@ -61,20 +61,6 @@ _MODULES = ("cache", "field", "geometry", "linalg", "polynomial", "space", "util
 _WHERE = {name: module for module, names in _SOURCES.items() for name in names.split()}
 
 __all__ = [*_WHERE, *_MODULES]
-
-
-def _absent(name):
-    """A stand-in for a name that has nothing behind it yet."""
-    from warp._src.compat.absent import absent_class
-
-    if name != "integrand":
-        return absent_class(name, "fem")
-
-    def integrand(function=None, **options):
-        return integrand if function is None else absent_class(function.__name__, "fem")
-
-    integrand._wp_absent_ = True
-    return integrand
 
 
 def __getattr__(name):
@@ -88,7 +74,9 @@ def __getattr__(name):
     except (ModuleNotFoundError, AttributeError) as missing:
         if not (getattr(missing, "name", None) or "").startswith(("warp._src.fem", name)):
             raise
-        value = _absent(name)
+        from warp._src.compat.absent import absent_class
+
+        value = absent_class(name, "fem")
     globals()[name] = value
     return value
 

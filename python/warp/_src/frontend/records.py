@@ -12,7 +12,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.frontend.bindings import Record
 from warp._src.frontend.context import Part
-from warp._src.kernels.descriptions import Operator, Recast, Static
+from warp._src.kernels.descriptions import OnField, Operator, Recast, Static
 from warp._src.kernels.function import Function
 
 CALL = Operator("()")
@@ -49,18 +49,21 @@ class Records(Part):
             raise self.context.type_error(node, str(problem)) from None
         if isinstance(found, Static):
             return self.context.capture(found.value, node)
-        calls = self.context.user_calls
+        calls, parts = self.context.user_calls, record.parts
         if isinstance(found, Recast):
-            parts = record.parts
             if found.function is not None:
                 parts = (calls.call_function(found.function, list(parts), {}, node),)
             return Record(found.description, parts)
+        if isinstance(found, OnField):
+            self.context.at(node)
+            parts = (self.builder.struct_get(parts[0], found.field),)
+            found = found.function
         if not isinstance(found, Function):
             raise self.context.type_error(
                 node, f"'{operator.name}' is not defined for '{record.description}'"
             )
         try:
-            return calls.call_function(found, [*record.parts, *arguments], keywords, node)
+            return calls.call_function(found, [*parts, *arguments], keywords, node)
         except errors.WarpCodegenTypeError as problem:
             if not problem.notes or operator is CALL:
                 raise

@@ -18,8 +18,8 @@ class Description:
             count: arguments after the record.
 
         Returns:
-            A `wp.Function`, called with the parts and the arguments; a `Static`; a `Recast`; None
-            if the operator is not defined.
+            A `wp.Function`, called with the parts and the arguments; an `OnField`, a `Static`, a
+            `Recast`; None if the operator is not defined.
 
         Raises:
             TypeError, ValueError: the operator cannot be applied; says why.
@@ -64,3 +64,13 @@ class Recast:
     def __init__(self, description, function=None):
         self.description = description
         self.function = function
+
+
+class OnField:
+    """Result of `Description.operation`: a function of one field of the record's only part."""
+
+    __slots__ = ("field", "function")
+
+    def __init__(self, function, field):
+        self.function = function
+        self.field = field

@@ -1,7 +1,8 @@
 """Lasting names of the values that a kernel's text refers to, in every process.
 
 Values count by what they are where that can be told: numbers, strings, tuples, types, enumerations,
-functions of kernels. Others (objects, arrays, functions of Python) have no name that lasts.
+frozen dataclasses, functions of kernels. Others (objects, arrays, functions of Python) have no name
+that lasts.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import types
 import typing
 
 from warp._src.kernels import texts
-from warp._src.kernels.descriptions import Description, Operator
+from warp._src.kernels.descriptions import Operator
 from warp._src.kernels.function import Function, NativeFunction
 from warp._src.language.builtins import Builtin
 from warp._src.types.annotations import FixedArrayType, Reference
@@ -116,7 +117,7 @@ class Names:
             return self._function_of_kernels(value)
         if isinstance(value, Builtin):
             return f"builtin {value.key}"
-        if isinstance(value, Description):
+        if getattr(getattr(kind, "__dataclass_params__", None), "frozen", False):
             parts = [self.token(getattr(value, name)) for name in kind.__dataclass_fields__]
             return f"{self._class(kind)}({', '.join(parts)})"
         if isinstance(value, Operator):

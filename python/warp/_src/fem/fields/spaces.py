@@ -1,0 +1,193 @@
+"""Spaces of fields - what kernels need of a function space and of a partition of its nodes."""
+
+import functools
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import warp as wp
+from warp import extend
+from warp._src.fem.fields.base import FieldDescription, References, Values
+from warp._src.fem.fields.nodes import memory_reference
+from warp._src.fem.forms.facts import note_operation
+
+
+@dataclass(frozen=True)
+class NodeSpace:
+    """A space with the numbers of its nodes in a partition.
+
+    space: record of the space in cells. partition: record of the partition.
+    """
+
+    space: object
+    partition: object
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Basis functions in reference coordinates, and places of nodes."""
+        return self.space.functions
+
+    @property
+    def topology(self):
+        """Record of the topology."""
+        return self.space.topology
+
+    @property
+    def element(self):
+        """The reference element, None if basis functions are no polynomials of a cell."""
+        return self.space.element
+
+    @property
+    def dof_dtype(self):
+        """Type of a degree of freedom."""
+        return self.space.dof_dtype
+
+    @property
+    def cell_dimension(self) -> int:
+        """Dimension of reference coordinates."""
+        return self.space.basis.cell.dimension
+
+    @property
+    def partition_node_index(self):
+        """Function of kernels: number in the partition of a node."""
+        return self.partition.functions.partition_node_index
+
+    @property
+    def values(self) -> Values:
+        """Kinds of values."""
+        space = self.space
+        return Values(space.dof_dtype, space.dtype, space.kind, space.mapper)
+
+    @property
+    def node_count(self):
+        """Nodes of a cell, at most."""
+        return self.topology.nodes
+
+
+def node_space(space, partition) -> NodeSpace:
+    """The record of a space, in cells, and of a partition."""
+    return NodeSpace(space.cell_space.record, partition.record)
+
+
+@functools.cache
+def node_arg_type(nodes: NodeSpace):
+    """Struct with the arguments of topology and partition, and with an array of values."""
+    fields = {
+        "topology": nodes.topology.functions.TopologyArg,
+        "partition": nodes.partition.functions.PartitionArg,
+        "values": wp.array(dtype=nodes.dof_dtype),
+    }
+    return extend.struct_from_fields("NodeArg", fields, module=__name__)
+
+
+def node_arg_value(space, partition, values, device):
+    """The argument of `node_arg_type`."""
+    arg = node_arg_type(node_space(space, partition))()
+    arg.topology = space.cell_space.topology.topo_arg_value(device)
+    arg.partition = partition.partition_arg_value(device)
+    if values is not None:
+        arg.values = values
+    return arg
+
+
+@dataclass(frozen=True)
+class SpaceDescription(FieldDescription):
+    """A discrete field whose values are in memory; its parts are (slots, argument, geometry)."""
+
+    nodes: NodeSpace
+    domain: object
+
+    @property
+    def values(self):
+        """Kinds of values."""
+        return self.nodes.values
+
+    @property
+    def degree(self):
+        """Polynomial degree."""
+        return self.nodes.space.degree
+
+    def reference(self, one_node=False):
+        """Functions of reference values."""
+        return References(
+            *(
+                memory_reference(self.nodes, self.values, self.domain, half, one_node)
+                for half in (0, 1)
+            ),
+            one_node=one_node,
+        )
+
+    def node_functions(self):
+        """Operators of nodes."""
+        from warp._src.fem.fields.node_operators import discrete_node_functions
+
+        return discrete_node_functions(self.nodes, self.domain)
+
+    def in_cells(self):
+        """The field in cells."""
+        from warp._src.fem.fields.node_operators import cells_of
+
+        return cells_of(self)
+
+    def __str__(self):
+        return f"discrete field of {self.nodes.space} on {self.domain.kind}"
+
+
+@dataclass(frozen=True)
+class PointDescription(FieldDescription):
+    """A field whose reference values at the point of the plan are known: slots.
+
+    base: the field at other samples; None for a test or trial function, which is 0 there.
+    moves: samples of other places may occur.
+    """
+
+    nodes: object
+    domain: object
+    role: str
+    moves: bool = False
+    base: object = None
+
+    @property
+    def values(self):
+        """Kinds of values."""
+        return self.nodes.values
+
+    @property
+    def degree(self):
+        """Polynomial degree."""
+        return self.nodes.space.degree
+
+    def operation(self, name, count):
+        """As for other fields; recordings are told."""
+        note_operation(self.role, name)
+        return super().operation(name, count)
+
+    def reference(self, one_node=False):
+        """Functions of reference values."""
+        from warp._src.fem.fields.slots import slot_reference
+
+        if one_node:
+            return self.base.reference(True)
+        other = None if self.base is None else self.base.reference()
+        return References(*(slot_reference(self, half, other) for half in (0, 1)))
+
+    def node_functions(self):
+        """Operators of nodes, of discrete fields alone."""
+        if self.base is None:
+            raise NodeOperatorError(self.role)
+        return self.base.node_functions()
+
+    def in_cells(self):
+        """The field in cells."""
+        if self.base is None:
+            raise TypeError(f"'cells' is not defined for a {self.role} function")
+        return self.base.in_cells()
+
+    def __str__(self):
+        return f"{self.role} of {self.nodes.space} on {self.domain.kind}"
+
+
+class NodeOperatorError(TypeError):
+    """An operator of nodes is applied to a test or trial function."""
+
+    def __init__(self, role):
+        super().__init__(f"operators of nodes of a {role} function need assembly='generic'")

@@ -1,0 +1,393 @@
+"""Plan by points - the integrand's coefficients of slots at each point, then tables of bases.
+
+A thread has an element. At each point, the form is a function of the slots of its fields: values
+and gradients in reference coordinates. Its derivatives by the slots of the test function (and of
+the trial function) are its coefficients; the element's vector (matrix) is their product with basis
+functions. Structure is exact: what does not depend on a slot has no code.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import warp as wp
+from warp import extend
+from warp._src.fem.fields.base import MARK
+from warp._src.fem.forms import facts
+from warp._src.fem.forms.basis import table_type, table_value
+from warp._src.fem.forms.descriptions import DomainDescription
+from warp._src.fem.forms.slots import NODE_OPERATORS, Role
+from warp._src.fem.forms.terms import dof_count, point_functions, term_functions
+from warp._src.fem.types import sample_type
+from warp._src.frontend.build import types_of_local
+from warp._src.types.dtypes import dtype_of
+
+
+class NodeOperatorsError(Exception):
+    """The form applies operators of nodes to its test or trial function."""
+
+
+@functools.cache
+def points_plan(record):
+    """The plan of a form's record."""
+    return PointsPlan(record)
+
+
+def _parameters(names_types) -> str:
+    return "".join(f"{name}: {kind}, " for name, kind in names_types)
+
+
+class PointsPlan:
+    """Kernels of a form.
+
+    Attributes:
+        record: of the form. roles: fields with slots, by name; test and trial among them.
+        result: type of the integrand.
+    """
+
+    has_slots = True
+
+    def __init__(self, record):
+        self.record = record
+        self.domain = record.domain.functions
+        real = record.scalar
+        words = facts.words_of(record.integrand)
+        self.moves = facts.may_move(words)
+        self.names: dict = {
+            "wp": wp,
+            "extend": extend,
+            "Real": real,
+            "Sample": sample_type(real),
+            "DomainArg": self.domain.DomainArg,
+            "DOMAIN": DomainDescription(record.domain),
+            "INTEGRAND": record.integrand,
+            "gradient_by": extend.gradient_by,
+            "measure": self.domain.element_measure,
+            "element_index": self.domain.element_index,
+        }
+        self._add_arguments()
+        self.test = self._role("test", record.test)
+        self.trial = self._role("trial", record.trial)
+        self.discrete = {
+            name: Role(name, name, field.nodes, record.domain)
+            for name, field, _ in record.fields
+            if self.has_slots and hasattr(field, "nodes")
+        }
+        self._discover()
+        self._add_tables()
+
+    def _role(self, role, named):
+        if named is None:
+            return None
+        return Role(named[0], role, named[1], self.record.domain)
+
+    def _add_arguments(self):
+        """Structs of the arguments of fields and of values."""
+        record = self.record
+        kinds = {name: kind for name, _, kind in record.fields}
+        for role, named in (("test_", record.test), ("trial_", record.trial)):
+            if named is not None:
+                from warp._src.fem.fields.spaces import node_arg_type
+
+                kinds[role] = node_arg_type(named[1])
+        self.Fields = _struct("FieldArgs", tuple(kinds.items()))
+        self.Values = _struct("ValueArgs", record.values)
+        quadrature = record.quadrature
+        self.names |= {"Fields": self.Fields, "Values": self.Values, "QuadratureArg": wp.int32}
+        if quadrature is not None:
+            functions = quadrature.functions
+            self.names["QuadratureArg"] = functions.Arg
+            for name in ("point_count", "point_coords", "point_weight", "point_index"):
+                self.names[name] = getattr(functions, name)
+
+    # The form as a function of slots.
+
+    def _slot_names(self, role) -> list:
+        """(parameter, type name) of the slots of a role that the form depends on."""
+        found = []
+        for number, slot in role.used_slots:
+            self.names[f"Slot_{role.role}_{number}"] = slot.type
+            found.append((f"{role.role}_{number}", f"Slot_{role.role}_{number}"))
+        return found
+
+    def _slots(self, role) -> str:
+        """All slots of a role as a tuple, zeros for those that do not count."""
+        used = dict(role.used_slots)
+        parts = []
+        for number, slot in enumerate(role.slots):
+            self.names[f"Slot_{role.role}_{number}"] = slot.type
+            name = f"{role.role}_{number}"
+            parts.append(name if number in used else f"Slot_{name}()")
+        return f"({', '.join(parts)},)"
+
+    def _form_function(self):
+        """Makes `form`: the integrand as a function of slots and of the kernel's arguments."""
+        record, given = self.record, {}
+        point = 0
+        for name, field, _ in record.fields:
+            role = self.discrete.get(name)
+            self.names[f"FIELD_{name}"] = role.description(self.moves) if role else field
+            slots = "0"
+            if role is not None:
+                slots, point = f"points[{point}]", point + 1
+            given[name] = f"FIELD_{name}({slots}, fields.{name}, domain_arg.geo)"
+        for role in filter(None, (self.test, self.trial)):
+            self.names[f"FIELD_{role.name}"] = role.description(self.moves)
+            given[role.name] = f"FIELD_{role.name}({self._slots(role)}, 0, domain_arg.geo)"
+        given |= {name: f"values.{name}" for name, _ in record.values}
+        for name, function in record.functions:
+            self.names[f"VALUE_{name}"] = function
+            given[name] = f"VALUE_{name}"
+        integrand = record.integrand
+        given[integrand.sample_name] = "s"
+        given[integrand.domain_name] = "DOMAIN(domain_arg)"
+        arguments = ", ".join(given[name] for name in integrand.parameter_names)
+        slots = [one for role in (self.test, self.trial) if role for one in self._slot_names(role)]
+        self.slot_parameters = slots
+        text = (
+            f"def form({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
+            f"values: Values, points: wp.Any):\n    return INTEGRAND({arguments})\n"
+        )
+        self.names["Any"] = _any()
+        return self._function(text.replace("wp.Any", "Any"))
+
+    def _function(self, text):
+        """A function of kernels from text."""
+        return wp.func(extend.function_from_text(text, self._names_in(text), module=__name__))
+
+    def _names_in(self, text) -> dict:
+        import re
+
+        words = set(re.findall(r"\w+", text))
+        return {name: value for name, value in self.names.items() if name in words}
+
+    def _kernel(self, text):
+        options = dict(self.record.options)
+        function = extend.function_from_text(text, self._names_in(text), module=__name__)
+        known = {
+            key: options[key] for key in ("enable_backward", "launch_bounds") if key in options
+        }
+        return wp.kernel(function, **known)
+
+    def _discover(self):
+        """Finds the slots that the form depends on, and the type of its result."""
+        self.names["form"] = self._form_function()
+        slots = self.slot_parameters
+        zeros = [self._zero_points(role) for role in self.discrete.values()]
+        text = (
+            f"def probe({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
+            f"values: Values):\n"
+            f"    result = form({', '.join([*(n for n, _ in slots), 's', 'domain_arg'])}, fields, "
+            f"values, ({''.join(f'{one}, ' for one in zeros)}))\n"
+        )
+        function = extend.function_from_text(text, self._names_in(text), module=__name__)
+        with facts.recorded_operations() as operations:
+            try:
+                natives = types_of_local(function, "probe", "result")
+            except wp.WarpCodegenError as error:
+                problem = error
+                if "gives no value" in str(problem):
+                    natives, problem = [None], None
+                for role in ("test", "trial"):
+                    if not NODE_OPERATORS.isdisjoint(operations.get(role, ())):
+                        raise NodeOperatorsError from None
+                if problem is not None:
+                    raise
+        self.result = None if natives[0] is None else dtype_of(natives[0])
+        self.operations = operations
+        self.discrete = {
+            name: role.with_uses(operations.get(name, ())) for name, role in self.discrete.items()
+        }
+        for role in ("test", "trial"):
+            one = getattr(self, role)
+            if one is not None:
+                setattr(self, role, one.with_uses(operations.get(role, ())))
+        self.names["form"] = self._form_function()
+
+    def _zero_points(self, role) -> str:
+        self._slots(role)
+        parts = [f"Slot_{role.role}_{number}()" for number in range(len(role.slots))]
+        return f"({', '.join(parts)},)"
+
+    # Tables.
+
+    def _roles(self) -> list:
+        return [*self.discrete.values(), *filter(None, (self.test, self.trial))]
+
+    def _add_tables(self):
+        """Numbers the bases, and makes the struct of their tables."""
+        self.bases: list = []
+        for role in self._roles():
+            for half in range(role.halves):
+                basis = role.basis(self.record.rule, half)
+                if basis not in self.bases:
+                    self.bases.append(basis)
+        self.Tables = _struct(
+            "Tables", tuple((f"t{i}", table_type(one)) for i, one in enumerate(self.bases))
+        )
+        self.names["Tables"] = self.Tables
+        for i, basis in enumerate(self.bases):
+            self.names[f"value_{i}"] = basis.functions.value
+            self.names[f"gradient_{i}"] = basis.functions.gradient
+
+    def table_values(self, device):
+        """The argument with the tables."""
+        tables = self.Tables()
+        for i, basis in enumerate(self.bases):
+            setattr(tables, f"t{i}", table_value(basis, device))
+        return tables
+
+    def _basis_call(self, role, slot, q, k) -> str:
+        """A basis function, or its gradient, at point q for node k of a half."""
+        number = self.bases.index(role.basis(self.record.rule, slot.half))
+        word = "gradient" if slot.is_gradient else "value"
+        owner = {"test": "test_", "trial": "trial_"}.get(role.role, role.name)
+        args = f"tables.t{number}, fields.{owner}.topology, domain_arg.geo, s, {q}, {k}"
+        return f"{word}_{number}({args})"
+
+    # Discrete fields at a point.
+
+    def _gather(self, lines):
+        """Reads degrees of freedom of discrete fields into memory of the thread."""
+        from warp._src.fem.fields.nodes import dof_function, locations
+
+        for name, role in self.discrete.items():
+            if not role.used:
+                continue
+            self.names[f"dof_at_{name}"] = dof_function(role.nodes)
+            self.names[f"Dof_{name}"] = role.nodes.dof_dtype
+            count = role.nodes.node_count
+            for half in sorted({slot.half for _, slot in role.used_slots}):
+                at = locations(role.domain, half)
+                self.names[f"cell_arg_{half}"], self.names[f"cell_{half}"] = at.cell_arg, at.cell
+                memory = f"dofs_{name}_{half}"
+                lines.append(f"    {memory} = wp.zeros(shape=({count},), dtype=Dof_{name})")
+                lines.append(f"    for k in range({count}):")
+                lines.append(
+                    f"        {memory}[k] = dof_at_{name}(fields.{name}, cell_arg_{half}"
+                    f"(domain_arg.geo), cell_{half}(domain_arg.geo, first_s), k)"
+                )
+
+    def _points(self, lines):
+        """Sums the slots of discrete fields at the point."""
+        tuples = []
+        for name, role in self.discrete.items():
+            functions = point_functions(role.nodes.values, self.record.scalar)
+            self.names[f"of_value_{name}"] = functions.value
+            self.names[f"of_gradient_{name}"] = functions.gradient
+            self._slots(role)
+            used = dict(role.used_slots)
+            for number in used:
+                lines.append(f"        {name}_{number} = Slot_{name}_{number}()")
+            for half in sorted({slot.half for slot in used.values()}):
+                lines.append(f"        for k in range({role.nodes.node_count}):")
+                for number, slot in used.items():
+                    if slot.half == half:
+                        word = "gradient" if slot.is_gradient else "value"
+                        basis = self._basis_call(role, slot, "q", "k")
+                        lines.append(
+                            f"            {name}_{number} += of_{word}_{name}({basis}, "
+                            f"dofs_{name}_{half}[k])"
+                        )
+            tuples.append(self._slots(role))
+        lines.append(f"        points = ({''.join(f'{one}, ' for one in tuples)})")
+
+    def _loop(self, lines):
+        """Element, sample and the loop over points."""
+        coords = "point_coords(domain_arg.geo, quadrature, domain_element, element, q)"
+        index = "point_index(domain_arg.geo, quadrature, domain_element, element, q)"
+        weight = "point_weight(domain_arg.geo, quadrature, domain_element, element, q)"
+        count = self.record.quadrature.points
+        if count is None:
+            count = "point_count(domain_arg.geo, quadrature, domain_element, element)"
+        mark = f"wp.vec2i(q, {MARK})"
+        lines += [
+            "    element = element_index(domain_arg.index, domain_element)",
+            "    first_s = Sample()",
+            "    first_s.element_index = element",
+        ]
+        self._gather(lines)
+        lines += [
+            f"    for q in range({count}):",
+            f"        s = Sample(element, {coords}, {index}, {weight}, {mark}, {mark})",
+            "        scale = measure(domain_arg.geo, s) * s.qp_weight",
+        ]
+        self._points(lines)
+
+    COMMON = (
+        "domain_arg: DomainArg, quadrature: QuadratureArg, fields: Fields, values: Values, "
+        "tables: Tables"
+    )
+    REST = "s, domain_arg, fields, values, points"
+
+    def _zeros(self, role) -> str:
+        return "".join(f"Slot_{role.role}_{number}(), " for number, _ in role.used_slots)
+
+    # Kernels.
+
+    @functools.cached_property
+    def totals(self):
+        """Kernel of functionals: the integral over each element."""
+        self.names["Result"] = self.result
+        lines = [
+            f"def functional({self.COMMON}, totals: wp.array(dtype=Result)):",
+            "    domain_element = wp.tid()",
+            "    total = Result()",
+        ]
+        self._loop(lines)
+        lines += [
+            f"        total += scale * form({self.REST})",
+            "    totals[domain_element] = total",
+        ]
+        return self._kernel("\n".join(lines) + "\n")
+
+    @property
+    def block_dtype(self):
+        """Type of a block."""
+        test, real = self.test.nodes.dof_dtype, self.record.scalar
+        if self.trial is None:
+            return test
+        trial = self.trial.nodes.dof_dtype
+        if not extend.type_is_vector(test) and not extend.type_is_vector(trial):
+            return real
+        return wp.types.matrix((dof_count(test), dof_count(trial)), real)
+
+    @functools.cached_property
+    def blocks(self):
+        """Kernel of element vectors or matrices."""
+        if self.result is not self.record.scalar:
+            raise ValueError(
+                f"integrand '{self.record.integrand.name}' expects a result of type "
+                f"'{extend.type_repr(self.record.scalar)}', the scalar type of the geometry, but "
+                f"gives '{extend.type_repr(self.result)}'"
+            )
+        from warp._src.fem.forms.element_kernels import bilinear_text, linear_text
+
+        text = linear_text(self) if self.trial is None else bilinear_text(self)
+        return self._kernel(text)
+
+    def node_table(self, role):
+        """Kernel that writes node numbers of elements, and the number of nodes."""
+        from warp._src.fem.forms.tables import node_table_kernel
+
+        one = getattr(self, role)
+        return (
+            node_table_kernel(one.nodes, self.record.domain),
+            one.nodes.node_count * one.halves,
+        )
+
+    def terms(self, role):
+        """Functions of products of the role's basis functions with coefficients."""
+        return term_functions(role.nodes.values)
+
+
+def _any():
+    from typing import Any
+
+    return Any
+
+
+@functools.cache
+def _struct(name, fields):
+    """A struct from pairs; one without fields has an unused one."""
+    return extend.struct_from_fields(name, dict(fields) or {"unused": wp.int32}, module=__name__)

@@ -1,0 +1,44 @@
+"""Tables of nodes - numbers in a partition of the nodes of each element of a domain."""
+
+import functools
+
+import warp as wp
+from warp._src.fem.domains import domain_functions
+from warp._src.fem.fields.nodes import locations
+from warp._src.fem.fields.spaces import node_arg_type
+from warp._src.fem.types import sample_type
+
+
+@functools.cache
+def node_table_kernel(nodes, domain):
+    """Kernel of (domain argument, node argument, number of nodes, table)."""
+    functions = domain_functions(domain)
+    Arg, DomainArg, Sample = (
+        node_arg_type(nodes),
+        functions.DomainArg,
+        sample_type(domain.geometry.scalar),
+    )
+    element_index = functions.element_index
+    node_index = nodes.topology.functions.element_node_index
+    partition_index, count = nodes.partition_node_index, nodes.node_count
+    inner, outer = locations(domain, 0), locations(domain, 1)
+    inner_arg, inner_cell, outer_arg, outer_cell = (
+        *(inner.cell_arg, inner.cell, outer.cell_arg, outer.cell),
+    )
+    halves = 1 if domain.is_cells else 2
+
+    def node_table(domain_arg: DomainArg, arg: Arg, limit: int, table: wp.array2d(dtype=int)):
+        e = wp.tid()
+        s = Sample()
+        s.element_index = element_index(domain_arg.index, e)
+        cells, cell = inner_arg(domain_arg.geo), inner_cell(domain_arg.geo, s)
+        for k in range(count):
+            node = partition_index(arg.partition, node_index(cells, arg.topology, cell, k))
+            table[e, k] = wp.where(node >= 0 and node < limit, node, -1)
+        if wp.static(halves == 2):
+            others, other = outer_arg(domain_arg.geo), outer_cell(domain_arg.geo, s)
+            for k in range(count):
+                node = partition_index(arg.partition, node_index(others, arg.topology, other, k))
+                table[e, count + k] = wp.where(node >= 0 and node < limit, node, -1)
+
+    return wp.kernel(node_table, enable_backward=False)

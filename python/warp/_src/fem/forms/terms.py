@@ -1,0 +1,75 @@
+"""Terms - products of coefficients of slots with basis functions, as degrees of freedom."""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+from warp import extend
+
+
+def components(dtype) -> list[str]:
+    """Subscripts of the components of a slot's type; an empty one for a number."""
+    if extend.type_is_matrix(dtype):
+        rows, columns = dtype._shape_
+        return [f"[{i}, {j}]" for i in range(rows) for j in range(columns)]
+    if extend.type_is_vector(dtype):
+        return [f"[{i}]" for i in range(dtype._length_)]
+    return [""]
+
+
+def dof_count(dtype) -> int:
+    """Number of components of a degree of freedom."""
+    return dtype._length_ if extend.type_is_vector(dtype) else 1
+
+
+@functools.cache
+def term_functions(values) -> SimpleNamespace:
+    """Functions of (basis function, coefficient), for the value and the gradient of a field.
+
+    They give the derivative of the form by a degree of freedom.
+    """
+    if values.map != "identity":
+
+        @wp.func
+        def of_value(basis: Any, coefficient: Any):
+            return wp.dot(basis, coefficient)
+
+        @wp.func
+        def of_gradient(basis: Any, coefficient: Any):
+            return wp.ddot(basis, coefficient)
+
+    elif extend.type_is_vector(values.dof):
+
+        @wp.func
+        def of_value(basis: Any, coefficient: Any):
+            return basis * coefficient
+
+        @wp.func
+        def of_gradient(basis: Any, coefficient: Any):
+            return coefficient * basis
+
+    else:
+
+        @wp.func
+        def of_value(basis: Any, coefficient: Any):
+            return basis * coefficient
+
+        @wp.func
+        def of_gradient(basis: Any, coefficient: Any):
+            return wp.dot(basis, coefficient)
+
+    return SimpleNamespace(value=of_value, gradient=of_gradient)
+
+
+@functools.cache
+def point_functions(values, real) -> SimpleNamespace:
+    """Functions of (basis function, degree of freedom): their product, of value and gradient."""
+
+    @wp.func
+    def of_value(basis: Any, dof: Any):
+        return basis * dof
+
+    from warp._src.fem.fields.nodes import gradient_product_function
+
+    return SimpleNamespace(value=of_value, gradient=gradient_product_function(values))

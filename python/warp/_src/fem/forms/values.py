@@ -1,0 +1,191 @@
+"""Plan of values - the integrand at nodes, points, elements or free samples, without slots."""
+
+import functools
+
+import warp as wp
+from warp._src.fem.forms.points import PointsPlan
+from warp._src.fem.types import OUTSIDE, coords_type, sample_type
+
+
+class ValuesPlan(PointsPlan):
+    """Kernels that evaluate an integrand; fields are read from memory."""
+
+    has_slots = False
+
+    @staticmethod
+    @functools.cache
+    def of(record):
+        """The plan of a form's record."""
+        return ValuesPlan(record)
+
+    @functools.cache  # noqa: B019 - plans live as long as the program
+    def at_points(self, dtype, has_result):
+        """Kernel over elements that writes the value at each point of the quadrature."""
+        self.names |= {"Out": dtype or wp.float32}
+        count = self.record.quadrature.points
+        if count is None:
+            count = "point_count(domain_arg.geo, quadrature, domain_element, element)"
+        args = "domain_arg.geo, quadrature, domain_element, element, q"
+        lines = [
+            f"def values_at_points({self.COMMON}, result: wp.array(dtype=Out)):",
+            "    domain_element = wp.tid()",
+            "    element = element_index(domain_arg.index, domain_element)",
+            "    if element >= 0:",
+            f"        for q in range({count}):",
+            f"            index = point_index({args})",
+            f"            s = Sample(element, point_coords({args}), index, point_weight({args}), "
+            "wp.vec2i(-1, -1), wp.vec2i(-1, -1))",
+        ]
+        lines.append(self._store("            ", "index", has_result))
+        return self._kernel("\n".join(lines) + "\n")
+
+    @functools.cache  # noqa: B019
+    def at_samples(self, dtype, has_result):
+        """Kernel over samples without a place."""
+        self.names |= {"Out": dtype or wp.float32, "Coords": coords_type(self.record.scalar)}
+        lines = [
+            f"def values_at_samples(dim: int, {self.COMMON}, result: wp.array(dtype=Out)):",
+            "    index = wp.tid()",
+            f"    s = Sample(-1, Coords(Real({OUTSIDE})), index, Real(1.0) / Real(dim), "
+            "wp.vec2i(-1, -1), wp.vec2i(-1, -1))",
+        ]
+        lines.append(self._store("    ", "index", has_result))
+        return self._kernel("\n".join(lines) + "\n")
+
+    def _store(self, indent, index, has_result):
+        call = "form(s, domain_arg, fields, values, ())"
+        if not has_result or self.result is None:
+            return f"{indent}{call}"
+        return f"{indent}result[{index}] = Out({call})"
+
+    @functools.cache  # noqa: B019
+    def at_nodes(self, space, reduction, dtype):
+        """Kernel over nodes: values of the elements of a node in their order, reduced."""
+        Value, Dof = space.dtype, dtype or space.dof_dtype
+        evaluate, to_dof = self.names["form"], dof_value_function(space)
+        functions = space.functions
+        node_coords, TopologyArg = functions.node_coords, space.topology.functions.TopologyArg
+        node_index, count = space.topology.functions.element_node_index, space.topology.nodes
+        Common = [self.names[n] for n in ("DomainArg", "QuadratureArg", "Fields", "Values")]
+        DomainArg, QuadratureArg, Fields, Values = Common
+        Tables, Arg, measure = self.Tables, sample_type(self.record.scalar), self.names["measure"]
+        element_index, Real = self.names["element_index"], self.record.scalar
+        discards = dtype is None or self.result is None
+        convert = functools.partial(_conversion, self, space)
+        converted = None if discards else convert()
+
+        def values_at_nodes(
+            begins: wp.array(dtype=int),
+            positions: wp.array(dtype=int),
+            topology: TopologyArg,
+            domain_arg: DomainArg,
+            quadrature: QuadratureArg,
+            fields: Fields,
+            values: Values,
+            tables: Tables,
+            result: wp.array(dtype=Dof),
+        ):
+            node = wp.tid()
+            total = Value()
+            weight = Real(0.0)
+            first = int(-1)
+            first_node = int(0)
+            for at in range(begins[node], begins[node + 1]):
+                position = positions[at]
+                element = element_index(domain_arg.index, position // count)
+                k = position - (position // count) * count
+                coords = node_coords(domain_arg.geo, topology, element, k)
+                is_new = wp.static(reduction != "first") or weight == Real(0.0)
+                if coords[0] != Real(OUTSIDE) and is_new:
+                    s = Arg(
+                        element,
+                        coords,
+                        node_index(domain_arg.geo, topology, element, k),
+                        Real(1.0),
+                        wp.vec2i(-1, -1),
+                        wp.vec2i(-1, -1),
+                    )
+                    if wp.static(discards):
+                        evaluate(s, domain_arg, fields, values, ())
+                        weight = Real(1.0)
+                    else:
+                        value = converted(evaluate(s, domain_arg, fields, values, ()))
+                        if first < 0:
+                            first = element
+                            first_node = k
+                        if wp.static(reduction == "weighted_average"):
+                            volume = measure(domain_arg.geo, s)
+                            weight += volume
+                            total += volume * value
+                        elif wp.static(reduction == "mean"):
+                            weight += Real(1.0)
+                            total += value
+                        elif wp.static(reduction == "max"):
+                            total = wp.where(weight > Real(0.0), wp.max(total, value), value)
+                            weight = Real(1.0)
+                        elif wp.static(reduction == "min"):
+                            total = wp.where(weight > Real(0.0), wp.min(total, value), value)
+                            weight = Real(1.0)
+                        else:
+                            total += value
+                            weight = Real(1.0)
+            if wp.static(not discards):
+                if weight > Real(0.0):
+                    dof = to_dof(domain_arg.geo, topology, first, first_node, total / weight)
+                    result[node] = Dof(dof)
+
+        return wp.kernel(values_at_nodes)
+
+
+def _conversion(plan, space):
+    """A function from the integrand's result to values of a space."""
+    from warp import extend
+
+    Value, result = space.dtype, plan.result
+    if extend.types_equal(Value, result):
+
+        @wp.func
+        def same(x: result):
+            return x
+
+        return same
+    if extend.type_size(Value) != extend.type_size(result):
+        raise ValueError(
+            f"integrand '{plan.record.integrand.name}' gives '{extend.type_repr(result)}', but "
+            f"values of the space are '{extend.type_repr(Value)}'"
+        )
+
+    @wp.func
+    def converted(x: result):
+        return Value(x)
+
+    return converted
+
+
+@functools.cache
+def dof_value_function(space):
+    """A function of (argument of elements, topology, element, node, value): degree of freedom."""
+    functions, TopologyArg = space.functions, space.topology.functions.TopologyArg
+    from typing import Any
+
+    if space.kind != "identity":
+        of_value = functions.node_dof
+
+        @wp.func
+        def to_dof(geo: Any, topology: TopologyArg, element: int, node: int, value: Any):
+            return of_value(geo, topology, element, node, value)
+
+    elif space.mapper is None:
+
+        @wp.func
+        def to_dof(geo: Any, topology: TopologyArg, element: int, node: int, value: Any):
+            return value
+
+    else:
+        of_value = functions.to_dof
+
+        @wp.func
+        def to_dof(geo: Any, topology: TopologyArg, element: int, node: int, value: Any):
+            return of_value(value)
+
+    return to_dof

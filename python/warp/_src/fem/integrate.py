@@ -1,0 +1,172 @@
+"""Integration of forms - functionals, vectors of linear forms, matrices of bilinear forms."""
+
+from __future__ import annotations
+
+import warp as wp
+from warp import extend
+from warp._src.fem.forms.form import Form
+
+_ASSEMBLIES = (None, "dispatch", "generic", "nodal")
+
+
+def integrate(
+    integrand,
+    domain=None,
+    quadrature=None,
+    fields=None,
+    values=None,
+    accumulate_dtype=wp.float64,
+    output_dtype=None,
+    output=None,
+    device=None,
+    temporary_store=None,
+    kernel_options=None,
+    assembly=None,
+    add=False,
+    bsr_options=None,
+):
+    """Integrates a form: a number, a vector or a sparse matrix.
+
+    Args:
+        integrand: the form, decorated by `fem.integrand`.
+        domain: elements to integrate over; by default those of `quadrature` or the test function.
+        quadrature: points and weights; by default a rule that is exact for the product of the
+            fields on affine elements.
+        fields: fields by name of their parameter. With a test function the result is a vector,
+            with a trial function, too, a matrix.
+        values: arguments of the other parameters, by name.
+        accumulate_dtype: scalar type of sums over elements.
+        output_dtype: type of the result, by default the form's.
+        output: array or matrix for the result. A functional is written to its first element.
+        device: where the form is integrated.
+        temporary_store: where element vectors and matrices come from.
+        kernel_options: options of kernels, beside those of the integrand.
+        assembly: "dispatch" evaluates the form once per point, "generic" for each pair of nodes,
+            "nodal" at the nodes of the test function, so that matrices are diagonal. None takes
+            "dispatch" unless the form applies operators of nodes to test or trial function.
+        add: adds the result to `output`.
+        bsr_options: how a matrix is filled, see `warp.sparse`.
+
+    Returns:
+        The number, if there is no test function and no `output`; an array with a value per node;
+        a `BsrMatrix`.
+
+    Raises:
+        ValueError: fields, values, domain or options do not fit the integrand or each other.
+        WarpCodegenError: the integrand cannot be translated, or is not linear in the test or
+            trial function.
+    """
+    if assembly not in _ASSEMBLIES:
+        raise ValueError(
+            f"'assembly' expects 'dispatch', 'generic', 'nodal' or None, but got {assembly!r}"
+        )
+    fields = dict(fields or {})
+    domain = _domain(domain, quadrature, fields)
+    if quadrature is None:
+        quadrature = default_quadrature(domain, fields, assembly)
+    form = Form(integrand, domain, quadrature, fields, values, device, kernel_options, assembly)
+    if form.trial is not None and form.test is None:
+        raise ValueError(f"integrand '{integrand.name}' has a trial function, but no test function")
+    if form.test is None:
+        return _functional(form, accumulate_dtype, output_dtype, output, add)
+    if form.trial is None:
+        return _linear(form, accumulate_dtype, output_dtype, output, add, temporary_store)
+    from warp._src.fem.assembly.matrix import assemble_matrix
+
+    return assemble_matrix(
+        form,
+        output,
+        output_dtype,
+        accumulate_dtype=accumulate_dtype,
+        add=add,
+        bsr_options=bsr_options,
+        temporary_store=temporary_store,
+    )
+
+
+def _domain(domain, quadrature, fields):
+    """The elements to integrate over."""
+    from warp._src.fem.fields.virtual import VirtualField
+
+    virtual = [field for field in fields.values() if isinstance(field, VirtualField)]
+    given = [one for one in (domain, quadrature and quadrature.domain) if one is not None]
+    given += [field.domain for field in virtual]
+    if not given:
+        raise ValueError("expects one of 'domain', 'quadrature' and a test function")
+    for other in given[1:]:
+        if other != given[0]:
+            raise ValueError(
+                f"the form is integrated over '{given[0].name}', but a quadrature, test or trial "
+                f"function is defined on '{other.name}'"
+            )
+    return given[0]
+
+
+def default_quadrature(domain, fields, assembly=None):
+    """The rule for a product of the fields."""
+    from warp._src.fem.quadratures import RegularQuadrature
+
+    if assembly == "nodal":
+        from warp._src.fem.quadratures import NodalQuadrature
+
+        test = next((f for f in fields.values() if getattr(f, "role", "") == "test"), None)
+        if test is None:
+            raise ValueError("assembly='nodal' expects a test function")
+        return NodalQuadrature(domain=domain, space=test.space)
+    order = sum(field.degree for field in fields.values() if hasattr(field, "degree"))
+    return RegularQuadrature(domain=domain, order=order)
+
+
+def _functional(form, accumulate_dtype, output_dtype, output, add):
+    """The integral of a form without test function."""
+    result = form.plan.result
+    totals = wp.empty(
+        form.domain.element_count(), dtype=result, device=form.device,
+        requires_grad=form.requires_grad and extend.is_recording(),
+    )  # fmt: skip
+    form.totals(totals)
+    from warp._src.fem.assembly.functional import sum_totals
+
+    return sum_totals(totals, accumulate_dtype, output_dtype or result, output, add)
+
+
+def _linear(form, accumulate_dtype, output_dtype, output, add, temporary_store):
+    """The vector of a linear form."""
+    from warp._src.fem.assembly.gather import with_scalar
+    from warp._src.fem.assembly.vector import assemble_vector
+
+    count = form.test.space_partition.node_count()
+    if output is None:
+        if add:
+            raise ValueError("add=True expects 'output'")
+        block = form.block_dtype
+        scalar = extend.canonical(output_dtype or extend.type_scalar_type(block))
+        if extend.type_is_vector(scalar):
+            scalar = extend.type_scalar_type(scalar)
+        output = wp.empty(
+            count, dtype=with_scalar(block, scalar), device=form.device,
+            requires_grad=form.requires_grad and extend.is_recording(),
+        )  # fmt: skip
+    target = _as_vector(output, form, count)
+    assemble_vector(
+        form, target, accumulate_dtype=accumulate_dtype, add=add, temporary_store=temporary_store
+    )
+    return output
+
+
+def _as_vector(output, form, count):
+    """A view of the output with an element per node."""
+    block = form.block_dtype
+    size = extend.type_size(block)
+    if output.ndim == 2 and output.shape[1] == size and extend.type_size(output.dtype) == 1:
+        from warp._src.fem.assembly.gather import with_scalar
+
+        if size > 1:
+            return output.view(with_scalar(block, extend.canonical(output.dtype)))
+        return output.flatten()
+    if output.ndim == 1 and size > 1 and extend.type_size(output.dtype) == 1:
+        from warp._src.fem.assembly.gather import with_scalar
+
+        dtype = with_scalar(block, extend.canonical(output.dtype))
+        return output.reshape((count, size)).view(dtype)
+    return output
