@@ -114,27 +114,19 @@ def numbering_kernel(cell, layout, aligned: bool):
     face_numbers, face_signs = _turn_tables(layout.face_turns)
     edge_ends = table(np.array(cell.edges), wp.int32)
     corners = table(np.array(cell.faces or ((0, 0, 0, 0),)), wp.int32)
-    columns = table(np.array(cell.mesh_vertices), wp.int32)
     dimension, has_triangles = cell.dimension, cell.is_simplex
     has_edges, has_faces = of_edges > 0 and dimension > 1, of_faces > 0 and dimension > 2
 
     @wp.func
-    def vertex(vertices: wp.array2d(dtype=int), element: int, v: int):
-        if wp.static(aligned):
-            return vertices[element, v]
-        else:
-            return vertices[element, columns[v]]
-
-    @wp.func
     def edge_turn(vertices: wp.array2d(dtype=int), element: int, edge: int):
-        first = vertex(vertices, element, edge_ends[edge, 0])
-        return wp.where(first > vertex(vertices, element, edge_ends[edge, 1]), 1, 0)
+        first = vertices[element, edge_ends[edge, 0]]
+        return wp.where(first > vertices[element, edge_ends[edge, 1]], 1, 0)
 
     @wp.func
     def triangle_turn(vertices: wp.array2d(dtype=int), element: int, face: int):
-        a = vertex(vertices, element, corners[face, 0])
-        b = vertex(vertices, element, corners[face, 1])
-        c = vertex(vertices, element, corners[face, 2])
+        a = vertices[element, corners[face, 0]]
+        b = vertices[element, corners[face, 1]]
+        c = vertices[element, corners[face, 2]]
         if a < b and a < c:
             return wp.where(b > c, 1, 0)
         if b < a and b < c:
@@ -145,11 +137,11 @@ def numbering_kernel(cell, layout, aligned: bool):
     def square_turn(vertices: wp.array2d(dtype=int), element: int, face: int):
         least = int(0)
         for v in range(1, 4):
-            here = vertex(vertices, element, corners[face, v])
-            if here < vertex(vertices, element, corners[face, least]):
+            here = vertices[element, corners[face, v]]
+            if here < vertices[element, corners[face, least]]:
                 least = v
-        across = vertex(vertices, element, corners[face, least ^ 2])
-        beside = vertex(vertices, element, corners[face, least ^ 1])
+        across = vertices[element, corners[face, least ^ 2]]
+        beside = vertices[element, corners[face, least ^ 1]]
         return 2 * least + wp.where(across > beside, 1, 0)
 
     face_turn = triangle_turn if has_triangles else square_turn
@@ -172,7 +164,7 @@ def numbering_kernel(cell, layout, aligned: bool):
         sign = int(1)
         node = first_cell + element * of_cells + place
         if kind == 0:
-            node = vertex(vertices, element, number) * of_vertices + place
+            node = vertices[element, number] * of_vertices + place
         if wp.static(has_edges):  # noqa: SIM102
             if kind == 1:
                 turn = int(0)
@@ -198,6 +190,19 @@ def numbering_kernel(cell, layout, aligned: bool):
 def _turn_tables(turns):
     turns = turns or (((0,), (1,)),)
     return (table(np.array([turn[k] for turn in turns]), wp.int32) for k in range(2))
+
+
+def mesh_entities(entities, layout) -> Entities:
+    """Entities of a mesh or sparse grid; the ones without nodes are not asked for."""
+    edges, faces = None, None
+    edge_count = face_count = 0
+    if layout.counts[1]:
+        edges, edge_count = entities.cell_edges, entities.edge_count
+    if layout.counts[2]:
+        faces, face_count = entities.cell_faces, entities.face_count
+    aligned = getattr(entities, "aligned", False)
+    counts = (entities.vertex_count, edge_count, face_count)
+    return Entities(entities.cells, edges, faces, *counts, aligned)
 
 
 def firsts(element, entities: Entities, cells: int) -> tuple:
@@ -230,6 +235,10 @@ def number_nodes(element, entities: Entities, cells: int, device) -> tuple:
     nodes = wp.empty(shape, dtype=wp.int32, device=device)
     signs = wp.empty(shape, dtype=wp.int8, device=device)
     arrays = [entities.cell_vertices, entities.cell_edges, entities.cell_faces]
+    arrays = [
+        wp.empty((0, 0), dtype=wp.int32, device=device) if array is None else array.to(device)
+        for array in arrays
+    ]
     kernel = numbering_kernel(element.cell, element.layout, entities.aligned)
     inputs = [*arrays, first_edge, first_face, first_cell, nodes, signs]
     wp.launch(kernel, shape, inputs, device=device)

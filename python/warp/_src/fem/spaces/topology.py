@@ -318,6 +318,8 @@ class TableTopology(SpaceTopology):
             environments = base.environment_count()
             cells //= environments
             entities = numbering.grid_entities([int(n) for n in base.res], device)
+        else:
+            entities = numbering.mesh_entities(entities, self.element.layout)
         nodes, signs, count = numbering.number_nodes(self.element, entities, cells, device)
         if environments > 1:
             local = nodes.numpy()
