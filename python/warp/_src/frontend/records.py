@@ -52,7 +52,8 @@ class Records(Part):
         calls, parts = self.context.user_calls, record.parts
         if isinstance(found, Recast):
             if found.function is not None:
-                parts = (calls.call_function(found.function, list(parts), {}, node),)
+                made = calls.call_function(found.function, list(parts), {}, node)
+                parts = made if type(made) is tuple else (made,)
             return Record(found.description, parts)
         if isinstance(found, OnField):
             self.context.at(node)

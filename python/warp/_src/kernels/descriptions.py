@@ -56,7 +56,8 @@ class Static:
 class Recast:
     """Result of `Description.operation`: a record of another description.
 
-    function: makes the new record's part of the old one's parts; None keeps the parts.
+    function: makes the new record's part, or a tuple of its parts, of the old one's; None keeps
+        them.
     """
 
     __slots__ = ("description", "function")

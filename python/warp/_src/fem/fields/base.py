@@ -14,6 +14,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
 from warp._src.fem.tags import Field
+from warp._src.fem.types import make_free_sample
 
 # The sample's degrees of freedom say that it is a point whose values are known.
 MARK = -7
@@ -69,8 +70,12 @@ class FieldDescription(extend.Description, Field):
             self.check(name)
             if self.domain.is_cells:
                 name = _OUTER.get(name, name)
-            return getattr(field_functions(self, count > 1), name, None)
+            return getattr(self.evaluations(count > 1), name, None)
         return getattr(self.node_functions(), name, None)
+
+    def evaluations(self, one_node):
+        """Functions of the operators that give values."""
+        return field_functions(self, one_node)
 
     def check(self, name):
         """Raises where an operator has no meaning for the kind of values."""
@@ -108,16 +113,35 @@ def unchanged(x: Any):
     return x
 
 
-def _maps(description, half):
-    """Functions of (argument of elements, sample): the gradient of the map, and its inverse."""
-    functions = domain_functions(description.domain)
-    if description.domain.is_cells:
-        return functions.deformation_gradient, functions.inverse_deformation_gradient
+def inverse_map(domain, half):
+    """A function of (argument of elements, sample): reference coordinates by position."""
+    functions = domain_functions(domain)
+    if domain.is_cells:
+        return functions.inverse_deformation_gradient
     side = "outer" if half else "inner"
-    return (
-        getattr(functions, f"element_{side}_deformation_gradient", None),
-        getattr(functions, f"element_{side}_inverse_deformation_gradient"),
-    )
+    return getattr(functions, f"element_{side}_inverse_deformation_gradient")
+
+
+def forward_map(domain, half):
+    """A function of (argument of elements, sample): position by reference coordinates."""
+    if domain.is_cells:
+        return domain_functions(domain).deformation_gradient
+    from warp._src.fem.fields.nodes import locations
+
+    at, cells = locations(domain, half), domain_functions(domain_like(domain, "cells"))
+    cell_arg, cell, coords = at.cell_arg, at.cell, at.coords
+    gradient = cells.deformation_gradient
+
+    @wp.func
+    def of_cell(geo: Any, s: Any):
+        return gradient(cell_arg(geo), make_free_sample(cell(geo, s), coords(geo, s)))
+
+    return of_cell
+
+
+def _maps(description, half):
+    """The gradient of the map of elements, and its inverse."""
+    return forward_map(description.domain, half), inverse_map(description.domain, half)
 
 
 def _from_dofs(description):

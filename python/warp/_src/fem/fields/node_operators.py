@@ -1,0 +1,147 @@
+"""Operators of nodes of discrete fields, and the way from a trace to cells."""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+from warp import extend
+from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.fields.nodes import locations, signed_weights
+from warp._src.fem.types import make_free_sample
+
+
+@functools.cache
+def discrete_node_functions(nodes, domain) -> SimpleNamespace:
+    """Functions of (slots, argument, geometry, sample[, node])."""
+    inner, outer = locations(domain, 0), locations(domain, 1)
+    cell_arg, cell, coords = inner.cell_arg, inner.cell, inner.coords
+    out_arg, out_cell, out_coords = outer.cell_arg, outer.cell, outer.coords
+    topology = nodes.topology.functions
+    count_of, index_of = topology.element_node_count, topology.element_node_index
+    place_of, partition_index = nodes.functions.node_coords, nodes.partition_node_index
+    weight, weight_gradient = signed_weights(nodes)
+    is_cells = domain.is_cells
+    from_cell = None if is_cells else domain_functions(domain).cell_to_element_coords
+    to_inner = _to_space(domain, 0)
+    to_outer = _to_space(domain, 1)
+
+    @wp.func
+    def node_count(part: Any, arg: Any, geo: Any, s: Any):
+        found = count_of(cell_arg(geo), arg.topology, cell(geo, s))
+        if wp.static(not is_cells):
+            found += count_of(out_arg(geo), arg.topology, out_cell(geo, s))
+        return found
+
+    @wp.func
+    def split(arg: Any, geo: Any, s: Any, node: int):
+        """Cell of a node, and its number in it."""
+        if wp.static(is_cells):
+            return s.element_index, node
+        else:
+            first = count_of(cell_arg(geo), arg.topology, cell(geo, s))
+            owner = cell(geo, s)
+            local = node
+            if node >= first:
+                owner = out_cell(geo, s)
+                local = node - first
+            return owner, local
+
+    @wp.func
+    def node_index(part: Any, arg: Any, geo: Any, s: Any, node: int):
+        owner, local = split(arg, geo, s, node)
+        return index_of(cell_arg(geo), arg.topology, owner, local)
+
+    @wp.func
+    def at_node(part: Any, arg: Any, geo: Any, s: Any, node: int):
+        owner, local = split(arg, geo, s, node)
+        place = place_of(cell_arg(geo), arg.topology, owner, local)
+        if wp.static(is_cells):
+            return make_free_sample(s.element_index, place)
+        else:
+            return make_free_sample(s.element_index, from_cell(geo, s.element_index, owner, place))
+
+    @wp.func
+    def node_partition_index(part: Any, arg: Any, geo: Any, node: int):
+        return partition_index(arg.partition, node)
+
+    @wp.func
+    def node_inner_weight(part: Any, arg: Any, geo: Any, s: Any, node: int):
+        local = split(arg, geo, s, node)[1]
+        basis = weight(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), local)
+        if wp.static(not is_cells):
+            if node >= count_of(cell_arg(geo), arg.topology, cell(geo, s)):
+                basis = type(basis)()
+        return basis
+
+    @wp.func
+    def node_outer_weight(part: Any, arg: Any, geo: Any, s: Any, node: int):
+        local = split(arg, geo, s, node)[1]
+        basis = weight(out_arg(geo), arg.topology, out_cell(geo, s), out_coords(geo, s), local)
+        if wp.static(not is_cells):
+            if node < count_of(cell_arg(geo), arg.topology, cell(geo, s)):
+                basis = type(basis)()
+        return basis
+
+    @wp.func
+    def node_inner_weight_gradient(part: Any, arg: Any, geo: Any, s: Any, node: int):
+        local = split(arg, geo, s, node)[1]
+        basis = weight_gradient(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), local)
+        if wp.static(not is_cells):
+            if node >= count_of(cell_arg(geo), arg.topology, cell(geo, s)):
+                basis = type(basis)()
+        return to_inner(geo, s, basis)
+
+    @wp.func
+    def node_outer_weight_gradient(part: Any, arg: Any, geo: Any, s: Any, node: int):
+        local = split(arg, geo, s, node)[1]
+        basis = weight_gradient(
+            out_arg(geo), arg.topology, out_cell(geo, s), out_coords(geo, s), local
+        )
+        if wp.static(not is_cells):
+            if node < count_of(cell_arg(geo), arg.topology, cell(geo, s)):
+                basis = type(basis)()
+        return to_outer(geo, s, basis)
+
+    return SimpleNamespace(
+        node_count=node_count,
+        node_index=node_index,
+        at_node=at_node,
+        node_partition_index=node_partition_index,
+        node_inner_weight=node_inner_weight,
+        node_outer_weight=node_outer_weight,
+        node_inner_weight_gradient=node_inner_weight_gradient,
+        node_outer_weight_gradient=node_outer_weight_gradient,
+    )
+
+
+def _to_space(domain, half):
+    """A function of (geometry, sample, gradient by reference coordinates): gradient in space."""
+    from warp._src.fem.fields.base import inverse_map
+
+    inverse = inverse_map(domain, half)
+
+    @wp.func
+    def to_space(geo: Any, s: Any, gradient: Any):
+        return wp.transpose(inverse(geo, s)) * gradient
+
+    return to_space
+
+
+def cells_of(description):
+    """The record of a trace's field in cells."""
+    from warp._src.fem.fields.spaces import SpaceDescription
+
+    cells = DomainRecord("cells", description.domain.partition)
+    found = SpaceDescription(description.nodes, cells)
+    if description.domain.is_cells:
+        return extend.Recast(found)
+    return extend.Recast(found, _parts_function(locations(description.domain, 0).cell_arg))
+
+
+def _parts_function(cell_arg):
+    @wp.func
+    def parts(part: Any, arg: Any, geo: Any):
+        return part, arg, cell_arg(geo)
+
+    return parts
