@@ -53,6 +53,7 @@ def test_nothing_imports_the_public_names():
     folders = (
         "compat",
         "distributed",
+        "fem",
         "geometry.device",
         "geometry.meshing",
         "geometry.surfaces",
@@ -61,13 +62,13 @@ def test_nothing_imports_the_public_names():
         "sparse",
         "utils",
     )
-    libraries = ("warp.fem.", "warp.report.", *(f"warp._src.{name}." for name in folders))
+    libraries = ("warp.fem.", "warp.examples.", "warp.report.", *(f"warp._src.{name}." for name in folders))
     strangers = {name for name in importers if not name.startswith(libraries)}
     assert not strangers
 
 
 # Parts of the package that stand on its public names and on `warp.extend`.
-LIBRARIES = ("optim", "render", "sparse", "utils")
+LIBRARIES = ("fem", "optim", "render", "sparse", "utils")
 # Algorithms whose native code is a part of them.
 NATIVE = {
     *("warp._src.sparse.number_product", "warp._src.utils.cuda_sequences"),
