@@ -176,6 +176,7 @@ class Calls(Part):
 
     def apply_builtin(self, name, arguments, node, places=()):
         """Calls a builtin; what it updates is written back to the arguments at `places`."""
+        arguments = self.context.follow(arguments, node)
         values = [self.context.materialize(argument, node) for argument in arguments]
         self.context.at(node)
         try:

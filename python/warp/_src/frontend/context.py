@@ -26,6 +26,10 @@ def is_constant(binding) -> bool:
     return isinstance(binding, dtypes.scalar_base) or dtypes.is_struct(type(binding))
 
 
+# Kinds of types whose scalars literals follow.
+_OF_FLOATS = frozenset(("float", "vec", "mat", "quat", "transform"))
+
+
 class Context(Values):
     """State that the parts of a translator of one function share.
 
@@ -118,6 +122,36 @@ class Context(Values):
         """The number that was assigned to a variable, before it became a `float32`; or None."""
         value, number = self.literals.get(id(binding), (None, None))
         return number if value is binding else None
+
+    def follow(self, operands, node):
+        """Operands, with literals in the scalar type of the others.
+
+        Only in functions with the attribute `_wp_literals_follow_`, which are written once for
+        float32 and float64; elsewhere a literal is a float32.
+        """
+        if not self.literals_follow:
+            return operands
+        numbers = [one if type(one) is float else self.literal(one) for one in operands]
+        wide = {
+            element
+            for one, number in zip(operands, numbers, strict=True)
+            if number is None and type(one) is Value
+            for element in (one.type.element or one.type,)
+            if one.type.kind in _OF_FLOATS and element.kind == "float"
+        } - {FLOAT32}
+        if len(wide) != 1:
+            return operands
+        (element,) = wide
+        self.at(node)
+        return [
+            one if number is None else self.builder.constant(element, number)
+            for one, number in zip(operands, numbers, strict=True)
+        ]
+
+    @property
+    def literals_follow(self) -> bool:
+        """Literals take the scalar type of the operands beside them; see `follow`."""
+        return getattr(self.function, "_wp_literals_follow_", False)
 
     @staticmethod
     def can_be_bound(binding):

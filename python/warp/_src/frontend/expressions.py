@@ -51,6 +51,13 @@ _FOLD = {
     ast.BitOr: operator.or_,
     ast.BitXor: operator.xor,
 }
+# Of literals that stay literals.
+_FOLD_FLOATS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: lambda a, b: a / b if b else None,
+}
 _NUMBERS = (int, float, bool)
 _UNSUPPORTED = {
     "JoinedStr": "an f-string",
@@ -132,6 +139,11 @@ class Expressions(Part):
             return _FOLD[kind](left, right)
         if type(left) is tuple and type(right) is tuple and kind is ast.Add:
             return left + right
+        if type(left) is float and type(right) is float and self.context.literals_follow:
+            folded = _FOLD_FLOATS.get(kind, lambda a, b: None)(left, right)
+            if folded is not None:
+                return folded
+        left, right = self.context.follow((left, right), node)
         left = self.context.materialize(left, node)
         right = self.context.materialize(right, node)
         try:
@@ -267,6 +279,7 @@ class Expressions(Part):
         whole = not isinstance(left, dtypes.Composite) or not len(left)
         if static and kind in (ast.Eq, ast.NotEq) and whole:
             return fold(left, right)
+        left, right = self.context.follow((left, right), node)
         left, right = self.context.materialize(left, node), self.context.materialize(right, node)
         self.context.at(node)
         if left.type == BOOL and right.type.kind in ("int", "float"):

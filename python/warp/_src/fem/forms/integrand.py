@@ -45,6 +45,8 @@ class Integrand(wp.Function):
             name: AnySample if kind is Sample or kind is Sample_f64 else kind
             for name, kind in declared.items()
         }
+        # Integrands are written once for float32 and float64.
+        func._wp_literals_follow_ = True
         super().__init__(func)
         self.parameter_names = names
         self.kernel_options = dict(kernel_options or {})
