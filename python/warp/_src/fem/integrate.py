@@ -71,6 +71,10 @@ def integrate(
         return _functional(form, accumulate_dtype, output_dtype, output, add)
     if form.trial is None:
         return _linear(form, accumulate_dtype, output_dtype, output, add, temporary_store)
+    if assembly == "nodal":
+        from warp._src.fem.assembly.nodal import assemble_diagonal
+
+        return assemble_diagonal(form, output, output_dtype, accumulate_dtype, add)
     from warp._src.fem.assembly.matrix import assemble_matrix
 
     return assemble_matrix(

@@ -53,6 +53,16 @@ class SpaceField(GeometryField):
         """Struct of topology, partition and values."""
         return node_arg_type(self.nodes)
 
+    @property
+    def node_dof_count(self) -> int:
+        """Number of components of a degree of freedom."""
+        return self.space.NODE_DOF_COUNT
+
+    @property
+    def value_dof_count(self) -> int:
+        """Number of independent components of a value."""
+        return self.space.VALUE_DOF_COUNT
+
     def gradient_valid(self) -> bool:
         """True if the gradient is defined."""
         return not extend.type_is_matrix(self.dtype)
@@ -81,7 +91,7 @@ class DiscreteField(SpaceField):
     def dof_values(self, values):
         count = self.space_partition.node_count()
         if not extend.is_array(values):
-            raise TypeError(f"'dof_values' expects an array, but got {extend.shown(values)}")
+            values = wp.array(values, dtype=self.space.dof_dtype)
         if values.ndim != 1 or not extend.types_equal(values.dtype, self.space.dof_dtype):
             raise ValueError(
                 f"'dof_values' expects an array of {extend.type_repr(self.space.dof_dtype)}, but "

@@ -10,6 +10,7 @@ from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
 from warp._src.fem.fields.base import FieldDescription, GeometryField
 from warp._src.fem.fields.uniform import UniformField
+from warp._src.fem.geometry.shapes import DIMENSIONS
 from warp._src.fem.types import NULL_ELEMENT_INDEX
 
 # Distance beyond a cell that still counts as inside, in units of the last place of the sizes.
@@ -65,13 +66,20 @@ def _at_position(description, of_field, of_background):
     gradient, environment_of = own.element_deformation_gradient, own.element_environment_index
     real = description.domain.geometry.scalar
     epsilon = real(_TOLERANCE * (2.0**-24 if real is wp.float32 else 2.0**-53))
+    is_curve = DIMENSIONS[description.domain.geometry.cell] == (
+        1 if description.domain.is_cells else 2
+    )
     several = description.cells.geometry.environments
 
     @wp.func
     def evaluate(part: Any, arg: Any, geo: Any, s: Any):
         x = position(geo, s)
         F = gradient(geo, s)
-        size = wp.sqrt(wp.ddot(F, F)) + wp.length(x)
+        size = wp.length(x)
+        if wp.static(is_curve):
+            size += wp.length(F)
+        else:
+            size += wp.sqrt(wp.ddot(F, F))
         reach = epsilon * size
         if wp.static(several):
             found = lookup(arg.cells, x, reach, environment_of(geo, s))

@@ -67,6 +67,14 @@ class UniformField(GeometryField):
 
     @value.setter
     def value(self, value):
+        kind = type(value)
+        if kind not in (int, float, bool, list, tuple) and not extend.types_equal(
+            extend.canonical(kind), self._dtype
+        ):
+            raise TypeError(
+                f"UniformField value type must remain {extend.type_repr(self._dtype)}, got "
+                f"{extend.type_repr(kind)}"
+            )
         self._value = self._dtype(value)
 
     @property

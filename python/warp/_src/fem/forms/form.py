@@ -69,6 +69,7 @@ class Form:
                 f"{extend.shown(integrand)}"
             )
         self.integrand, self.domain, self.quadrature = integrand, domain, quadrature
+        self.assembly = assembly
         self.device = wp.get_device(device)
         self.fields, self.values = dict(fields or {}), dict(values or {})
         self.test = self.trial = None
@@ -150,9 +151,22 @@ class Form:
     @functools.cached_property
     def plan(self):
         """Kernels of the form."""
-        from warp._src.fem.forms.points import points_plan
+        from warp._src.fem.forms.pairs import PairsPlan
+        from warp._src.fem.forms.points import NodeOperatorsError, points_plan
 
-        return points_plan(self.record)
+        if self.test is not None and self.assembly == "nodal":
+            return PairsPlan.of(self.record, True)
+        if self.test is not None and self.assembly == "generic":
+            return PairsPlan.of(self.record)
+        try:
+            return points_plan(self.record)
+        except NodeOperatorsError:
+            if self.assembly == "dispatch":
+                raise ValueError(
+                    f"integrand '{self.integrand.name}' applies operators of nodes to a test or "
+                    "trial function, which needs assembly='generic', not 'dispatch'"
+                ) from None
+            return PairsPlan.of(self.record)
 
     @property
     def requires_grad(self) -> bool:
@@ -186,7 +200,11 @@ class Form:
         Args:
             blocks: (count * test nodes * trial nodes,) of `block_dtype`, element by element.
         """
-        wp.launch(self.plan.blocks, count, [first, *self.arguments()], [blocks], device=self.device)
+        shape = count
+        if not self.plan.has_slots:
+            shape = count, self.test.nodes.node_count * (1 if self.domain.is_cells else 2)
+        args = [first, *self.arguments()]
+        wp.launch(self.plan.blocks, shape, args, [blocks], device=self.device)
 
     def totals(self, totals):
         """Writes the integral over each element of the domain.

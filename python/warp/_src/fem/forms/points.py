@@ -132,8 +132,7 @@ class PointsPlan:
                 slots, point = f"points[{point}]", point + 1
             given[name] = f"FIELD_{name}({slots}, fields.{name}, domain_arg.geo)"
         for role in filter(None, (self.test, self.trial)):
-            self.names[f"FIELD_{role.name}"] = role.description(self.moves)
-            given[role.name] = f"FIELD_{role.name}({self._slots(role)}, 0, domain_arg.geo)"
+            given[role.name] = self._virtual(role)
         given |= {name: f"values.{name}" for name, _ in record.values}
         for name, function in record.functions:
             self.names[f"VALUE_{name}"] = function
@@ -150,6 +149,11 @@ class PointsPlan:
         )
         self.names["Any"] = _any()
         return self._function(text.replace("wp.Any", "Any"))
+
+    def _virtual(self, role) -> str:
+        """The record of a test or trial function in the text of the form."""
+        self.names[f"FIELD_{role.name}"] = role.description(self.moves)
+        return f"FIELD_{role.name}({self._slots(role)}, 0, domain_arg.geo)"
 
     def _function(self, text):
         """A function of kernels from text."""
@@ -352,15 +356,20 @@ class PointsPlan:
             return real
         return wp.types.matrix((dof_count(test), dof_count(trial)), real)
 
-    @functools.cached_property
-    def blocks(self):
-        """Kernel of element vectors or matrices."""
+    def check_result(self):
+        """Raises unless a linear or bilinear form gives a number of the geometry's type."""
         if self.result is not self.record.scalar:
+            shown = "nothing" if self.result is None else f"'{extend.type_repr(self.result)}'"
             raise ValueError(
                 f"integrand '{self.record.integrand.name}' expects a result of type "
                 f"'{extend.type_repr(self.record.scalar)}', the scalar type of the geometry, but "
-                f"gives '{extend.type_repr(self.result)}'"
+                f"gives {shown}"
             )
+
+    @functools.cached_property
+    def blocks(self):
+        """Kernel of element vectors or matrices."""
+        self.check_result()
         from warp._src.fem.forms.element_kernels import bilinear_text, linear_text
 
         text = linear_text(self) if self.trial is None else bilinear_text(self)

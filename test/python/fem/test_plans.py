@@ -1,0 +1,89 @@
+"""Plans agree: by points, by pairs of nodes, at nodes; operators of nodes."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+import warp.fem as fem
+
+
+@fem.integrand
+def elasticity(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return wp.ddot(fem.D(u, s), fem.D(v, s)) + fem.div(u, s) * fem.div(v, s) + wp.dot(u(s), v(s))
+
+
+@fem.integrand
+def moved_to_node(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return u(s) * v(fem.at_node(v, s))
+
+
+@fem.integrand
+def mass(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return u(s) * v(s)
+
+
+@fem.integrand
+def mixed(s: fem.Sample, u: fem.Field, q: fem.Field):
+    return q(s) * fem.div(u, s) + wp.dot(fem.grad(q, s), u(s))
+
+
+@fem.integrand
+def load(s: fem.Sample, domain: fem.Domain, v: fem.Field):
+    return wp.dot(v(s), domain(s)) + fem.div(v, s)
+
+
+@fem.integrand
+def jumps(s: fem.Sample, domain: fem.Domain, u: fem.Field, v: fem.Field):
+    n = fem.normal(domain, s)
+    return wp.dot(fem.jump(u, s), fem.average(v, s)) + wp.dot(
+        fem.grad_average(u, s) * n, fem.jump(v, s)
+    )
+
+
+def spaces(grid, degree):
+    return fem.make_polynomial_space(grid, degree=degree, dtype=wp.vec2)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_points_and_pairs_agree(degree):
+    grid = fem.Grid2D(wp.vec2i(3, 2))
+    space = spaces(grid, degree)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    one = fem.integrate(elasticity, fields=fields, assembly="dispatch")
+    other = fem.integrate(elasticity, fields=fields, assembly="generic")
+    np.testing.assert_allclose(one.values.numpy(), other.values.numpy(), atol=5e-6)
+    fields = {"v": fields["v"]}
+    one = fem.integrate(load, fields=fields, assembly="dispatch")
+    other = fem.integrate(load, fields=fields, assembly="generic")
+    np.testing.assert_allclose(one.numpy(), other.numpy(), atol=1e-6)
+
+
+def test_mixed_spaces_agree():
+    grid = fem.Grid2D(wp.vec2i(3, 2))
+    pressure = fem.make_polynomial_space(grid, degree=1)
+    fields = {"u": fem.make_trial(spaces(grid, 2)), "q": fem.make_test(pressure)}
+    one = fem.integrate(mixed, fields=fields)
+    other = fem.integrate(mixed, fields=fields, assembly="generic")
+    assert one.block_shape == (1, 2)
+    np.testing.assert_allclose(one.values.numpy(), other.values.numpy(), atol=1e-6)
+
+
+def test_sides_agree():
+    grid = fem.Grid2D(wp.vec2i(3, 2))
+    space = fem.make_polynomial_space(grid, degree=1, dtype=wp.vec2, discontinuous=True)
+    sides = fem.Sides(grid)
+    fields = {"u": fem.make_trial(space, domain=sides), "v": fem.make_test(space, domain=sides)}
+    one = fem.integrate(jumps, fields=fields)
+    other = fem.integrate(jumps, fields=fields, assembly="generic")
+    np.testing.assert_allclose(one.values.numpy(), other.values.numpy(), atol=2e-6)
+
+
+def test_node_operators_select_the_plan_by_pairs():
+    grid = fem.Grid2D(wp.vec2i(3, 2))
+    space = fem.make_polynomial_space(grid, degree=1)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    matrix = fem.integrate(moved_to_node, fields=fields)
+    # Each of the 4 test functions of a cell is 1 at its node.
+    assert matrix.values.numpy().sum() == pytest.approx(4.0, rel=1e-6)
+    with pytest.raises(ValueError, match="needs assembly='generic', not 'dispatch'"):
+        fem.integrate(moved_to_node, fields=fields, assembly="dispatch")
