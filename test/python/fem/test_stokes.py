@@ -31,7 +31,8 @@ def systems(geo, degree, pressure_degree, **options):
     return velocity, pressure, a, b, m
 
 
-PAIRS = [("grid2", 2, 1, {}), ("tri", 2, 1, {}), ("grid3", 2, 1, {}), ("tet", 2, 1, {})]
+# Tetrahedra of grids have corners whose pressure no velocity sees.
+PAIRS = [("grid2", 2, 1, {}), ("tri", 2, 1, {}), ("grid3", 2, 1, {}), ("hex", 2, 1, {})]
 
 
 @pytest.mark.parametrize(("name", "degree", "pressure_degree", "options"), PAIRS)

@@ -72,8 +72,9 @@ def pattern_of(form) -> Pattern:
     key = (rows, columns, form.domain, form.device.alias, size)
     found = kept.get(key)
     if found is None or found[0] != revisions:
-        tables = form.test_table(form.device), form.trial_table(form.device)
-        pattern = Pattern(*tables, rows.node_count(), columns.node_count(), size)
+        with extend.unrecorded():
+            tables = form.test_table(form.device), form.trial_table(form.device)
+            pattern = Pattern(*tables, rows.node_count(), columns.node_count(), size)
         found = kept[key] = (revisions, pattern)
     return found[1]
 

@@ -29,8 +29,9 @@ def node_pattern_of(form) -> NodePattern:
     key = (rows, form.domain, form.device.alias, size)
     found = kept.get(key)
     if found is None or found[0] != revision:
-        table = form.test_table(form.device)
-        batches = node_batches(table, rows.node_count(), size)
+        with extend.unrecorded():
+            table = form.test_table(form.device)
+            batches = node_batches(table, rows.node_count(), size)
         pattern = NodePattern(batches, table.shape[1], rows.node_count())
         found = kept[key] = (revision, pattern)
     return found[1]

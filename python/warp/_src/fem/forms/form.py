@@ -44,6 +44,15 @@ class FormRecord:
         return self.domain.geometry.scalar
 
 
+def _has_gradient(value) -> bool:
+    """True if an array, or one in a struct, has a gradient."""
+    if extend.is_array(value):
+        return value.requires_grad
+    if extend.type_is_struct(type(value)):
+        return any(_has_gradient(getattr(value, name)) for name in type(value).vars)
+    return False
+
+
 class Form:
     """A form with its arguments.
 
@@ -171,8 +180,7 @@ class Form:
     @property
     def requires_grad(self) -> bool:
         """True if an array that the form depends on has a gradient."""
-        arrays = [*self.values.values(), *(getattr(f, "array", None) for f in self.fields.values())]
-        return any(getattr(one, "requires_grad", False) for one in arrays)
+        return any(map(_has_gradient, self.arguments()))
 
     def arguments(self, plan=None) -> list:
         """The arguments that all kernels of the form share."""
