@@ -16,6 +16,7 @@ from warp._src.render.usd import UsdRenderer as UsdRenderer
 
 if typing.TYPE_CHECKING:
     from warp._src.render.tracing.scene import Scene as Scene
+    from warp._src.render.tracing.viewer import Viewer as Viewer
 
 
 def __getattr__(name):
@@ -24,4 +25,8 @@ def __getattr__(name):
         from warp._src.render.tracing.scene import Scene
 
         return Scene
+    if name == "Viewer":
+        from warp._src.render.tracing.viewer import Viewer
+
+        return Viewer
     raise AttributeError(f"module 'warp.render' has no attribute '{name}'")

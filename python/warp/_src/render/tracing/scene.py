@@ -58,6 +58,7 @@ class Scene:
         self.depth, self.limit = 8, None
         self.samples = 0
         self._world, self._film, self._camera = None, None, None
+        self.frames = []
         self.set_sky()
         self.set_camera()
 
@@ -349,6 +350,31 @@ class Scene:
         from warp._src.render.pictures import save_picture
 
         save_picture(path, self.render(samples, denoise, seed))
+
+    def keep_frame(self) -> None:
+        """Keeps where everything is now, as a frame for `save_html`."""
+        from warp._src.render.tracing.pages import Frame
+
+        self.frames.append(Frame(self))
+
+    def save_html(
+        self, path, title="Warp", fps=30.0, max_triangles=2_000_000, decimate=False
+    ) -> None:
+        """Writes one page that shows the scene in a browser: orbit, play and scrub.
+
+        It needs no network and shows meshes and spheres under a simple light. The frames that
+        `keep_frame` has kept can be played; without one the scene stands still.
+
+        Args:
+            max_triangles: that a page may have.
+            decimate: draws a coarser copy of a scene that has more.
+
+        Raises:
+            ValueError: there are more triangles, or parts were added between kept frames.
+        """
+        from warp._src.render.tracing.pages import save_page
+
+        save_page(self, path, title, fps, max_triangles, decimate)
 
     def _light(self, denoise):
         if denoise:
