@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from box_meshes import EDGES, SIDES, box_mesh, entity_sets
 
 import warp as wp
+from box_meshes import EDGES, SIDES, box_mesh, entity_sets
 from warp._src.fem.geometry.meshes import Hexmesh, Quadmesh, Tetmesh, Trimesh
 from warp._src.fem.types import make_free_sample
 
