@@ -7,7 +7,7 @@ point relative to it, so that no size and no offset is lost to rounding.
 import functools
 
 import warp as wp
-from warp._src.fem.geometry.mesh_functions import shape_functions
+from warp._src.fem.geometry.shape_functions import shape_functions
 from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES
 from warp._src.fem.types import coords_type
 
@@ -28,6 +28,41 @@ def nearest_functions(cell: str, d: int, real, affine: bool):
     if cell == "tet":
         return _tet(real)
     return _box(cell, d, real, affine)
+
+
+@functools.cache
+def inside_function(cell: str, d: int, real, affine: bool):
+    """Function of (corners, point): coordinates, and True if the point is in the cell; None for
+    cells of fewer dimensions than space."""
+    k = DIMENSIONS[cell]
+    if k < d:
+        return None
+    Corners, vector = wp.types.matrix((VERTICES[cell], d), real), wp.types.vector(d, real)
+    slack, one = real(4.0 * _EPSILON[real]), real(1.0)
+    if cell in ("triangle", "tet"):
+        coordinates, _ = nearest_functions(cell, d, real, affine)
+        is_tet = cell == "tet"
+
+        @wp.func
+        def inside(p: Corners, q: vector):
+            c = coordinates(p, q)
+            lowest = wp.min(c)
+            if wp.static(is_tet):
+                lowest = wp.min(lowest, one - c[0] - c[1] - c[2])
+            return c, lowest >= -slack
+
+    else:
+        solve = _newton(cell, d, real, affine)
+
+        @wp.func
+        def inside(p: Corners, q: vector):
+            c, gap_sq = solve(p, q)
+            is_inside = gap_sq >= real(0.0)
+            for i in range(k):
+                is_inside = is_inside and c[i] >= -slack and c[i] <= one + slack
+            return c, is_inside
+
+    return inside
 
 
 @functools.cache
@@ -186,32 +221,35 @@ def _box(cell, d, real, affine):
     """Inverse map and closest point of squares and cubes."""
     Corners = wp.types.matrix((VERTICES[cell], d), real)
     vector = wp.types.vector(d, real)
-    k = DIMENSIONS[cell]
-    is_solid = k == d
+    is_solid = DIMENSIONS[cell] == d
     solve = _newton(cell, d, real, affine)
-    slack = real(4.0 * _EPSILON[real])
     boundary = _edges(Corners, d, real) if cell == "square" else _faces(Corners, real)
-    one = real(1.0)
 
     @wp.func
     def coordinates(p: Corners, q: vector):
         c, _gap_sq = solve(p, q)
         return c
 
-    @wp.func
-    def closest(p: Corners, q: vector):
-        c, gap_sq = solve(p, q)
-        is_inside = gap_sq >= real(0.0)
-        for i in range(k):
-            is_inside = is_inside and c[i] >= -slack and c[i] <= one + slack
-        if is_inside:
-            if wp.static(is_solid):
+    if is_solid:
+        inside = inside_function(cell, d, real, affine)
+
+        @wp.func
+        def closest(p: Corners, q: vector):
+            c, is_inside = inside(p, q)
+            if is_inside:
                 return c, real(0.0)
+            return boundary(p, q)
+
+    else:
+
+        @wp.func
+        def closest(p: Corners, q: vector):
+            c, gap_sq = solve(p, q)
             edge_coords, edge_sq = boundary(p, q)
-            if gap_sq <= edge_sq:
+            is_between = wp.min(c) >= real(0.0) and wp.max(c) <= real(1.0)
+            if is_between and gap_sq >= real(0.0) and gap_sq <= edge_sq:
                 return c, gap_sq
             return edge_coords, edge_sq
-        return boundary(p, q)
 
     return coordinates, closest
 

@@ -35,7 +35,8 @@ class CellHierarchy:
         """Fills the fields `bvh` and `box` of an argument of cells."""
         found = self._built.get(wp.get_device(device).alias)
         if found and found[0]:
-            arg.bvh, arg.box = found[0].id, found[1]
+            bvh, arg.box, arg.lowers, arg.uppers = found
+            arg.bvh = bvh.id
 
     def build(self, device=None) -> None:
         """Builds the hierarchy from scratch."""

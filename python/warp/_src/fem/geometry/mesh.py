@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,8 +9,10 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget, per_device
+from warp._src.fem.geometry.entities import make_entities
 from warp._src.fem.geometry.hierarchy import CellHierarchy
 from warp._src.fem.geometry.shapes import VERTICES
+from warp._src.fem.geometry.sides import make_sides
 
 
 @wp.kernel(enable_backward=False)
@@ -34,9 +35,8 @@ def _reorder_columns(
     out[i, k] = cells[i, columns[k]]
 
 
-@dataclass(frozen=True, eq=False)
 class MeshEntities:
-    """Edges and faces of a mesh.
+    """Edges and faces of a mesh, made when they are asked for.
 
     Attributes:
         cells: (cells, n) of int32, vertices in the order of the reference cell.
@@ -47,34 +47,31 @@ class MeshEntities:
             first, then its smaller neighbour, its other neighbour, the opposite vertex.
     """
 
-    vertex_count: int
-    cells: wp.array
-    edges: object
-    faces: object
+    aligned = False
+
+    def __init__(self, vertex_count: int, cells, cell):
+        self.vertex_count, self.cells, self._cell = vertex_count, cells, cell
+
+    @cached_property
+    def edges(self):
+        return make_entities(self.cells, self._cell.edges, self.vertex_count)
+
+    @cached_property
+    def faces(self):
+        if self._cell.dimension < 3:
+            return None
+        return make_entities(self.cells, self._cell.faces, self.vertex_count)
 
     @property
-    def edge_count(self) -> int:
-        return self.edges.count
+    def sides(self):
+        return self.edges if self._cell.dimension < 3 else self.faces
 
-    @property
-    def face_count(self) -> int:
-        return self.faces.count if self.faces else 0
-
-    @property
-    def cell_edges(self) -> wp.array:
-        return self.edges.of_cells
-
-    @property
-    def cell_faces(self) -> wp.array:
-        return self.faces.of_cells if self.faces else None
-
-    @property
-    def edge_vertices(self) -> wp.array:
-        return self.edges.vertices
-
-    @property
-    def face_vertices(self) -> wp.array:
-        return self.faces.vertices if self.faces else None
+    edge_count = property(lambda self: self.edges.count)
+    cell_edges = property(lambda self: self.edges.of_cells)
+    edge_vertices = property(lambda self: self.edges.vertices)
+    face_count = property(lambda self: self.faces.count if self.faces else 0)
+    cell_faces = property(lambda self: self.faces.of_cells if self.faces else None)
+    face_vertices = property(lambda self: self.faces.vertices if self.faces else None)
 
 
 def _checked_cells(name: str, cells, width: int) -> wp.array:
@@ -210,7 +207,7 @@ class Mesh(Geometry):
 
     def side_count(self) -> int:
         """Number of sides."""
-        return self._side_entities.count
+        return self._entities.sides.count
 
     def boundary_side_count(self) -> int:
         """Number of sides with one cell."""
@@ -239,26 +236,12 @@ class Mesh(Geometry):
         return out
 
     @cached_property
-    def _side_entities(self):
-        from warp._src.fem.geometry.entities import make_entities
-
-        return make_entities(self._ordered_cells, self.cell.sides, self.vertex_count())
+    def _entities(self) -> MeshEntities:
+        return MeshEntities(self.vertex_count(), self._ordered_cells, self.cell)
 
     @cached_property
     def _sides(self):
-        from warp._src.fem.geometry.sides import make_sides
-
-        return make_sides(self._side_entities, self._cells, self._positions)
-
-    @cached_property
-    def _entities(self) -> MeshEntities:
-        from warp._src.fem.geometry.entities import make_entities
-
-        cells, n, edges = self._ordered_cells, self.vertex_count(), self._side_entities
-        faces = None
-        if self.cell_dimension == 3:
-            faces, edges = edges, make_entities(cells, self.cell.edges, n)
-        return MeshEntities(n, cells, edges, faces)
+        return make_sides(self._entities.sides, self._cells, self._positions)
 
     def entities(self, device=None) -> MeshEntities:
         """Edges and faces, on the device of the mesh."""

@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.derived import only_environment
+from warp._src.fem.geometry.mesh_lookup import add_lookup
+from warp._src.fem.geometry.shape_functions import shape_functions, vertex_coords_function
 from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
 from warp._src.fem.types import OUTSIDE, coords_type, sample_type
 
 
 def mesh_functions(record) -> SimpleNamespace:
     """The functions of kernels of a mesh."""
-    from warp._src.fem.geometry.mesh_lookup import add_lookup
-
     f = _structs(record)
     real, vector = record.scalar, wp.types.vector(record.dimension, record.scalar)
     Sample = sample_type(real)
@@ -95,133 +95,15 @@ def _structs(record) -> SimpleNamespace:
         "" if record.scalar is wp.float32 else "_f64"
     )
     cell = {"cells": table, "positions": wp.array(dtype=vector), "cell_env": ints}
-    cell |= {"bvh": wp.uint64, "box": wp.array(dtype=wp.vec3)}
+    cell |= {
+        "bvh": wp.uint64,
+        **dict.fromkeys(("box", "lowers", "uppers"), wp.array(dtype=wp.vec3)),
+    }
     CellArg = extend.struct_from_fields(f"{word}CellArg", cell, module=__name__)
     side = {"cell_arg": CellArg, "side_vertices": table, "side_corners": table}
     side |= {"side_cells": wp.array(dtype=wp.vec2i), "boundary": ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
     return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
-
-
-def shape_functions(cell: str, d: int, real, affine: bool):
-    """Position and gradient by (corners, coordinates): the first corner, then differences."""
-    vector, Coords = wp.types.vector(d, real), coords_type(real)
-    if cell == "line":
-        return _line(wp.types.matrix((2, d), real), Coords)
-    if cell in ("triangle", "tet"):
-        return _simplex(cell, wp.types.matrix((VERTICES[cell], d), real), Coords)
-    Corners = wp.types.matrix((VERTICES[cell], d), real)
-    if affine:
-        return _parallel(cell, Corners, Coords)
-    return (_square if cell == "square" else _cube)(Corners, Coords, real, vector)
-
-
-def _line(Corners, Coords):
-    @wp.func
-    def position(p: Corners, c: Coords):
-        return p[0] + c[0] * p[1]
-
-    @wp.func
-    def gradient(p: Corners, c: Coords):
-        return p[1]
-
-    return position, gradient
-
-
-def _simplex(cell, Corners, Coords):
-    if cell == "triangle":
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[1] * p[1] + c[2] * p[2]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[2])
-
-    else:
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[0] * p[1] + c[1] * p[2] + c[2] * p[3]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[2], p[3])
-
-    return position, gradient
-
-
-def _parallel(cell, Corners, Coords):
-    """Parallelograms and parallelepipeds: the neighbours of the first vertex say all."""
-    if cell == "square":
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[0] * p[1] + c[1] * p[3]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[3])
-
-    else:
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[0] * p[1] + c[1] * p[3] + c[2] * p[4]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[3], p[4])
-
-    return position, gradient
-
-
-def _square(Corners, Coords, real, vector):
-    @wp.func
-    def position(p: Corners, c: Coords):
-        warp_ = p[2] - p[1] - p[3]
-        return p[0] + c[0] * p[1] + c[1] * p[3] + (c[0] * c[1]) * warp_
-
-    @wp.func
-    def gradient(p: Corners, c: Coords):
-        warp_ = p[2] - p[1] - p[3]
-        return wp.matrix_from_cols(p[1] + c[1] * warp_, p[3] + c[0] * warp_)
-
-    return position, gradient
-
-
-def _cube(Corners, Coords, real, vector):
-    @wp.func
-    def layer(p: Corners, k: int, a: vector, x: real, y: real):
-        """Bilinear part of the square of corners k..k+3, whose first one is `a`."""
-        u = p[k + 1] - a
-        v = p[k + 3] - a
-        return x * u + y * v + (x * y) * (p[k + 2] - a - u - v)
-
-    @wp.func
-    def position(p: Corners, c: Coords):
-        low = layer(p, 0, vector(), c[0], c[1])
-        high = layer(p, 4, p[4], c[0], c[1])
-        return p[0] + low + c[2] * (p[4] + high - low)
-
-    @wp.func
-    def gradient(p: Corners, c: Coords):
-        x, y, z = c[0], c[1], c[2]
-        one = real(1.0)
-        # Differences along each axis at the four parallel edges, blended by the other axes.
-        dx = (one - z) * ((one - y) * p[1] + y * (p[2] - p[3])) + z * (
-            (one - y) * (p[5] - p[4]) + y * (p[6] - p[7])
-        )
-        dy = (one - z) * ((one - x) * p[3] + x * (p[2] - p[1])) + z * (
-            (one - x) * (p[7] - p[4]) + x * (p[6] - p[5])
-        )
-        dz = (one - y) * ((one - x) * p[4] + x * (p[5] - p[1])) + y * (
-            (one - x) * (p[7] - p[3]) + x * (p[6] - p[2])
-        )
-        return wp.matrix_from_cols(dx, dy, dz)
-
-    return position, gradient
 
 
 def _add_environments(f: SimpleNamespace, record) -> None:
@@ -251,29 +133,6 @@ def _add_environments(f: SimpleNamespace, record) -> None:
 
     f.cell_environment_index = cell_environment_index
     f.side_environment_index = side_environment_index
-
-
-def vertex_coords_function(cell: str, real) -> wp.Function:
-    """Function of kernels: coordinates of a vertex by its column in a mesh's table."""
-    Coords, is_triangle, is_tet = coords_type(real), cell == "triangle", cell == "tet"
-    one, zero = real(1.0), real(0.0)
-
-    @wp.func
-    def vertex_coords(v: int):
-        c = Coords()
-        if wp.static(is_triangle):
-            c[v] = one
-        elif wp.static(is_tet):
-            if v > 0:
-                c[v - 1] = one
-        else:
-            around = v & 3
-            c[0] = wp.where(around == 1 or around == 2, one, zero)
-            c[1] = wp.where(around >= 2, one, zero)
-            c[2] = wp.where(v >= 4, one, zero)
-        return c
-
-    return vertex_coords
 
 
 def _add_coordinates(f: SimpleNamespace, record) -> None:

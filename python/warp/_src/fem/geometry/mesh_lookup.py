@@ -5,7 +5,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from warp._src.fem.geometry.closest import nearest_functions
+from warp._src.fem.geometry.closest import inside_function, nearest_functions
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms
 from warp._src.fem.geometry.shapes import VERTICES, side_name
 from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
@@ -28,6 +28,20 @@ def add_closest(f: SimpleNamespace, record) -> None:
     f.side_coordinates, f.side_closest_point = _of_element(
         f.SideArg, f.side_corners, nearest_functions(side, d, real, False), d, real
     )
+    f.cell_contains = None
+    inside_in = inside_function(record.cell, d, real, record.affine)
+    if inside_in is not None:
+        CellArg, corners_of, vector = f.CellArg, f.cell_corners, wp.types.vector(d, real)
+
+        @wp.func
+        def cell_contains(arg: CellArg, cell: int, x: vector):
+            """Coordinates, and True if the point is in the cell, up to rounding."""
+            corners = corners_of(arg, cell)
+            q = x - corners[0]
+            corners[0] = vector()
+            return inside_in(corners, q)
+
+        f.cell_contains = cell_contains
 
 
 def _of_element(Arg, corners_of, nearest, d, real):
@@ -161,15 +175,37 @@ def _guided(f: SimpleNamespace, record) -> wp.Function:
 def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
     """Function that finds the nearest cell, from a candidate and a radius on.
 
-    A box query finds all cells within a radius. It starts at the point; while nothing is found,
-    the radius grows, and the first find's distance is the radius of the last query.
+    Cells around the point are tried first, by their inverse maps alone. Else boxes of a growing
+    radius are searched; the first find's distance is the radius of the last one, and cells whose
+    box is farther than a find are left out.
     """
     d, real, several = record.dimension, record.scalar, record.environments
     vector, Coords, CellArg = wp.types.vector(d, real), coords_type(real), f.CellArg
-    closest, to_box = f.cell_closest_point, _to_box(d, real)
-    is_filtered = filter_func is not None
+    closest, to_box, contains = f.cell_closest_point, _to_box(d, real), f.cell_contains
+    is_filtered, is_solid = filter_func is not None, contains is not None
     # The distance in float32 of a position in float64 is off by its rounding.
     pad = wp.float32(0.0 if real is wp.float32 else 2.0**-22)
+
+    @wp.func
+    def find_around(
+        arg: CellArg, x: vector, filter_data: Any, filter_target: Any, reach: wp.vec3, root: int
+    ):
+        """The lowest cell that contains the point."""
+        center = to_box(x)
+        best_cell = int(-1)
+        best_coords = Coords(real(OUTSIDE))
+        query = wp.bvh_query_aabb(arg.bvh, center - reach, center + reach, root)
+        cell = int(0)
+        while wp.bvh_query_next(query, cell):
+            if best_cell < 0 or cell < best_cell:
+                coords, is_inside = contains(arg, cell, x)
+                if wp.static(is_filtered):
+                    if is_inside:
+                        is_inside = filter_func(filter_data, cell) == filter_target
+                if is_inside:
+                    best_cell = cell
+                    best_coords = coords
+        return best_cell, best_coords
 
     @wp.func
     def nearest(
@@ -193,24 +229,34 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
         if arg.bvh == wp.uint64(0) or (wp.static(several) and root < 0):
             return make_free_sample(best_cell, best_coords)
         center = to_box(x)
+        error = pad * wp.max(wp.abs(center))
+        if wp.static(is_solid):
+            found, coords = find_around(arg, x, filter_data, filter_target, wp.vec3(error), root)
+            if found >= 0:
+                return make_free_sample(found, coords)
         gap = wp.length(wp.max(wp.max(arg.box[0] - center, center - arg.box[1]), wp.vec3()))
         size = wp.length(arg.box[1] - arg.box[0])
         # Beyond this radius are no cells.
-        last_radius = 1.0001 * (gap + size) + wp.length(center) * pad
-        radius = wp.float32(first_radius)
-        for _attempt in range(32):
-            reach = wp.vec3(radius * 1.000001 + pad * wp.max(wp.abs(center)))
-            query = wp.bvh_query_aabb(arg.bvh, center - reach, center + reach, root)
+        last_radius = 1.0001 * (gap + size) + error
+        step = 1.0e-3 * size
+        radius = wp.where(best_cell < 0, gap + step, wp.float32(first_radius))
+        for _attempt in range(64):
+            query = wp.bvh_query_sphere(arg.bvh, center, radius * 1.000001 + error, root)
             cell = int(0)
             while wp.bvh_query_next(query, cell):
+                a = arg.lowers[cell] - center
+                b = center - arg.uppers[cell]
+                box_gap = wp.length(wp.max(wp.max(a, b), wp.vec3())) * 0.999999 - error
+                box_gap = wp.max(box_gap, 0.0)
+                is_near = best_cell < 0 or real(box_gap) * real(box_gap) <= best_sq
                 if wp.static(is_filtered):
-                    if filter_func(filter_data, cell) != filter_target:
-                        continue
-                coords, distance_sq = closest(arg, cell, x)
-                nearer = distance_sq < best_sq or (distance_sq == best_sq and cell < best_cell)
-                if best_cell < 0 or nearer:
-                    # A cell with NaN is never nearer, and no first find.
-                    if distance_sq >= real(0.0):
+                    if is_near:
+                        is_near = filter_func(filter_data, cell) == filter_target
+                if is_near:
+                    coords, distance_sq = closest(arg, cell, x)
+                    nearer = distance_sq < best_sq or (distance_sq == best_sq and cell < best_cell)
+                    # The distance of a cell with NaN is not at least 0.
+                    if (best_cell < 0 or nearer) and distance_sq >= real(0.0):
                         best_sq = distance_sq
                         best_cell = cell
                         best_coords = coords
@@ -222,8 +268,8 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
             else:
                 if radius >= last_radius:
                     break
-                grown = wp.where(radius > gap, 4.0 * radius, gap + 0.001 * size)
-                radius = wp.min(grown, last_radius)
+                radius = wp.min(radius + step, last_radius)
+                step *= 2.0
         return make_free_sample(best_cell, best_coords)
 
     return nearest
