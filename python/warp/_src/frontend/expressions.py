@@ -139,10 +139,14 @@ class Expressions(Part):
             return _FOLD[kind](left, right)
         if type(left) is tuple and type(right) is tuple and kind is ast.Add:
             return left + right
-        if type(left) is float and type(right) is float and self.context.literals_follow:
-            folded = _FOLD_FLOATS.get(kind, lambda a, b: None)(left, right)
-            if folded is not None:
-                return folded
+        if self.context.literals_follow:
+            numbers = [
+                one if type(one) is float else self.context.literal(one) for one in (left, right)
+            ]
+            if None not in numbers:
+                folded = _FOLD_FLOATS.get(kind, lambda a, b: None)(*numbers)
+                if folded is not None:
+                    return folded
         left, right = self.context.follow((left, right), node)
         left = self.context.materialize(left, node)
         right = self.context.materialize(right, node)

@@ -6,7 +6,7 @@ from warp import extend
 from warp._src.fem.forms.terms import components, dof_count
 
 # Larger element matrices are summed in the memory of the blocks, not of the thread.
-_MOST_LOCAL = 2048
+_MOST_LOCAL = 1024
 
 
 def linear_text(plan) -> str:
