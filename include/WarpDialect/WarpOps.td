@@ -270,6 +270,7 @@ include "WarpBuiltins.td"
 include "WarpThreadOps.td"
 include "WarpLaunchOps.td"
 include "WarpScratchOps.td"
+include "WarpTableOps.td"
 include "WarpDerivativeOps.td"
 
 #endif // WARP_OPS_TD

@@ -34,6 +34,9 @@ bool isFloat(mlir::Type type);
 bool isThreadScalar(mlir::Type type);
 /// A vector, matrix, quaternion or transform.
 bool isComposite(mlir::Type type);
+/// True if a type has so many numbers that, where they are indexed at run time,
+/// memory beats selecting among registers.
+bool isLongComposite(mlir::Type type);
 /// A scalar, composite or struct.
 bool isArrayElement(mlir::Type type);
 /// A scalar, composite, array or struct.

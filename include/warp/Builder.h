@@ -212,6 +212,10 @@ public:
   /// The place of an index of an array of the thread, from the end if it is
   /// below zero; debug launches check it.
   Value position(Value index, int64_t extent);
+  /// An element of a constant table, of which these are the bytes in row-major
+  /// order; a boolean takes one.
+  Value tableGet(Type element, const std::vector<int64_t> &shape,
+                 const std::string &bytes, const Values &indices);
   Value insert(Value composite, const Values &indices, Value part);
 
   Value load(Value array, const Values &indices);

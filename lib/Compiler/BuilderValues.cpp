@@ -315,6 +315,44 @@ warp::Value warp::Builder::position(Value index, int64_t extent) {
           .getResult());
 }
 
+static DenseElementsAttr makeTable(ShapedType type, StringRef bytes) {
+  if (!warp::isBool(type.getElementType()))
+    return DenseElementsAttr::getFromRawBuffer(type,
+                                               {bytes.data(), bytes.size()});
+  auto values = llvm::map_to_vector(bytes, [](char byte) { return byte != 0; });
+  return DenseElementsAttr::get(type, ArrayRef<bool>(values));
+}
+
+warp::Value warp::Builder::tableGet(Type element,
+                                    const std::vector<int64_t> &shape,
+                                    const std::string &bytes,
+                                    const Values &indices) {
+  ContextLock lock;
+  mlir::Type scalar = unwrap(element);
+  if (!isScalar(scalar) || shape.size() != indices.size())
+    impl->failType("a table of " + quoted(scalar) + " with " +
+                   std::to_string(shape.size()) +
+                   " dimensions cannot be indexed by " +
+                   std::to_string(indices.size()) + " indices");
+  for (auto [index, extent] : llvm::zip(indices, shape)) {
+    if (!isInteger(unwrap(index).getType()))
+      impl->failType("table index must be an integer, but got " +
+                     quoted(unwrap(index).getType()) +
+                     "\nhint: use `int(...)`");
+    auto known = index.constant();
+    const int64_t *number = known ? std::get_if<int64_t>(&*known) : nullptr;
+    if (number && (*number < -extent || *number >= extent))
+      impl->fail(Error::Kind::Index, "index " + std::to_string(*number) +
+                                         " is out of range for a table with " +
+                                         std::to_string(extent) + " elements");
+  }
+  SmallVector<mlir::Value> at = unwrap(indices);
+  auto type = RankedTensorType::get(shape, scalar);
+  return wrap(TableGetOp::create(impl->builder, impl->loc, scalar,
+                                 makeTable(type, bytes), at)
+                  .getResult());
+}
+
 warp::Value warp::Builder::insert(Value composite, const Values &indices,
                                   Value part) {
   ContextLock lock;

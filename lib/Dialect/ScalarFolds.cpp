@@ -9,6 +9,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "TableFolds.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/Matchers.h"
@@ -45,7 +46,7 @@ static APInt toInteger(const APFloat &value, mlir::Type type) {
   return result;
 }
 
-static Attribute castConstant(Attribute value, mlir::Type from, mlir::Type to) {
+Attribute warp::castConstant(Attribute value, mlir::Type from, mlir::Type to) {
   if (auto number = dyn_cast<FloatAttr>(value)) {
     APFloat real = number.getValue();
     if (warp::isBool(to))

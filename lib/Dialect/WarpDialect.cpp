@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "WarpDialect/WarpDialect.h"
+#include "TableFolds.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TileAttributes.h"
 #include "WarpDialect/WarpOps.h"
@@ -35,7 +36,8 @@ struct WarpInlinerInterface : DialectInlinerInterface {
   }
 };
 
-/// A struct is printed once, at the top, and goes by its name below.
+/// A struct or long table is printed once, at the top, and goes by its name
+/// below.
 struct WarpAsmInterface : OpAsmDialectInterface {
   using OpAsmDialectInterface::OpAsmDialectInterface;
   AliasResult getAlias(mlir::Type type, raw_ostream &os) const final {
@@ -48,6 +50,15 @@ struct WarpAsmInterface : OpAsmDialectInterface {
       os << structure.getName();
     return AliasResult::FinalAlias;
   }
+  AliasResult getAlias(Attribute attribute, raw_ostream &os) const final {
+    auto table = dyn_cast<DenseElementsAttr>(attribute);
+    if (!table || table.isSplat() || table.getNumElements() <= mostInline)
+      return AliasResult::NoAlias;
+    os << "table";
+    return AliasResult::OverridableAlias;
+  }
+
+  static constexpr int64_t mostInline = 8;
 };
 
 /// `scf.if` that only chooses canonicalises to `arith.select`, which would go
@@ -71,6 +82,7 @@ struct SelectBetweenSignedIntegers : OpRewritePattern<arith::SelectOp> {
 void warp::WarpDialect::getCanonicalizationPatterns(
     RewritePatternSet &patterns) const {
   patterns.add<SelectBetweenSignedIntegers>(patterns.getContext());
+  addTablePatterns(patterns);
 }
 
 void warp::WarpDialect::initialize() {

@@ -170,6 +170,12 @@ public:
   virtual llvm::StringRef getLaunchScope() const { return ""; }
   virtual llvm::StringRef getBlockScope() const { return ""; }
 
+  /// The address space of a constant table of so many bytes. `uniform`: the
+  /// lanes of a subgroup read the same element.
+  virtual unsigned getTableSpace(bool uniform, int64_t bytes) const {
+    return 0;
+  }
+
   /// The function for `name` ("sin") of f32 or f64; empty if LLVM expands the
   /// operation itself.
   virtual std::string getMathFunction(llvm::StringRef name, bool isSingle,

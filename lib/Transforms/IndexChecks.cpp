@@ -133,6 +133,13 @@ static bool insertCheck(Operation *op) {
                              /*offsets=*/false);
         return true;
       })
+      .Case([&](TableGetOp get) {
+        if (!areKnown(get.getIndices()))
+          CheckIndexOp::create(b, loc, get.getIndices(),
+                               get.getTable().getType().getShape(), "a table",
+                               /*offsets=*/false);
+        return true;
+      })
       .Case([&](TileGetOp get) {
         checkElement(b, loc, get.getTile(), get.getIndices(), Value());
         return true;

@@ -212,6 +212,11 @@ static void bindValues(py::class_<Builder> &c) {
       .def("extract", &Builder::extract)
       .def("part_type", &Builder::partType)
       .def("position", &Builder::position)
+      .def("table_get",
+           [](Builder &b, Type element, const std::vector<int64_t> &shape,
+              const py::bytes &bytes, const Builder::Values &indices) {
+             return b.tableGet(element, shape, bytes, indices);
+           })
       .def("insert", &Builder::insert);
 }
 

@@ -36,6 +36,10 @@ public:
                   int64_t bytes) const override;
   llvm::StringRef getLaunchScope() const override { return "agent"; }
   llvm::StringRef getBlockScope() const override { return "workgroup"; }
+  /// Loads of one address are scalar by themselves.
+  unsigned getTableSpace(bool uniform, int64_t bytes) const override {
+    return 4;
+  }
   std::string getMathFunction(llvm::StringRef name, bool isSingle,
                               bool fast) const override;
   llvm::StringRef getSineCosine() const override { return "warp_gpu_sincosf"; }

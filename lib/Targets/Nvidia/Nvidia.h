@@ -38,6 +38,11 @@ public:
                   int64_t bytes) const override;
   llvm::StringRef getLaunchScope() const override { return "device"; }
   llvm::StringRef getBlockScope() const override { return "block"; }
+  /// Constant memory serves one address at a time, and a kernel has 64 KiB of
+  /// it; global memory is read through the L1 cache.
+  unsigned getTableSpace(bool uniform, int64_t bytes) const override {
+    return uniform && bytes <= mostConstantBytes ? 4 : 1;
+  }
   std::string getMathFunction(llvm::StringRef name, bool isSingle,
                               bool fast) const override;
   llvm::StringRef getSineCosine() const override { return "warp_gpu_sincosf"; }
@@ -59,6 +64,8 @@ public:
   llvm::StringRef getTextSuffix() const override { return "ptx"; }
 
 private:
+  /// The limit for all tables; compiler and libraries need some, too.
+  static constexpr int64_t mostConstantBytes = 48 << 10;
   /// Compute capability, 90 for 9.0.
   unsigned version;
 };

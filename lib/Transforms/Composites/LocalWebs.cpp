@@ -16,16 +16,8 @@
 
 using namespace mlir;
 
-/// A tree of selects takes as many operations as there are numbers; memory
-/// takes a few, of which CPUs do those that differ from lane to lane one by
-/// one. Measured on Cascade Lake: even at 8 numbers, twice as fast at 32.
-static constexpr int64_t maxSelected = 9;
 /// Versions of one variable that are compared with each other.
 static constexpr size_t maxVersions = 512;
-
-bool warp::isLongComposite(Type type) {
-  return isa<VecType, MatType>(type) && getComponentCount(type) > maxSelected;
-}
 
 //===----------------------------------------------------------------------===//
 // Edges

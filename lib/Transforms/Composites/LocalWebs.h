@@ -55,10 +55,6 @@ private:
   llvm::DenseMap<mlir::Value, mlir::Value> webs;
 };
 
-/// True if a type has so many numbers that, where they are indexed at run time,
-/// memory beats selecting among registers.
-bool isLongComposite(mlir::Type type);
-
 /// True if some index is known only at run time.
 bool isDynamic(mlir::ValueRange indices);
 

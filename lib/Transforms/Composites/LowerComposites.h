@@ -23,6 +23,7 @@ namespace warp {
 class ScratchOp;
 class ScratchLoadOp;
 class ScratchStoreOp;
+class TableGetOp;
 
 /// Lowers a function: its body and its signature.
 llvm::LogicalResult lowerComposites(mlir::FunctionOpInterface function);
@@ -80,6 +81,7 @@ private:
                         mlir::Value index, lowering::Scalars part);
   lowering::Scalars putAt(mlir::Type composite, lowering::Scalars scalars,
                           mlir::ValueRange indices, lowering::Scalars part);
+  mlir::Value lowerTable(TableGetOp op);
   lowering::Scalars reinterpret(lowering::Scalars scalars, mlir::Type to);
 
   lowering::Emitter emitter;

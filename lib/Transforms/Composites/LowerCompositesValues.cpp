@@ -13,6 +13,7 @@
 #include "Lowerings/Lowerings.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/IR/Matchers.h"
 #include "llvm/ADT/TypeSwitch.h"
 
@@ -99,6 +100,48 @@ Scalars CompositeLowering::putAt(Type composite, Scalars scalars,
   Scalars row = pick(scalars, extent, indices[0]);
   row = put(std::move(row), cols, indices[1], std::move(part));
   return put(std::move(scalars), extent, indices[0], std::move(row));
+}
+
+/// One index in bounds, of a table of one dimension.
+Value CompositeLowering::lowerTable(TableGetOp op) {
+  OpBuilder &b = emitter.builder;
+  Location loc = op.getLoc();
+  ShapedType shape = op.getTable().getType();
+  auto signless = [&](Type type) {
+    return type.isIntOrIndex() ? getSignless(type) : type;
+  };
+  Value place;
+  for (auto [given, extent] :
+       llvm::zip_equal(op.getIndices(), shape.getShape())) {
+    Value index = getIndex(given);
+    Type type = index.getType();
+    auto number = [&](int64_t value) {
+      return emitter.constant(b.getIntegerAttr(type, value));
+    };
+    if (!given.getType().isUnsignedInteger()) {
+      Value isNegative = arith::CmpIOp::create(
+          b, loc, arith::CmpIPredicate::slt, index, number(0));
+      Value fromEnd = arith::AddIOp::create(b, loc, index, number(extent));
+      index = arith::SelectOp::create(b, loc, isNegative, fromEnd, index);
+    }
+    index = arith::MinUIOp::create(b, loc, index, number(extent - 1));
+    if (type.getIntOrFloatBitWidth() > 32)
+      index = arith::TruncIOp::create(b, loc, b.getI32Type(), index);
+    if (place) {
+      Value length = emitter.constant(b.getI32IntegerAttr(extent));
+      place = arith::MulIOp::create(b, loc, place, length);
+      place = arith::AddIOp::create(b, loc, place, index);
+    } else {
+      place = index;
+    }
+  }
+  Type element = signless(shape.getElementType());
+  DenseElementsAttr table = op.getTable();
+  if (element != shape.getElementType())
+    table = table.bitcast(element);
+  table =
+      table.reshape(RankedTensorType::get({shape.getNumElements()}, element));
+  return TableGetOp::create(b, loc, element, table, place);
 }
 
 //===----------------------------------------------------------------------===//
@@ -208,6 +251,7 @@ std::optional<LogicalResult> CompositeLowering::lowerValueOp(Operation *op) {
         }
         return done(parts);
       })
+      .Case([&](TableGetOp get) { return done(ValueRange(lowerTable(get))); })
       .Case([&](InsertOp insert) {
         return done(putAt(insert.getType(), getScalars(insert.getTarget()),
                           insert.getIndices(), getScalars(insert.getValue())));

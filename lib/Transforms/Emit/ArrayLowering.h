@@ -205,6 +205,10 @@ private:
   mlir::Value slot(mlir::Value scratch, mlir::Value index);
   mlir::Value laneSlots(mlir::Value scratch, mlir::Value index);
 
+  // LowerTables.cpp
+  void makeTables(llvm::ArrayRef<mlir::Operation *> operations);
+  void lowerTable(TableGetOp op);
+
   // LowerOutput.cpp
   void lowerPrintf(PrintfOp op);
   void lowerAssert(AssertOp op);
@@ -238,6 +242,8 @@ private:
   mlir::ArrayAttr blockScope;
   /// Pointers to the memory of `warp.scratch` operations.
   llvm::DenseMap<mlir::Value, mlir::Value> scratches;
+  /// Global variables that hold tables.
+  llvm::DenseMap<mlir::Attribute, mlir::LLVM::GlobalOp> tables;
   StagedAccesses staged;
   /// Arrays of what the runtime keeps of geometry.
   llvm::DenseSet<mlir::Operation *> geometry;

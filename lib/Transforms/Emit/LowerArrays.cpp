@@ -82,6 +82,7 @@ LogicalResult ArrayLowering::run() {
     errorRecord = LLVM::LoadOp::create(
         b, loc, i64, advance(block, offsetof(LaunchHeader, errorRecord)), 8);
   }
+  makeTables(operations);
   for (Operation *op : operations)
     if (op != entry)
       lower(op);
@@ -140,6 +141,8 @@ void ArrayLowering::lower(Operation *op) {
     lowerScratch(load);
   else if (auto store = dyn_cast<ScratchStoreOp>(op))
     lowerScratch(store);
+  else if (auto get = dyn_cast<TableGetOp>(op))
+    lowerTable(get);
   else if (auto printf = dyn_cast<PrintfOp>(op))
     lowerPrintf(printf);
   else if (auto assertion = dyn_cast<AssertOp>(op))

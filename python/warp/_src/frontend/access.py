@@ -9,7 +9,7 @@ import types as python_types
 from warp._src import errors
 from warp._src.derivatives.functions import adjoint
 from warp._src.frontend import names, struct_classes
-from warp._src.frontend.bindings import INT32, LocalArray, TileView, Value
+from warp._src.frontend.bindings import INT32, LocalArray, TileView, Value, is_table
 from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
@@ -173,7 +173,13 @@ class Access(Part):
         return size
 
     def expr_Subscript(self, node):
+        found = self.context.tables.chain(node)
+        if found is not None:
+            return found
         base = self.context.expressions.expr(node.value)
+        if is_table(base):
+            items = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            return self.context.tables.read(base, self.context.tables.indices(items), node)
         kinds = (Value, tuple, dtypes.Composite, LocalArray, TileView)
         if isinstance(base, type) or not isinstance(base, kinds):
             return self.static_subscript(base, node)
@@ -245,22 +251,24 @@ class Access(Part):
                 for part in (index.lower, index.upper, index.step)
             ]
             return base[slice(*bounds)]
-        chosen = self.chosen_number(base, index, node)
-        if chosen is not None:
-            return chosen
-        position = self.constant_int(index, "the index of a tuple")
+        tables = self.context.tables
+        indices = tables.indices(index.elts if isinstance(index, ast.Tuple) else [index])
+        if len(indices) > 1 or not tables.is_known(indices[0]):
+            for read in (self.chosen_number, tables.read):
+                chosen = read(base, indices, node)
+                if chosen is not None:
+                    return chosen
+        position = self.constant_of(indices[0], index, "the index of a tuple")
         if not -len(base) <= position < len(base):
             raise self.index_error(index, position, len(base), "index")
         return base[position]
 
-    def chosen_number(self, base, index, node):
+    def chosen_number(self, base, indices, node):
         """One of several integers, as extents are, at an index known at run time; else None."""
         if not base or any(type(one) is not Value or one.type != INT32 for one in base):
             return None
-        binding = self.context.expressions.expr(index)
-        if type(binding) is not Value or binding.type.kind != "int":
-            return None
-        if binding.constant() is not None:
+        binding = indices[0]
+        if len(indices) > 1 or binding.type.kind != "int":
             return None
         self.context.at(node)
         place = self.builder.position(binding, len(base))
@@ -279,7 +287,9 @@ class Access(Part):
         )
 
     def constant_int(self, node, what) -> int:
-        binding = self.context.expressions.expr(node)
+        return self.constant_of(self.context.expressions.expr(node), node, what)
+
+    def constant_of(self, binding, node, what) -> int:
         if type(binding) is Value:
             known = binding.constant()
             if isinstance(known, int):

@@ -7,6 +7,7 @@ A name in a kernel is bound to one of
   or `bool` where a value is needed, and stays a number where a constant is (`range`, indices);
 * a tuple of bindings;
 * a `Record`: a description known at compile time, and bindings that are its parts;
+* a NumPy array: a table of constants, which counts by its contents;
 * any other Python object, known at compile time: a function, type, module, string, enum.
 """
 
@@ -19,6 +20,12 @@ NativeType = _native.Type
 BOOL = _native.Type.parse("i1")
 INT32 = _native.Type.parse("si32")
 FLOAT32 = _native.Type.parse("f32")
+
+
+def is_table(binding) -> bool:
+    """True for a NumPy array of one or more dimensions, which is a table of constants."""
+    kind = type(binding)
+    return kind.__name__ == "ndarray" and kind.__module__ == "numpy" and binding.ndim > 0
 
 
 class LocalArray:

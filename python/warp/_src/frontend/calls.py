@@ -14,7 +14,7 @@ from warp._src import errors
 from warp._src.builtin_calls import CALLS
 from warp._src.derivatives.functions import FACTORIES, FunctionDerivative
 from warp._src.frontend import address, names
-from warp._src.frontend.bindings import Record, Value
+from warp._src.frontend.bindings import Record, Value, is_table
 from warp._src.frontend.context import Part
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.names import BuiltinRef
@@ -228,7 +228,7 @@ class Calls(Part):
         (binding,) = self.context.constructors.exactly(node, 1, "len")
         if type(binding) is tuple:
             return len(binding)
-        if isinstance(binding, dtypes.Composite):
+        if isinstance(binding, dtypes.Composite) or is_table(binding):
             return len(binding)
         if type(binding) is Value:
             native = binding.type

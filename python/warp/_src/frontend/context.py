@@ -10,7 +10,15 @@ import enum
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.bindings import FLOAT32, LocalArray, Record, TileStack, TileView, Value
+from warp._src.frontend.bindings import (
+    FLOAT32,
+    LocalArray,
+    Record,
+    TileStack,
+    TileView,
+    Value,
+    is_table,
+)
 from warp._src.frontend.session import Session
 from warp._src.frontend.values import Values
 from warp._src.types import dtypes
@@ -156,6 +164,8 @@ class Context(Values):
     @staticmethod
     def can_be_bound(binding):
         if isinstance(binding, (Value, bool, int, float, str, tuple, enum.Enum)):
+            return True
+        if is_table(binding):
             return True
         kinds = (
             *(dtypes.scalar_base, dtypes.Composite, names.BuiltinRef),

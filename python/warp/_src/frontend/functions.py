@@ -13,7 +13,7 @@ import typing
 
 from warp._src import errors
 from warp._src.frontend import names
-from warp._src.frontend.bindings import LocalArray, Record, TileStack, Value
+from warp._src.frontend.bindings import LocalArray, Record, TileStack, Value, is_table
 from warp._src.frontend.indexed import array_of
 from warp._src.frontend.source import source_of
 from warp._src.kernels.descriptions import Description, Operator
@@ -333,4 +333,5 @@ def overload_of(function) -> Overload:
 
 def is_static(binding) -> bool:
     """True if a binding is passed by specialising the callee."""
-    return isinstance(binding, (type, str, names.BuiltinRef, Function, Description, Operator))
+    kinds = (type, str, names.BuiltinRef, Function, Description, Operator)
+    return isinstance(binding, kinds) or is_table(binding)

@@ -27,6 +27,7 @@ from warp._src.frontend.slices import Slices
 from warp._src.frontend.slots import Slots
 from warp._src.frontend.spreads import Spreads
 from warp._src.frontend.statements import Statements
+from warp._src.frontend.tables import Tables
 from warp._src.frontend.targets import Targets
 from warp._src.frontend.user_calls import UserCalls
 
@@ -50,6 +51,7 @@ _PARTS = {
     "slots": Slots,
     "spreads": Spreads,
     "statements": Statements,
+    "tables": Tables,
     "targets": Targets,
     "user_calls": UserCalls,
 }

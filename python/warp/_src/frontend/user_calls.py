@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp._src import errors
 from warp._src.derivatives.functions import is_differentiable
 from warp._src.frontend import functions
-from warp._src.frontend.bindings import LocalArray, Parts, Record, TileStack, Value
+from warp._src.frontend.bindings import LocalArray, Parts, Record, TileStack, Value, is_table
 from warp._src.frontend.context import Part
 from warp._src.frontend.control import plan_of
 from warp._src.frontend.functions import NOTHING, Specialization
@@ -121,6 +121,8 @@ class UserCalls(Part):
             return LocalArray(binding.shape, binding.element)
         if type(binding) is TileStack:
             return TileStack(binding.type)
+        if is_table(binding):
+            return binding.shape, binding.dtype.str, binding.tobytes()
         if functions.is_static(binding):
             return getattr(binding, "name", None) or binding
         return self.context.static_type(binding)

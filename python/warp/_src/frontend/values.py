@@ -18,10 +18,18 @@ from warp._src.frontend.bindings import (
     TileStack,
     TileView,
     Value,
+    is_table,
 )
 from warp._src.language.builtins import Builtin
 from warp._src.types import dtypes
 from warp._src.types.composites import scalars_of
+
+
+def _hint_of(binding) -> str | None:
+    """How a kernel uses an object that is no value."""
+    if is_table(binding):
+        return "index the array: it is a table of constants"
+    return "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None
 
 
 class Values:
@@ -112,7 +120,7 @@ class Values:
         raise self.type_error(
             node,
             f"expects a value, but got {what}",
-            "pass arrays and structs as kernel arguments" if hasattr(binding, "dtype") else None,
+            _hint_of(binding),
             code="external-reference",
             facts={"kind": type(binding)},
         )

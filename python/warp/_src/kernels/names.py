@@ -13,6 +13,7 @@ import functools
 import os
 import types
 import typing
+from _blake2 import blake2b
 
 from warp._src.kernels import texts
 from warp._src.kernels.descriptions import Operator
@@ -138,6 +139,9 @@ class Names:
             return (
                 f"numpy {value.dtype} {value.tobytes().hex()}" if hasattr(value, "item") else None
             )
+        if kind.__module__ == "numpy" and kind.__name__ == "ndarray" and value.dtype.kind in "biuf":
+            digest = blake2b(value.tobytes(), digest_size=32).hexdigest()
+            return f"table {value.dtype.str} {value.shape} {digest}"
         return None
 
     def _annotation(self, value, kind) -> str:
