@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
@@ -54,12 +53,8 @@ class GeometryRecord:
         return geometry_functions(self)
 
 
-# Module and function that make the functions of kernels of a kind of geometry.
-_MAKERS = {
-    "Grid2D": ("grid_functions", "grid_functions"),
-    "Grid3D": ("grid_functions", "grid_functions"),
-    "mesh": ("mesh_functions", "mesh_functions"),
-}
+# Makers of functions of kernels by kind of geometry; modules of geometries add theirs.
+MAKERS: dict = {}
 
 
 @functools.cache
@@ -67,9 +62,7 @@ def geometry_functions(record: GeometryRecord) -> SimpleNamespace:
     """The structs and functions of kernels of a geometry: made once per record."""
     from warp._src.fem.geometry.derived import add_derived
 
-    module, maker = _MAKERS[record.kind]
-    module = importlib.import_module(f"warp._src.fem.geometry.{module}")
-    functions = getattr(module, maker)(record)
+    functions = MAKERS[record.kind](record)
     add_derived(record, functions)
     return functions
 
