@@ -9,6 +9,7 @@ import warp as wp
 from warp._src.fem.cells.cell import CUBE, SQUARE, TET, TRIANGLE
 from warp._src.fem.geometry.meshes import Hexmesh, Quadmesh2D, Tetmesh, Trimesh2D
 from warp._src.fem.spaces.make import make_polynomial_space
+from warp._src.fem.spaces.orientations import cell_orientations
 
 MESHES = {TRIANGLE: Trimesh2D, SQUARE: Quadmesh2D, TET: Tetmesh, CUBE: Hexmesh}
 
@@ -83,10 +84,13 @@ def values_at(space, positions, table, point, dofs):
     signs = np.ones_like(nodes)
     if space.topology.record.is_signed:
         signs = space.topology._tables(None)[1].numpy()
+    turns = np.zeros(len(table), int)
+    if space.topology.record.is_oriented:
+        turns = cell_orientations(space.geometry, None).numpy()
     found = []
     for k in range(len(table)):
         x, gradient = parameters_of(cell, positions[table[k]], point)
-        basis, _ = element.tabulate(cell.coords(x[None]))
+        basis, _ = element.tabulate(cell.coords(x[None]), turns[k])
         weights = signs[k] * dofs[nodes[k]]
         value = np.tensordot(weights, basis[0], axes=1)
         if element.map == "covariant":

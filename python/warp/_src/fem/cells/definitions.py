@@ -11,8 +11,13 @@ import numpy as np
 
 from warp._src.fem.cells import simplices
 from warp._src.fem.cells.cell import LINE, POINT, TET, TRIANGLE
-from warp._src.fem.cells.element import Element, ElementBasis, Layout
-from warp._src.fem.cells.polynomial import is_closed, lagrange_scales, quadrature_1d
+from warp._src.fem.cells.layout import Layout
+from warp._src.fem.cells.polynomial import (
+    Polynomial,
+    is_closed,
+    lagrange_scales,
+    quadrature_1d,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,33 +37,18 @@ class Definition:
     tabulate: Callable
     monomial_degree: int
     data: object = None
+    duals: np.ndarray | None = None
     orientation_count: int = 1
 
 
-def definition(element: Element) -> Definition:
-    """The numbers of an element.
-
-    Raises:
-        ValueError: the cell has no such element.
-    """
+def lagrange(element) -> Definition:
+    """Lagrange elements, and the constants of degree 0."""
     if element.degree == 0:
         return _constant(element)
-    basis = element.basis
-    if basis is ElementBasis.LAGRANGE:
-        return _lattice(element) if simplices.is_lattice(element.cell) else _tensor(element)
-    from warp._src.fem.cells import families
-
-    made = {
-        ElementBasis.SERENDIPITY: families.serendipity,
-        ElementBasis.NONCONFORMING_POLYNOMIAL: families.nonconforming,
-        ElementBasis.BSPLINE: families.bspline,
-        ElementBasis.NEDELEC_FIRST_KIND: families.vector_valued,
-        ElementBasis.RAVIART_THOMAS: families.vector_valued,
-    }
-    return made[basis](element)
+    return _lattice(element) if element.cell in (TRIANGLE, TET) else _tensor(element)
 
 
-def make_layout(element, entities, edge_turns=None, face_turns=None) -> Layout:
+def make_layout(element, entities, edge_turns=None, face_turns=None, side_signs=None) -> Layout:
     """A layout from the entity of each node; entities of a dimension have equally many. Turns are
     those of values at points, which keep their sign, if they are not given."""
     dimension = element.cell.dimension
@@ -74,7 +64,8 @@ def make_layout(element, entities, edge_turns=None, face_turns=None) -> Layout:
         is_simplex = element.cell == TET
         face_turns = simplices.face_turns(element.degree) if is_simplex else square_turns(faces)
         face_turns = _unsigned(face_turns)
-    return Layout(tuple(counts), tuple(entities), edge_turns or (), face_turns or ())
+    turns = (edge_turns or (), face_turns or ())
+    return Layout(tuple(counts), tuple(entities), *turns, tuple(side_signs or ()))
 
 
 def _unsigned(turns):
@@ -110,18 +101,15 @@ def _constant(element):
 
 def barycentric(cell, coords) -> np.ndarray:
     """Barycentric coordinates of points of a simplex, (q, d + 1)."""
-    if cell is TRIANGLE or cell == TRIANGLE:
+    if cell == TRIANGLE:
         return coords
     parameters = coords[:, : cell.dimension]
     return np.column_stack((1.0 - parameters.sum(axis=1), parameters))
 
 
 def _lattice(element):
-    """Lagrange elements of lines, triangles and tetrahedra. Nodes of lines are those of the
-    variant: their trace on sides has to be that of squares."""
+    """Lagrange elements of triangles and tetrahedra."""
     cell, degree = element.cell, element.degree
-    if cell == LINE:
-        return _tensor(element)
     nodes = simplices.lattice(cell, degree)
     steps = np.array([place for place, _ in nodes])
 
@@ -150,8 +138,6 @@ def _entity_weights(dimension, degree):
     kinds = np.array([entity[0] for _, entity in nodes])
     equal = np.full(dimension + 1, 1.0 / len(nodes))
     if dimension == 1:
-        from warp._src.fem.cells.polynomial import Polynomial
-
         _, weights = quadrature_1d(degree + 1, Polynomial.EQUISPACED_CLOSED)
         return np.array([weights[0], weights[1]]) if (weights > 0).all() else equal
     if degree == 1 or degree > 3 or (dimension == 3 and degree == 2):

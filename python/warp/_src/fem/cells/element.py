@@ -9,53 +9,13 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
+from warp._src.fem.cells import definitions
 from warp._src.fem.cells.cell import Cell
+from warp._src.fem.cells.layout import ElementBasis, Layout
 from warp._src.fem.cells.polynomial import Polynomial
-
-
-class ElementBasis(Enum):
-    """Families of basis functions."""
-
-    LAGRANGE = "P"
-    """Lagrange polynomials: of total degree on simplices, of that degree per axis on others."""
-
-    SERENDIPITY = "S"
-    """Serendipity elements, without nodes inside; of squares and cubes."""
-
-    NONCONFORMING_POLYNOMIAL = "dP"
-    """Polynomials of total degree on any cell, discontinuous between cells."""
-
-    NEDELEC_FIRST_KIND = "N1"
-    """Nedelec elements of the first kind, for covariant spaces: H(curl)."""
-
-    RAVIART_THOMAS = "RT"
-    """Raviart-Thomas elements, for contravariant spaces: H(div)."""
-
-    BSPLINE = "B"
-    """B-splines on grids, smooth between cells."""
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Nodes of an element, by entity.
-
-    Attributes:
-        counts: nodes per vertex, edge, face (of three-dimensional cells) and in the cell.
-        entities: for each node (dimension, number of the entity, number in the entity).
-        edge_turns: for edges in their direction and for reversed ones, the number in the entity
-            and the sign (1 or -1) that nodes of the edge have for all its cells.
-        face_turns: the same for each order of the vertices of a face: order 2 c + s has the
-            least vertex at c, and s is 1 if the next vertices of the face swap.
-    """
-
-    counts: tuple
-    entities: tuple
-    edge_turns: tuple = ()
-    face_turns: tuple = ()
 
 
 @dataclass(frozen=True)
@@ -77,9 +37,21 @@ class Element:
     @functools.cached_property
     def definition(self):
         """The numbers of the element."""
-        from warp._src.fem.cells.definitions import definition
+        basis = self.basis
+        if basis is ElementBasis.LAGRANGE:
+            return definitions.lagrange(self)
+        if self.map != "identity":
+            from warp._src.fem.cells.vector_families import vector_valued
 
-        return definition(self)
+            return vector_valued(self)
+        from warp._src.fem.cells import families
+
+        makers = {
+            ElementBasis.SERENDIPITY: families.serendipity,
+            ElementBasis.NONCONFORMING_POLYNOMIAL: families.nonconforming,
+            ElementBasis.BSPLINE: families.bspline,
+        }
+        return makers[basis](self)
 
     @property
     def node_count(self) -> int:
@@ -113,6 +85,13 @@ class Element:
     def trace_weights(self) -> np.ndarray:
         """Weights of the nodes as points of a rule over each side that they lie on, (n,)."""
         return self.definition.trace_weights
+
+    @property
+    def node_duals(self) -> np.ndarray:
+        """The value at a node times this, or its product, is the node's degree of freedom: (n,) or
+        (n, d)."""
+        duals = self.definition.duals
+        return np.ones(self.node_count) if duals is None else duals
 
     @property
     def is_continuous(self) -> bool:

@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from warp._src.fem.cells.cell import LINE, TET, TRIANGLE, Cell
+from warp._src.fem.cells.cell import TET, TRIANGLE, Cell
 
 
 def _spread(place, vertices, size):
@@ -85,8 +85,3 @@ def powers(steps, coordinates) -> tuple[np.ndarray, np.ndarray]:
         others = [parts[j] for j in range(size) if j != i]
         derivatives[..., i] = slopes[i] * (np.prod(others, axis=0) if others else 1.0)
     return values, derivatives
-
-
-def is_lattice(cell: Cell) -> bool:
-    """True for the cells whose Lagrange nodes are lattices."""
-    return cell in (LINE, TRIANGLE, TET)

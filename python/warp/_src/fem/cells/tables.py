@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warp._src.types.matrices import matrix
-from warp._src.types.vectors import vector
+import warp as wp
 
 
 def table(values, dtype):
@@ -16,6 +15,6 @@ def table(values, dtype):
     """
     values = np.asarray(values)
     if values.ndim == 1:
-        return vector(length=len(values), dtype=dtype)(values.tolist())
+        return wp.types.vector(length=len(values), dtype=dtype)(values.tolist())
     rows, columns = values.shape
-    return matrix(shape=(rows, columns), dtype=dtype)(values.reshape(-1).tolist())
+    return wp.types.matrix(shape=(rows, columns), dtype=dtype)(values.reshape(-1).tolist())

@@ -36,32 +36,13 @@ def _of_element(record):
     CellArg = geometry_functions(topology.geometry).CellArg
     of_topology = topology.functions
     TopologyArg = of_topology.TopologyArg
-    orientation_of = of_topology.element_orientation
     functions = element_functions(element, real)
-    value_of, gradient_of = functions.value, functions.gradient
     coords_of, weight_of = functions.node_coords, functions.node_weight
-    Coords = coords_type(real)
-    is_oriented = element.orientation_count > 1
-    oriented_value_of = getattr(functions, "oriented_value", value_of)
-    oriented_gradient_of = getattr(functions, "oriented_gradient", gradient_of)
-
-    @wp.func
-    def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
-        if wp.static(is_oriented):
-            orientation = orientation_of(cell_arg, topo_arg, element)
-            return oriented_value_of(coords, node, orientation)
-        else:
-            return value_of(coords, node)
-
-    @wp.func
-    def weight_gradient(
-        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
-    ):
-        if wp.static(is_oriented):
-            orientation = orientation_of(cell_arg, topo_arg, element)
-            return oriented_gradient_of(coords, node, orientation)
-        else:
-            return gradient_of(coords, node)
+    weight, weight_gradient = (
+        _stored(functions, topology, real)
+        if topology.is_stored
+        else _direct(functions, topology, real)
+    )
 
     @wp.func
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
@@ -78,6 +59,47 @@ def _of_element(record):
         node_weight=node_weight,
         trace_weight=functions.trace_weight,
     )
+
+
+def _direct(functions, topology, real):
+    """Basis functions that the element alone gives."""
+    CellArg = geometry_functions(topology.geometry).CellArg
+    TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
+    value_of, gradient_of = functions.value, functions.gradient
+
+    @wp.func
+    def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
+        return value_of(coords, node)
+
+    @wp.func
+    def weight_gradient(
+        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
+    ):
+        return gradient_of(coords, node)
+
+    return weight, weight_gradient
+
+
+def _stored(functions, topology, real):
+    """Basis functions with coefficients in an array."""
+    CellArg = geometry_functions(topology.geometry).CellArg
+    TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
+    value_of, gradient_of = functions.stored_value, functions.stored_gradient
+    orientation_of = topology.functions.element_orientation
+
+    @wp.func
+    def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
+        orientation = orientation_of(cell_arg, topo_arg, element)
+        return value_of(topo_arg.coefficients, coords, node, orientation)
+
+    @wp.func
+    def weight_gradient(
+        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
+    ):
+        orientation = orientation_of(cell_arg, topo_arg, element)
+        return gradient_of(topo_arg.coefficients, coords, node, orientation)
+
+    return weight, weight_gradient
 
 
 def _trace(record):

@@ -25,6 +25,7 @@ class Entities:
         cell_vertices, cell_edges, cell_faces: int32 (cells, n) in the reference cell's order.
         vertex_count, edge_count, face_count: of the whole geometry.
         aligned: edges and faces have the same direction in all their cells.
+        side_ends: int32 vectors; the first is `cell * sides + place` of a cell with the side.
     """
 
     cell_vertices: object
@@ -34,6 +35,7 @@ class Entities:
     edge_count: int
     face_count: int
     aligned: bool = False
+    side_ends: object = None
 
 
 def grid_entities(res, device) -> Entities:
@@ -114,7 +116,10 @@ def numbering_kernel(cell, layout, aligned: bool):
     face_numbers, face_signs = _turn_tables(layout.face_turns)
     edge_ends = table(np.array(cell.edges), wp.int32)
     corners = table(np.array(cell.faces or ((0, 0, 0, 0),)), wp.int32)
-    dimension, has_triangles = cell.dimension, cell.is_simplex
+    has_triangles, across = cell.is_simplex, len(layout.side_signs)
+    dimension, sides = cell.dimension, len(cell.sides)
+    side_signs = table(np.array(layout.side_signs or (1,)), wp.int32)
+    side_kind = dimension - 1
     has_edges, has_faces = of_edges > 0 and dimension > 1, of_faces > 0 and dimension > 2
 
     @wp.func
@@ -146,11 +151,17 @@ def numbering_kernel(cell, layout, aligned: bool):
 
     face_turn = triangle_turn if has_triangles else square_turn
 
+    @wp.func
+    def side_sign(ends: wp.array(dtype=wp.vec2i), side: int, element: int, number: int):
+        first = ends[side][0]
+        return wp.where(first == element * sides + number, 1, -1) * side_signs[number]
+
     @wp.kernel(enable_backward=False)
     def number_nodes(
         vertices: wp.array2d(dtype=int),
         edges: wp.array2d(dtype=int),
         faces: wp.array2d(dtype=int),
+        ends: wp.array(dtype=wp.vec2i),
         first_edge: int,
         first_face: int,
         first_cell: int,
@@ -165,7 +176,7 @@ def numbering_kernel(cell, layout, aligned: bool):
         node = first_cell + element * of_cells + place
         if kind == 0:
             node = vertices[element, number] * of_vertices + place
-        if wp.static(has_edges):  # noqa: SIM102
+        if wp.static(has_edges):
             if kind == 1:
                 turn = int(0)
                 if wp.static(not aligned):
@@ -173,7 +184,9 @@ def numbering_kernel(cell, layout, aligned: bool):
                 sign = edge_signs[turn, place]
                 place = edge_numbers[turn, place]
                 node = first_edge + edges[element, number] * of_edges + place
-        if wp.static(has_faces):  # noqa: SIM102
+                if wp.static(across > 0 and not aligned and side_kind == 1):
+                    sign = side_sign(ends, edges[element, number], element, number)
+        if wp.static(has_faces):
             if kind == 2:
                 turn = int(0)
                 if wp.static(not aligned):
@@ -181,6 +194,8 @@ def numbering_kernel(cell, layout, aligned: bool):
                 sign = face_signs[turn, place]
                 place = face_numbers[turn, place]
                 node = first_face + faces[element, number] * of_faces + place
+                if wp.static(across > 0 and not aligned and side_kind == 2):
+                    sign = side_sign(ends, faces[element, number], element, number)
         nodes[element, k] = node
         signs[element, k] = wp.int8(sign)
 
@@ -202,7 +217,10 @@ def mesh_entities(entities, layout) -> Entities:
         faces, face_count = entities.cell_faces, entities.face_count
     aligned = getattr(entities, "aligned", False)
     counts = (entities.vertex_count, edge_count, face_count)
-    return Entities(entities.cells, edges, faces, *counts, aligned)
+    ends = None
+    if layout.side_signs and not aligned:
+        ends = (entities.faces or entities.edges).ends
+    return Entities(entities.cells, edges, faces, *counts, aligned, ends)
 
 
 def firsts(element, entities: Entities, cells: int) -> tuple:
@@ -239,7 +257,9 @@ def number_nodes(element, entities: Entities, cells: int, device) -> tuple:
         wp.empty((0, 0), dtype=wp.int32, device=device) if array is None else array.to(device)
         for array in arrays
     ]
+    ends = entities.side_ends
+    ends = wp.empty(0, dtype=wp.vec2i, device=device) if ends is None else ends.to(device)
     kernel = numbering_kernel(element.cell, element.layout, entities.aligned)
-    inputs = [*arrays, first_edge, first_face, first_cell, nodes, signs]
+    inputs = [*arrays, ends, first_edge, first_face, first_cell, nodes, signs]
     wp.launch(kernel, shape, inputs, device=device)
     return nodes, signs, total

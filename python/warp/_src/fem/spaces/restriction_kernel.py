@@ -23,7 +23,7 @@ def table_kernel(domain, topology, partition):
         i, k = wp.tid()
         element = element_of(index_arg, i)
         number = int(-1)
-        if element >= 0:  # noqa: SIM102
+        if element >= 0:
             if k < count_of(element_arg, topo_arg, element):
                 node = index_of(element_arg, topo_arg, element, k)
                 number = number_of(partition_arg, node)

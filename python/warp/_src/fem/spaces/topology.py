@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import importlib
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -26,6 +25,7 @@ class TopologyRecord:
         step, width: of grids: nodes between cells and nodes of a cell, per axis.
         is_signed: some nodes change their sign with the orientation of their entity.
         is_oriented: basis functions depend on the order of a cell's vertices.
+        is_stored: coefficients of basis functions are in an array.
         base: of traces: the record of the topology of cells.
         quadrature: of points: the record of the quadrature.
     """
@@ -37,6 +37,7 @@ class TopologyRecord:
     width: int = 0
     is_signed: bool = False
     is_oriented: bool = False
+    is_stored: bool = False
     base: TopologyRecord | None = None
     quadrature: object = None
     evaluation_points: bool = False
@@ -56,10 +57,13 @@ def topology_functions(record: TopologyRecord) -> SimpleNamespace:
     sign, and `element_orientation`. Traces also have `inner_cell_index`, `outer_cell_index` and
     `neighbor_cell_index` (..., node): the cell that has the node, and its number there.
     """
-    modules = {"trace": "trace_functions", "points": "point_functions"}
-    name = modules.get(record.kind, "topology_functions")
-    module = importlib.import_module(f"warp._src.fem.spaces.{name}")
-    return getattr(module, name)(record)
+    if record.kind == "trace":
+        from warp._src.fem.spaces.trace_functions import trace_functions as make
+    elif record.kind == "points":
+        from warp._src.fem.spaces.point_functions import point_functions as make
+    else:
+        from warp._src.fem.spaces.topology_functions import topology_functions as make
+    return make(record)
 
 
 class SpaceTopology:
@@ -149,6 +153,13 @@ class SpaceTopology:
     def fill_topo_arg(self, arg, device) -> None:
         """Fills an argument of the functions of kernels."""
 
+    def _fill_coefficients(self, arg, device) -> None:
+        if self.record.is_stored:
+            from warp._src.fem.cells.family_functions import coefficient_rows
+
+            rows = coefficient_rows(self.element)
+            arg.coefficients = wp.array(rows, dtype=self.geometry.scalar_type, device=device)
+
     def element_table(self, device=None):
         """Node numbers of each cell, int32 (cells, n), if there is such a table."""
         return None
@@ -199,6 +210,7 @@ class TraceTopology(SpaceTopology):
             2 * inner.nodes,
             is_signed=inner.is_signed,
             is_oriented=inner.is_oriented,
+            is_stored=inner.is_stored,
             base=inner,
         )
         super().__init__(base.geometry, record, base.element)
@@ -227,12 +239,21 @@ class DiscontinuousTopology(SpaceTopology):
     """Each cell has nodes of its own."""
 
     def __init__(self, geometry, element: Element):
-        count = element.node_count
-        super().__init__(geometry, TopologyRecord("discontinuous", geometry.record, count), element)
+        record = TopologyRecord(
+            "discontinuous",
+            geometry.record,
+            element.node_count,
+            is_stored=_has_coefficients(element),
+        )
+        super().__init__(geometry, record, element)
 
     def node_count(self) -> int:
         """Number of nodes."""
         return self.geometry.cell_count() * self.record.nodes
+
+    def fill_topo_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of kernels."""
+        self._fill_coefficients(arg, device)
 
 
 class GridTopology(SpaceTopology):
@@ -281,15 +302,16 @@ class TableTopology(SpaceTopology):
     """Nodes by entity, in a table."""
 
     def __init__(self, geometry, element: Element):
-        signs = {
-            s for _, of in (*element.layout.edge_turns, *element.layout.face_turns) for s in of
-        }
+        layout = element.layout
+        signs = {s for _, of in (*layout.edge_turns, *layout.face_turns) for s in of}
+        is_signed = -1 in signs or len(layout.side_signs) > 0
         record = TopologyRecord(
             "table",
             geometry.record,
             element.node_count,
-            is_signed=-1 in signs and not _is_aligned(geometry.base),
+            is_signed=is_signed and not _is_aligned(geometry.base),
             is_oriented=element.orientation_count > 1,
+            is_stored=_has_coefficients(element),
         )
         super().__init__(geometry, record, element)
         self._count = None
@@ -336,12 +358,21 @@ class TableTopology(SpaceTopology):
     def fill_topo_arg(self, arg, device) -> None:
         """Fills an argument of the functions of kernels."""
         arg.nodes, signs = self._tables(device)
+        self._fill_coefficients(arg, device)
         if self.record.is_signed:
             arg.signs = signs
         if self.record.is_oriented:
             from warp._src.fem.spaces.orientations import cell_orientations
 
             arg.orientations = cell_orientations(self.geometry.base, device)
+
+
+def _has_coefficients(element) -> bool:
+    if element.map == "identity":
+        return False
+    from warp._src.fem.cells.family_functions import is_stored
+
+    return is_stored(element)
 
 
 def _is_aligned(base) -> bool:

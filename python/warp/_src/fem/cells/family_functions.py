@@ -1,0 +1,294 @@
+"""Evaluation of the other families in kernels - polynomials by coefficients, and products."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+import warp as wp
+from warp._src.fem.cells.cell import TRIANGLE
+from warp._src.fem.cells.lagrange_functions import (
+    lattice_functions,
+    line_functions,
+    tensor_functions,
+)
+from warp._src.fem.cells.tables import table
+
+
+def _types(cell, real):
+    """Coordinates, parameters, and matrices of their size."""
+    Coords = wp.types.vector(length=3, dtype=real)
+    Vector = wp.types.vector(length=cell.dimension, dtype=real)
+    return Coords, Vector, wp.types.matrix(shape=(cell.dimension,) * 2, dtype=real)
+
+
+def _parameters(cell, center, scale, real):
+    """A function of kernels from coordinates to scaled parameters around a centre."""
+    Coords, Vector, _ = _types(cell, real)
+    middle, size, first = table(center, real), real(scale), 1 if cell == TRIANGLE else 0
+    dimension = cell.dimension
+
+    @wp.func
+    def parameters(coords: Coords):
+        x = Vector(real(0.0))
+        for axis in range(dimension):
+            x[axis] = size * (coords[first + axis] - middle[axis])
+        return x
+
+    return parameters
+
+
+def _monomials(cell, exponents, real):
+    """Functions of kernels: a monomial, and its derivative by an axis."""
+    _, Vector, _ = _types(cell, real)
+    powers, dimension = table(exponents, wp.int32), cell.dimension
+
+    @wp.func
+    def power(x: real, exponent: int):
+        made = real(1.0)
+        for _ in range(exponent):
+            made *= x
+        return made
+
+    @wp.func
+    def monomial(x: Vector, m: int):
+        made = real(1.0)
+        for axis in range(dimension):
+            made *= power(x[axis], powers[m, axis])
+        return made
+
+    @wp.func
+    def derivative(x: Vector, m: int, along: int):
+        made = real(1.0)
+        for axis in range(dimension):
+            exponent = powers[m, axis]
+            if axis == along:
+                made *= real(exponent) * power(x[axis], wp.max(exponent - 1, 0))
+            else:
+                made *= power(x[axis], exponent)
+        return made
+
+    return monomial, derivative
+
+
+def polynomial(element, real):
+    """Sums of monomials of 2 x - 1."""
+    cell = element.cell
+    exponents, coefficients = element.definition.data
+    Coords, Vector, _ = _types(cell, real)
+    parameters = _parameters(cell, np.full(cell.dimension, 0.5), 2.0, real)
+    monomial, derivative = _monomials(cell, exponents, real)
+    factors, count, dimension = table(coefficients, real), len(exponents), cell.dimension
+
+    @wp.func
+    def value(coords: Coords, node: int):
+        x = parameters(coords)
+        made = real(0.0)
+        for m in range(count):
+            made += factors[node, m] * monomial(x, m)
+        return made
+
+    @wp.func
+    def gradient(coords: Coords, node: int):
+        x = parameters(coords)
+        made = Vector(real(0.0))
+        for m in range(count):
+            factor = real(2.0) * factors[node, m]
+            for axis in range(dimension):
+                made[axis] += factor * derivative(x, m, axis)
+        return made
+
+    return SimpleNamespace(value=value, gradient=gradient)
+
+
+def embedded(element, real):
+    """Lagrange polynomials of a simplex inside of the cell."""
+    cell, degree = element.cell, element.degree
+    inside, origin, inverse = element.definition.data
+    Coords, _, Matrix = _types(cell, real)
+    parameters = _parameters(cell, origin, 1.0, real)
+    functions = lattice_functions(inside, degree, real)
+    value_inside, gradient_inside = functions.value, functions.gradient
+    to_inside = Matrix(*inverse.ravel().tolist())
+    is_plane = cell.dimension == 2
+
+    @wp.func
+    def moved(coords: Coords):
+        y = to_inside * parameters(coords)
+        if wp.static(is_plane):
+            return Coords(real(1.0) - y[0] - y[1], y[0], y[1])
+        else:
+            return Coords(y[0], y[1], y[2])
+
+    @wp.func
+    def value(coords: Coords, node: int):
+        return value_inside(moved(coords), node)
+
+    @wp.func
+    def gradient(coords: Coords, node: int):
+        return wp.transpose(to_inside) * gradient_inside(moved(coords), node)
+
+    return SimpleNamespace(value=value, gradient=gradient)
+
+
+def splines(element, real):
+    """Products of cardinal B-splines."""
+    degree, dimension = element.degree, element.cell.dimension
+    count = len(element.definition.data)
+    first = real(element.definition.data[0])
+    terms, half = degree + 2, real(0.5 * (degree + 1))
+    scales = [(-1) ** k * math.comb(degree + 1, k) / math.factorial(degree) for k in range(terms)]
+    factors, order = table(np.array(scales), real), real(degree)
+
+    @wp.func
+    def factor(x: real, i: int):
+        distance = wp.abs(x - first - real(i))
+        made = real(0.0)
+        for k in range(terms):
+            left = wp.max(half - real(k) - distance, real(0.0))
+            power = factors[k]
+            for _ in range(degree):
+                power *= left
+            made += power
+        return made
+
+    @wp.func
+    def factor_slope(x: real, i: int):
+        delta = x - first - real(i)
+        made = real(0.0)
+        for k in range(terms):
+            left = half - real(k) - wp.abs(delta)
+            if left > real(0.0):
+                power = factors[k] * order
+                for _ in range(1, degree):
+                    power *= left
+                made -= power
+        return made * wp.sign(delta)
+
+    return SimpleNamespace(**tensor_functions(dimension, count, factor, factor_slope, real))
+
+
+def box_vectors(element, real):
+    """Products of Lagrange polynomials along one axis, of squares and cubes."""
+    cell = element.cell
+    gauss, lobatto, nodes, is_curl = element.definition.data
+    Coords, Vector, Matrix = _types(cell, real)
+    nodes, dimension = table(nodes, wp.int32), cell.dimension
+    own, own_slope = line_functions(tuple(gauss.tolist()), real)
+    other, other_slope = line_functions(tuple(lobatto.tolist()), real)
+
+    @wp.func
+    def factor(x: real, axis: int, along: int, i: int):
+        if (axis == along) == is_curl:
+            return own(x, i)
+        return other(x, i)
+
+    @wp.func
+    def factor_slope(x: real, axis: int, along: int, i: int):
+        if (axis == along) == is_curl:
+            return own_slope(x, i)
+        return other_slope(x, i)
+
+    @wp.func
+    def value(coords: Coords, node: int):
+        along = nodes[node, 0]
+        made = real(1.0)
+        for axis in range(dimension):
+            made *= factor(coords[axis], axis, along, nodes[node, axis + 1])
+        vector = Vector(real(0.0))
+        vector[along] = made
+        return vector
+
+    @wp.func
+    def gradient(coords: Coords, node: int):
+        along = nodes[node, 0]
+        matrix = Matrix(real(0.0))
+        for by in range(dimension):
+            made = real(1.0)
+            for axis in range(dimension):
+                i = nodes[node, axis + 1]
+                if axis == by:
+                    made *= factor_slope(coords[axis], axis, along, i)
+                else:
+                    made *= factor(coords[axis], axis, along, i)
+            matrix[along, by] = made
+        return matrix
+
+    return SimpleNamespace(value=value, gradient=gradient)
+
+
+# Larger tables of coefficients are arrays: constants of that size take long to compile.
+MOST_CONSTANTS = 256
+
+
+def vectors(element, real):
+    """Vectors of polynomials by coefficients, for each order of the vertices.
+
+    `stored_value(coefficients, coords, node, orientation)` and `stored_gradient` read them from an
+    array of `coefficient_rows`; elements with few of them have `value` and `gradient`, too.
+    """
+    cell = element.cell
+    exponents, tables, center, scale, _ = element.definition.data
+    Coords, Vector, Matrix = _types(cell, real)
+    parameters = _parameters(cell, center, scale, real)
+    monomial, derivative = _monomials(cell, exponents, real)
+    count, dimension, nodes = len(exponents), cell.dimension, tables.shape[1]
+    size = real(scale)
+
+    def made_from(Factors):
+        """Functions of (coefficients, coords, node, orientation)."""
+
+        @wp.func
+        def stored_value(factors: Factors, coords: Coords, node: int, orientation: int):
+            x = parameters(coords)
+            row = (orientation * nodes + node) * dimension
+            made = Vector(real(0.0))
+            for m in range(count):
+                one = monomial(x, m)
+                for axis in range(dimension):
+                    made[axis] += factors[row + axis, m] * one
+            return made
+
+        @wp.func
+        def stored_gradient(factors: Factors, coords: Coords, node: int, orientation: int):
+            x = parameters(coords)
+            row = (orientation * nodes + node) * dimension
+            made = Matrix(real(0.0))
+            for m in range(count):
+                for by in range(dimension):
+                    one = size * derivative(x, m, by)
+                    for axis in range(dimension):
+                        made[axis, by] += factors[row + axis, m] * one
+            return made
+
+        return stored_value, stored_gradient
+
+    stored = made_from(wp.array2d(dtype=real))
+    made = SimpleNamespace(stored_value=stored[0], stored_gradient=stored[1])
+    if tables.size > MOST_CONSTANTS:
+        return made
+    factors = table(tables.reshape(-1, count), real)
+    constant_value, constant_gradient = made_from(type(factors))
+
+    @wp.func
+    def value(coords: Coords, node: int):
+        return constant_value(factors, coords, node, 0)
+
+    @wp.func
+    def gradient(coords: Coords, node: int):
+        return constant_gradient(factors, coords, node, 0)
+
+    made.value, made.gradient = value, gradient
+    return made
+
+
+def coefficient_rows(element) -> np.ndarray:
+    """Coefficients of `vectors`, (orientations * nodes * axes, monomials)."""
+    tables = element.definition.data[1]
+    return tables.reshape(-1, tables.shape[-1])
+
+
+def is_stored(element) -> bool:
+    """True if coefficients have to be in an array."""
+    definition = element.definition
+    return definition.kind == "vectors" and definition.data[1].size > MOST_CONSTANTS
