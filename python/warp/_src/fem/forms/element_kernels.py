@@ -57,11 +57,19 @@ def _sum(plan, role, used, prefix, node) -> str:
     return " + ".join(parts)
 
 
+def split(role, slot, subscript) -> tuple:
+    """Component of the degree of freedom, and of the basis function, of a component of a slot."""
+    if role.nodes.values.map != "identity":
+        return 0, subscript
+    if extend.type_is_vector(role.nodes.dof_dtype):
+        places = subscript.strip("[]").split(", ")
+        return int(places[0]), f"[{places[1]}]" if slot.is_gradient else ""
+    return 0, subscript
+
+
 def bilinear_text(plan) -> str:
     """Text of the kernel of element matrices."""
     test, trial, names = plan.test, plan.trial, plan.names
-    terms = plan.terms(trial)
-    names |= {"trial_value": terms.value, "trial_gradient": terms.gradient}
     names["Block"] = plan.block_dtype
     rows, columns = test.nodes.node_count, trial.nodes.node_count
     height, width = rows * test.halves, columns * trial.halves
@@ -78,107 +86,110 @@ def bilinear_text(plan) -> str:
     else:
         lines += [f"    for i in range({height * width}):", "        blocks[base + i] = Block()"]
     plan._loop(lines)
-    parts = _rows(plan, test, trial, lines)
+    pairs = add_coefficients(plan, lines, "        ")
     for half in range(trial.halves):
-        used = [(i, s) for i, s in trial.used_slots if s.half == half]
-        if used and parts:
+        mine = [one for one in pairs if one.column.half == half]
+        if mine:
             lines.append(f"        for j in range({columns}):")
-            _columns(plan, used, parts, lines)
+            sums = _columns(plan, mine, lines)
             for other in range(test.halves):
-                _entries(plan, parts, other, half, is_local, lines)
+                _entries(plan, sums, other, half, is_local, lines)
     if is_local:
         lines.append(f"    for i in range({height * width}):")
         lines.append("        blocks[base + i] = sums[i]")
     return "\n".join(lines) + "\n"
 
 
-def _rows(plan, test, trial, lines) -> list:
-    """Adds, for each component of each slot of the test function, the coefficients of the trial
-    function's slots. Gives (slot of the test function, subscript, prefix)."""
-    made = []
-    test_slots = "".join(f"{name}, " for name, _ in plan.slot_parameters[: len(test.used_slots)])
-    trial_slots = "".join(f"{name}, " for name, _ in plan.slot_parameters[len(test.used_slots) :])
-    typed = [*plan.slot_parameters[len(test.used_slots) :]]
-    typed += plan.slot_parameters[: len(test.used_slots)]
-    parameters = "".join(f"{name}: {kind}, " for name, kind in typed)
-    if not trial.used_slots:
-        return made
-    for place, (number, slot) in enumerate(test.used_slots):
-        for index, subscript in enumerate(components(slot.type)):
-            name = f"row_{number}_{index}"
-            plan.names[name] = plan._function(
-                f"def {name}({parameters}s: Sample, domain_arg: DomainArg, fields: Fields, "
-                f"values: Values, points: Any):\n"
-                f"    found = gradient_by(form, {len(test.used_slots)})"
-                f"({test_slots}{trial_slots}{plan.REST})\n"
-                f"    return found[{place}]{subscript}\n"
-            )
-            lines.append(
-                f"        d_{number}_{index} = gradient_by({name}, {len(trial.used_slots)})"
-                f"({plan._zeros(trial)}{plan._zeros(test)}{plan.REST})"
-            )
-            for at, (other, _) in enumerate(trial.used_slots):
-                lines.append(
-                    f"        d_{number}_{index}_{other} = scale * d_{number}_{index}[{at}]"
-                )
-            made.append((number, slot, subscript, f"d_{number}_{index}"))
-    return made
+class Pair:
+    """A coefficient that is not zero: of a component of a slot of the test function and one of the
+    trial function.
+
+    Attributes:
+        row, column: slots. row_number, column_number: their numbers. row_basis, column_basis:
+            subscripts of basis functions. row_dof, column_dof: components of the block.
+        text: the coefficient.
+    """
+
+    def __init__(self, plan, key, text):
+        self.row_number, row_subscript, self.column_number, column_subscript = key
+        self.row = plan.test.slots[self.row_number]
+        self.column = plan.trial.slots[self.column_number]
+        self.row_dof, self.row_basis = split(plan.test, self.row, row_subscript)
+        self.column_dof, self.column_basis = split(plan.trial, self.column, column_subscript)
+        self.text = text
 
 
-def _columns(plan, used, parts, lines):
-    """Adds the products with the basis functions of node j."""
-    for number, slot in used:
-        word = "gradient" if slot.is_gradient else "value"
-        call = plan._basis_call(plan.trial, slot, "q", "j")
-        lines.append(f"            b_{number} = {call}")
-        plan.names[f"trial_{word}"] = getattr(plan.terms(plan.trial), word)
-    for _, _, _, prefix in parts:
-        terms = [
-            f"trial_{'gradient' if slot.is_gradient else 'value'}(b_{number}, {prefix}_{number})"
-            for number, slot in used
+def add_coefficients(plan, lines, indent) -> list[Pair]:
+    """Adds the coefficients of the form at a point, scaled; gives those that are not zero."""
+    trial, pairs = plan.trial, []
+    for number, _, subscript, name in plan.rows():
+        keys = [
+            (number, subscript, other, column)
+            for other, slot in trial.used_slots
+            for column in components(slot.type)
         ]
-        lines.append(f"            {prefix}_j = {' + '.join(terms)}")
+        keys = [key for key in keys if not plan.structure.is_zero(*key)]
+        if not keys:
+            continue
+        lines.append(
+            f"{indent}{name}_found = gradient_by({name}, {len(trial.used_slots)})"
+            f"({plan._zeros(trial)}{plan._zeros(plan.test)}{plan.REST})"
+        )
+        places = {other: place for place, (other, _) in enumerate(trial.used_slots)}
+        for key in keys:
+            text = f"d_{len(pairs)}"
+            lines.append(f"{indent}{text} = scale * {name}_found[{places[key[2]]}]{key[3]}")
+            pairs.append(Pair(plan, key, text))
+    return pairs
 
 
-def _entries(plan, parts, test_half, trial_half, is_local, lines):
+def _columns(plan, pairs, lines) -> dict:
+    """Adds the products with the basis functions of node j: a number for each component of a slot
+    of the test function and of the block's columns."""
+    indent = "            "
+    for number in sorted({one.column_number for one in pairs}):
+        slot = plan.trial.slots[number]
+        lines.append(f"{indent}b_{number} = {plan._basis_call(plan.trial, slot, 'q', 'j')}")
+    groups: dict = {}
+    for one in pairs:
+        key = one.row_number, one.row_basis, one.row_dof, one.column_dof
+        groups.setdefault(key, []).append(one)
+    for place, (key, ones) in enumerate(groups.items()):
+        terms = [f"{one.text} * b_{one.column_number}{one.column_basis}" for one in ones]
+        lines.append(f"{indent}r_{place} = {' + '.join(terms)}")
+        groups[key] = f"r_{place}"
+    return groups
+
+
+def block_text(plan, entries) -> str:
+    """A block from the texts of its entries, by row and column."""
+    rows, columns = plan.test.nodes.dof_dtype, plan.trial.nodes.dof_dtype
+    if plan.block_dtype is plan.record.scalar:
+        return entries[0, 0]
+    texts = [
+        entries.get((i, j), "Real(0.0)")
+        for i in range(dof_count(rows))
+        for j in range(dof_count(columns))
+    ]
+    return f"Block({', '.join(texts)})"
+
+
+def _entries(plan, groups, test_half, trial_half, is_local, lines):
     """Adds the entries of column j of one pair of halves."""
     test, trial = plan.test, plan.trial
     rows, columns = test.nodes.node_count, trial.nodes.node_count
-    width = columns * trial.halves
-    mine = [one for one in parts if one[1].half == test_half]
+    width, indent = columns * trial.halves, "                "
+    mine = {key: text for key, text in groups.items() if test.slots[key[0]].half == test_half}
     if not mine:
         return
     lines.append(f"            for i in range({rows}):")
-    slots = {number: slot for number, slot, _, _ in mine}
-    for number, slot in slots.items():
-        lines.append(f"                a_{number} = {plan._basis_call(test, slot, 'q', 'i')}")
-    entry = _entry(plan, mine)
+    for number in sorted({key[0] for key in mine}):
+        call = plan._basis_call(test, test.slots[number], "q", "i")
+        lines.append(f"{indent}a_{number} = {call}")
+    entries: dict = {}
+    for (number, basis, row, column), text in mine.items():
+        entries.setdefault((row, column), []).append(f"a_{number}{basis} * {text}")
+    block = block_text(plan, {key: " + ".join(terms) for key, terms in entries.items()})
     target = f"({test_half * rows} + i) * {width} + {trial_half * columns} + j"
     memory = f"sums[{target}]" if is_local else f"blocks[base + {target}]"
-    lines.append(f"                {memory} += {entry}")
-
-
-def _entry(plan, mine) -> str:
-    """The block of nodes i and j as an expression."""
-    test, trial = plan.test.nodes, plan.trial.nodes
-    is_scalar = plan.block_dtype is plan.record.scalar
-    if test.values.map != "identity" or not extend.type_is_vector(test.dof_dtype):
-        # Each component of a slot goes with the same component of the basis function.
-        row = " + ".join(
-            f"a_{number}{subscript} * {prefix}_j" for number, _, subscript, prefix in mine
-        )
-        if is_scalar:
-            return row
-        return f"wp.matrix_from_rows({row})"
-    found = []
-    for n in range(dof_count(test.dof_dtype)):
-        terms = []
-        for number, slot, subscript, prefix in mine:
-            place = subscript.strip("[]").split(", ")
-            if int(place[0]) == n:
-                basis = f"a_{number}[{place[1]}]" if slot.is_gradient else f"a_{number}"
-                terms.append(f"{basis} * {prefix}_j")
-        found.append(" + ".join(terms))
-    if extend.type_is_vector(trial.dof_dtype):
-        return f"wp.matrix_from_rows({', '.join(found)})"
-    return f"Block({', '.join(found)})"
+    lines.append(f"{indent}{memory} += {block}")

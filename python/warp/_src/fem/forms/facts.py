@@ -28,7 +28,7 @@ def words_of(function) -> frozenset:
         if one in seen:
             continue
         seen.add(one)
-        words = source_of(one).words()
+        words = _words_of_body(source_of(one).tree)
         found |= words
         closure = dict(zip(one.__code__.co_freevars, one.__closure__ or (), strict=True))
         for word in words:
@@ -40,6 +40,17 @@ def words_of(function) -> frozenset:
             if isinstance(value, wp.Function) and not _is_operator(value):
                 stack += value.overloads
     return frozenset(found)
+
+
+def _words_of_body(tree) -> set:
+    """Names and attributes in the body of a function, not in its annotations."""
+    import ast
+
+    words = set()
+    for statement in tree.body:
+        for node in ast.walk(statement):
+            words.add(getattr(node, "attr", None) or getattr(node, "id", ""))
+    return words
 
 
 def _is_operator(function) -> bool:

@@ -211,8 +211,9 @@ class Form:
         shape = count
         if not self.plan.has_slots:
             shape = count, self.test.nodes.node_count * (1 if self.domain.is_cells else 2)
-        args = [first, *self.arguments()]
-        wp.launch(self.plan.blocks, shape, args, [blocks], device=self.device)
+        kernel = self.plan.blocks
+        args = [first, *self.arguments(), *self.plan.more_values(self.device)]
+        wp.launch(kernel, shape, args, [blocks], device=self.device)
 
     def totals(self, totals):
         """Writes the integral over each element of the domain.

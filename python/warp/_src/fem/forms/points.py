@@ -16,8 +16,9 @@ from warp._src.fem.fields.base import MARK
 from warp._src.fem.forms import facts
 from warp._src.fem.forms.basis import table_type, table_value
 from warp._src.fem.forms.descriptions import DomainDescription
+from warp._src.fem.forms.flow import UNKNOWN
 from warp._src.fem.forms.slots import NODE_OPERATORS, Role
-from warp._src.fem.forms.terms import dof_count, point_functions, term_functions
+from warp._src.fem.forms.terms import components, dof_count, point_functions, term_functions
 from warp._src.fem.types import sample_type
 from warp._src.frontend.build import types_of_local
 from warp._src.types.dtypes import dtype_of
@@ -49,6 +50,7 @@ class PointsPlan:
 
     def __init__(self, record):
         self.record = record
+        self.tensors, self._on_device = None, {}
         self.domain = record.domain.functions
         real = record.scalar
         words = facts.words_of(record.integrand)
@@ -318,6 +320,15 @@ class PointsPlan:
         ]
         self._points(lines)
 
+    def first_sample(self, lines):
+        """The sample at the first point of the element."""
+        args = "domain_arg.geo, quadrature, domain_element, element, 0"
+        lines += [
+            "    element = element_index(domain_arg.index, domain_element)",
+            f"    s = Sample(element, point_coords({args}), point_index({args}), "
+            f"point_weight({args}), wp.vec2i(0, {MARK}), wp.vec2i(0, {MARK}))",
+        ]
+
     COMMON = (
         "domain_arg: DomainArg, quadrature: QuadratureArg, fields: Fields, values: Values, "
         "tables: Tables"
@@ -328,6 +339,43 @@ class PointsPlan:
         return "".join(f"Slot_{role.role}_{number}(), " for number, _ in role.used_slots)
 
     # Kernels.
+
+    @functools.cached_property
+    def structure(self):
+        """Which coefficients are zero or constant; checks that the form is linear."""
+        from warp._src.fem.forms.structure import find_structure
+
+        return find_structure(self)
+
+    def slot_degree(self, role, slot) -> int:
+        """Polynomial degree of a slot in reference coordinates."""
+        element = role.nodes.element
+        if element is None:
+            return UNKNOWN
+        lower = int(slot.is_gradient and element.cell.is_simplex)
+        return max(0, element.monomial_degree - lower)
+
+    @functools.cache  # noqa: B019 - plans live as long as the program
+    def rows(self) -> list:
+        """The components of the slots of the test function: (number, slot, subscript, name of a
+        function that gives the coefficient)."""
+        test, trial = self.test, self.trial
+        count = len(test.used_slots)
+        test_slots, trial_slots = self.slot_parameters[:count], self.slot_parameters[count:]
+        parameters = _parameters([*trial_slots, *test_slots])
+        given = "".join(f"{name}, " for name, _ in self.slot_parameters)
+        made = []
+        for place, (number, slot) in enumerate(test.used_slots):
+            for index, subscript in enumerate(components(slot.type)):
+                name = f"row_{number}_{index}"
+                self.names[name] = self._function(
+                    f"def {name}({parameters}s: Sample, domain_arg: DomainArg, fields: Fields, "
+                    f"values: Values, points: Any):\n"
+                    f"    found = gradient_by(form, {count})({given}{self.REST})\n"
+                    f"    return found[{place}]{subscript}\n"
+                )
+                made.append((number, slot, subscript, name))
+        return made if trial.used_slots else []
 
     @functools.cached_property
     def totals(self):
@@ -370,10 +418,26 @@ class PointsPlan:
     def blocks(self):
         """Kernel of element vectors or matrices."""
         self.check_result()
+        from warp._src.fem.forms import literal
         from warp._src.fem.forms.element_kernels import bilinear_text, linear_text
 
-        text = linear_text(self) if self.trial is None else bilinear_text(self)
-        return self._kernel(text)
+        _ = self.structure
+        if self.trial is None:
+            return self._kernel(linear_text(self))
+        if literal.applies(self):
+            text, self.tensors = literal.literal_text(self)
+            return self._kernel(text)
+        return self._kernel(bilinear_text(self))
+
+    def more_values(self, device) -> list:
+        """Arguments of the kernel of blocks beside those of all kernels."""
+        if self.tensors is None:
+            return []
+        if device not in self._on_device:
+            self._on_device[device] = wp.array(
+                self.tensors, dtype=self.record.scalar, device=device
+            )
+        return [self._on_device[device]]
 
     def node_table(self, role):
         """Kernel that writes node numbers of elements, and the number of nodes."""

@@ -1,0 +1,213 @@
+"""Flow analysis of a form's IR - what its values depend on, which vanish, polynomial degrees.
+
+The IR of one thread has scalars alone. Each value gets the names of the arguments that it depends
+on, whether it is zero whatever the arguments are (a product with 0 is), for which groups of
+arguments it vanishes when they are zero, and its polynomial degree in reference coordinates.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_NAME = re.compile(r"%[\w$.-]+(?:#\d+)?")
+_RESULTS = re.compile(r"^((?:%[\w$.-]+(?::\d+)?(?:, )?)+) = (.*)$")
+_PASSING = frozenset(("arith.negf", "arith.extf", "arith.truncf"))
+# Joins of a loop until its carried values are stable; each adds to finite sets.
+_MOST_ROUNDS = 40
+UNKNOWN = 10**6
+
+
+@dataclass(frozen=True)
+class Flow:
+    """Facts of a value.
+
+    Attributes:
+        on: groups of arguments that it depends on.
+        is_zero: it is 0 for all arguments.
+        vanishes: groups that make it 0 when all their arguments are 0.
+        degree: polynomial degree, `UNKNOWN` if it is no polynomial.
+    """
+
+    on: frozenset = frozenset()
+    is_zero: bool = False
+    vanishes: frozenset = frozenset()
+    degree: int = 0
+
+
+ZERO = Flow(is_zero=True)
+
+
+def joined(first: Flow, second: Flow) -> Flow:
+    """Facts of a sum, or of a value that is one or the other."""
+    if first.is_zero:
+        return second
+    if second.is_zero:
+        return first
+    return Flow(
+        first.on | second.on,
+        False,
+        first.vanishes & second.vanishes,
+        max(first.degree, second.degree),
+    )
+
+
+def _product(first, second):
+    if first.is_zero or second.is_zero:
+        return ZERO
+    degree = min(first.degree + second.degree, UNKNOWN)
+    return Flow(first.on | second.on, False, first.vanishes | second.vanishes, degree)
+
+
+def _opaque(operands):
+    """Facts of a function of operands that is no polynomial of them.
+
+    It counts as one that vanishes with its arguments, so that nothing is said of what is not known.
+    """
+    on = frozenset().union(*(one.on for one in operands)) if operands else frozenset()
+    degree = 0 if all(one.degree == 0 for one in operands) else UNKNOWN
+    return Flow(on, False, on, degree)
+
+
+def _chosen(condition, first, second):
+    """Facts of a value that a condition chooses."""
+    made = joined(first, second)
+    if made.is_zero:
+        return made
+    degree = made.degree if condition.degree == 0 else UNKNOWN
+    return Flow(made.on | condition.on, False, made.vanishes, degree)
+
+
+class FlowAnalysis:
+    """The facts of the values of a function.
+
+    Args:
+        text: IR of a thread. arguments: facts of the arguments, in order.
+
+    Attributes:
+        stored: facts of what is stored, by the constant index of the element.
+    """
+
+    def __init__(self, text: str, arguments: list):
+        lines = [line.strip() for line in text.splitlines()]
+        begin = next(i for i, line in enumerate(lines) if line.startswith("func.func"))
+        self.lines = lines[begin + 1 :]
+        self.values = {f"%arg{i}": facts for i, facts in enumerate(arguments)}
+        self.integers: dict = {}
+        self.stored: dict = {}
+        self._block(0)
+
+    def _of(self, names) -> list:
+        return [self.values.get(name, Flow()) for name in names]
+
+    def _block(self, at) -> tuple:
+        """Goes through a region from a line on; gives the line after it and what it yields."""
+        yielded = []
+        while at < len(self.lines):
+            line = self.lines[at]
+            at += 1
+            if line.startswith("}"):
+                return at, yielded, line
+            if line.startswith("scf.yield"):
+                yielded = self._of(_NAME.findall(line.partition(" : ")[0]))
+            elif " {" in line and line.endswith("{"):
+                at = self._region(line, at)
+            elif line.startswith("warp.store"):
+                self._store(line)
+            else:
+                self._operation(line)
+        return at, yielded, "}"
+
+    def _results(self, line):
+        """Names of results, and the operation."""
+        found = _RESULTS.match(line)
+        if not found:
+            return [], line
+        names = []
+        for part in found[1].split(", "):
+            name, _, count = part.partition(":")
+            names += [f"{name}#{i}" for i in range(int(count))] if count else [name]
+        return names, found[2]
+
+    def _operation(self, line):
+        names, rest = self._results(line)
+        if not names:
+            return
+        kind = rest.split(" ", 1)[0].split("(")[0]
+        if kind == "arith.constant":
+            value = rest.split(" ")[1]
+            is_zero = value in ("0.000000e+00", "-0.000000e+00")
+            self.values[names[0]] = ZERO if is_zero else Flow()
+            if re.fullmatch(r"-?\d+", value):
+                self.integers[names[0]] = int(value)
+            return
+        if kind.startswith("memref.") or "alloca" in kind:
+            # Values pass through memory of the thread.
+            raise NotImplementedError(kind)
+        operands = self._of(_NAME.findall(rest.partition(" : ")[0]))
+        made = self._apply(kind, operands)
+        for name in names:
+            self.values[name] = made
+
+    @staticmethod
+    def _apply(kind, operands):
+        if kind == "arith.mulf":
+            return _product(*operands)
+        if kind in ("arith.addf", "arith.subf"):
+            return joined(*operands)
+        if kind == "arith.divf":
+            above, below = operands
+            if above.is_zero:
+                return ZERO
+            degree = above.degree if below.degree == 0 else UNKNOWN
+            return Flow(above.on | below.on, False, above.vanishes, degree)
+        if kind in _PASSING:
+            return operands[0]
+        if kind == "math.fma":
+            return joined(_product(*operands[:2]), operands[2])
+        if kind == "arith.select":
+            return _chosen(*operands)
+        return _opaque(operands)
+
+    def _store(self, line):
+        values = re.match(r"warp\.store\w*\(?([^)\[]*)\)?, %[\w$.-]+\[(%[\w$.-]+)\]", line)
+        index = self.integers.get(values[2]) if values else None
+        if index is not None:
+            self.stored[index] = self._of(_NAME.findall(values[1]))[0]
+
+    def _region(self, line, at):
+        names, rest = self._results(line)
+        if rest.startswith("scf.if"):
+            condition = self._of(_NAME.findall(rest.partition(" ->")[0]))[0]
+            at, first, last = self._block(at)
+            second = [Flow()] * len(first)
+            if "else" in last:
+                at, second, _ = self._block(at)
+            for name, one, other in zip(names, first, second, strict=False):
+                self.values[name] = _chosen(condition, one, other)
+            return at
+        if rest.startswith("scf.for"):
+            return self._loop(names, rest, at)
+        raise NotImplementedError(rest.split(" ")[0])
+
+    def _loop(self, names, rest, at):
+        head, _, carried = rest.partition("iter_args(")
+        index, *bounds = _NAME.findall(head)
+        limits = _opaque(self._of(bounds))
+        self.values[index] = Flow(limits.on, False, frozenset(), 0)
+        pairs = re.findall(r"(%[\w$.-]+) = (%[\w$.-]+(?:#\d+)?)", carried.partition(") ->")[0])
+        state = self._of(initial for _, initial in pairs)
+        for _ in range(_MOST_ROUNDS):
+            for (name, _), facts in zip(pairs, state, strict=True):
+                self.values[name] = facts
+            end, found, _ = self._block(at)
+            after = [joined(one, other) for one, other in zip(state, found, strict=True)]
+            if after == state:
+                break
+            state = after
+        else:
+            state = [Flow(one.on, one.is_zero, one.vanishes, UNKNOWN) for one in state]
+        for name, facts in zip(names, state, strict=True):
+            on = facts.on if facts.is_zero else facts.on | limits.on
+            self.values[name] = Flow(on, facts.is_zero, facts.vanishes, facts.degree)
+        return end

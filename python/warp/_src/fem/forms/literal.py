@@ -1,0 +1,110 @@
+"""Plan by reference tensors - coefficients that are constant in an element, integrals known before.
+
+On affine cells, a form whose coefficients are the same at all points is a sum of coefficients times
+integrals of products of basis functions over the reference cell, which are summed in float64 and
+rounded once: no loop over points is left.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from warp._src.fem.forms.element_kernels import add_coefficients, block_text
+
+# Products of the sizes of elements up to which reference tensors are kept.
+_MOST_ENTRIES = 1 << 17
+
+
+def applies(plan) -> bool:
+    """True if the form of a plan has this kind of kernel."""
+    record = plan.record
+    if plan.test is None or plan.trial is None or record.rule is None:
+        return False
+    if not record.domain.is_cells or not record.domain.geometry.affine:
+        return False
+    bases = [role.basis(record.rule) for role in (plan.test, plan.trial)]
+    size = plan.test.nodes.node_count * plan.trial.nodes.node_count
+    if size > _MOST_ENTRIES or not all(one.is_tabulated for one in bases):
+        return False
+    return plan.structure.is_constant and not any(
+        "fields" in one.on for one in plan.structure.coefficients.values()
+    )
+
+
+@functools.cache
+def reference_tensor(test, trial, rule, parts) -> np.ndarray:
+    """Integrals over the reference cell of products of basis functions.
+
+    Args:
+        test, trial: elements. rule: points and weights, whose sum is 1.
+        parts: (gradient of the test function or not, component, the same of the trial function).
+
+    Returns:
+        (nodes of the test function, of the trial function) float64.
+    """
+    left = _component(test, rule, parts[0], parts[1])
+    right = _component(trial, rule, parts[2], parts[3])
+    return np.einsum("q,qi,qj->ij", rule.weights, left, right)
+
+
+def _component(element, rule, is_gradient, subscript):
+    numbers = element.tabulate(rule.points)[int(is_gradient)]
+    place = tuple(int(one) for one in subscript.strip("[]").split(", ") if one)
+    return numbers[(slice(None), slice(None), *place)]
+
+
+def literal_text(plan) -> tuple:
+    """Text of the kernel of element matrices, and the reference tensors, (tensors, entries)."""
+    test, trial, names = plan.test, plan.trial, plan.names
+    names["Block"] = plan.block_dtype
+    rows, columns = test.nodes.node_count, trial.nodes.node_count
+    sign = _signs(plan)
+    lines = [
+        f"def literal(first: int, {plan.COMMON}, tensors: wp.array2d(dtype=Real), "
+        "blocks: wp.array(dtype=Block)):",
+        "    local = wp.tid()",
+        "    domain_element = first + local",
+    ]
+    plan.first_sample(lines)
+    lines += ["    scale = measure(domain_arg.geo, s)", "    points = ()"]
+    pairs = add_coefficients(plan, lines, "    ")
+    tensors: list = []
+    entries: dict = {}
+    for one in pairs:
+        parts = (one.row.is_gradient, one.row_basis, one.column.is_gradient, one.column_basis)
+        found = reference_tensor(
+            test.nodes.element, trial.nodes.element, plan.record.rule, parts
+        ).reshape(-1)
+        index = next((i for i, t in enumerate(tensors) if np.array_equal(t, found)), len(tensors))
+        if index == len(tensors):
+            tensors.append(found)
+        key = one.row_dof, one.column_dof
+        entries.setdefault(key, []).append(f"{one.text} * t_{index}")
+    size = rows * columns
+    lines.append(f"    for k in range({size}):")
+    for i in range(len(tensors)):
+        lines.append(f"        t_{i} = tensors[{i}, k]")
+    block = "Block()" if not entries else block_text(
+        plan, {key: " + ".join(terms) for key, terms in entries.items()}
+    )  # fmt: skip
+    if sign:
+        lines.append(sign.format(columns=columns))
+        block = f"turn * {block}"
+    lines.append(f"        blocks[local * {size} + k] = {block}")
+    made = np.array(tensors) if tensors else np.zeros((1, size))
+    return "\n".join(lines) + "\n", made
+
+
+def _signs(plan) -> str:
+    """A line that sets `turn`, the product of the signs of nodes; empty if all are 1."""
+    factors = []
+    for role, place in ((plan.test, "k // {columns}"), (plan.trial, "k % {columns}")):
+        sign = role.nodes.topology.functions.element_node_sign
+        if sign is not None:
+            plan.names[f"sign_{role.role}"] = sign
+            factors.append(
+                f"sign_{role.role}(domain_arg.geo, fields.{role.role}_.topology, element, {place})"
+            )
+    return f"        turn = {' * '.join(factors)}" if factors else ""
