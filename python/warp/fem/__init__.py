@@ -40,7 +40,8 @@ _SOURCES = {
     "measure_ratio node_count node_index node_inner_weight node_inner_weight_gradient "
     "node_outer_weight node_outer_weight_gradient node_partition_index normal outer "
     "partition_lookup position scalar_type to_cell_side to_inner_cell to_outer_cell",
-    "quadratures": "ExplicitQuadrature NodalQuadrature PicQuadrature Quadrature RegularQuadrature",
+    "pic_quadrature": "PicQuadrature",
+    "quadratures": "ExplicitQuadrature NodalQuadrature Quadrature RegularQuadrature",
     "spaces.basis": "BasisSpace ShapeBasisSpace",
     "spaces.make": "make_collocated_function_space make_contravariant_function_space "
     "make_covariant_function_space make_polynomial_basis_space make_polynomial_space",

@@ -33,13 +33,13 @@ class QuadratureRecord:
         return quadrature_functions(self)
 
 
-_MAKERS: dict = {}
+MAKERS: dict = {}
 
 
 @functools.cache
 def quadrature_functions(record: QuadratureRecord) -> SimpleNamespace:
     """Structs and functions of kernels of a quadrature: made once per record."""
-    return _MAKERS[record.kind](record, domain_functions(record.domain))
+    return MAKERS[record.kind](record, domain_functions(record.domain))
 
 
 class Quadrature:
@@ -85,9 +85,14 @@ class Quadrature:
         """Largest number of points of an element, None if it is not known."""
         return self.points_per_element
 
+    def total_point_count(self) -> int:
+        """Numbers of points, `qp_index`, are below this one."""
+        raise NotImplementedError
+
     def evaluation_point_count(self) -> int:
         """Number of (element, point) pairs."""
-        return self.total_point_count()
+        n = self.points_per_element
+        return self.total_point_count() if n is None else n * self.domain.element_count()
 
     @property
     def name(self) -> str:
@@ -186,4 +191,172 @@ def _regular(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespa
     )
 
 
-_MAKERS["regular"] = _regular
+MAKERS["regular"] = _regular
+
+
+class NodalQuadrature(Quadrature):
+    """Nodes of a space as points, with the weights that are exact for its basis functions.
+
+    Args:
+        domain: domain of the points.
+        space: space with the nodes, or
+        basis_space: the basis of one.
+        space_partition: partition whose numbers the points bear; the whole space if None.
+    """
+
+    def __init__(self, domain, space=None, basis_space=None, space_partition=None):
+        from warp._src.fem.spaces.partition import WholeSpacePartition
+
+        super().__init__(domain)
+        if space is None and basis_space is None:
+            raise ValueError("expects 'space' or 'basis_space', but both are None")
+        self._basis = space.basis if basis_space is None else basis_space
+        self._partition = space_partition or WholeSpacePartition(self._basis.topology)
+        if self._basis.geometry is not domain.geometry.base and (
+            self._basis.geometry is not domain.geometry
+        ):
+            raise ValueError(
+                f"the space is of geometry '{self._basis.geometry.name}', but the domain is of "
+                f"'{domain.geometry.name}', another one"
+            )
+
+    @property
+    def record(self) -> QuadratureRecord:
+        """Facts that functions of kernels depend on."""
+        detail = (self._basis.record, self._partition.record)
+        n = self._basis.topology.nodes_per_element
+        return QuadratureRecord("nodal", self.domain.record, None, n, detail)
+
+    def total_point_count(self) -> int:
+        """Number of nodes."""
+        return self._partition.node_count()
+
+    def fill_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of points."""
+        arg.topology = self._basis.topology.topo_arg_value(device)
+        arg.partition = self._partition.partition_arg_value(device)
+
+
+def _nodal(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace:
+    basis, partition = record.detail
+    topology, n = basis.topology.functions, record.points
+    fields = {"topology": topology.TopologyArg, "partition": partition.functions.PartitionArg}
+    Arg = extend.struct_from_fields("NodalArg", fields, module=__name__)
+    ElementArg = domain.ElementArg
+    coords_of, weight_of = basis.functions.node_coords, basis.functions.node_weight
+    node_of, number_of = topology.element_node_index, partition.functions.partition_node_index
+
+    @wp.func
+    def point_coords(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
+        return coords_of(elements, arg.topology, element, k)
+
+    @wp.func
+    def point_weight(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
+        return weight_of(elements, arg.topology, element, k)
+
+    @wp.func
+    def point_index(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
+        return number_of(arg.partition, node_of(elements, arg.topology, element, k))
+
+    made = _same_count(ElementArg, Arg, n)
+    made.point_coords, made.point_weight, made.point_index = (
+        *(point_coords, point_weight, point_index),
+    )
+    return made
+
+
+def _same_count(ElementArg, Arg, n: int) -> SimpleNamespace:
+    """Functions of quadratures with n points in each element."""
+
+    @wp.func
+    def point_count(elements: ElementArg, arg: Arg, domain_element: int, element: int):
+        return n
+
+    @wp.func
+    def point_evaluation_index(
+        elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int
+    ):
+        return n * domain_element + k
+
+    return SimpleNamespace(
+        Arg=Arg, point_count=point_count, point_evaluation_index=point_evaluation_index
+    )
+
+
+class ExplicitQuadrature(Quadrature):
+    """Points and weights of each element, from arrays.
+
+    Args:
+        domain: domain of the points.
+        points: coordinates, (elements, n), of the elements of the domain or of the geometry.
+        weights: weights, (elements, n).
+
+    Raises:
+        ValueError: shapes or types do not fit.
+    """
+
+    def __init__(self, domain, points, weights):
+        super().__init__(domain)
+        real = domain.geometry.scalar_type
+        for name, array, dtype in (
+            ("points", points, coords_type(real)),
+            ("weights", weights, real),
+        ):
+            if array.ndim != 2 or array.dtype is not dtype:
+                raise ValueError(
+                    f"'{name}' expects a 2-D array of {extend.type_repr(dtype)}, but got a "
+                    f"{array.ndim}-D one of {extend.type_repr(array.dtype)}"
+                )
+        if points.shape != weights.shape:
+            raise ValueError(
+                f"'weights' expects the shape {points.shape} of 'points', but got {weights.shape}"
+            )
+        whole, part = domain.geometry_element_count(), domain.element_count()
+        if points.shape[0] not in (whole, part):
+            raise ValueError(
+                f"'points' expects {part} rows, for the domain, or {whole}, for the geometry, "
+                f"but got {points.shape[0]}"
+            )
+        self._points, self._weights, self._is_whole = points, weights, points.shape[0] == whole
+
+    @property
+    def record(self) -> QuadratureRecord:
+        """Facts that functions of kernels depend on."""
+        n = self._points.shape[1]
+        return QuadratureRecord("explicit", self.domain.record, None, n, self._is_whole)
+
+    def total_point_count(self) -> int:
+        """Number of points in the arrays."""
+        return self._weights.size
+
+    def fill_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of points."""
+        arg.points, arg.weights = self._points.to(device), self._weights.to(device)
+
+
+def _explicit(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace:
+    real, n, is_whole = record.domain.geometry.scalar, record.points, record.detail
+    points, ElementArg = wp.array2d(dtype=coords_type(real)), domain.ElementArg
+    fields = {"points": points, "weights": wp.array2d(dtype=real)}
+    Arg = extend.struct_from_fields("ExplicitArg", fields, module=__name__)
+
+    @wp.func
+    def point_coords(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
+        return arg.points[wp.where(is_whole, element, domain_element), k]
+
+    @wp.func
+    def point_weight(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
+        return arg.weights[wp.where(is_whole, element, domain_element), k]
+
+    @wp.func
+    def point_index(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
+        return n * wp.where(is_whole, element, domain_element) + k
+
+    made = _same_count(ElementArg, Arg, n)
+    made.point_coords, made.point_weight, made.point_index = (
+        *(point_coords, point_weight, point_index),
+    )
+    return made
+
+
+MAKERS.update(nodal=_nodal, explicit=_explicit)
