@@ -7,7 +7,8 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import GeometryRecord, geometry_functions, per_device
+from warp._src.fem.geometry.base import GeometryRecord, forget, geometry_functions, per_device
+from warp._src.fem.geometry.indices import masked_indices
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,96 @@ def _whole(record: PartitionRecord) -> SimpleNamespace:
     )
 
 
-_MAKERS["whole"] = _whole
+def _listed(record: PartitionRecord) -> SimpleNamespace:
+    """Cells of a range or of a list; sides of a list."""
+    ints, is_range = wp.array(dtype=wp.int32), record.kind == "range"
+    fields = {"cell_begin": wp.int32, "cell_end": wp.int32}
+    if not is_range:
+        fields = {"cells": ints, "partition_cells": ints}
+    name = "RangeCellArg" if is_range else "ListedCellArg"
+    CellArg = extend.struct_from_fields(name, fields, module=__name__)
+    fields = {"cell_arg": CellArg, "sides": ints, "boundary_sides": ints, "frontier_sides": ints}
+    SideArg = extend.struct_from_fields(f"{name}OfSides", fields, module=__name__)
+    if is_range:
+
+        @wp.func
+        def cell_index(arg: CellArg, index: int):
+            return arg.cell_begin + index
+
+        @wp.func
+        def partition_cell_index(arg: CellArg, cell: int):
+            inside = cell >= arg.cell_begin and cell < arg.cell_end
+            return wp.where(inside, cell - arg.cell_begin, -1)
+
+    else:
+
+        @wp.func
+        def cell_index(arg: CellArg, index: int):
+            return arg.cells[index]
+
+        @wp.func
+        def partition_cell_index(arg: CellArg, cell: int):
+            if cell < 0:
+                return -1
+            return arg.partition_cells[cell]
+
+    @wp.func
+    def side_index(arg: SideArg, index: int):
+        return arg.sides[index]
+
+    @wp.func
+    def boundary_side_index(arg: SideArg, index: int):
+        return arg.boundary_sides[index]
+
+    @wp.func
+    def frontier_side_index(arg: SideArg, index: int):
+        return arg.frontier_sides[index]
+
+    @wp.func
+    def side_to_cell_arg(arg: SideArg):
+        return arg.cell_arg
+
+    return SimpleNamespace(
+        CellArg=CellArg,
+        SideArg=SideArg,
+        cell_index=cell_index,
+        partition_cell_index=partition_cell_index,
+        side_index=side_index,
+        boundary_side_index=boundary_side_index,
+        frontier_side_index=frontier_side_index,
+        side_to_cell_arg=side_to_cell_arg,
+    )
+
+
+_MAKERS.update(whole=_whole, range=_listed, list=_listed)
+
+
+@functools.cache
+def _side_kernel(record: PartitionRecord) -> wp.Kernel:
+    """Kernel that marks the sides of a partition: its own, of the boundary, of the frontier."""
+    geometry, partition = geometry_functions(record.geometry), partition_functions(record)
+    SideArg, CellArg = geometry.SideArg, partition.CellArg
+    inner_of, outer_of = geometry.side_inner_cell_index, geometry.side_outer_cell_index
+    partition_index = partition.partition_cell_index
+
+    @wp.kernel(enable_backward=False)
+    def mark_sides(
+        geo: SideArg,
+        cells: CellArg,
+        own: wp.array(dtype=wp.int32),
+        boundary: wp.array(dtype=wp.int32),
+        frontier: wp.array(dtype=wp.int32),
+    ):
+        side = wp.tid()
+        inner = inner_of(geo, side)
+        outer = outer_of(geo, side)
+        has_inner = partition_index(cells, inner) >= 0
+        has_outer = partition_index(cells, outer) >= 0
+        own[side] = wp.where(has_inner, 1, 0)
+        boundary[side] = wp.where(has_inner and inner == outer, 1, 0)
+        frontier[side] = wp.where(has_inner != has_outer, 1, 0)
+
+    return mark_sides
 
 
 class GeometryPartition:
@@ -151,3 +241,128 @@ class WholeGeometryPartition(GeometryPartition):
     def fill_side_arg(self, arg, device) -> None:
         """Fills an argument of the functions of sides."""
         self.geometry.fill_side_index_arg(arg, device)
+
+
+class CellBasedGeometryPartition(GeometryPartition):
+    """Some cells. Sides belong to the partition of their inner cell; those between two partitions
+    are the frontier of both."""
+
+    _sides = _boundary_sides = _frontier_sides = None
+
+    def side_count(self) -> int:
+        """Number of sides."""
+        return self._sides.shape[0]
+
+    def boundary_side_count(self) -> int:
+        """Number of sides of the geometry's boundary."""
+        return self._boundary_sides.shape[0]
+
+    def frontier_side_count(self) -> int:
+        """Number of sides between this and other partitions."""
+        return self._frontier_sides.shape[0]
+
+    def fill_side_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of sides."""
+        self.fill_cell_arg(arg.cell_arg, device)
+        arg.sides = self._sides.to(device)
+        arg.boundary_sides = self._boundary_sides.to(device)
+        arg.frontier_sides = self._frontier_sides.to(device)
+
+    def _find_sides(self, device, max_count: int = -1) -> None:
+        """Lists the sides; without reading a count from the device if there is a maximum."""
+        forget(self)
+        n = 0 if max_count == 0 else self.geometry.side_count()
+        with extend.unrecorded():
+            masks = [wp.empty(n, dtype=wp.int32, device=device) for _ in range(3)]
+            if n:
+                inputs = [self.geometry.side_arg_value(device), self.cell_arg_value(device)]
+                wp.launch(_side_kernel(self.record), n, inputs, masks, device=device)
+        lists = (self._sides, self._boundary_sides, self._frontier_sides)
+        self._sides, self._boundary_sides, self._frontier_sides = (
+            masked_indices(mask, max_count, kept)[0] for mask, kept in zip(masks, lists)
+        )
+        forget(self, "side_arg_value")
+
+
+class LinearGeometryPartition(CellBasedGeometryPartition):
+    """A range of cells: the `partition_rank`-th of `partition_count` of equal size.
+
+    Args:
+        geometry: the geometry.
+        partition_rank: number of the range.
+        partition_count: number of ranges.
+        device: device of the lists of sides.
+        temporary_store: ignored.
+
+    Raises:
+        ValueError: a rank out of range.
+    """
+
+    def __init__(
+        self, geometry, partition_rank: int, partition_count: int, device=None, temporary_store=None
+    ):
+        super().__init__(geometry)
+        if not 0 <= partition_rank < partition_count:
+            raise ValueError(
+                f"'partition_rank' expects 0 to {partition_count - 1}, but got {partition_rank}"
+            )
+        self.record = PartitionRecord("range", geometry.record)
+        total = geometry.cell_count()
+        size = -(-total // partition_count)
+        self.cell_begin = min(size * partition_rank, total)
+        self.cell_end = min(self.cell_begin + size, total)
+        self._find_sides(wp.get_device(device))
+
+    def cell_count(self) -> int:
+        """Number of cells."""
+        return self.cell_end - self.cell_begin
+
+    def fill_cell_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of cells."""
+        arg.cell_begin, arg.cell_end = self.cell_begin, self.cell_end
+
+
+class ExplicitGeometryPartition(CellBasedGeometryPartition):
+    """Cells by a mask.
+
+    Args:
+        geometry: the geometry.
+        cell_mask: (cells,) of int32, 1 for the cells of the partition.
+        max_cell_count, max_side_count: sizes of the lists, so that nothing is read from the
+            device; places that are left over name no element, -1.
+        temporary_store: ignored.
+
+    Raises:
+        ValueError: the mask's size or type does not fit.
+    """
+
+    def __init__(
+        self, geometry, cell_mask, max_cell_count=-1, max_side_count=-1, temporary_store=None
+    ):
+        super().__init__(geometry)
+        self.record = PartitionRecord("list", geometry.record)
+        self._cells = self._partition_cells = None
+        self._max_cell_count, self._max_side_count = max_cell_count, max_side_count
+        self.rebuild(cell_mask)
+
+    def rebuild(self, cell_mask, temporary_store=None) -> None:
+        """Takes the cells of another mask."""
+        n = self.geometry.cell_count()
+        if cell_mask.shape != (n,) or cell_mask.dtype is not wp.int32:
+            raise ValueError(
+                f"'cell_mask' expects an array ({n},) of int32, one per cell, but got "
+                f"{extend.type_repr(cell_mask.dtype)} of shape {cell_mask.shape}"
+            )
+        self._cells, self._partition_cells = masked_indices(
+            cell_mask, self._max_cell_count, self._cells, self._partition_cells
+        )
+        self._find_sides(cell_mask.device, self._max_side_count)
+
+    def cell_count(self) -> int:
+        """Number of cells."""
+        return self._cells.shape[0]
+
+    def fill_cell_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of cells."""
+        arg.cells = self._cells.to(device)
+        arg.partition_cells = self._partition_cells.to(device)
