@@ -12,7 +12,7 @@ _SOURCES = {
     "adaptivity": "adaptive_nanogrid_from_field adaptive_nanogrid_from_hierarchy",
     "cells.element": "Element ElementBasis",
     "cells.polynomial": "Polynomial",
-    "derivative": "derivative",
+    "forms.variation": "derivative",
     "dirichlet": "dirichlet normalize_dirichlet_projector project_linear_system "
     "project_system_matrix project_system_rhs",
     "domains": "BoundarySides Cells FrontierSides GeometryDomain Sides Subdomain",

@@ -170,7 +170,10 @@ def test_vector(form):
         ({"construction": "magic"}, "'construction' expects one of .*, but got 'magic'"),
         ({"capacity": "reuse"}, "'capacity'='reuse' requires an 'output' matrix"),
         ({"inplace": True}, "'bsr_options' has no option 'inplace'"),
-        ({"construction": "mapped", "topology": "padded"}, "expects 'topology'='compact'"),
+        (
+            {"construction": "mapped", "topology": "padded"},
+            "requires 'topology'='compact', but got 'padded'",
+        ),
     ],
 )
 def test_options_that_do_not_fit_are_named(form, options, message):

@@ -8,7 +8,10 @@ import functools
 
 import warp as wp
 from warp import extend
+from warp._src.fem.forms.integrand import integrand
 from warp._src.fem.linalg import array_axpy, symmetric_eigenvalues_qr
+from warp._src.fem.tags import Field
+from warp._src.fem.types import Sample
 from warp.sparse import bsr_assign, bsr_axpy, bsr_block_index, bsr_copy, bsr_mm, bsr_mv
 
 
@@ -140,3 +143,130 @@ def project_linear_system(
         normalize_dirichlet_projector(projector_matrix, fixed_value)
     project_system_rhs(system_matrix, system_rhs, projector_matrix, fixed_value)
     project_system_matrix(system_matrix, projector_matrix)
+
+
+class Dirichlet:
+    """Fixed values of a space.
+
+    Attributes:
+        nodes: int32, numbers of the fixed nodes.
+        values: one element per node of the space, zero where nothing is fixed.
+        projector: matrix whose diagonal is one at the fixed nodes.
+    """
+
+    def __init__(self, nodes, values, projector):
+        self.nodes, self.values, self.projector = nodes, values, projector
+
+    def project(self, system_matrix, system_rhs) -> None:
+        """Imposes the values on a system, in place."""
+        P, values = self.projector, self.values
+        project_linear_system(system_matrix, system_rhs, P, values, normalize_projector=False)
+
+
+def dirichlet(space, where=None, value=None, fields=None, values=None, device=None) -> Dirichlet:
+    """Fixed values of a space on some elements.
+
+    Args:
+        space: the function space.
+        where: domain whose nodes are fixed; by default all boundary sides.
+        value: a number or vector for all nodes, or an integrand; 0 by default.
+        fields, values: arguments of the integrand.
+        device: where the system lives.
+
+    Raises:
+        ValueError: the domain is of another geometry.
+
+    Example:
+        >>> import warp as wp
+        >>> from warp import fem
+        >>> geo = fem.Grid2D(res=wp.vec2i(2, 2))
+        >>> space = fem.make_polynomial_space(geo, degree=1)
+        >>> bc = fem.dirichlet(space, value=2.0, device="cpu")
+        >>> bc.values.numpy().tolist()
+        [2.0, 2.0, 2.0, 2.0, 0.0, 2.0, 2.0, 2.0, 2.0]
+    """
+    from warp._src.fem.domains import BoundarySides
+    from warp._src.fem.fields.discrete import DiscreteField, make_restriction
+    from warp._src.fem.forms.integrand import Integrand
+    from warp.sparse import bsr_set_from_triplets, bsr_zeros
+
+    device = wp.get_device(device)
+    where = BoundarySides(space.geometry) if where is None else where
+    nodes = _nodes_on(space, where, device)
+    dtype, count = extend.canonical(space.dof_dtype), space.node_count()
+    field = DiscreteField(space, dof_values=wp.zeros(count, dtype=dtype, device=device))
+    if isinstance(value, Integrand):
+        from warp._src.fem.interpolate import interpolate
+
+        dest = make_restriction(field.trace(), domain=where, device=device)
+        interpolate(value, dest=dest, fields=fields, values=values, device=device)
+        inputs = [_marked(nodes, count), field.dof_values]
+        wp.launch(_mask_kernel(dtype), count, inputs, device=device)
+    elif value is not None:
+        inputs = [nodes, dtype(value), field.dof_values]
+        wp.launch(_fill_kernel(dtype), nodes.shape[0], inputs, device=device)
+    size, scalar = extend.type_size(dtype), extend.type_scalar_type(dtype)
+    block = scalar if size == 1 else wp.types.matrix(shape=(size, size), dtype=scalar)
+    projector = bsr_zeros(count, count, block, device=device)
+    one = 1.0 if size == 1 else block(*[float(i == j) for i in range(size) for j in range(size)])
+    ones = wp.full(nodes.shape[0], one, dtype=block, device=device)
+    bsr_set_from_triplets(projector, nodes, nodes, ones)
+    return Dirichlet(nodes, field.dof_values, projector)
+
+
+def _nodes_on(space, where, device):
+    """Numbers of the nodes whose basis functions do not vanish on a domain."""
+    import warp._src.fem.operator as operators
+    from warp._src.fem.fields.virtual import make_test, make_trial
+    from warp._src.fem.geometry.indices import masked_indices
+
+    test = make_test(space, domain=where, device=device)
+    trial = make_trial(space, domain=where)
+    form = _mass_of_vectors if extend.type_is_vector(space.dtype) else _mass
+    if extend.type_is_matrix(space.dtype):
+        form = _mass_of_matrices
+    diagonal = operators.operator(form, {"u": trial, "v": test}, device=device).diagonal()
+    numbers = diagonal.numpy().reshape(diagonal.shape[0], -1).max(axis=1)
+    # Basis functions of nodes elsewhere are zero up to rounding.
+    mask = (numbers > 1.0e-7 * numbers.max(initial=0.0)).astype("int32")
+    return masked_indices(wp.array(mask, dtype=int, device=device))[0]
+
+
+@integrand
+def _mass(s: Sample, u: Field, v: Field):
+    return u(s) * v(s)
+
+
+@integrand
+def _mass_of_vectors(s: Sample, u: Field, v: Field):
+    return wp.dot(u(s), v(s))
+
+
+@integrand
+def _mass_of_matrices(s: Sample, u: Field, v: Field):
+    return wp.ddot(u(s), v(s))
+
+
+def _marked(nodes, count):
+    """1 for the nodes of a list, 0 for others."""
+    mask = wp.zeros(count, dtype=int, device=nodes.device)
+    wp.launch(_fill_kernel(wp.int32), nodes.shape[0], [nodes, 1, mask], device=nodes.device)
+    return mask
+
+
+@functools.cache
+def _mask_kernel(dtype):
+    def keep_marked(marks: wp.array(dtype=int), values: wp.array(dtype=dtype)):
+        i = wp.tid()
+        if marks[i] == 0:
+            values[i] = dtype()
+
+    return wp.kernel(keep_marked, enable_backward=False)
+
+
+@functools.cache
+def _fill_kernel(dtype):
+    def fill(nodes: wp.array(dtype=int), value: dtype, values: wp.array(dtype=dtype)):
+        values[nodes[wp.tid()]] = value
+
+    return wp.kernel(fill, enable_backward=False)

@@ -61,7 +61,7 @@ def integrate(
             f"'assembly' expects 'dispatch', 'generic', 'nodal' or None, but got {assembly!r}"
         )
     fields = dict(fields or {})
-    domain = _domain(domain, quadrature, fields)
+    domain = domain_of(domain, quadrature, fields)
     if quadrature is None:
         quadrature = default_quadrature(domain, fields, assembly)
     form = Form(integrand, domain, quadrature, fields, values, device, kernel_options, assembly)
@@ -88,7 +88,7 @@ def integrate(
     )
 
 
-def _domain(domain, quadrature, fields):
+def domain_of(domain, quadrature, fields):
     """The elements to integrate over."""
     from warp._src.fem.fields.virtual import VirtualField
 
@@ -137,7 +137,7 @@ def _functional(form, accumulate_dtype, output_dtype, output, add):
 def _linear(form, accumulate_dtype, output_dtype, output, add, temporary_store):
     """The vector of a linear form."""
     from warp._src.fem.assembly.gather import with_scalar
-    from warp._src.fem.assembly.vector import assemble_vector
+    from warp._src.fem.assembly.vector import as_vector, assemble_vector
 
     count = form.test.space_partition.node_count()
     if output is None:
@@ -151,26 +151,8 @@ def _linear(form, accumulate_dtype, output_dtype, output, add, temporary_store):
             count, dtype=with_scalar(block, scalar), device=form.device,
             requires_grad=form.requires_grad and extend.is_recording(),
         )  # fmt: skip
-    target = _as_vector(output, form, count)
+    target = as_vector(output, form.block_dtype, count)
     assemble_vector(
         form, target, accumulate_dtype=accumulate_dtype, add=add, temporary_store=temporary_store
     )
-    return output
-
-
-def _as_vector(output, form, count):
-    """A view of the output with an element per node."""
-    block = form.block_dtype
-    size = extend.type_size(block)
-    if output.ndim == 2 and output.shape[1] == size and extend.type_size(output.dtype) == 1:
-        from warp._src.fem.assembly.gather import with_scalar
-
-        if size > 1:
-            return output.view(with_scalar(block, extend.canonical(output.dtype)))
-        return output.flatten()
-    if output.ndim == 1 and size > 1 and extend.type_size(output.dtype) == 1:
-        from warp._src.fem.assembly.gather import with_scalar
-
-        dtype = with_scalar(block, extend.canonical(output.dtype))
-        return output.reshape((count, size)).view(dtype)
     return output

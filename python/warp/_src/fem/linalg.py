@@ -15,6 +15,11 @@ def _smallest_step(x: wp.float16):
 
 
 @wp.func
+def _smallest_step(x: wp.bfloat16):
+    return wp.bfloat16(7.8125e-3)
+
+
+@wp.func
 def _smallest_step(x: wp.float32):
     return wp.float32(1.1920929e-7)
 
@@ -272,14 +277,18 @@ def tridiagonal_symmetric_eigenvalues_qr(D: Any, L: Any, Q: Any, tol: Any):
     return d, P @ Q
 
 
-@wp.kernel
+@wp.kernel(enable_backward=False)
 def _axpy(x: wp.array(dtype=Any), y: wp.array(dtype=Any), alpha: Any, beta: Any):
     i = wp.tid()
-    y[i] = alpha * x[i] + beta * y[i]
+    y[i] = alpha * y.dtype(x[i]) + beta * y[i]
 
 
 def array_axpy(x, y, alpha: float = 1.0, beta: float = 1.0) -> None:
     """Computes y = alpha x + beta y, on the arrays' device; tapes record it.
+
+    Args:
+        x, y: arrays of one shape; numbers of `x` are converted to those of `y`.
+        alpha, beta: factors.
 
     Raises:
         ValueError: the arrays differ in shape or device.
@@ -290,4 +299,13 @@ def array_axpy(x, y, alpha: float = 1.0, beta: float = 1.0) -> None:
             f"{y.shape} on '{y.device}'"
         )
     scalar = extend.type_scalar_type(y.dtype)
-    wp.launch(_axpy, x.shape, [x, y, scalar(alpha), scalar(beta)], device=y.device)
+    with extend.unrecorded():
+        wp.launch(_axpy, x.shape, [x, y, scalar(alpha), scalar(beta)], device=y.device)
+    if extend.is_recording() and y.requires_grad:
+
+        def backward():
+            if x.requires_grad:
+                array_axpy(y.grad, x.grad, alpha, 1.0)
+            array_axpy(y.grad, y.grad, 0.0, beta)
+
+        extend.record_adjoint(backward, [x, y])

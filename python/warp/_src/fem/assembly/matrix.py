@@ -34,6 +34,11 @@ class Options:
         self.topology = _choice(options, "topology", _TOPOLOGIES)
         self.prune = bool(options.pop("prune_numerical_zeros", False))
         self.rest = options
+        if self.prune and self.construction.startswith("mapped"):
+            raise ValueError(
+                f"bsr_options 'construction'={self.construction!r}: Mapped FEM assembly requires "
+                "'prune_numerical_zeros'=False"
+            )
         unknown = options.keys() - {"row_capacity", "nnz_capacity", "masked"}
         if options.pop("masked", False):
             self.topology = "masked"
@@ -50,8 +55,8 @@ class Options:
             raise ValueError("bsr_options 'topology'='masked' requires an 'output' matrix")
         if self.construction.startswith("mapped") and self.topology != "compact":
             raise ValueError(
-                f"bsr_options 'construction'={self.construction!r} expects 'topology'='compact', "
-                f"but got {self.topology!r}"
+                f"bsr_options 'construction'={self.construction!r}: Mapped FEM assembly requires "
+                f"'topology'='compact', but got {self.topology!r}"
             )
 
 

@@ -6,6 +6,7 @@ import dataclasses
 
 import warp as wp
 from warp import extend
+from warp._src.fem.assembly.gather import with_scalar
 from warp._src.fem.assembly.matrix import fill
 from warp._src.fem.assembly.pattern import Batch, node_batches
 from warp._src.fem.linalg import array_axpy
@@ -35,6 +36,52 @@ def node_pattern_of(form) -> NodePattern:
         pattern = NodePattern(batches, table.shape[1], rows.node_count())
         found = kept[key] = (revision, pattern)
     return found[1]
+
+
+def as_vector(output, block, count: int):
+    """A view of an output with an element for each node.
+
+    Args:
+        output: blocks, or their numbers in one or two dimensions; at least those of the nodes.
+        block: type of a node's value.
+        count: number of nodes.
+    """
+    size = extend.type_size(block)
+    if extend.type_size(output.dtype) == 1 and (size > 1 or output.ndim > 1):
+        output = _grouped(output, block, count, size)
+    if output.ndim != 1 or extend.type_size(output.dtype) != size:
+        raise RuntimeError(
+            f"'output' expects a one-dimensional array of elements of {size} numbers, but got one "
+            f"of {output.ndim} dimensions of '{extend.type_repr(output.dtype)}'"
+        )
+    if output.shape[0] < count:
+        raise RuntimeError(
+            f"'output' must have at least {count} entries, but got {output.shape[0]}"
+        )
+    return output[:count] if output.shape[0] > count else output
+
+
+def _grouped(output, block, count, size):
+    """Numbers as blocks."""
+    if output.ndim > 2:
+        raise RuntimeError(
+            f"'output' of numbers must be one- or two-dimensional, but has {output.ndim} dimensions"
+        )
+    if not output.is_contiguous:
+        raise RuntimeError("'output' of numbers must be contiguous")
+    if output.ndim == 2 and output.shape[1] != size:
+        raise RuntimeError(
+            f"'output': its last dimension must be of size {size}, but is {output.shape[1]}"
+        )
+    if output.ndim == 1:
+        if output.shape[0] < count * size:
+            raise RuntimeError(
+                f"'output' must have at least {count * size} entries, but got {output.shape[0]}"
+            )
+        output = output[: output.shape[0] // size * size].reshape((-1, size))
+    if size == 1:
+        return output.flatten()
+    return output.view(with_scalar(block, extend.canonical(output.dtype)))
 
 
 def assemble_vector(

@@ -90,6 +90,7 @@ class Form:
             for name, field in self.fields.items()
             if name not in (self.test_name, self.trial_name)
         )
+        self.kernel_options = kernel_options
         options = {**integrand.kernel_options, **(kernel_options or {})}
         self.record = FormRecord(
             integrand,

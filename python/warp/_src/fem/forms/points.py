@@ -8,6 +8,7 @@ functions. Structure is exact: what does not depend on a slot has no code.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 
 import warp as wp
@@ -62,7 +63,7 @@ class PointsPlan:
             "Sample": sample_type(real),
             "DomainArg": self.domain.DomainArg,
             "DOMAIN": DomainDescription(record.domain),
-            "INTEGRAND": record.integrand,
+            "INTEGRAND": getattr(record.integrand, "root", record.integrand),
             "gradient_by": extend.gradient_by,
             "measure": self.domain.element_measure,
             "element_index": self.domain.element_index,
@@ -75,6 +76,10 @@ class PointsPlan:
             for name, field, _ in record.fields
             if self.has_slots and hasattr(field, "nodes")
         }
+        if hasattr(record.integrand, "steps"):
+            from warp._src.fem.forms.variation import check_directions
+
+            check_directions(self)
         self._discover()
         self._add_tables()
 
@@ -125,6 +130,7 @@ class PointsPlan:
     def _form_function(self):
         """Makes `form`: the integrand as a function of slots and of the kernel's arguments."""
         record, given = self.record, {}
+        varied = {field for field, _ in getattr(record.integrand, "steps", ())}
         point = 0
         for name, field, _ in record.fields:
             role = self.discrete.get(name)
@@ -132,6 +138,8 @@ class PointsPlan:
             slots = "0"
             if role is not None:
                 slots, point = f"points[{point}]", point + 1
+                if name in varied:
+                    slots = self._slots(role)
             given[name] = f"FIELD_{name}({slots}, fields.{name}, domain_arg.geo)"
         for role in filter(None, (self.test, self.trial)):
             given[role.name] = self._virtual(role)
@@ -145,12 +153,15 @@ class PointsPlan:
         arguments = ", ".join(given[name] for name in integrand.parameter_names)
         slots = [one for role in (self.test, self.trial) if role for one in self._slot_names(role)]
         self.slot_parameters = slots
-        text = (
-            f"def form({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
-            f"values: Values, points: wp.Any):\n    return INTEGRAND({arguments})\n"
-        )
         self.names["Any"] = _any()
-        return self._function(text.replace("wp.Any", "Any"))
+        if varied:
+            from warp._src.fem.forms.variation import variation_text
+
+            return self._function(variation_text(self, arguments, _parameters(slots)))
+        return self._function(
+            f"def form({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
+            f"values: Values, points: Any):\n    return INTEGRAND({arguments})\n"
+        )
 
     def _virtual(self, role) -> str:
         """The record of a test or trial function in the text of the form."""
@@ -207,7 +218,12 @@ class PointsPlan:
         for role in ("test", "trial"):
             one = getattr(self, role)
             if one is not None:
-                setattr(self, role, one.with_uses(operations.get(role, ())))
+                one = one.with_uses(operations.get(role, ()))
+                # A direction has the slots of the field.
+                for field, direction in getattr(self.record.integrand, "steps", ()):
+                    if direction == one.name:
+                        one = dataclasses.replace(one, used=self.discrete[field].used)
+                setattr(self, role, one)
         self.names["form"] = self._form_function()
 
     def _zero_points(self, role) -> str:
