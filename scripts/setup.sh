@@ -21,7 +21,8 @@ install_system_packages() {
   local wanted=(clang-22 lld-22 llvm-22-dev llvm-22-tools libmlir-22-dev
     mlir-22-tools cmake ninja-build ccache libgtest-dev libgmock-dev
     libnanovdb-dev libopenvdb-dev libboost-dev libeigen3-dev zlib1g-dev libzstd-dev
-    python3 python3-dev python3-venv xz-utils zstd advancecomp)
+    python3 python3-dev python3-venv xz-utils zstd advancecomp
+    openmpi-bin libopenmpi-dev)
   local missing=() name
   for name in "${wanted[@]}"; do
     dpkg-query -W -f '${db:Status-Status}' "$name" 2>/dev/null |

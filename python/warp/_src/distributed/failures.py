@@ -1,0 +1,164 @@
+"""Failures of ranks: errors that name plan, step and rank, time limits, exit of all ranks."""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import sys
+import tempfile
+import time
+
+from warp._src import errors
+
+
+class DistributedError(errors.WarpError):
+    """Ranks disagree, or one of them is gone or does not answer."""
+
+
+class DistributedValueError(DistributedError, ValueError):
+    """An argument has a value that an operation over ranks does not take."""
+
+
+# Words of a rank in the log: process, plan, step, stop.
+_WORDS = 4
+_PROCESS, _PLAN, _STEP, _STOP = range(_WORDS)
+
+
+class RankLog:
+    """The last work that each rank of a host began, in memory that they share.
+
+    Attributes:
+        own: words of this rank.
+    """
+
+    def __init__(self, size, rank, file=None):
+        self.size, self.rank = size, rank
+        bytes_ = size * _WORDS * 8
+        memory = mmap.mmap(-1 if file is None else file.fileno(), bytes_)
+        self.words = memoryview(memory).cast("q")
+        self.own = self.words[rank * _WORDS : (rank + 1) * _WORDS]
+        self.own[_PROCESS] = os.getpid()
+
+    @classmethod
+    def shared(cls, comm) -> RankLog:
+        """A log in memory of the host; each rank sees those of its own host."""
+        folder = "/dev/shm" if os.path.isdir("/dev/shm") else tempfile.gettempdir()
+        token = comm.broadcast_object(os.urandom(8).hex(), 0)
+        path = os.path.join(folder, f"warp-ranks-{os.getuid()}-{token}")
+        with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+b") as file:
+            os.truncate(file.fileno(), comm.size * _WORDS * 8)
+            log = cls(comm.size, comm.rank, file)
+        comm.barrier()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)
+        return log
+
+    def begin(self, plan, step) -> None:
+        """Notes that this rank begins a step of a plan."""
+        own = self.own
+        own[_PLAN] = plan
+        own[_STEP] = step
+
+    def last(self, rank) -> tuple[int, int, int]:
+        """Process, plan and step of a rank; zeros if it is of another host."""
+        return tuple(self.words[rank * _WORDS : rank * _WORDS + 3])
+
+    def request_stop(self) -> None:
+        """Asks all ranks of the host to stop after a step."""
+        self.own[_STOP] = 1
+
+    def wants_stop(self) -> bool:
+        """True if a rank of the host asks all to stop."""
+        return any(self.words[_STOP::_WORDS])
+
+    def clear_stop(self) -> None:
+        """Takes the request of this rank back."""
+        self.own[_STOP] = 0
+
+
+def is_alive(process) -> bool:
+    """True if a process of this host exists."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    try:
+        with open(f"/proc/{process}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return True
+
+
+def describe_ranks(comm, plan, step) -> str:
+    """The ranks that are gone or behind, and what they began last."""
+    parts = []
+    for rank in range(comm.size):
+        if rank == comm.rank:
+            continue
+        process, number, count = comm.log.last(rank)
+        if not process:
+            parts.append(f"rank {rank} is on another host")
+        elif not is_alive(process):
+            parts.append(f"rank {rank} is gone")
+        elif (number, count) != (plan, step):
+            name = comm.plan_names.get(number, "a plan that this rank has not made")
+            began = f"{name} (plan {number}, step {count})" if number else "nothing"
+            parts.append(f"rank {rank} last began {began}")
+    return ", ".join(parts) or "all ranks are there"
+
+
+def failed(comm, name, plan, step, problem) -> DistributedError:
+    """The error of an exchange that did not end."""
+    # A process that dies takes a moment to be gone.
+    deadline = time.monotonic() + 0.5
+    while "is gone" not in (text := describe_ranks(comm, plan, step)):
+        if time.monotonic() > deadline:
+            break
+        time.sleep(0.05)
+    return DistributedError(
+        f"rank {comm.rank}: {name} (plan {plan}, step {step}): {problem}; {text}"
+    )
+
+
+class Deadline:
+    """The back-off of a wait, with a limit."""
+
+    __slots__ = ("_end", "_pause", "_turns", "limit")
+
+    def __init__(self, limit):
+        self.limit = limit
+        self._turns = 0
+        self._end = None
+        self._pause = 2e-5
+
+    def wait(self) -> bool:
+        """Waits a little; False once the limit has passed."""
+        self._turns += 1
+        if self._turns < 200:
+            os.sched_yield()
+            return True
+        now = time.monotonic()
+        if self._end is None:
+            self._end = now + self.limit
+        time.sleep(self._pause)
+        self._pause = min(self._pause * 1.2, 2e-3)
+        return now < self._end
+
+
+def install_hook(comm) -> None:
+    """Lets an exception that nobody catches end all ranks."""
+    former = sys.excepthook
+
+    def ended(kind, value, traceback):
+        if issubclass(kind, KeyboardInterrupt) and comm.size == 1:
+            former(kind, value, traceback)
+            return
+        print(f"rank {comm.rank} of {comm.size} ends all ranks:", file=sys.stderr)
+        former(kind, value, traceback)
+        sys.stderr.flush()
+        comm.abort(1)
+
+    sys.excepthook = ended

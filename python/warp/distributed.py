@@ -1,0 +1,52 @@
+"""Several processes on MPI, NCCL or torch.distributed, differentiable: docs/distributed.md.
+
+    import warp as wp
+    import warp.distributed as wd
+
+    comm = wd.init()
+    blocks = wd.Blocks((512, 512), width=1)
+    x = blocks.zeros(float)
+    blocks.halo(x)
+
+The same program runs alone, under `mpirun -n 4 python` and under `torchrun`.
+"""
+
+from warp._src.distributed.blocks import Blocks as Blocks
+from warp._src.distributed.blocks import Box as Box
+from warp._src.distributed.communicator import Communicator as Communicator
+from warp._src.distributed.communicator import Message as Message
+from warp._src.distributed.communicator import current as current
+from warp._src.distributed.failures import DistributedError as DistributedError
+from warp._src.distributed.failures import DistributedValueError as DistributedValueError
+from warp._src.distributed.operations import all_gather as all_gather
+from warp._src.distributed.operations import all_reduce as all_reduce
+from warp._src.distributed.operations import all_to_all as all_to_all
+from warp._src.distributed.operations import barrier as barrier
+from warp._src.distributed.operations import broadcast as broadcast
+from warp._src.distributed.operations import reduce_scatter as reduce_scatter
+from warp._src.distributed.operations import replicate as replicate
+from warp._src.distributed.operations import rows_of as rows_of
+from warp._src.distributed.reductions import dot as dot
+from warp._src.distributed.reductions import sum as sum
+from warp._src.distributed.start import init as init
+
+
+def mpi(comm=None, device=None, timeout=300):
+    """The ranks of an mpi4py communicator, by default all."""
+    from warp._src.distributed.mpi import MpiCommunicator
+
+    return MpiCommunicator(comm, device, timeout)
+
+
+def torch(group=None, device=None, timeout=300):
+    """The ranks of a process group of PyTorch, by default all."""
+    from warp._src.distributed.torch import TorchCommunicator
+
+    return TorchCommunicator(group, device, timeout)
+
+
+def nccl(comm=None, device=None, timeout=300):
+    """NCCL between the ranks of another communicator, by default that of `init`."""
+    from warp._src.distributed.nccl import NcclCommunicator
+
+    return NcclCommunicator(comm, device, timeout)

@@ -1,0 +1,243 @@
+"""Checks of blocks, halos and their derivatives, on any number of ranks."""
+
+import itertools
+
+import checking
+import numpy as np
+
+import warp as wp
+import warp.distributed as wd
+
+ROWS, COLUMNS, STEPS = 24, 16, 10
+
+
+@wp.kernel
+def relax(a: wp.array2d(dtype=float), first: wp.vec2i, b: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    i = i + first[0]
+    j = j + first[1]
+    b[i, j] = 0.25 * (a[i - 1, j] + a[i + 1, j] + a[i, j - 1] + a[i, j + 1])
+
+
+@wp.kernel
+def react(
+    x: wp.array2d(dtype=float),
+    k: wp.array(dtype=float),
+    first: wp.vec2i,
+    y: wp.array2d(dtype=float),
+):
+    i, j = wp.tid()
+    i = i + first[0]
+    j = j + first[1]
+    c = x[i, j]
+    around = x[i - 1, j] + x[i + 1, j] + x[i, j - 1] + x[i, j + 1]
+    y[i, j] = c + k[0] * (around - 4.0 * c) - k[1] * c * c * c
+
+
+@wp.kernel
+def misfit(x: wp.array2d(dtype=float), first: wp.vec2i, terms: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    d = x[i + first[0], j + first[1]] - 0.3
+    terms[i, j] = d * d
+
+
+def initial():
+    return np.random.default_rng(7).random((ROWS, COLUMNS)).astype(np.float32)
+
+
+def jacobi(comm):
+    """Bits of a field after relaxations, with the halo beside the interior."""
+    blocks = wd.Blocks((ROWS, COLUMNS), comm=comm)
+    a, b = blocks.zeros(), blocks.zeros()
+    blocks.scatter(initial() if comm.rank == 0 else None, a)
+    for _ in range(2 * STEPS):
+        with blocks.overlap(a):
+            box = blocks.interior
+            wp.launch(relax, box.shape, [a, wp.vec2i(*box.start), b])
+        for box in blocks.shell:
+            wp.launch(relax, box.shape, [a, wp.vec2i(*box.start), b])
+        a, b = b, a
+    found = blocks.gather(a)
+    if comm.rank:
+        return None
+    x = np.pad(initial(), 1)
+    for _ in range(2 * STEPS):
+        y = x.copy()
+        y[1:-1, 1:-1] = np.float32(0.25) * (x[:-2, 1:-1] + x[2:, 1:-1] + x[1:-1, :-2] + x[1:-1, 2:])
+        x = y
+    assert np.abs(found - x[1:-1, 1:-1]).max() < 1e-6
+    return checking.digest(found)
+
+
+def loss_of(blocks, theta, x0, comm):
+    first = wp.vec2i(*blocks.width)
+    k = wd.replicate(theta, comm)
+    states = [x0] + [blocks.zeros(requires_grad=True) for _ in range(STEPS)]
+    for a, b in itertools.pairwise(states):
+        blocks.halo(a)
+        wp.launch(react, blocks.owned, [a, k, first, b])
+    terms = wp.zeros(blocks.owned, dtype=float, requires_grad=True)
+    wp.launch(misfit, blocks.owned, [states[-1], first, terms])
+    return wd.sum(terms, exact=True, comm=comm)
+
+
+def gradient(comm):
+    """Loss, gradients of a replicated parameter and of the split initial state."""
+    blocks = wd.Blocks((ROWS, COLUMNS), comm=comm)
+    x0 = blocks.zeros(requires_grad=True)
+    blocks.scatter(initial() if comm.rank == 0 else None, x0)
+    theta = wp.array([0.2, 0.05], dtype=float, requires_grad=True)
+    with wp.Tape() as tape:
+        loss = loss_of(blocks, theta, x0, comm)
+    for _ in range(2):
+        # A second pass computes the same.
+        tape.zero()
+        tape.backward(loss)
+    whole = blocks.gather(x0.grad)
+    ghosts = x0.grad.numpy()
+    if blocks.coordinates[0] > 0:
+        # Adjoints of ghosts went home.
+        assert not ghosts[0, 1:-1].any()
+    if comm.rank:
+        return None
+    return [loss.numpy().tolist(), theta.grad.numpy().tolist(), whole.tolist()]
+
+
+def halo_values(comm):
+    """Ghosts of every kind of field hold what their owners have, in 1 to 3 dimensions."""
+    kinds = [wp.float32, wp.float64, wp.int8, wp.float16, wp.vec3, wp.mat22]
+    for shape, width, periodic in (
+        ((13,), 2, True),
+        ((13,), 1, False),
+        ((8, 9), (1, 2), (True, False)),
+        ((9, 8, 8), 1, True),
+    ):
+        blocks = wd.Blocks(shape, width, periodic, comm=comm)
+        number = np.arange(np.prod(shape)).reshape(shape) % 100
+        fields = [blocks.zeros(kind) for kind in kinds]
+        for field in fields:
+            inner = field.numpy().shape[len(shape) :]
+            data = np.broadcast_to(number.reshape(*shape, *(1,) * len(inner)), (*shape, *inner))
+            data = data.astype(field.numpy().dtype)
+            blocks.scatter(data, field)
+        blocks.halo(*fields)
+        index = np.meshgrid(
+            *[
+                np.arange(o - w, o + n + w)
+                for o, n, w in zip(blocks.offset, blocks.owned, blocks.width)
+            ],
+            indexing="ij",
+        )
+        outside = np.zeros(blocks.local, bool)
+        for one, n, wraps in zip(index, shape, blocks.periodic):
+            outside |= (one < 0) | (one >= n) if not wraps else False
+        wanted = number[tuple(one % n for one, n in zip(index, shape))]
+        wanted = np.where(outside, 0, wanted)
+        for field in fields:
+            values = field.numpy()
+            lead = values.reshape(*blocks.local, -1)
+            assert (lead == wanted[..., None]).all(), (shape, field.dtype, lead[..., 0], wanted)
+
+
+def random_partitions(comm):
+    """Random extents, widths and ranks, against the whole array."""
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        ndim = int(rng.integers(1, 4))
+        shape = tuple(int(n) for n in rng.integers(4 * comm.size, 4 * comm.size + 5, ndim))
+        if ndim == 3:
+            shape = tuple(4 + n % 5 for n in shape[:2]) + (4 * comm.size,)
+        width = int(rng.integers(1, 3))
+        blocks = wd.Blocks(shape, width, bool(rng.integers(2)), comm=comm)
+        data = rng.random(shape)
+        field = blocks.zeros(wp.float64)
+        blocks.scatter(data, field)
+        blocks.halo(field)
+        padded = np.pad(data, width, mode="wrap" if blocks.periodic[0] else "constant")
+        part = padded[tuple(slice(o, o + n) for o, n in zip(blocks.offset, blocks.local))]
+        assert np.array_equal(field.numpy(), part)
+        whole = blocks.gather(field)
+        assert comm.rank or np.array_equal(whole, data)
+
+
+def push_and_halo(comm):
+    """<halo x, y> = <x, push y>, and the same for their adjoints on tapes."""
+    rng = np.random.default_rng(10 + comm.rank)
+    for shape, periodic in (((12,), True), ((9, 10), False), ((8, 9), True)):
+        blocks = wd.Blocks(shape, 1, periodic, comm=comm)
+
+        def field(blocks=blocks, grad=True):
+            x = blocks.zeros(wp.float64, requires_grad=grad)
+            x.assign(rng.random(blocks.local))
+            return x
+
+        for operation in (blocks.halo, blocks.push):
+            x, y = field(), field()
+            before = x.numpy().copy()
+            with wp.Tape() as tape:
+                operation(x)
+            tape.backward(grads={x: y})
+            after, adjoint = x.numpy(), x.grad.numpy()
+            left = comm.gather_objects(float((after * y.numpy()).sum()))
+            right = comm.gather_objects(float((before * adjoint).sum()))
+            assert np.isclose(sum(left), sum(right), rtol=1e-12), (shape, operation, left, right)
+
+
+def capture(comm):
+    """A captured step replays its messages, with the bits of an eager one."""
+    blocks = wd.Blocks((ROWS, COLUMNS), comm=comm)
+    found = []
+    for captured in (False, True):
+        a, b, total = blocks.zeros(), blocks.zeros(), wp.zeros(1, dtype=float)
+        blocks.scatter(initial() if comm.rank == 0 else None, a)
+
+        def step(a=a, b=b, total=total):
+            with blocks.overlap(a):
+                box = blocks.interior
+                wp.launch(relax, box.shape, [a, wp.vec2i(*box.start), b])
+            for box in blocks.shell:
+                wp.launch(relax, box.shape, [a, wp.vec2i(*box.start), b])
+            wp.copy(a, b)
+            wp.copy(total, wd.sum(blocks.inner(a), exact=True, comm=comm))
+
+        if captured:
+            with wp.ScopedCapture(device="cpu") as capture:
+                step()
+            for _ in range(6):
+                wp.capture_launch(capture.graph)
+        else:
+            for _ in range(6):
+                step()
+        found.append((checking.digest(blocks.inner(a).numpy()), float(total.numpy()[0])))
+    assert found[0] == found[1], found
+    with wp.ScopedCapture(device="cpu", apic=True) as capture:
+        blocks.halo(a)
+    if comm.size > 1:
+        checking.fails(lambda: wp.capture_save(capture.graph, "/tmp/never.wrp"), "halo")
+    return found[0]
+
+
+def bad_blocks(comm):
+    """Extents, widths and fields that do not fit, each one line."""
+    who = f"rank {comm.rank}"
+    checking.fails(lambda: wd.Blocks((0, 4)), who, "(0, 4)")
+    checking.fails(lambda: wd.Blocks((2 * comm.size,), width=3), who, "width")
+    if comm.size > 1:
+        checking.fails(lambda: wd.Blocks((comm.size - 1,)), who, "fewer ranks")
+        ranks = (comm.size, 1)
+        checking.fails(lambda: wd.Blocks((comm.size, 9), 2, ranks=ranks), who, "axis 0", "1 for")
+        checking.fails(lambda: wd.Blocks((9, 9), ranks=(1, 1)), who, "(1, 1)")
+    blocks = wd.Blocks((8, 8))
+    checking.fails(lambda: blocks.halo(wp.zeros((8, 8))), who, "(8, 8)", "blocks.zeros")
+    checking.fails(lambda: blocks.halo([1.0]), who, "list")
+    checking.fails(blocks.halo, who)
+    x = blocks.zeros()
+    some = wp.array([0, 1], dtype=int)
+    checking.fails(lambda: blocks.halo(x[some]), who, "indexedarray")
+    data = np.zeros(blocks.local, np.float32)
+    data.flags.writeable = False
+    locked = wp.array(data, copy=False)
+    checking.fails(lambda: blocks.halo(locked), who, "read-only")
+
+
+CHECKS = [jacobi, gradient, halo_values, random_partitions, push_and_halo, capture, bad_blocks]
