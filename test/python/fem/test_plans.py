@@ -87,3 +87,52 @@ def test_node_operators_select_the_plan_by_pairs():
     assert matrix.values.numpy().sum() == pytest.approx(4.0, rel=1e-6)
     with pytest.raises(ValueError, match="needs assembly='generic', not 'dispatch'"):
         fem.integrate(moved_to_node, fields=fields, assembly="dispatch")
+
+
+@fem.integrand
+def laplace(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return wp.dot(fem.grad(u, s), fem.grad(v, s))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("is_vector", [False, True])
+@pytest.mark.parametrize("is_warped", [False, True])
+def test_symmetric_forms_have_symmetric_bits(degree, is_vector, is_warped):
+    grid = fem.Grid2D(wp.vec2i(3, 2))
+    if is_warped:
+        rng = np.random.default_rng(degree)
+        positions, quads = _quads()
+        positions = positions + rng.uniform(-0.05, 0.05, positions.shape)
+        grid = fem.Quadmesh2D(quads, wp.array(positions, dtype=wp.vec2))
+    space = fem.make_polynomial_space(grid, degree=degree, dtype=wp.vec2 if is_vector else float)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    matrix = fem.integrate(elasticity if is_vector else laplace, fields=fields)
+    dense = _dense(matrix)
+    np.testing.assert_array_equal(dense, dense.T)
+    other = _dense(
+        fem.integrate(elasticity if is_vector else laplace, fields=fields, assembly="generic")
+    )
+    np.testing.assert_allclose(dense, other, atol=1e-5)
+
+
+def _quads():
+    x = np.stack(np.meshgrid(np.arange(4) / 3, np.arange(3) / 2, indexing="ij"), -1).reshape(-1, 2)
+    cells = [
+        [3 * i + j, 3 * (i + 1) + j, 3 * (i + 1) + j + 1, 3 * i + j + 1]
+        for i in range(3)
+        for j in range(2)
+    ]
+    return x, wp.array(cells, dtype=int)
+
+
+def _dense(matrix):
+    rows, columns = matrix.block_shape
+    dense = np.zeros((matrix.nrow * rows, matrix.ncol * columns))
+    offsets, values = matrix.offsets.numpy(), matrix.values.numpy().reshape(-1, rows, columns)
+    for row in range(matrix.nrow):
+        for at in range(offsets[row], offsets[row + 1]):
+            column = matrix.columns.numpy()[at]
+            dense[row * rows : (row + 1) * rows, column * columns : (column + 1) * columns] += (
+                values[at]
+            )
+    return dense

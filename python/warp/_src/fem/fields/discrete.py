@@ -21,6 +21,7 @@ class SpaceField(GeometryField):
 
             space_partition = make_space_partition(space_topology=space.topology)
         self.space, self.space_partition = space, space_partition
+        self.__dict__.pop("_bound", None)
         self.kind = "sides" if space.topology.is_trace else "cells"
 
     @property

@@ -9,8 +9,10 @@ from warp import extend
 from warp._src.fem.fields.base import FieldDescription, References, Values
 from warp._src.fem.fields.nodes import memory_reference
 from warp._src.fem.forms.facts import note_operation
+from warp._src.fem.kept import hashed
 
 
+@hashed
 @dataclass(frozen=True)
 class NodeSpace:
     """A space with the numbers of its nodes in a partition.
@@ -65,7 +67,12 @@ class NodeSpace:
 
 def node_space(space, partition) -> NodeSpace:
     """The record of a space, in cells, and of a partition."""
-    return NodeSpace(space.cell_space.record, partition.record)
+    cells = space.cell_space
+    kept = cells.__dict__.setdefault("_node_spaces", {})
+    key = partition.record
+    if key not in kept:
+        kept[key] = NodeSpace(cells.record, key)
+    return kept[key]
 
 
 @functools.cache
@@ -89,6 +96,7 @@ def node_arg_value(space, partition, values, device):
     return arg
 
 
+@hashed
 @dataclass(frozen=True)
 class SpaceDescription(FieldDescription):
     """A discrete field whose values are in memory; its parts are (slots, argument, geometry)."""
@@ -132,6 +140,7 @@ class SpaceDescription(FieldDescription):
         return f"discrete field of {self.nodes.space} on {self.domain.kind}"
 
 
+@hashed
 @dataclass(frozen=True)
 class PointDescription(FieldDescription):
     """A field whose reference values at the point of the plan are known: slots.

@@ -10,8 +10,10 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.fields.nodes import locations, signed_weights
+from warp._src.fem.kept import hashed
 
 
+@hashed
 @dataclass(frozen=True)
 class Basis:
     """Basis functions of a space at the points of a plan.

@@ -67,8 +67,73 @@ def split(role, slot, subscript) -> tuple:
     return 0, subscript
 
 
+def stored_text(plan) -> str | None:
+    """Text of the kernel of element matrices whose coefficients at all points are kept in memory
+    of the thread, so that sums over points stay in registers; None if it does not apply."""
+    test, trial, names = plan.test, plan.trial, plan.names
+    count, rows, columns = (
+        plan.record.quadrature.points,
+        *(role.nodes.node_count for role in (test, trial)),
+    )
+    if count is None or test.halves != 1 or plan.structure.coefficients is None:
+        return None
+    if not all(role.basis(plan.record.rule).is_tabulated for role in (test, trial)):
+        return None
+    kept = sum(not one.is_zero for one in plan.structure.coefficients.values())
+    groups = {split_row(plan, key) for key, one in plan.structure.coefficients.items() if one}
+    if max(kept, len(groups)) * count > _MOST_LOCAL or kept == 0:
+        return None
+    names["Block"] = plan.block_dtype
+    lines = [
+        f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
+        "    local = wp.tid()",
+        "    domain_element = first + local",
+        f"    kept = wp.zeros(shape=({count * kept},), dtype=Real)",
+    ]
+    plan._loop(lines)
+    pairs = add_coefficients(plan, lines, "        ")
+    for place, one in enumerate(pairs):
+        lines.append(f"        kept[q * {kept} + {place}] = {one.text}")
+        one.text = f"kept[q * {kept} + {place}]"
+    lines.append(f"    for j in range({columns}):")
+    lines.append(f"        for q in range({count}):")
+    sums = _columns(plan, pairs, lines)
+    width = len(sums)
+    lines.insert(4, f"    rows = wp.zeros(shape=({count * width},), dtype=Real)")
+    for place, text in enumerate(sums.values()):
+        lines.append(f"            rows[q * {width} + {place}] = {text}")
+    lines.append(f"        for i in range({'j + 1' if plan.is_symmetric else rows}):")
+    lines.append("            block = Block()")
+    lines.append(f"            for q in range({count}):")
+    for number in sorted({key[0] for key in sums}):
+        call = plan._basis_call(test, test.slots[number], "q", "i")
+        lines.append(f"                a_{number} = {call}")
+    entries: dict = {}
+    for place, (number, basis, row, column) in enumerate(sums):
+        text = f"a_{number}{basis} * rows[q * {width} + {place}]"
+        entries.setdefault((row, column), []).append(text)
+    block = block_text(plan, {key: " + ".join(terms) for key, terms in entries.items()})
+    lines.append(f"                block += {block}")
+    store_block(plan, lines, "            ", f"local * {rows * columns}", columns)
+    end = lines.index(f"    for j in range({columns}):")
+    lines[end:] = [
+        line.replace("domain_arg.geo, s, ", "domain_arg.geo, first_s, ") for line in lines[end:]
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def split_row(plan, key) -> tuple:
+    """The row of a coefficient among products with basis functions of the trial function."""
+    row_dof, row_basis = split(plan.test, plan.test.slots[key[0]], key[1])
+    column_dof, _ = split(plan.trial, plan.trial.slots[key[2]], key[3])
+    return key[0], row_basis, row_dof, column_dof
+
+
 def bilinear_text(plan) -> str:
     """Text of the kernel of element matrices."""
+    stored = stored_text(plan)
+    if stored is not None:
+        return stored
     test, trial, names = plan.test, plan.trial, plan.names
     names["Block"] = plan.block_dtype
     rows, columns = test.nodes.node_count, trial.nodes.node_count
@@ -172,6 +237,20 @@ def block_text(plan, entries) -> str:
         for j in range(dof_count(columns))
     ]
     return f"Block({', '.join(texts)})"
+
+
+def store_block(plan, lines, indent, base, columns):
+    """Adds the stores of `block` of nodes i and j; of symmetric forms, to both of its places."""
+    is_scalar = plan.block_dtype is plan.record.scalar
+    if plan.is_symmetric:
+        if not is_scalar:
+            lines.append(f"{indent}other = wp.transpose(block)")
+            lines.append(f"{indent}if i == j:")
+            lines.append(f"{indent}    block = Real(0.5) * (block + other)")
+            lines.append(f"{indent}    other = block")
+        turned = "block" if is_scalar else "other"
+        lines.append(f"{indent}blocks[{base} + j * {columns} + i] = {turned}")
+    lines.append(f"{indent}blocks[{base} + i * {columns} + j] = block")
 
 
 def _entries(plan, groups, test_half, trial_half, is_local, lines):

@@ -1,21 +1,40 @@
-"""Flow analysis of a form's IR - what its values depend on, which vanish, polynomial degrees.
+"""Flow analysis of a form's IR - what its values depend on, which vanish, equal, their degrees.
 
 The IR of one thread has scalars alone. Each value gets the names of the arguments that it depends
 on, whether it is zero whatever the arguments are (a product with 0 is), for which groups of
-arguments it vanishes when they are zero, and its polynomial degree in reference coordinates.
+arguments it vanishes when they are zero, its polynomial degree in reference coordinates, and its
+value for random arguments modulo a prime: values with the same one are equal as rational functions.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from hashlib import blake2b
 
 _NAME = re.compile(r"%[\w$.-]+(?:#\d+)?")
 _RESULTS = re.compile(r"^((?:%[\w$.-]+(?::\d+)?(?:, )?)+) = (.*)$")
-_PASSING = frozenset(("arith.negf", "arith.extf", "arith.truncf"))
+_PASSING = frozenset(("arith.extf", "arith.truncf"))
 # Joins of a loop until its carried values are stable; each adds to finite sets.
 _MOST_ROUNDS = 40
 UNKNOWN = 10**6
+PRIME = 2**61 - 1
+
+
+def mixed(*parts) -> int:
+    """A number that stands for a function of numbers."""
+    digest = blake2b(repr(parts).encode(), digest_size=8).digest()
+    return int.from_bytes(digest, "little") % PRIME
+
+
+def _modular(text: str) -> int:
+    """A decimal number modulo the prime."""
+    try:
+        ratio = Fraction(text)
+    except ValueError:
+        return mixed(text)
+    return ratio.numerator * pow(ratio.denominator, -1, PRIME) % PRIME
 
 
 @dataclass(frozen=True)
@@ -27,21 +46,29 @@ class Flow:
         is_zero: it is 0 for all arguments.
         vanishes: groups that make it 0 when all their arguments are 0.
         degree: polynomial degree, `UNKNOWN` if it is no polynomial.
+        number: the value for random arguments.
     """
 
     on: frozenset = frozenset()
     is_zero: bool = False
     vanishes: frozenset = frozenset()
     degree: int = 0
+    number: int = 0
+
+    @property
+    def kind(self) -> tuple:
+        """The facts without the number."""
+        return self.on, self.is_zero, self.vanishes, self.degree
 
 
 ZERO = Flow(is_zero=True)
 
 
-def joined(first: Flow, second: Flow) -> Flow:
+def joined(first: Flow, second: Flow, sign: int = 1) -> Flow:
     """Facts of a sum, or of a value that is one or the other."""
+    number = (first.number + sign * second.number) % PRIME
     if first.is_zero:
-        return second
+        return replace(second, number=number)
     if second.is_zero:
         return first
     return Flow(
@@ -49,6 +76,7 @@ def joined(first: Flow, second: Flow) -> Flow:
         False,
         first.vanishes & second.vanishes,
         max(first.degree, second.degree),
+        number,
     )
 
 
@@ -56,17 +84,18 @@ def _product(first, second):
     if first.is_zero or second.is_zero:
         return ZERO
     degree = min(first.degree + second.degree, UNKNOWN)
-    return Flow(first.on | second.on, False, first.vanishes | second.vanishes, degree)
+    number = first.number * second.number % PRIME
+    return Flow(first.on | second.on, False, first.vanishes | second.vanishes, degree, number)
 
 
-def _opaque(operands):
+def _opaque(operands, kind=""):
     """Facts of a function of operands that is no polynomial of them.
 
     It counts as one that vanishes with its arguments, so that nothing is said of what is not known.
     """
     on = frozenset().union(*(one.on for one in operands)) if operands else frozenset()
     degree = 0 if all(one.degree == 0 for one in operands) else UNKNOWN
-    return Flow(on, False, on, degree)
+    return Flow(on, False, on, degree, mixed(kind, *(one.number for one in operands)))
 
 
 def _chosen(condition, first, second):
@@ -75,7 +104,8 @@ def _chosen(condition, first, second):
     if made.is_zero:
         return made
     degree = made.degree if condition.degree == 0 else UNKNOWN
-    return Flow(made.on | condition.on, False, made.vanishes, degree)
+    number = mixed("chosen", condition.number, first.number, second.number)
+    return Flow(made.on | condition.on, False, made.vanishes, degree, number)
 
 
 class FlowAnalysis:
@@ -92,13 +122,16 @@ class FlowAnalysis:
         lines = [line.strip() for line in text.splitlines()]
         begin = next(i for i, line in enumerate(lines) if line.startswith("func.func"))
         self.lines = lines[begin + 1 :]
-        self.values = {f"%arg{i}": facts for i, facts in enumerate(arguments)}
+        self.values = {
+            f"%arg{i}": replace(facts, number=mixed("argument", i))
+            for i, facts in enumerate(arguments)
+        }
         self.integers: dict = {}
         self.stored: dict = {}
         self._block(0)
 
     def _of(self, names) -> list:
-        return [self.values.get(name, Flow()) for name in names]
+        return [self.values.get(name) or Flow(number=mixed(name)) for name in names]
 
     def _block(self, at) -> tuple:
         """Goes through a region from a line on; gives the line after it and what it yields."""
@@ -137,7 +170,7 @@ class FlowAnalysis:
         if kind == "arith.constant":
             value = rest.split(" ")[1]
             is_zero = value in ("0.000000e+00", "-0.000000e+00")
-            self.values[names[0]] = ZERO if is_zero else Flow()
+            self.values[names[0]] = ZERO if is_zero else Flow(number=_modular(value))
             if re.fullmatch(r"-?\d+", value):
                 self.integers[names[0]] = int(value)
             return
@@ -145,29 +178,32 @@ class FlowAnalysis:
             # Values pass through memory of the thread.
             raise NotImplementedError(kind)
         operands = self._of(_NAME.findall(rest.partition(" : ")[0]))
-        made = self._apply(kind, operands)
+        made = self._apply(kind, operands, rest)
         for name in names:
             self.values[name] = made
 
     @staticmethod
-    def _apply(kind, operands):
+    def _apply(kind, operands, text):
         if kind == "arith.mulf":
             return _product(*operands)
         if kind in ("arith.addf", "arith.subf"):
-            return joined(*operands)
+            return joined(*operands, 1 if kind == "arith.addf" else -1)
         if kind == "arith.divf":
             above, below = operands
             if above.is_zero:
                 return ZERO
             degree = above.degree if below.degree == 0 else UNKNOWN
-            return Flow(above.on | below.on, False, above.vanishes, degree)
+            number = above.number * pow(below.number or 1, -1, PRIME) % PRIME
+            return Flow(above.on | below.on, False, above.vanishes, degree, number)
+        if kind == "arith.negf":
+            return replace(operands[0], number=-operands[0].number % PRIME)
         if kind in _PASSING:
             return operands[0]
         if kind == "math.fma":
             return joined(_product(*operands[:2]), operands[2])
         if kind == "arith.select":
             return _chosen(*operands)
-        return _opaque(operands)
+        return _opaque(operands, re.sub(r"%[\w$.#-]+", "", text))
 
     def _store(self, line):
         values = re.match(r"warp\.store\w*\(?([^)\[]*)\)?, %[\w$.-]+\[(%[\w$.-]+)\]", line)
@@ -194,7 +230,7 @@ class FlowAnalysis:
         head, _, carried = rest.partition("iter_args(")
         index, *bounds = _NAME.findall(head)
         limits = _opaque(self._of(bounds))
-        self.values[index] = Flow(limits.on, False, frozenset(), 0)
+        self.values[index] = Flow(limits.on, False, frozenset(), 0, mixed(index, limits.number))
         pairs = re.findall(r"(%[\w$.-]+) = (%[\w$.-]+(?:#\d+)?)", carried.partition(") ->")[0])
         state = self._of(initial for _, initial in pairs)
         for _ in range(_MOST_ROUNDS):
@@ -202,12 +238,14 @@ class FlowAnalysis:
                 self.values[name] = facts
             end, found, _ = self._block(at)
             after = [joined(one, other) for one, other in zip(state, found, strict=True)]
-            if after == state:
+            if [one.kind for one in after] == [one.kind for one in state]:
+                state = after
                 break
             state = after
         else:
-            state = [Flow(one.on, one.is_zero, one.vanishes, UNKNOWN) for one in state]
+            state = [replace(one, degree=UNKNOWN) for one in state]
         for name, facts in zip(names, state, strict=True):
             on = facts.on if facts.is_zero else facts.on | limits.on
-            self.values[name] = Flow(on, facts.is_zero, facts.vanishes, facts.degree)
+            number = 0 if facts.is_zero else mixed("loop", facts.number, limits.number)
+            self.values[name] = replace(facts, on=on, number=number)
         return end

@@ -11,8 +11,10 @@ from warp._src.fem.fields.base import GeometryField
 from warp._src.fem.fields.virtual import TestField, TrialField
 from warp._src.fem.forms.facts import value_types
 from warp._src.fem.forms.integrand import Integrand
+from warp._src.fem.kept import hashed, record_of
 
 
+@hashed
 @dataclass(frozen=True)
 class FormRecord:
     """All of a form that its kernels depend on.
@@ -86,7 +88,7 @@ class Form:
         self._sort_fields()
         types = value_types(integrand, self.values)
         discrete = tuple(
-            (name, field.bind(domain.record), field.ArgType)
+            (name, self._bound(field, domain), field.ArgType)
             for name, field in self.fields.items()
             if name not in (self.test_name, self.trial_name)
         )
@@ -94,8 +96,8 @@ class Form:
         options = {**integrand.kernel_options, **(kernel_options or {})}
         self.record = FormRecord(
             integrand,
-            domain.record,
-            None if quadrature is None else quadrature.record,
+            record_of(domain),
+            None if quadrature is None else record_of(quadrature),
             None if quadrature is None else quadrature.rule,
             discrete,
             tuple((name, kind) for name, kind in types.items() if kind is not None),
@@ -104,6 +106,15 @@ class Form:
             self.trial and (self.trial_name, self.trial.nodes),
             tuple(sorted(options.items())),
         )
+
+    @staticmethod
+    def _bound(field, domain):
+        """The description of a field for elements of a domain, made once per field and domain."""
+        record = record_of(domain)
+        kept = field.__dict__.setdefault("_bound", {})
+        if record not in kept:
+            kept[record] = field.bind(record)
+        return kept[record]
 
     def _sort_fields(self):
         """Checks the fields and finds test and trial function."""

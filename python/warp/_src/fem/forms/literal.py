@@ -11,7 +11,7 @@ import functools
 
 import numpy as np
 
-from warp._src.fem.forms.element_kernels import add_coefficients, block_text
+from warp._src.fem.forms.element_kernels import add_coefficients, block_text, store_block
 
 # Products of the sizes of elements up to which reference tensors are kept.
 _MOST_ENTRIES = 1 << 17
@@ -83,16 +83,19 @@ def literal_text(plan) -> tuple:
         key = one.row_dof, one.column_dof
         entries.setdefault(key, []).append(f"{one.text} * t_{index}")
     size = rows * columns
-    lines.append(f"    for k in range({size}):")
+    start = "i, " if plan.is_symmetric else ""
+    lines.append(f"    for i in range({rows}):")
+    lines.append(f"        for j in range({start}{columns}):")
     for i in range(len(tensors)):
-        lines.append(f"        t_{i} = tensors[{i}, k]")
+        lines.append(f"            t_{i} = tensors[{i}, i * {columns} + j]")
     block = "Block()" if not entries else block_text(
         plan, {key: " + ".join(terms) for key, terms in entries.items()}
     )  # fmt: skip
     if sign:
-        lines.append(sign.format(columns=columns))
+        lines.append(sign)
         block = f"turn * {block}"
-    lines.append(f"        blocks[local * {size} + k] = {block}")
+    lines.append(f"            block = {block}")
+    store_block(plan, lines, "            ", f"local * {size}", columns)
     made = np.array(tensors) if tensors else np.zeros((1, size))
     return "\n".join(lines) + "\n", made
 
@@ -100,11 +103,11 @@ def literal_text(plan) -> tuple:
 def _signs(plan) -> str:
     """A line that sets `turn`, the product of the signs of nodes; empty if all are 1."""
     factors = []
-    for role, place in ((plan.test, "k // {columns}"), (plan.trial, "k % {columns}")):
+    for role, place in ((plan.test, "i"), (plan.trial, "j")):
         sign = role.nodes.topology.functions.element_node_sign
         if sign is not None:
             plan.names[f"sign_{role.role}"] = sign
             factors.append(
                 f"sign_{role.role}(domain_arg.geo, fields.{role.role}_.topology, element, {place})"
             )
-    return f"        turn = {' * '.join(factors)}" if factors else ""
+    return f"            turn = {' * '.join(factors)}" if factors else ""

@@ -363,6 +363,12 @@ class PointsPlan:
 
         return find_structure(self)
 
+    @property
+    def is_symmetric(self) -> bool:
+        """True if element matrices are symmetric."""
+        same = self.trial is not None and self.test.nodes == self.trial.nodes
+        return same and self.structure.is_symmetric
+
     def slot_degree(self, role, slot) -> int:
         """Polynomial degree of a slot in reference coordinates."""
         element = role.nodes.element

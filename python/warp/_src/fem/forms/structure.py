@@ -42,6 +42,17 @@ class Structure:
         return all(varying.isdisjoint(one.on) for one in self.coefficients.values())
 
     @property
+    def is_symmetric(self) -> bool:
+        """True if the form is the same with both functions exchanged; they have one space."""
+        found = self.coefficients
+        if not found or len(next(iter(found))) != 4:
+            return False
+        return all(
+            (c, d, a, b) in found and found[c, d, a, b].number == one.number
+            for (a, b, c, d), one in found.items()
+        )
+
+    @property
     def degree(self):
         """Polynomial degree of the form in reference coordinates, None if it is not known."""
         if self.value is None or self.value.degree >= UNKNOWN:
