@@ -85,7 +85,7 @@ def test_upwind_transport_conserves_mass(name):
     a += programs.dense(fem.integrate(upwind, fields=programs.fields_of(space, interior)))
     m = programs.dense(fem.integrate(programs.mass, fields=programs.fields_of(space)))
     ones = np.ones(len(a))
-    # The sum over all test functions is the flux out of the domain; sides of the boundary have none.
+    # The sum over all test functions is the flux through the boundary, which has no jumps.
     assert np.abs(ones @ a).max() < 1e-13
     rng = np.random.default_rng(0)
     u = rng.standard_normal(len(a))
