@@ -66,8 +66,12 @@ WARP_C_API void *warp_vdb_read(const char *path, const char *name,
     // Parts that are read later would need the file to stay open.
     file.open(/*delayLoad=*/false);
     openvdb::GridBase::Ptr grid = find(file, name);
-    std::ostringstream out;
-    nanovdb::io::writeGrid(out, nanovdb::openToNanoVDB(grid));
+    nanovdb::GridHandle<> handle = nanovdb::openToNanoVDB(grid);
+    // The writer skips the header first, which a string must have room for.
+    nanovdb::io::Segment header(nanovdb::io::Codec::NONE);
+    header.add(handle);
+    std::ostringstream out(std::string(header.memUsage(), '\0'));
+    nanovdb::io::writeGrid(out, handle);
     const std::string bytes = out.str();
     void *data = std::malloc(bytes.size());
     if (!data)

@@ -139,6 +139,34 @@ class Volume(GridContents, Rebuildable, LeafValues):
         return path
 
     @classmethod
+    @checked(path=PATH)
+    def load_from_vdb(cls, path, grid: str | None = None, device=None) -> Volume:
+        """A grid of a `.vdb` file of OpenVDB, the first if no name is given.
+
+        Raises:
+            ImportError: the component `libwarp_openvdb.so` is not there.
+            RuntimeError: the file is damaged, or has no such grid, or one of a type that NanoVDB
+                has not.
+        """
+        from warp._src.geometry.volumes import vdb
+
+        data = _native.read_grids(vdb.read(path, grid))
+        return cls._of_grids(data, devices.get_device(device))
+
+    @checked(path=PATH)
+    def save_to_vdb(self, path, grid: str = "density"):
+        """Writes the grid to a `.vdb` file under a name; gives the path.
+
+        Raises:
+            ImportError: the component `libwarp_openvdb.so` is not there.
+            RuntimeError: the file cannot be written, or OpenVDB has no grid of this type.
+        """
+        from warp._src.geometry.volumes import vdb
+
+        vdb.write(self, path, grid)
+        return path
+
+    @classmethod
     @checked(grid_ptr=COUNT, buffer_size=COUNT)
     def load_from_address(cls, grid_ptr, buffer_size=0, device=None) -> Volume:
         """A volume of a grid in memory, which stays the caller's; no size: that of one grid.

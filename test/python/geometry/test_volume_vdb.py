@@ -1,0 +1,97 @@
+"""`.vdb` files written and read through the component of OpenVDB."""
+
+import ctypes
+import pathlib
+
+import numpy as np
+import pytest
+
+import warp as wp
+from warp._src.geometry.volumes import vdb
+
+COMPONENT = pathlib.Path(wp.__file__).parent / "libwarp_openvdb.so"
+needs_component = pytest.mark.skipif(
+    not COMPONENT.exists(), reason="OpenVDB's headers are not installed"
+)
+
+
+@wp.kernel
+def look(
+    id: wp.uint64,
+    ijk: wp.array(dtype=wp.vec3i),
+    values: wp.array(dtype=float),
+    places: wp.array(dtype=wp.vec3),
+):
+    n = wp.tid()
+    v = ijk[n]
+    values[n] = wp.volume_lookup_f(id, v[0], v[1], v[2])
+    places[n] = wp.volume_index_to_world(id, wp.vec3(float(v[0]), float(v[1]), float(v[2])))
+
+
+def found(volume, voxels):
+    ijk = wp.array(voxels, dtype=wp.vec3i, device=volume.device)
+    values = wp.zeros(len(voxels), dtype=float, device=volume.device)
+    places = wp.zeros(len(voxels), dtype=wp.vec3, device=volume.device)
+    wp.launch(look, len(voxels), [volume.id, ijk], [values, places], device=volume.device)
+    return values.numpy(), places.numpy()
+
+
+def make(device):
+    values = np.random.default_rng(3).normal(size=(20, 24, 17)).astype(np.float32)
+    return wp.Volume.load_from_numpy(
+        values, min_world=(1.0, -2.0, 0.5), voxel_size=0.25, bg_value=-7.0, device=device
+    )
+
+
+@needs_component
+def test_grids_come_back_with_values_and_place(tmp_path, device):
+    volume = make(device)
+    path = volume.save_to_vdb(tmp_path / "a.vdb", "smoke")
+    again = wp.Volume.load_from_vdb(path, "smoke", device=device)
+    assert again.device == volume.device and again.get_grid_info().name == "smoke"
+    voxels = np.concatenate([volume.get_voxels().numpy(), [[500, 3, 2], [-40, 0, 0]]])
+    for here, there in zip(found(volume, voxels), found(again, voxels), strict=True):
+        np.testing.assert_array_equal(here, there)
+    np.testing.assert_allclose(again.get_voxel_size(), 0.25, rtol=1e-7)
+    first = wp.Volume.load_from_vdb(path, device=device)
+    np.testing.assert_array_equal(found(first, voxels)[0], found(volume, voxels)[0])
+
+
+@needs_component
+def test_other_names_are_listed(tmp_path):
+    make("cpu").save_to_vdb(tmp_path / "a.vdb", "smoke")
+    with pytest.raises(RuntimeError, match=r"no grid 'fire', the file has 'smoke'"):
+        wp.Volume.load_from_vdb(tmp_path / "a.vdb", "fire", device="cpu")
+
+
+@needs_component
+@pytest.mark.parametrize("keep", [0, 3, 200, 0.5, 0.9])
+def test_damaged_files_are_refused(tmp_path, keep):
+    make("cpu").save_to_vdb(tmp_path / "a.vdb")
+    data = (tmp_path / "a.vdb").read_bytes()
+    count = keep if isinstance(keep, int) else int(keep * len(data))
+    (tmp_path / "b.vdb").write_bytes(data[:count])
+    with pytest.raises(RuntimeError, match=r"b\.vdb"):
+        wp.Volume.load_from_vdb(tmp_path / "b.vdb", device="cpu")
+
+
+@needs_component
+def test_absent_files_and_folders(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        wp.Volume.load_from_vdb(tmp_path / "a.vdb", device="cpu")
+    with pytest.raises(RuntimeError, match="none"):
+        make("cpu").save_to_vdb(tmp_path / "none" / "a.vdb")
+
+
+def test_without_the_component_the_error_names_both_ways(tmp_path, monkeypatch):
+    def absent(path):
+        raise OSError(path)
+
+    monkeypatch.setattr(ctypes, "CDLL", absent)
+    vdb._library.cache_clear()
+    (tmp_path / "a.vdb").write_bytes(b"")
+    try:
+        with pytest.raises(ImportError, match=r"libopenvdb-dev.*nanovdb_convert"):
+            wp.Volume.load_from_vdb(tmp_path / "a.vdb", device="cpu")
+    finally:
+        vdb._library.cache_clear()
