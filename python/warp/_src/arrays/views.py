@@ -21,6 +21,7 @@ from warp._src.arrays.copies import assign, clone
 from warp._src.arrays.gradients import gradient_type
 from warp._src.arrays.layout import check_shape, element_type, type_id
 from warp._src.types import dtypes
+from warp._src.types.scalars import scalar_base
 
 
 def _extents(shape) -> list:
@@ -41,6 +42,23 @@ def _extents(shape) -> list:
         raise TypeError(
             f"reshape() expects an integer or a list of integers as `shape`, but got {shown(shape)}"
         ) from None
+
+
+def _as_tuple(key):
+    return key if isinstance(key, tuple) else (key,)
+
+
+def _new_axes(key) -> list:
+    """Places of new dimensions in the shape that a key leaves."""
+    places, place = [], 0
+    keys = _as_tuple(key)
+    for index in keys:
+        if index is None:
+            places.append(place)
+        place += index is None or isinstance(index, slice)
+        if index is Ellipsis and None in keys:
+            raise errors.WarpIndexError("expects `None` or `...` in an index, but got both")
+    return places
 
 
 class ArrayViews:
@@ -74,9 +92,8 @@ class ArrayViews:
             return hooks.select(self, key)
         offset, shape, strides = self._select(key)
         if not shape:
-            raise errors.WarpError(
-                "an element of an array cannot be read at Python scope, use `a.numpy()[i]`"
-            )
+            # The element itself, which waits for a GPU.
+            return self._view(offset, (1,), (self.item_size,)).list()[0]
         return self._with_grad(self._view(offset, shape, strides), lambda grad: grad[key])
 
     def __setitem__(self, key, value):
@@ -103,12 +120,34 @@ class ArrayViews:
 
     def __iter__(self):
         if self.ndim == 1:
-            raise TypeError("an array cannot be iterated over at Python scope, use `a.numpy()`")
+            return iter(self.list())
         return (self[row] for row in range(self.shape[0]))
+
+    def _one(self, what):
+        """The only element.
+
+        Raises:
+            TypeError: there are more or none, or it is no number.
+        """
+        if self.size != 1 or not issubclass(self.dtype, scalar_base):
+            raise TypeError(
+                f"expects an array of one number for {what}, but got shape {self.shape} of "
+                f"'{dtypes.type_repr(self.dtype)}'"
+            )
+        return self.list()[0]
+
+    def __float__(self):
+        return float(self._one("float()"))
+
+    def __int__(self):
+        return int(self._one("int()"))
+
+    def __format__(self, spec):
+        return format(self._one(f"the format '{spec}'"), spec) if spec else str(self)
 
     def _keys(self, key):
         """An index or slice for each dimension."""
-        keys = list(key) if isinstance(key, tuple) else [key]
+        keys = [k for k in _as_tuple(key) if k is not None]
         if Ellipsis in [k for k in keys if k is Ellipsis]:
             place = next(i for i, k in enumerate(keys) if k is Ellipsis)
             missing = self.ndim - len(keys) + 1
@@ -121,8 +160,9 @@ class ArrayViews:
         return keys + [slice(None)] * (self.ndim - len(keys))
 
     def _select(self, key):
-        """Byte offset, shape and strides of what a key names."""
+        """Byte offset, shape and strides of what a key names; None is a new dimension of one."""
         offset, shape, strides = 0, [], []
+        added = _new_axes(key)
         for axis, (index, extent, stride) in enumerate(
             zip(self._keys(key), self.shape, self.strides, strict=True)
         ):
@@ -139,6 +179,9 @@ class ArrayViews:
                         f"expects integers and slices as indices, but got '{type(index).__name__}'"
                     ) from None
                 offset += _resolve_index(index, extent, axis) * stride
+        for place in added:
+            shape.insert(place, 1)
+            strides.insert(place, self.item_size)
         return offset, shape, strides
 
     def flatten(self):

@@ -55,6 +55,11 @@ class Composite:
     def __str__(self):
         return f"[{', '.join(map(str, scalars_of(self)))}]"
 
+    def __format__(self, spec):
+        if not spec:
+            return str(self)
+        return f"[{', '.join(format(number, spec) for number in scalars_of(self))}]"
+
     def __reduce__(self):
         return (_from_bytes, (canonical_class(type(self)), bytes(self)))
 
