@@ -11,7 +11,6 @@ import warp as wp
 from warp._src.fem.cells.cell import CUBE, LINE, SQUARE, TET, TRIANGLE
 from warp._src.fem.cells.element import make_element
 from warp._src.fem.cells.families import spline
-from warp._src.fem.cells.family_functions import coefficient_rows, is_stored
 from warp._src.fem.cells.functions import element_functions
 from warp._src.fem.cells.layout import ElementBasis as Basis
 from warp._src.fem.cells.polynomial import Polynomial
@@ -54,9 +53,7 @@ def test_gradients_are_differences(element):
     check_gradients(element, 1e-6, 1e-8)
 
 
-@pytest.mark.parametrize(
-    "element", [e for e in SCALARS + SPLINES + VECTORS if not is_stored(e)], ids=name
-)
+@pytest.mark.parametrize("element", SCALARS + SPLINES + VECTORS, ids=name)
 def test_kernels_agree(element, device):
     coords = points_in(element.cell, count=3)
     values, gradients = element.tabulate(coords)
@@ -66,29 +63,26 @@ def test_kernels_agree(element, device):
     np.testing.assert_allclose(places, element.node_coords, atol=1e-15)
 
 
-@pytest.mark.parametrize("element", [e for e in VECTORS if is_stored(e)], ids=name)
-def test_kernels_agree_by_coefficients(element, device):
+@pytest.mark.parametrize("orientation", [0, 5, 23])
+def test_orientations_in_kernels(orientation, device):
+    element = make_element(TET, 2, Basis.NEDELEC_FIRST_KIND)
     functions = element_functions(element, wp.float64)
-    value, gradient = functions.stored_value, functions.stored_gradient
-    orientation, coords = element.orientation_count - 1, points_in(element.cell, count=2)
-    d, shape = element.cell.dimension, (2, element.node_count)
-    vector, matrix = wp.types.vector(d, wp.float64), wp.types.matrix((d, d), wp.float64)
+    value, gradient = functions.oriented_value, functions.oriented_gradient
+    coords, shape = points_in(TET, count=2), (2, element.node_count)
 
     @wp.kernel(module="unique")
     def fill(
-        coefficients: wp.array2d(dtype=wp.float64),
         x: wp.array(dtype=wp.vec3d),
-        values: wp.array2d(dtype=vector),
-        slopes: wp.array2d(dtype=matrix),
+        values: wp.array2d(dtype=wp.vec3d),
+        slopes: wp.array2d(dtype=wp.mat33d),
     ):
         i, k = wp.tid()
-        values[i, k] = value(coefficients, x[i], k, orientation)
-        slopes[i, k] = gradient(coefficients, x[i], k, orientation)
+        values[i, k] = value(x[i], k, orientation)
+        slopes[i, k] = gradient(x[i], k, orientation)
 
-    rows = wp.array(coefficient_rows(element), dtype=wp.float64, device=device)
     x = wp.array(coords, dtype=wp.vec3d, device=device)
-    values, slopes = wp.zeros(shape, vector, device), wp.zeros(shape, matrix, device)
-    wp.launch(fill, shape, [rows, x, values, slopes], device=device)
+    values, slopes = wp.zeros(shape, wp.vec3d, device), wp.zeros(shape, wp.mat33d, device)
+    wp.launch(fill, shape, [x, values, slopes], device=device)
     expected, gradients = element.tabulate(coords, orientation)
     np.testing.assert_allclose(values.numpy(), expected, atol=1e-10)
     np.testing.assert_allclose(slopes.numpy(), gradients, atol=1e-9)

@@ -182,7 +182,7 @@ def test_errors():
         make_polynomial_space(grid, dtype=wp.vec2d)
     with pytest.raises(ValueError, match="expect a 2x2 or 3x3 matrix"):
         SymmetricTensorMapper(wp.vec3)
-    with pytest.raises(ValueError, match="one of 'space_partition' and 'space_topology'"):
+    with pytest.raises(ValueError, match="One of `space_partition` or `space_topology`"):
         make_space_restriction()
     with pytest.raises(ValueError, match="different geometries"):
         topology = make_polynomial_space(grid).topology

@@ -217,78 +217,50 @@ def box_vectors(element, real):
     return SimpleNamespace(value=value, gradient=gradient)
 
 
-# Larger tables of coefficients are arrays: constants of that size take long to compile.
-MOST_CONSTANTS = 256
-
-
 def vectors(element, real):
-    """Vectors of polynomials by coefficients, for each order of the vertices.
-
-    `stored_value(coefficients, coords, node, orientation)` and `stored_gradient` read them from an
-    array of `coefficient_rows`; elements with few of them have `value` and `gradient`, too.
-    """
+    """Vectors of polynomials by coefficients, for each order of the vertices."""
     cell = element.cell
     exponents, tables, center, scale, _ = element.definition.data
     Coords, Vector, Matrix = _types(cell, real)
     parameters = _parameters(cell, center, scale, real)
     monomial, derivative = _monomials(cell, exponents, real)
     count, dimension, nodes = len(exponents), cell.dimension, tables.shape[1]
-    size = real(scale)
+    factors, size = table(tables.reshape(-1, count), real), real(scale)
 
-    def made_from(Factors):
-        """Functions of (coefficients, coords, node, orientation)."""
-
-        @wp.func
-        def stored_value(factors: Factors, coords: Coords, node: int, orientation: int):
-            x = parameters(coords)
-            row = (orientation * nodes + node) * dimension
-            made = Vector(real(0.0))
-            for m in range(count):
-                one = monomial(x, m)
-                for axis in range(dimension):
-                    made[axis] += factors[row + axis, m] * one
-            return made
-
-        @wp.func
-        def stored_gradient(factors: Factors, coords: Coords, node: int, orientation: int):
-            x = parameters(coords)
-            row = (orientation * nodes + node) * dimension
-            made = Matrix(real(0.0))
-            for m in range(count):
-                for by in range(dimension):
-                    one = size * derivative(x, m, by)
-                    for axis in range(dimension):
-                        made[axis, by] += factors[row + axis, m] * one
-            return made
-
-        return stored_value, stored_gradient
-
-    stored = made_from(wp.array2d(dtype=real))
-    made = SimpleNamespace(stored_value=stored[0], stored_gradient=stored[1])
-    if tables.size > MOST_CONSTANTS:
+    @wp.func
+    def oriented_value(coords: Coords, node: int, orientation: int):
+        x = parameters(coords)
+        row = (orientation * nodes + node) * dimension
+        made = Vector(real(0.0))
+        for m in range(count):
+            one = monomial(x, m)
+            for axis in range(dimension):
+                made[axis] += factors[row + axis, m] * one
         return made
-    factors = table(tables.reshape(-1, count), real)
-    constant_value, constant_gradient = made_from(type(factors))
+
+    @wp.func
+    def oriented_gradient(coords: Coords, node: int, orientation: int):
+        x = parameters(coords)
+        row = (orientation * nodes + node) * dimension
+        made = Matrix(real(0.0))
+        for m in range(count):
+            for by in range(dimension):
+                one = size * derivative(x, m, by)
+                for axis in range(dimension):
+                    made[axis, by] += factors[row + axis, m] * one
+        return made
 
     @wp.func
     def value(coords: Coords, node: int):
-        return constant_value(factors, coords, node, 0)
+        return oriented_value(coords, node, 0)
 
     @wp.func
     def gradient(coords: Coords, node: int):
-        return constant_gradient(factors, coords, node, 0)
+        return oriented_gradient(coords, node, 0)
 
-    made.value, made.gradient = value, gradient
-    return made
-
-
-def coefficient_rows(element) -> np.ndarray:
-    """Coefficients of `vectors`, (orientations * nodes * axes, monomials)."""
-    tables = element.definition.data[1]
-    return tables.reshape(-1, tables.shape[-1])
-
-
-def is_stored(element) -> bool:
-    """True if coefficients have to be in an array."""
-    definition = element.definition
-    return definition.kind == "vectors" and definition.data[1].size > MOST_CONSTANTS
+    return SimpleNamespace(
+        value=value,
+        gradient=gradient,
+        oriented_value=oriented_value,
+        oriented_gradient=oriented_gradient,
+    )

@@ -18,9 +18,8 @@ def element_functions(element: Element, real=wp.float32) -> SimpleNamespace:
 
     Returns:
         `value(coords, node)` and `gradient(coords, node)`, by parameters, of a basis function;
-        `node_coords(node)`, `node_weight(node)` and `trace_weight(node)`. Elements with many
-        coefficients have `stored_value(coefficients, coords, node, orientation)` and
-        `stored_gradient` in place of the first two.
+        `node_coords(node)`, `node_weight(node)` and `trace_weight(node)`. Elements with
+        orientations have `oriented_value(coords, node, orientation)` and `oriented_gradient`, too.
     """
     kind = element.definition.kind
     makers = lagrange_functions

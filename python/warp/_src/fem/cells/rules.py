@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp._src.fem.cells.cell import POINT, TET, TRIANGLE, Cell
-from warp._src.fem.cells.element import Element
 from warp._src.fem.cells.polynomial import Polynomial, gauss_jacobi, rule_1d
 from warp._src.fem.cells.stored import stored
 
@@ -85,7 +84,7 @@ def rule(cell: Cell, order: int, family: Polynomial | None = None) -> Rule:
 
 
 @functools.cache
-def nodal_rule(element: Element) -> Rule:
+def nodal_rule(element) -> Rule:
     """The rule whose points are the nodes of an element; exact for constants at least."""
     return make_rule(element.cell, element.node_coords, element.node_weights, 0)
 

@@ -6,15 +6,16 @@ import numpy as np
 
 import warp as wp
 
+_TYPES = {wp.float32: np.float32, wp.float64: np.float64, wp.int32: np.int32}
 
-def table(values, dtype):
+
+def table(values, dtype) -> np.ndarray:
     """A constant that functions of kernels index as `T[i]` or `T[i, j]`, rounded to `dtype` once.
 
     Args:
-        values: (n,) or (n, m) numbers; more than two dimensions are an error.
+        values: numbers.
+        dtype: `wp.float32`, `wp.float64` or `wp.int32`.
     """
-    values = np.asarray(values)
-    if values.ndim == 1:
-        return wp.types.vector(length=len(values), dtype=dtype)(values.tolist())
-    rows, columns = values.shape
-    return wp.types.matrix(shape=(rows, columns), dtype=dtype)(values.reshape(-1).tolist())
+    made = np.ascontiguousarray(values, dtype=_TYPES[dtype])
+    made.flags.writeable = False
+    return made

@@ -38,11 +38,8 @@ def _of_element(record):
     TopologyArg = of_topology.TopologyArg
     functions = element_functions(element, real)
     coords_of, weight_of = functions.node_coords, functions.node_weight
-    weight, weight_gradient = (
-        _stored(functions, topology, real)
-        if topology.is_stored
-        else _direct(functions, topology, real)
-    )
+    make = _oriented if topology.is_oriented else _direct
+    weight, weight_gradient = make(functions, topology, real)
 
     @wp.func
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
@@ -80,24 +77,24 @@ def _direct(functions, topology, real):
     return weight, weight_gradient
 
 
-def _stored(functions, topology, real):
-    """Basis functions with coefficients in an array."""
+def _oriented(functions, topology, real):
+    """Basis functions that depend on the order of the cell's vertices."""
     CellArg = geometry_functions(topology.geometry).CellArg
     TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
-    value_of, gradient_of = functions.stored_value, functions.stored_gradient
+    value_of, gradient_of = functions.oriented_value, functions.oriented_gradient
     orientation_of = topology.functions.element_orientation
 
     @wp.func
     def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
         orientation = orientation_of(cell_arg, topo_arg, element)
-        return value_of(topo_arg.coefficients, coords, node, orientation)
+        return value_of(coords, node, orientation)
 
     @wp.func
     def weight_gradient(
         cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
     ):
         orientation = orientation_of(cell_arg, topo_arg, element)
-        return gradient_of(topo_arg.coefficients, coords, node, orientation)
+        return gradient_of(coords, node, orientation)
 
     return weight, weight_gradient
 

@@ -94,9 +94,11 @@ def dof_type(record: MapperRecord) -> type:
     return real if count == 1 else wp.types.vector(length=count, dtype=real)
 
 
-def _sum(terms):
-    """Text of a sum of products; zero factors are left out."""
-    products = [f"real({float(factor)!r}) * {name}" for factor, name in terms if factor != 0.0]
+def _sum(terms, is_double):
+    """Text of a sum of products; zero factors are left out. Factors of float32 are plain literals,
+    which Python evaluates in float64, too."""
+    form = "real({})" if is_double else "{}"
+    products = [f"{form.format(repr(float(c)))} * {name}" for c, name in terms if c != 0.0]
     return " + ".join(products) or "real(0.0)"
 
 
@@ -110,10 +112,16 @@ def mapper_functions(record: MapperRecord) -> tuple:
         "Value": record.dtype,
         "real": extend.type_scalar_type(record.dtype),
     }
+    is_double = names["real"] is wp.float64
     parts = ["dof"] if count == 1 else [f"dof[{k}]" for k in range(count)]
     places = [(i, j) for i in range(size) for j in range(size)]
-    entries = [_sum([(b[i, j], p) for b, p in zip(basis, parts, strict=True)]) for i, j in places]
-    inner = [_sum([(0.5 * b[i, j], f"value[{i}, {j}]") for i, j in places]) for b in basis]
+    entries = [
+        _sum([(b[i, j], p) for b, p in zip(basis, parts, strict=True)], is_double)
+        for i, j in places
+    ]
+    inner = [
+        _sum([(0.5 * b[i, j], f"value[{i}, {j}]") for i, j in places], is_double) for b in basis
+    ]
     back = inner[0] if count == 1 else f"Dof({', '.join(inner)})"
     texts = (
         f"def dof_to_value(dof: Dof):\n    return Value({', '.join(entries)})\n",

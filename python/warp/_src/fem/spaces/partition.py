@@ -1,126 +1,7 @@
 """Space partitions - the nodes of a space that a part of a geometry has, and their numbers."""
 
-import functools
-from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any
-
-import numpy as np
-
-import warp as wp
-from warp import extend
-from warp._src.fem.geometry.base import per_device
 from warp._src.fem.geometry.partition import WholeGeometryPartition
-
-_WholeArg = extend.struct_from_fields("WholeNodesArg", {}, module=__name__)
-_TableArg = extend.struct_from_fields(
-    "NodeNumbersArg", {"space_to_partition": wp.array(dtype=wp.int32)}, module=__name__
-)
-
-
-@wp.func
-def _same_node(arg: Any, node: int):
-    return node
-
-
-@wp.func
-def _listed_node(arg: _TableArg, node: int):
-    return arg.space_to_partition[node]
-
-
-@dataclass(frozen=True)
-class SpacePartitionRecord:
-    """Facts of a partition that its functions of kernels depend on: `is_whole`."""
-
-    is_whole: bool
-
-    @property
-    def functions(self) -> SimpleNamespace:
-        """The struct `PartitionArg` and `partition_node_index(arg, node)`: a node's number in the
-        partition, or `NULL_NODE_INDEX`."""
-        return _functions(self)
-
-
-@functools.cache
-def _functions(record):
-    if record.is_whole:
-        return SimpleNamespace(PartitionArg=_WholeArg, partition_node_index=_same_node)
-    return SimpleNamespace(PartitionArg=_TableArg, partition_node_index=_listed_node)
-
-
-class SpacePartition:
-    """Some nodes of a space, with numbers of their own."""
-
-    def __init__(self, space_topology, geo_partition, is_whole=False):
-        self.space_topology, self.geo_partition = space_topology, geo_partition
-        self.record = SpacePartitionRecord(is_whole)
-        self.PartitionArg = self.record.functions.PartitionArg
-        self.partition_node_index = self.record.functions.partition_node_index
-
-    @property
-    def name(self) -> str:
-        """Name of the class."""
-        return type(self).__name__
-
-    def __str__(self) -> str:
-        return self.name
-
-    @per_device
-    def partition_arg_value(self, device):
-        """Argument of `partition_node_index`."""
-        arg = self.PartitionArg()
-        self.fill_partition_arg(arg, device)
-        return arg
-
-    def fill_partition_arg(self, arg, device) -> None:
-        """Fills an argument of `partition_node_index`."""
-
-    def node_count(self) -> int:
-        """Number of nodes, with the ones of neighbours."""
-        raise NotImplementedError
-
-    def owned_node_count(self) -> int:
-        """Number of nodes of the partition's own cells."""
-        return self.node_count()
-
-    def interior_node_count(self) -> int:
-        """Number of nodes that no other partition has."""
-        return self.node_count()
-
-    def space_node_indices(self):
-        """Numbers in the space of the nodes, int32 (nodes,)."""
-        raise NotImplementedError
-
-    def rebuild(self, device=None, temporary_store=None) -> None:
-        """Takes over a geometry that was rebuilt."""
-
-
-class WholeSpacePartition(SpacePartition):
-    """All nodes."""
-
-    def __init__(self, space_topology):
-        whole = WholeGeometryPartition(space_topology.geometry)
-        super().__init__(space_topology, whole, is_whole=True)
-
-    @property
-    def name(self) -> str:
-        """The word Whole."""
-        return "Whole"
-
-    def node_count(self) -> int:
-        """Number of nodes of the space."""
-        return self.space_topology.node_count()
-
-    def space_node_indices(self):
-        """Numbers in the space of the nodes, int32 (nodes,)."""
-        return wp.array(np.arange(self.node_count(), dtype=np.int32))
-
-    def __eq__(self, other) -> bool:
-        same = isinstance(other, WholeSpacePartition)
-        return same and self.space_topology == other.space_topology
-
-    def __hash__(self) -> int:
-        return hash(self.space_topology)
+from warp._src.fem.spaces.node_numbers import SpacePartition, WholeSpacePartition
 
 
 def make_space_partition(
@@ -150,10 +31,7 @@ def make_space_partition(
     is_whole = geometry_partition is None or isinstance(geometry_partition, WholeGeometryPartition)
     if is_whole and not environment_first:
         return WholeSpacePartition(topology)
-    from warp._src.fem.spaces.listed_partitions import (
-        EnvironmentSpacePartition,
-        NodePartition,
-    )
+    from warp._src.fem.spaces.listed_partitions import EnvironmentSpacePartition, NodePartition
 
     if environment_first:
         if is_whole:

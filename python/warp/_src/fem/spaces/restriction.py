@@ -136,7 +136,7 @@ def make_space_restriction(
 
     if space_partition is None:
         if space_topology is None:
-            raise ValueError("expects one of 'space_partition' and 'space_topology'")
+            raise ValueError("One of `space_partition` or `space_topology` must be provided")
         domain = Cells(space_topology.geometry) if domain is None else domain
         space_partition = make_space_partition(
             space_topology=space_topology, geometry_partition=domain.geometry_partition

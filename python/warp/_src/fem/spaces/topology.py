@@ -25,7 +25,6 @@ class TopologyRecord:
         step, width: of grids: nodes between cells and nodes of a cell, per axis.
         is_signed: some nodes change their sign with the orientation of their entity.
         is_oriented: basis functions depend on the order of a cell's vertices.
-        is_stored: coefficients of basis functions are in an array.
         base: of traces: the record of the topology of cells.
         quadrature: of points: the record of the quadrature.
     """
@@ -37,7 +36,6 @@ class TopologyRecord:
     width: int = 0
     is_signed: bool = False
     is_oriented: bool = False
-    is_stored: bool = False
     base: TopologyRecord | None = None
     quadrature: object = None
     evaluation_points: bool = False
@@ -153,13 +151,6 @@ class SpaceTopology:
     def fill_topo_arg(self, arg, device) -> None:
         """Fills an argument of the functions of kernels."""
 
-    def _fill_coefficients(self, arg, device) -> None:
-        if self.record.is_stored:
-            from warp._src.fem.cells.family_functions import coefficient_rows
-
-            rows = coefficient_rows(self.element)
-            arg.coefficients = wp.array(rows, dtype=self.geometry.scalar_type, device=device)
-
     def element_table(self, device=None):
         """Node numbers of each cell, int32 (cells, n), if there is such a table."""
         return None
@@ -210,7 +201,6 @@ class TraceTopology(SpaceTopology):
             2 * inner.nodes,
             is_signed=inner.is_signed,
             is_oriented=inner.is_oriented,
-            is_stored=inner.is_stored,
             base=inner,
         )
         super().__init__(base.geometry, record, base.element)
@@ -239,21 +229,12 @@ class DiscontinuousTopology(SpaceTopology):
     """Each cell has nodes of its own."""
 
     def __init__(self, geometry, element: Element):
-        record = TopologyRecord(
-            "discontinuous",
-            geometry.record,
-            element.node_count,
-            is_stored=_has_coefficients(element),
-        )
+        record = TopologyRecord("discontinuous", geometry.record, element.node_count)
         super().__init__(geometry, record, element)
 
     def node_count(self) -> int:
         """Number of nodes."""
         return self.geometry.cell_count() * self.record.nodes
-
-    def fill_topo_arg(self, arg, device) -> None:
-        """Fills an argument of the functions of kernels."""
-        self._fill_coefficients(arg, device)
 
 
 class GridTopology(SpaceTopology):
@@ -311,7 +292,6 @@ class TableTopology(SpaceTopology):
             element.node_count,
             is_signed=is_signed and not _is_aligned(geometry.base),
             is_oriented=element.orientation_count > 1,
-            is_stored=_has_coefficients(element),
         )
         super().__init__(geometry, record, element)
         self._count = None
@@ -358,21 +338,12 @@ class TableTopology(SpaceTopology):
     def fill_topo_arg(self, arg, device) -> None:
         """Fills an argument of the functions of kernels."""
         arg.nodes, signs = self._tables(device)
-        self._fill_coefficients(arg, device)
         if self.record.is_signed:
             arg.signs = signs
         if self.record.is_oriented:
             from warp._src.fem.spaces.orientations import cell_orientations
 
             arg.orientations = cell_orientations(self.geometry.base, device)
-
-
-def _has_coefficients(element) -> bool:
-    if element.map == "identity":
-        return False
-    from warp._src.fem.cells.family_functions import is_stored
-
-    return is_stored(element)
 
 
 def _is_aligned(base) -> bool:

@@ -35,14 +35,9 @@ def add_constants(made, record, ElementArg) -> None:
             setattr(made, name, function)
 
 
-def _coefficients(record):
-    return {"coefficients": wp.array2d(dtype=record.geometry.scalar)} if record.is_stored else {}
-
-
 def _discontinuous(record):
     CellArg = geometry_functions(record.geometry).CellArg
-    fields = _coefficients(record)
-    TopologyArg = extend.struct_from_fields("CellNodesArg", fields, module=__name__)
+    TopologyArg = extend.struct_from_fields("CellNodesArg", {}, module=__name__)
     count = record.nodes
 
     @wp.func
@@ -88,7 +83,7 @@ def _grid(record):
 def _table(record):
     CellArg = geometry_functions(record.geometry).CellArg
     real = record.geometry.scalar
-    fields = {"nodes": wp.array2d(dtype=wp.int32), **_coefficients(record)}
+    fields = {"nodes": wp.array2d(dtype=wp.int32)}
     if record.is_signed:
         fields["signs"] = wp.array2d(dtype=wp.int8)
     if record.is_oriented:

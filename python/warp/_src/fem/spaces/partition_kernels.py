@@ -1,0 +1,77 @@
+"""Kernels of partitions: kinds and environments of the nodes of cells and sides."""
+
+import warp as wp
+from warp._src.fem.geometry.base import geometry_functions
+from warp._src.fem.geometry.partition import partition_functions
+from warp._src.fem.spaces.topology import TopologyRecord, topology_functions
+from warp._src.fem.types import NULL_ELEMENT_INDEX
+
+_INTERIOR, _FRONTIER, _HALO_NEAR, _HALO_FAR, _EXTERIOR = (wp.constant(k) for k in range(5))
+
+
+def kind_kernels(topology, part):
+    """Kernels over the cells, the sides and the frontier of a partition that mark their nodes."""
+    geometry, of_part = geometry_functions(topology.geometry), partition_functions(part)
+    CellArg, SideArg = geometry.CellArg, geometry.SideArg
+    CellsArg, SidesArg = of_part.CellArg, of_part.SideArg
+    functions, TopologyArg = topology.functions, topology.functions.TopologyArg
+    count_of, index_of = functions.element_node_count, functions.element_node_index
+    trace = TopologyRecord("trace", topology.geometry, 2 * topology.nodes, base=topology)
+    trace = topology_functions(trace)
+    side_count_of, side_index_of = trace.element_node_count, trace.element_node_index
+    cell_of, side_of = of_part.cell_index, of_part.side_index
+    frontier_of = of_part.frontier_side_index
+    kinds_of = wp.array(dtype=wp.int32)
+
+    @wp.kernel(enable_backward=False)
+    def of_cells(cell_arg: CellArg, part_arg: CellsArg, topo_arg: TopologyArg, kinds: kinds_of):
+        cell = cell_of(part_arg, wp.tid())
+        if cell != NULL_ELEMENT_INDEX:
+            for k in range(count_of(cell_arg, topo_arg, cell)):
+                kinds[index_of(cell_arg, topo_arg, cell, k)] = _INTERIOR
+
+    @wp.kernel(enable_backward=False)
+    def of_sides(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: kinds_of):
+        side = side_of(part_arg, wp.tid())
+        if side != NULL_ELEMENT_INDEX:
+            for k in range(side_count_of(side_arg, topo_arg, side)):
+                node = side_index_of(side_arg, topo_arg, side, k)
+                if kinds[node] == _EXTERIOR:
+                    kinds[node] = _HALO_NEAR
+
+    @wp.kernel(enable_backward=False)
+    def of_frontier(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: kinds_of):
+        side = frontier_of(part_arg, wp.tid())
+        if side != NULL_ELEMENT_INDEX:
+            for k in range(side_count_of(side_arg, topo_arg, side)):
+                node = side_index_of(side_arg, topo_arg, side, k)
+                if kinds[node] == _EXTERIOR:
+                    kinds[node] = _HALO_FAR
+                elif kinds[node] == _INTERIOR:
+                    kinds[node] = _FRONTIER
+
+    return of_cells, of_sides, of_frontier
+
+
+def environment_kernel(topology, part):
+    """A kernel over cells that gives nodes the least environment of their cells."""
+    geometry, of_part = geometry_functions(topology.geometry), partition_functions(part)
+    CellArg, CellsArg = geometry.CellArg, of_part.CellArg
+    functions, TopologyArg = topology.functions, topology.functions.TopologyArg
+    count_of, index_of = functions.element_node_count, functions.element_node_index
+    cell_of, environment_of = of_part.cell_index, geometry.cell_environment_index
+
+    @wp.kernel(enable_backward=False)
+    def of_environments(
+        cell_arg: CellArg,
+        part_arg: CellsArg,
+        topo_arg: TopologyArg,
+        groups: wp.array(dtype=wp.int32),
+    ):
+        cell = cell_of(part_arg, wp.tid())
+        if cell != NULL_ELEMENT_INDEX:
+            environment = environment_of(cell_arg, cell)
+            for k in range(count_of(cell_arg, topo_arg, cell)):
+                wp.atomic_min(groups, index_of(cell_arg, topo_arg, cell, k), environment)
+
+    return of_environments

@@ -1,0 +1,31 @@
+"""Classes of shape functions, by cell and family."""
+
+from warp._src.fem.spaces import shape_names as _names
+from warp._src.fem.spaces.shapes import ConstantShapeFunction as ConstantShapeFunction
+
+CubeBSplineShapeFunctions = _names.CubeBSplineShapeFunctions
+CubeNedelecFirstKindShapeFunctions = _names.CubeNedelecFirstKindShapeFunctions
+CubeNonConformingPolynomialShapeFunctions = _names.CubeNonConformingPolynomialShapeFunctions
+CubeRaviartThomasShapeFunctions = _names.CubeRaviartThomasShapeFunctions
+CubeSerendipityShapeFunctions = _names.CubeSerendipityShapeFunctions
+CubeShapeFunction = _names.CubeShapeFunction
+CubeTripolynomialShapeFunctions = _names.CubeTripolynomialShapeFunctions
+SquareBSplineShapeFunctions = _names.SquareBSplineShapeFunctions
+SquareBipolynomialShapeFunctions = _names.SquareBipolynomialShapeFunctions
+SquareNedelecFirstKindShapeFunctions = _names.SquareNedelecFirstKindShapeFunctions
+SquareNonConformingPolynomialShapeFunctions = _names.SquareNonConformingPolynomialShapeFunctions
+SquareRaviartThomasShapeFunctions = _names.SquareRaviartThomasShapeFunctions
+SquareSerendipityShapeFunctions = _names.SquareSerendipityShapeFunctions
+SquareShapeFunction = _names.SquareShapeFunction
+TetrahedronNedelecFirstKindShapeFunctions = _names.TetrahedronNedelecFirstKindShapeFunctions
+TetrahedronNonConformingPolynomialShapeFunctions = (  # fmt: skip
+    _names.TetrahedronNonConformingPolynomialShapeFunctions
+)
+TetrahedronPolynomialShapeFunctions = _names.TetrahedronPolynomialShapeFunctions
+TetrahedronRaviartThomasShapeFunctions = _names.TetrahedronRaviartThomasShapeFunctions
+TetrahedronShapeFunction = _names.TetrahedronShapeFunction
+TriangleNedelecFirstKindShapeFunctions = _names.TriangleNedelecFirstKindShapeFunctions
+TriangleNonConformingPolynomialShapeFunctions = _names.TriangleNonConformingPolynomialShapeFunctions
+TrianglePolynomialShapeFunctions = _names.TrianglePolynomialShapeFunctions
+TriangleRaviartThomasShapeFunctions = _names.TriangleRaviartThomasShapeFunctions
+TriangleShapeFunction = _names.TriangleShapeFunction
