@@ -60,6 +60,11 @@ class DomainRecord:
         return self.kind == "cells"
 
     @property
+    def has_gaps(self) -> bool:
+        """Numbers of elements may be -1: lists of a fixed size, and rebuildable grids."""
+        return self.partition.kind in ("list", "active")
+
+    @property
     def functions(self) -> SimpleNamespace:
         """Structs and functions of kernels."""
         return domain_functions(self)

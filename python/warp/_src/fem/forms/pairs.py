@@ -57,7 +57,7 @@ class PairsPlan(PointsPlan):
             f"def pairs(first: int, {self.COMMON}, blocks: wp.array(dtype=Block)):",
             "    local, i = wp.tid()",
             "    domain_element = first + local",
-            "    element = element_index(domain_arg.index, domain_element)",
+            "    element = wp.max(element_index(domain_arg.index, domain_element), 0)",
         ]
         if self.trial is None:
             lines += [f"    block_index = local * {rows} + i"]

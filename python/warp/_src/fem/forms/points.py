@@ -323,8 +323,10 @@ class PointsPlan:
         if count is None:
             count = "point_count(domain_arg.geo, quadrature, domain_element, element)"
         mark = f"wp.vec2i(q, {MARK})"
+        lines.append("    element = element_index(domain_arg.index, domain_element)")
+        if self.record.domain.has_gaps:
+            count = self.skip_gap(lines, "    ", count)
         lines += [
-            "    element = element_index(domain_arg.index, domain_element)",
             "    first_s = Sample()",
             "    first_s.element_index = element",
         ]
@@ -336,11 +338,18 @@ class PointsPlan:
         ]
         self._points(lines)
 
+    @staticmethod
+    def skip_gap(lines, indent, count):
+        """Number of points of an element that may be missing: 0 then, and it reads the first."""
+        lines.append(f"{indent}points_here = wp.where(element < 0, 0, {count})")
+        lines.append(f"{indent}element = wp.max(element, 0)")
+        return "points_here"
+
     def first_sample(self, lines):
         """The sample at the first point of the element."""
         args = "domain_arg.geo, quadrature, domain_element, element, 0"
         lines += [
-            "    element = element_index(domain_arg.index, domain_element)",
+            "    element = wp.max(element_index(domain_arg.index, domain_element), 0)",
             f"    s = Sample(element, point_coords({args}), point_index({args}), "
             f"point_weight({args}), wp.vec2i(0, {MARK}), wp.vec2i(0, {MARK}))",
         ]

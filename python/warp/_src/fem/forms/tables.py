@@ -31,6 +31,10 @@ def node_table_kernel(nodes, domain):
         e = wp.tid()
         s = Sample()
         s.element_index = element_index(domain_arg.index, e)
+        if s.element_index < 0:
+            for k in range(halves * count):
+                table[e, k] = -1
+            return
         cells, cell = inner_arg(domain_arg.geo), inner_cell(domain_arg.geo, s)
         for k in range(count):
             node = partition_index(arg.partition, node_index(cells, arg.topology, cell, k))

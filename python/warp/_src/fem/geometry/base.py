@@ -75,6 +75,7 @@ class Geometry:
     """
 
     record: GeometryRecord
+    is_rebuildable = False
     _environments = 1
 
     def __getattr__(self, name):

@@ -121,7 +121,29 @@ def _listed(record: PartitionRecord) -> SimpleNamespace:
     )
 
 
-_MAKERS.update(whole=_whole, range=_listed, list=_listed)
+_ActiveCellArg = extend.struct_from_fields("ActiveCellArg", {"grid": wp.uint64}, module=__name__)
+
+
+@wp.func
+def _active_cell(arg: _ActiveCellArg, cell: int):
+    """The cell itself, -1 beyond the voxels in use of a rebuildable grid."""
+    return wp.where(cell < wp.volume_voxel_count(arg.grid), cell, -1)
+
+
+def _active(record: PartitionRecord) -> SimpleNamespace:
+    made = _whole(record)
+    SideArg = made.SideArg
+
+    @wp.func
+    def side_to_cell_arg(arg: SideArg):
+        return _ActiveCellArg(arg.cell_arg.grid)
+
+    made.CellArg, made.side_to_cell_arg = _ActiveCellArg, side_to_cell_arg
+    made.cell_index = made.partition_cell_index = _active_cell
+    return made
+
+
+_MAKERS.update(whole=_whole, active=_active, range=_listed, list=_listed)
 
 
 @functools.cache
@@ -198,7 +220,9 @@ class WholeGeometryPartition(GeometryPartition):
 
     def __init__(self, geometry):
         super().__init__(geometry)
-        self.record = PartitionRecord("whole", geometry.record)
+        # Rebuildable grids have more room than cells.
+        self._grid = getattr(geometry, "cell_grid", None) if geometry.is_rebuildable else None
+        self.record = PartitionRecord("active" if self._grid else "whole", geometry.record)
 
     def __eq__(self, other) -> bool:
         return isinstance(other, WholeGeometryPartition) and self.geometry is other.geometry
@@ -229,10 +253,14 @@ class WholeGeometryPartition(GeometryPartition):
 
     def cell_arg_value(self, device=None):
         """Argument of the functions of cells."""
-        return self.CellArg()
+        arg = self.CellArg()
+        self.fill_cell_arg(arg, device)
+        return arg
 
     def fill_cell_arg(self, arg, device) -> None:
-        """Does nothing: there is nothing to fill."""
+        """Fills an argument of the functions of cells."""
+        if self._grid:
+            arg.grid = self._grid.id
 
     def side_arg_value(self, device=None):
         """Argument of the functions of sides."""
