@@ -26,8 +26,7 @@ template <class T> class HostElements {
 public:
   HostElements(const ArrayDescriptor &array, int device)
       : count(array.shape[0]), data(static_cast<const T *>(array.data)) {
-    bool isPacked = array.strides[0] == sizeof(T);
-    if (count == 0 || (isHost(device) && isPacked))
+    if (count == 0 || (isHost(device) && isContiguous(array, sizeof(T))))
       return;
     copy.resize(count);
     ArrayDescriptor packed = array;

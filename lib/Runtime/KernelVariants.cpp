@@ -10,10 +10,10 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "CopyNest.h"
 #include "ExactSums.h"
 #include "Grid.h"
 #include "KernelImpl.h"
-#include "Overlap.h"
 #include "PrivateCopies.h"
 #include "Support.h"
 #include "warp/ThreadPool.h"
@@ -159,8 +159,9 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   for (const ArrayArgument &argument : arrays) {
     ArrayDescriptor array;
     std::memcpy(&array, bytes + argument.offset, sizeof(array));
-    int64_t count;
-    if (isPacked(array, argument.elementSize, count) &&
+    int64_t count = countElements(array);
+    if ((array.flags & packedFlag ||
+         isContiguous(array, argument.elementSize)) &&
         (isHost(device) || isAligned(array, argument.elementSize)))
       key.packed |= argument.bit;
     key.index32 &= count <= INT32_MAX;

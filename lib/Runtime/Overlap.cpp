@@ -60,25 +60,6 @@ std::optional<AddressRange> warp::possibleRangeOf(const void *data,
   return AddressRange{uint64_t(begin), uint64_t(end)};
 }
 
-bool warp::isPacked(const ArrayDescriptor &array, int64_t elementSize,
-                    int64_t &count) {
-  if (array.flags & packedFlag) {
-    count = 1;
-    for (int i = 0; i < array.ndim; ++i)
-      count *= array.shape[i];
-    return true;
-  }
-  int64_t expected = elementSize;
-  bool packed = true;
-  count = 1;
-  for (int i = array.ndim - 1; i >= 0; --i) {
-    packed &= array.strides[i] == expected || array.shape[i] == 1;
-    expected *= array.shape[i];
-    count *= array.shape[i];
-  }
-  return packed || count == 0;
-}
-
 bool warp::areDisjoint(const std::vector<Access> &accesses,
                        const void *params) {
   AddressRange written[mostRanges], all[mostRanges];

@@ -36,11 +36,6 @@ std::optional<AddressRange> possibleRangeOf(const void *data,
                                             int64_t elementSize,
                                             int64_t strideScale);
 
-/// True if an array of elements of that size is packed in row-major order; its
-/// number of elements goes to `count`.
-bool isPacked(const ArrayDescriptor &array, int64_t elementSize,
-              int64_t &count);
-
 /// True if no array that the kernel writes, and none of the gradients of such,
 /// overlaps another array of the launch or its gradient.
 bool areDisjoint(const std::vector<Access> &accesses, const void *params);

@@ -6,9 +6,10 @@
 
 #include "PrivateCopies.h"
 
-#include "Overlap.h"
+#include "CopyNest.h"
 #include "Support.h"
 #include "warp/Error.h"
+#include "warp/Memory.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -61,9 +62,10 @@ UpdateMode warp::chooseUpdates(const CopiedArrays &copied, const void *params,
   double numbers = 0, bytes = 0;
   bool packed = true;
   for (const CopiedArray &array : copied.list) {
-    int64_t count = 0;
-    packed &= isPacked(descriptorOf(array, params), array.elementSize, count);
-    double of = static_cast<double>(count * array.numbers) * (width - 1);
+    ArrayDescriptor descriptor = descriptorOf(array, params);
+    packed &= isContiguous(descriptor, array.elementSize);
+    int64_t count = countElements(descriptor) * array.numbers;
+    double of = static_cast<double>(count) * (width - 1);
     numbers += of;
     bytes += of * static_cast<double>(array.width / 8);
   }
@@ -134,10 +136,8 @@ PrivateCopies::PrivateCopies(const CopiedArrays &copied, const void *params,
       workers(ThreadPool::size()) {
   for (const CopiedArray &array : copied.list) {
     ArrayDescriptor descriptor = descriptorOf(array, params);
-    int64_t count = 0;
-    isPacked(descriptor, array.elementSize, count);
     void *data = array.gradient ? descriptor.grad : descriptor.data;
-    int64_t numbers = data ? count * array.numbers : 0;
+    int64_t numbers = data ? countElements(descriptor) * array.numbers : 0;
     arrays.push_back({data, numbers, array.width, array.floating, bytes});
     bytes = alignUp(bytes + numbers * (array.width / 8), alignment);
   }

@@ -54,13 +54,14 @@ inline bool answerMetadata(const xla::Frame &frame, bool recordable = false) {
   return false;
 }
 
-struct CudaPlace {
-  int device = 0;
+/// The device of a call, and its stream if that is a CUDA device.
+struct CallPlace {
+  int device = cpuDevice;
   void *stream = nullptr;
 };
 
-/// The device and the stream of a call on CUDA; returns what went wrong.
-inline xla::Error *findPlace(const xla::Frame &frame, CudaPlace &place) {
+/// The place of a call on CUDA; returns an error of XLA's.
+inline xla::Error *findPlace(const xla::Frame &frame, CallPlace &place) {
   const xla::Api &api = *frame.api;
   if (api.version.major != 0 || api.size < sizeof(xla::Api))
     return makeError(frame, "jax_kernel: this version of jaxlib does not say "
@@ -73,6 +74,24 @@ inline xla::Error *findPlace(const xla::Frame &frame, CudaPlace &place) {
   if (xla::Error *error = api.getOrdinal(&which))
     return error;
   place = {which.ordinal, where.stream};
+  return nullptr;
+}
+
+/// A function that XLA calls: answers questions about itself, or executes a
+/// call, whose exceptions become XLA's errors.
+template <auto execute, bool cuda, bool recordable = false>
+xla::Error *handle(xla::Frame *frame) {
+  if (answerMetadata(*frame, recordable) || frame->stage != xla::executeStage)
+    return nullptr;
+  CallPlace place;
+  if (cuda)
+    if (xla::Error *error = findPlace(*frame, place))
+      return error;
+  try {
+    execute(*frame, place);
+  } catch (const std::exception &error) {
+    return makeError(*frame, error.what());
+  }
   return nullptr;
 }
 

@@ -37,34 +37,13 @@ static py::list listBuffers(const xla::Buffers &buffers) {
   return result;
 }
 
-static xla::Error *callPython(const xla::Frame &frame, int device,
-                              void *stream) {
+static void callPython(const xla::Frame &frame, CallPlace place) {
   py::gil_scoped_acquire lock;
-  try {
-    auto found = callbacks().find(callNumber(frame.attributes));
-    if (found == callbacks().end())
-      fail("the program was traced in another process");
-    found->second(device, reinterpret_cast<uintptr_t>(stream),
-                  listBuffers(frame.arguments), listBuffers(frame.results));
-  } catch (const std::exception &error) {
-    return makeError(frame, error.what());
-  }
-  return nullptr;
-}
-
-static xla::Error *callOnCpu(xla::Frame *frame) {
-  if (answerMetadata(*frame) || frame->stage != xla::executeStage)
-    return nullptr;
-  return callPython(*frame, cpuDevice, nullptr);
-}
-
-template <bool recordable> static xla::Error *callOnCuda(xla::Frame *frame) {
-  if (answerMetadata(*frame, recordable) || frame->stage != xla::executeStage)
-    return nullptr;
-  CudaPlace place;
-  if (xla::Error *error = findPlace(*frame, place))
-    return error;
-  return callPython(*frame, place.device, place.stream);
+  auto found = callbacks().find(callNumber(frame.attributes));
+  if (found == callbacks().end())
+    fail("the program was traced in another process");
+  found->second(place.device, reinterpret_cast<uintptr_t>(place.stream),
+                listBuffers(frame.arguments), listBuffers(frame.results));
 }
 
 void python::bindXlaCallback(py::module_ &m) {
@@ -79,9 +58,9 @@ void python::bindXlaCallback(py::module_ &m) {
   m.def(
       "xla_callback_handlers",
       [] {
-        return py::make_tuple(handlerCapsule(callOnCpu),
-                              handlerCapsule(callOnCuda<false>),
-                              handlerCapsule(callOnCuda<true>));
+        return py::make_tuple(handlerCapsule(handle<callPython, false>),
+                              handlerCapsule(handle<callPython, true>),
+                              handlerCapsule(handle<callPython, true, true>));
       },
       "The functions that XLA calls: for the CPU, for CUDA, for CUDA where XLA "
       "may record the call in a graph.");

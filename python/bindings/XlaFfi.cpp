@@ -156,7 +156,7 @@ static int64_t addCall(py::object kernelObject, const py::tuple &dim,
                                        entry[1].cast<int64_t>(),
                                        entry[2].cast<py::tuple>()));
     else
-      object.packer->pack(i, entry[0].ptr(), cpuDevice,
+      object.packer->pack(i, entry[0].ptr(), defaultDevice,
                           reinterpret_cast<char *>(plan->block.data()), keep);
   }
   auto id = number(py::bytes(reinterpret_cast<char *>(plan->block.data()),
@@ -267,17 +267,6 @@ static void runPlan(CallPlan &plan, const xla::Frame &frame, int device,
   }
 }
 
-static xla::Error *runCpu(xla::Frame *frame) {
-  if (answerMetadata(*frame) || frame->stage != xla::executeStage)
-    return nullptr;
-  try {
-    runPlan(findPlan(frame->attributes), *frame, cpuDevice, nullptr);
-  } catch (const std::exception &error) {
-    return makeError(*frame, error.what());
-  }
-  return nullptr;
-}
-
 /// Never released, as XLA keeps its programs.
 static void keepRecorded(std::shared_ptr<Graph> graph) {
   static auto *graphs = new std::vector<std::shared_ptr<Graph>>;
@@ -285,26 +274,18 @@ static void keepRecorded(std::shared_ptr<Graph> graph) {
   graphs->push_back(std::move(graph));
 }
 
-static xla::Error *runCuda(xla::Frame *frame) {
-  if (answerMetadata(*frame, /*recordable=*/true) ||
-      frame->stage != xla::executeStage)
-    return nullptr;
-  CudaPlace place;
-  if (xla::Error *error = findPlace(*frame, place))
-    return error;
-  try {
-    auto stream = std::make_shared<Stream>(place.device, place.stream);
-    std::unique_ptr<Capture> capture;
-    if (stream->isCapturing())
-      capture = Capture::begin(place.device, stream, CaptureMode::ThreadLocal,
-                               /*external=*/true);
-    runPlan(findPlan(frame->attributes), *frame, place.device, stream.get());
-    if (capture)
-      keepRecorded(capture->end());
-  } catch (const std::exception &error) {
-    return makeError(*frame, error.what());
-  }
-  return nullptr;
+static void runCall(const xla::Frame &frame, CallPlace place) {
+  CallPlan &plan = findPlan(frame.attributes);
+  if (isHost(place.device))
+    return runPlan(plan, frame, place.device, nullptr);
+  auto stream = std::make_shared<Stream>(place.device, place.stream);
+  std::unique_ptr<Capture> capture;
+  if (stream->isCapturing())
+    capture = Capture::begin(place.device, stream, CaptureMode::ThreadLocal,
+                             /*external=*/true);
+  runPlan(plan, frame, place.device, stream.get());
+  if (capture)
+    keepRecorded(capture->end());
 }
 
 void python::bindXlaFfi(py::module_ &m) {
@@ -315,7 +296,8 @@ void python::bindXlaFfi(py::module_ &m) {
   m.def(
       "xla_handlers",
       [] {
-        return py::make_tuple(handlerCapsule(runCpu), handlerCapsule(runCuda));
+        return py::make_tuple(handlerCapsule(handle<runCall, false>),
+                              handlerCapsule(handle<runCall, true, true>));
       },
       "The functions that XLA calls: for the CPU, for CUDA.");
 }
