@@ -13,6 +13,8 @@ from typing import Any
 import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.geometry.derived import of_gradient
+from warp._src.fem.geometry.shapes import DIMENSIONS
 from warp._src.fem.tags import Field
 from warp._src.fem.types import make_free_sample
 
@@ -149,9 +151,16 @@ def _from_dofs(description):
     return unchanged if mapper is None else mapper.functions[0]
 
 
+def _stretch(description):
+    """A function of the gradient of the map of cells: the ratio of measures, of every sign."""
+    geometry = description.domain.geometry
+    return of_gradient(DIMENSIONS[geometry.cell], geometry.dimension)[0]
+
+
 def _value_of(description, reference, half):
     kind = description.values.map
     value = reference[half].value
+    stretch = _stretch(description)
     forward, inverse = _maps(description, half)
     to_value = _from_dofs(description)
     if kind == "identity":
@@ -171,7 +180,7 @@ def _value_of(description, reference, half):
         @wp.func
         def field_value(part: Any, arg: Any, geo: Any, s: Any):
             F = forward(geo, s)
-            return F * value(part, arg, geo, s) / wp.determinant(F)
+            return F * value(part, arg, geo, s) / stretch(F)
 
     return _with_node(field_value, reference)
 
@@ -179,6 +188,7 @@ def _value_of(description, reference, half):
 def _gradient_of(description, reference, half):
     kind = description.values.map
     gradient = reference[half].gradient
+    stretch = _stretch(description)
     forward, inverse = _maps(description, half)
     if kind == "covariant":
 
@@ -192,7 +202,7 @@ def _gradient_of(description, reference, half):
         @wp.func
         def field_gradient(part: Any, arg: Any, geo: Any, s: Any):
             F = forward(geo, s)
-            return F * gradient(part, arg, geo, s) * inverse(geo, s) / wp.determinant(F)
+            return F * gradient(part, arg, geo, s) * inverse(geo, s) / stretch(F)
 
     elif extend.type_is_vector(description.values.dof):
 

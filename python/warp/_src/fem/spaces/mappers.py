@@ -145,6 +145,8 @@ class DofMapper:
     def __init__(self, record: MapperRecord):
         self.record = record
         self.value_dtype, self.dof_dtype = record.dtype, dof_type(record)
+        if record.kind == "skew" and self.dof_dtype is wp.float32:
+            self.dof_dtype = float
         self.DOF_SIZE = extend.type_size(self.dof_dtype)
 
     @property

@@ -238,7 +238,7 @@ class CollocatedFunctionSpace(FunctionSpace):
             dof_mapper = IdentityMapper(basis.geometry.scalar_type if dtype is None else dtype)
         self.dof_mapper = dof_mapper
         mapper = None if dof_mapper.record.kind == "identity" else dof_mapper.record
-        types = (dof_mapper.value_dtype, dof_mapper.dof_dtype)
+        types = (dof_mapper.value_dtype, extend.canonical(dof_mapper.dof_dtype))
         super().__init__(basis, SpaceRecord(basis.record, "identity", *types, basis.ORDER, mapper))
 
 
