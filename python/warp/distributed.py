@@ -18,6 +18,7 @@ from warp._src.distributed.communicator import Message as Message
 from warp._src.distributed.communicator import current as current
 from warp._src.distributed.failures import DistributedError as DistributedError
 from warp._src.distributed.failures import DistributedValueError as DistributedValueError
+from warp._src.distributed.graphs import Graph as Graph
 from warp._src.distributed.operations import all_gather as all_gather
 from warp._src.distributed.operations import all_reduce as all_reduce
 from warp._src.distributed.operations import all_to_all as all_to_all
@@ -28,6 +29,9 @@ from warp._src.distributed.operations import replicate as replicate
 from warp._src.distributed.operations import rows_of as rows_of
 from warp._src.distributed.reductions import dot as dot
 from warp._src.distributed.reductions import sum as sum
+from warp._src.distributed.solvers import LinearOperator as LinearOperator
+from warp._src.distributed.solvers import Matrix as Matrix
+from warp._src.distributed.solvers import bsr_mv as bsr_mv
 from warp._src.distributed.start import init as init
 
 

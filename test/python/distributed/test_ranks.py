@@ -9,8 +9,9 @@ PASSING = (
     *("halo_values", "random_partitions", "push_and_halo", "bad_blocks"),
     *("reductions", "movements", "dot_tests", "products"),
     *("debug_mode", "disagreement", "bad_input", "lifetime"),
+    *("graph_operations", "bad_graphs"),
 )
-SAME_BITS = ("jacobi", "exact_sums")
+SAME_BITS = ("jacobi", "exact_sums", "products_and_solvers", "matrix_free")
 ROWS, COLUMNS, STEPS = 24, 16, 10
 
 

@@ -7,6 +7,11 @@ from warp.extend import checked
 from warp.extend.kinds import FLAG, INTEGER, SOLVER
 
 
+def _over_ranks(A, comm):
+    """The operator as a part of one over ranks."""
+    return A if comm is None else comm.operator(A)
+
+
 @checked(**SOLVER, restart=INTEGER, run=FLAG)
 def cg(
     A,
@@ -22,6 +27,7 @@ def cg(
     run: bool = True,
     *,
     restart: int | None = None,
+    comm=None,
 ):
     """Solves A x = b for a symmetric definite matrix by conjugate gradients.
 
@@ -33,11 +39,14 @@ def cg(
     Args:
         run: False returns the solver, a `CG`, to be called again and again.
         restart: after how many iterations to begin anew.
+        comm: ranks that have a part of the system each (`warp.distributed`); `A` then computes the
+            rank's part of a product, and has exchanged what it needs of others.
 
     Returns:
         Iterations, norm of the residual b - A x, and absolute tolerance; arrays on the device, the
         last two squared, if `check_every` is zero.
     """
+    A = _over_ranks(A, comm)
     solver = CG(
         A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
     )
@@ -59,8 +68,10 @@ def cr(
     run: bool = True,
     *,
     restart: int | None = None,
+    comm=None,
 ):
     """Solves A x = b for a symmetric matrix by conjugate residuals; see `cg`."""
+    A = _over_ranks(A, comm)
     solver = CR(
         A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
     )
@@ -81,9 +92,12 @@ def bicgstab(
     use_cuda_graph=True,
     is_left_preconditioner=False,
     run: bool = True,
+    *,
+    comm=None,
 ):
     """Solves A x = b by stabilised biconjugate gradients; see `cg` and `BiCGSTAB`."""
     options = (tol, atol, maxiter, M, callback, check_every, use_cuda_graph, is_left_preconditioner)
+    A = _over_ranks(A, comm)
     solver = BiCGSTAB(A, b, x, *options)
     return solver() if run else solver
 
@@ -103,8 +117,11 @@ def gmres(
     use_cuda_graph=True,
     is_left_preconditioner=False,
     run: bool = True,
+    *,
+    comm=None,
 ):
     """Solves A x = b by generalised minimal residuals; see `cg` and `GMRES`."""
     options = (tol, atol, restart, maxiter, M, callback, check_every, use_cuda_graph)
+    A = _over_ranks(A, comm)
     solver = GMRES(A, b, x, *options, is_left_preconditioner)
     return solver() if run else solver

@@ -7,7 +7,6 @@ The least-squares problem of a cycle is solved on the device by rotations, a thr
 import functools
 
 import warp as wp
-from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import numbers
 from warp._src.optim.linear.state import LinearSolverState
 from warp.extend import checked
@@ -190,7 +189,7 @@ class GMRES(LinearSolverState):
         )
         self.before = wp.zeros_like(self.r_norm_sq)
         self.exhausted = wp.zeros_like(self.broken)
-        self.projections = Dots(self.offsets, self.length, self.scalar, size + 1)
+        self.projections = self.make_dots(size + 1)
         self.kernels = _kernels(self.scalar)
         self.w, self.u = (wp.zeros(length, dtype=self.b.dtype, device=device) for _ in range(2))
 

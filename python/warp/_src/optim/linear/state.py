@@ -141,7 +141,9 @@ class LinearSolverState(Loops):
         self.A, self.M = trusted(aslinearoperator(A)), aslinearoperator(M)
         self.b, self.x = b, x
         self._check(b, x)
-        self.maxiter = int(maxiter) or self.A.shape[0]
+        # An operator may be a part of one over several ranks.
+        self.comm = getattr(self.A, "comm", None)
+        self.maxiter = int(maxiter) or getattr(self.A, "rows", self.A.shape[0])
         self.scalar = type_scalar_type(b.dtype)
         self.device, self.breakdown = b.device, None
         self._plan()
@@ -200,8 +202,13 @@ class LinearSolverState(Loops):
         )
         # Iterations so far, and whether there shall be more.
         self.progress = wp.zeros(2, dtype=int, device=self.device)
-        self.dots = Dots(self.offsets, self.length, self.scalar, 2)
+        self.dots = self.make_dots(2)
         self.r = self.vector()
+
+    def make_dots(self, columns, result_type=wp.float64):
+        """Inner products of so many pairs of vectors, over the ranks of the operator."""
+        make = Dots if self.comm is None else self.A.make_dots
+        return make(self.offsets, self.length, self.scalar, columns, result_type)
 
     def vector(self):
         """A vector like the right-hand side."""
@@ -227,6 +234,9 @@ class LinearSolverState(Loops):
         state = (self.progress, self.r_norm_sq, self.broken)
         kernel = _finite_kernel(self.scalar)
         self.launch(kernel, self.count, numbers(self.x), self.batch_of, *state)
+        if self.comm is not None:
+            # All ranks go on, or none.
+            self.A.agree(self.broken)
 
     @checked(source=ARRAY, target=ARRAY)
     def precondition(self, source, target):

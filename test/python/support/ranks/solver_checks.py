@@ -1,0 +1,149 @@
+"""Checks of graphs, sparse products and solvers over ranks."""
+
+import checking
+import numpy as np
+
+import warp as wp
+import warp.distributed as wd
+from warp.optim.linear import LinearOperator, bicgstab, cg, gmres
+
+ROWS, COLUMNS = 24, 16
+
+
+def poisson():
+    """Triplets of the 5-point Laplacian of a grid, and a right-hand side."""
+    number = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
+    pairs = [(number[1:], number[:-1]), (number[:, 1:], number[:, :-1])]
+    a = np.concatenate([one.ravel() for one, _ in pairs])
+    b = np.concatenate([one.ravel() for _, one in pairs])
+    every = number.ravel()
+    rows, columns = np.r_[a, b, every], np.r_[b, a, every]
+    values = np.r_[-np.ones(2 * len(a)), np.full(len(every), 4.0)].astype(np.float32)
+    right = np.random.default_rng(3).standard_normal(ROWS * COLUMNS).astype(np.float32)
+    return rows, columns, values, right
+
+
+def graph_operations(comm):
+    """Halo and push are each other's adjoints; ghosts are owners' values."""
+    rows, columns, _, _ = poisson()
+    points = np.stack(np.meshgrid(np.arange(ROWS), np.arange(COLUMNS), indexing="ij"), -1)
+    for by in ("rows", "metis", "hilbert"):
+        graph = wd.Graph(rows, columns, by=by, positions=points.reshape(-1, 2), comm=comm)
+        counts = comm.gather_objects(graph.owned)
+        assert sum(counts) == ROWS * COLUMNS and max(counts) <= 1.4 * min(counts), (by, counts)
+        data = np.arange(float(ROWS * COLUMNS))
+        x = graph.zeros(wp.float64)
+        graph.inner(x).assign(graph.inner(wp.array(graph.scatter(data), dtype=wp.float64)))
+        graph.halo(x)
+        assert np.array_equal(x.numpy(), graph.scatter(data)), by
+        assert np.array_equal(graph.gather(x), data)
+        rng = np.random.default_rng(comm.rank)
+        for operation in (graph.halo, graph.push):
+            x, y = (graph.zeros(wp.float64, requires_grad=True) for _ in range(2))
+            x.assign(rng.random(graph.local))
+            y.assign(rng.random(graph.local))
+            before = x.numpy().copy()
+            with wp.Tape() as tape:
+                operation(x)
+            tape.backward(grads={x: y})
+            left = sum(comm.gather_objects(float(x.numpy() @ y.numpy())))
+            right = sum(comm.gather_objects(float(before @ x.grad.numpy())))
+            assert np.isclose(left, right, rtol=1e-12), (by, operation, left, right)
+
+
+def products_and_solvers(comm):
+    """Products have the bits of one rank; CG takes as many iterations, to the same bits."""
+    rows, columns, values, right = poisson()
+    dense = np.zeros((len(right), len(right)))
+    dense[rows, columns] = values
+    wanted = np.linalg.solve(dense, right.astype(float))
+    before = wp.config.deterministic
+    wp.config.deterministic = "run_to_run"
+    found = []
+    try:
+        graph = wd.Graph(rows, columns, by="rows", comm=comm)
+        A = wd.Matrix(graph, rows, columns, values)
+        b = graph.zeros()
+        b.assign(graph.scatter(right))
+        b = graph.inner(b).contiguous()
+        product = wd.bsr_mv(A, b)
+        whole = graph.gather(_padded(graph, product))
+        assert np.allclose(whole, dense @ right, atol=1e-4)
+        found.append(checking.digest(whole))
+        for solve in (cg, bicgstab, gmres):
+            x = wp.zeros_like(b)
+            done, error, _ = solve(wd.LinearOperator(A), b, x, tol=1e-6, maxiter=500)
+            solution = graph.gather(_padded(graph, x))
+            assert np.abs(solution - wanted).max() < 1e-4 * np.abs(wanted).max(), solve
+            found += [done, checking.digest(solution)]
+    finally:
+        wp.config.deterministic = before
+    return found
+
+
+def _padded(graph, own):
+    x = graph.zeros(own.dtype)
+    wp.copy(graph.inner(x), own)
+    return x
+
+
+@wp.kernel
+def laplacian(p: wp.array2d(dtype=float), q: wp.array2d(dtype=float)):
+    i, j = wp.tid()
+    i = i + 1
+    j = j + 1
+    q[i - 1, j - 1] = 4.0 * p[i, j] - p[i - 1, j] - p[i + 1, j] - p[i, j - 1] - p[i, j + 1]
+
+
+def matrix_free(comm):
+    """CG with a stencil and `comm=`, captured or not."""
+    *_, right = poisson()
+    blocks = wd.Blocks((ROWS, COLUMNS), corners=False, comm=comm)
+    p = blocks.zeros()
+    own, first = blocks.owned, blocks.offset
+    q = wp.zeros(own, dtype=float)
+
+    def matvec(x, y, z, alpha, beta):
+        assert alpha in (1.0, -1.0)
+        wp.copy(blocks.inner(p), x.reshape(own))
+        blocks.halo(p)
+        wp.launch(laplacian, own, [p, q])
+        if beta == 0.0:
+            wp.copy(z.reshape(own), q)
+        else:
+            wp.map(wp.sub, y, q.flatten(), out=z)
+
+    part = right.reshape(ROWS, COLUMNS)
+    part = part[first[0] : first[0] + own[0], first[1] : first[1] + own[1]]
+    b = wp.array(part.ravel(), dtype=float)
+    size = b.size
+    operator = LinearOperator((size, size), float, "cpu", matvec)
+    before, wp.config.deterministic = wp.config.deterministic, "run_to_run"
+    try:
+        x = wp.zeros_like(b)
+        done, *_ = cg(operator, b, x, tol=1e-6, maxiter=300, comm=comm)
+    finally:
+        wp.config.deterministic = before
+    wp.copy(blocks.inner(p), x.reshape(own))
+    whole = blocks.gather(p)
+    return None if comm.rank else [done, checking.digest(whole)]
+
+
+def bad_graphs(comm):
+    """Nodes and partitions that do not fit, each one line."""
+    who = f"rank {comm.rank}"
+    checking.fails(lambda: wd.Graph([0, 5], [1, 2], 3), who, "0 to 2", "5")
+    checking.fails(lambda: wd.Graph([0, 1], [1], 3), who, "2 and 1")
+    checking.fails(lambda: wd.Graph([0], [1], 3, by="size"), who, "'size'")
+    if comm.size > 2:
+        checking.fails(lambda: wd.Graph([0], [1], 2), who, "fewer ranks")
+    graph = wd.Graph(np.arange(9), np.arange(9)[::-1], by="rows")
+    checking.fails(lambda: graph.halo(wp.zeros(graph.local + 1)), who, "graph.zeros")
+    first = graph.numbers[graph.first]
+    far = (first + 4) % 9
+    if graph.local_of([far])[0] < 0:
+        checking.fails(lambda: wd.Matrix(graph, [first], [far], [1.0]), who, "no neighbour")
+    checking.fails(lambda: wd.bsr_mv(1, wp.zeros(3)), "int")
+
+
+CHECKS = [graph_operations, products_and_solvers, matrix_free, bad_graphs]
