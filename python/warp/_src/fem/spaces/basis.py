@@ -21,13 +21,11 @@ class BasisRecord:
         topology: record of the topology.
         element: the finite element; None if nodes are points.
         base: of traces: the record of the basis of cells.
-        points: of points: what their functions depend on.
     """
 
     topology: TopologyRecord
     element: Element | None = None
     base: BasisRecord | None = None
-    points: object = None
 
     @property
     def cell(self) -> Cell:

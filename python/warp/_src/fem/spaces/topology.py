@@ -26,7 +26,7 @@ class TopologyRecord:
         is_signed: some nodes change their sign with the orientation of their entity.
         is_oriented: basis functions depend on the order of a cell's vertices.
         base: of traces: the record of the topology of cells.
-        quadrature: of points: the record of the quadrature.
+        quadrature: of points: their record.
     """
 
     kind: str
@@ -38,7 +38,6 @@ class TopologyRecord:
     is_oriented: bool = False
     base: TopologyRecord | None = None
     quadrature: object = None
-    evaluation_points: bool = False
 
     @property
     def functions(self) -> SimpleNamespace:
