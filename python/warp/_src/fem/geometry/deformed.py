@@ -1,0 +1,158 @@
+"""Deformed geometries - positions moved, or given, by a field over a geometry."""
+
+from __future__ import annotations
+
+import warp as wp
+from warp import extend
+from warp._src.fem.domains import Cells
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
+from warp._src.fem.geometry.hierarchy import CellHierarchy
+
+
+def _functions(record):
+    from warp._src.fem.geometry.deformed_functions import deformed_functions
+
+    return deformed_functions(record)
+
+
+MAKERS["deformed"] = _functions
+
+
+class DeformedGeometry(Geometry):
+    """The cells of a geometry at other positions.
+
+    Args:
+        field: displacements, or positions if not `relative`, of any space; its values can change.
+        relative: positions are those of the geometry plus the field.
+        build_bvh: `build_bvh` at once, as `lookup` needs it.
+
+    Raises:
+        ValueError: the field's values are no vectors of the geometry's dimension.
+    """
+
+    def __init__(self, field, relative: bool = True, build_bvh: bool = False):
+        base, dtype = field.geometry.base, field.dtype
+        if not extend.type_is_vector(dtype) or dtype._length_ != base.dimension:
+            raise ValueError(
+                f"'field' expects values of vec{base.dimension}, as positions are, but got "
+                f"{extend.type_repr(dtype)}"
+            )
+        if extend.type_scalar_type(dtype) is not base.scalar_type:
+            raise ValueError(
+                f"'field' expects values of {extend.type_repr(base.scalar_type)}, as positions "
+                f"are, but got {extend.type_repr(dtype)}"
+            )
+        if field.kind != "cells":
+            raise ValueError("'field' expects values in cells, but got a trace")
+        self.field, self.relative, self._base = field, bool(relative), base
+        description = field.bind(Cells(base).record)
+        self.record = GeometryRecord(
+            "deformed",
+            base.record.cell,
+            base.dimension,
+            base.scalar_type,
+            affine=False,
+            environments=base.record.environments,
+            base=(base.record, description, field.ArgType, self.relative),
+        )
+        self._hierarchy = CellHierarchy(self)
+        if build_bvh:
+            self.build_bvh(getattr(getattr(field, "dof_values", None), "device", None))
+
+    @property
+    def base(self) -> Geometry:
+        """The geometry that is deformed."""
+        return self._base
+
+    @property
+    def name(self) -> str:
+        """The base's name, and how the field counts."""
+        return f"Deformed{self._base.name}_{'rel' if self.relative else 'abs'}"
+
+    def __getattr__(self, name):
+        # Tables of the base, such as the resolution of a grid.
+        if name in ("res", "positions", "cell_vertices", "strides"):
+            return getattr(self._base, name)
+        return super().__getattr__(name)
+
+    def cell_count(self) -> int:
+        """Number of cells."""
+        return self._base.cell_count()
+
+    def vertex_count(self) -> int:
+        """Number of vertices."""
+        return self._base.vertex_count()
+
+    def side_count(self) -> int:
+        """Number of sides."""
+        return self._base.side_count()
+
+    def edge_count(self) -> int:
+        """Number of edges."""
+        return self._base.edge_count()
+
+    def boundary_side_count(self) -> int:
+        """Number of sides with one cell."""
+        return self._base.boundary_side_count()
+
+    def environment_count(self) -> int:
+        """Number of environments."""
+        return self._base.environment_count()
+
+    @property
+    def cell_env(self):
+        """Environment of each cell, if cells name theirs."""
+        return self._base.cell_env
+
+    def entities(self, device=None):
+        """Edges and faces of the base."""
+        return self._base.entities(device)
+
+    # Arguments hold the field's values, which can be another array at any time.
+
+    def cell_arg_value(self, device=None):
+        """Argument of the functions of cells."""
+        arg = self.CellArg()
+        self.fill_cell_arg(arg, wp.get_device(device))
+        return arg
+
+    def side_arg_value(self, device=None):
+        """Argument of the functions of sides."""
+        arg = self.SideArg()
+        self.fill_side_arg(arg, wp.get_device(device))
+        return arg
+
+    def side_index_arg_value(self, device=None):
+        """Argument of `boundary_side_index`."""
+        return self._base.side_index_arg_value(device)
+
+    def fill_side_index_arg(self, arg, device) -> None:
+        """Fills an argument of `boundary_side_index`."""
+        self._base.fill_side_index_arg(arg, device)
+
+    def fill_cell_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of cells."""
+        arg.base = self._base.cell_arg_value(device)
+        arg.field = self.field.arg_value(device)
+        self._hierarchy.fill(arg, device)
+
+    def fill_side_arg(self, arg, device) -> None:
+        """Fills an argument of the functions of sides."""
+        self.fill_cell_arg(arg.cell_arg, device)
+        arg.base = self._base.side_arg_value(device)
+
+    def supports_cell_lookup(self, device=None) -> bool:
+        """`lookup` works on a device: `build_bvh` was called for it."""
+        return self._hierarchy.has(device)
+
+    def build_bvh(self, device=None) -> None:
+        """Builds the hierarchy of boxes of cells that `lookup` needs."""
+        self._hierarchy.build(device)
+
+    def update_bvh(self, device=None) -> None:
+        """Fits the hierarchy of boxes to new positions, or builds it."""
+        self._hierarchy.update(device)
+
+    def bvh_id(self, device=None):
+        """Handle of the hierarchy of boxes, 0 if there is none."""
+        return self._hierarchy.id(device)

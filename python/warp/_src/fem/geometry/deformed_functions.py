@@ -1,0 +1,242 @@
+"""Functions of kernels of deformed geometries: the base's places, positions by a field."""
+
+import functools
+from types import SimpleNamespace
+
+import numpy as np
+
+import warp as wp
+from warp import extend
+from warp._src.fem.geometry.base import geometry_functions
+from warp._src.fem.geometry.curved import curved_functions
+from warp._src.fem.geometry.derived import of_gradient
+from warp._src.fem.geometry.mesh_lookup import add_bvh_lookup
+from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of, side_name
+from warp._src.fem.types import coords_type, make_free_sample, sample_type
+
+# Corners of sides: their differences are the axes of parameters.
+_CORNERS = {
+    "line": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+    "triangle": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "square": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+}
+
+
+def deformed_functions(record) -> SimpleNamespace:
+    """The functions of kernels of a deformed geometry."""
+    base_record, description, FieldArg, is_relative = record.base
+    base = geometry_functions(base_record)
+    f = _structs(record, base, FieldArg)
+    _add_positions(f, base, record, description, is_relative)
+    _add_places(f, base, record)
+    _add_sides(f, record)
+    _add_lookup(f, record, description.degree)
+    return f
+
+
+def _structs(record, base, FieldArg) -> SimpleNamespace:
+    boxes = dict.fromkeys(("box", "lowers", "uppers"), wp.array(dtype=wp.vec3))
+    fields = {"base": base.CellArg, "field": FieldArg, "bvh": wp.uint64, **boxes}
+    CellArg = extend.struct_from_fields("DeformedCellArg", fields, module=__name__)
+    fields = {"cell_arg": CellArg, "base": base.SideArg}
+    SideArg = extend.struct_from_fields("DeformedSideArg", fields, module=__name__)
+    return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=base.SideIndexArg)
+
+
+def _add_positions(f, base, record, description, is_relative) -> None:
+    Sample, CellArg = sample_type(record.scalar), f.CellArg
+    field = description.evaluations(False)
+    value, slope = field.inner, field.grad
+    position, gradient = base.cell_position, base.cell_deformation_gradient
+    kinds = getattr(description, "values", None)
+    by_reference = hasattr(description, "reference") and hasattr(description, "nodes")
+    by_reference = by_reference and kinds.map == "identity" and kinds.mapper is None
+    reference = description.reference()[0].gradient if by_reference else None
+
+    @wp.func
+    def cell_position(arg: CellArg, s: Sample):
+        x = value(0, arg.field, arg.base, s)
+        if wp.static(is_relative):
+            x += position(arg.base, s)
+        return x
+
+    @wp.func
+    def cell_deformation_gradient(arg: CellArg, s: Sample):
+        if wp.static(by_reference):
+            F = reference(0, arg.field, arg.base, s)
+            if wp.static(is_relative):
+                F += gradient(arg.base, s)
+            return F
+        else:
+            F = gradient(arg.base, s)
+            if wp.static(is_relative):
+                return F + slope(0, arg.field, arg.base, s) * F
+            else:
+                return slope(0, arg.field, arg.base, s) * F
+
+    f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
+
+
+def _add_places(f, base, record) -> None:
+    """Adds what does not depend on positions, from the base."""
+    CellArg, SideArg, Sample = f.CellArg, f.SideArg, sample_type(record.scalar)
+    Coords = coords_type(record.scalar)
+    cell_environment, side_environment = base.cell_environment_index, base.side_environment_index
+    inner_index, outer_index = base.side_inner_cell_index, base.side_outer_cell_index
+    inner_coords, outer_coords = base.side_inner_cell_coords, base.side_outer_cell_coords
+    from_cell = base.side_from_cell_coords
+
+    @wp.func
+    def cell_environment_index(arg: CellArg, cell: int):
+        return cell_environment(arg.base, cell)
+
+    @wp.func
+    def cell_environment_index(arg: CellArg, s: Sample):
+        return cell_environment(arg.base, s.element_index)
+
+    @wp.func
+    def side_environment_index(arg: SideArg, side: int):
+        return side_environment(arg.base, side)
+
+    @wp.func
+    def side_environment_index(arg: SideArg, s: Sample):
+        return side_environment(arg.base, s.element_index)
+
+    @wp.func
+    def side_inner_cell_index(arg: SideArg, side: int):
+        return inner_index(arg.base, side)
+
+    @wp.func
+    def side_outer_cell_index(arg: SideArg, side: int):
+        return outer_index(arg.base, side)
+
+    @wp.func
+    def side_inner_cell_coords(arg: SideArg, side: int, s: Coords):
+        return inner_coords(arg.base, side, s)
+
+    @wp.func
+    def side_outer_cell_coords(arg: SideArg, side: int, s: Coords):
+        return outer_coords(arg.base, side, s)
+
+    @wp.func
+    def side_from_cell_coords(arg: SideArg, side: int, cell: int, c: Coords):
+        return from_cell(arg.base, side, cell, c)
+
+    @wp.func
+    def side_to_cell_arg(arg: SideArg):
+        return arg.cell_arg
+
+    f.cell_environment_index = cell_environment_index
+    f.side_environment_index = side_environment_index
+    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
+    f.side_inner_cell_coords = side_inner_cell_coords
+    f.side_outer_cell_coords = side_outer_cell_coords
+    f.side_from_cell_coords, f.side_to_cell_arg = side_from_cell_coords, side_to_cell_arg
+    f.boundary_side_index = base.boundary_side_index
+
+
+def _add_sides(f, record) -> None:
+    """Adds positions of sides by those of the inner cell."""
+    real, cell = record.scalar, record.cell
+    SideArg, Sample, Coords = f.SideArg, sample_type(real), coords_type(real)
+    corners = [Coords(*corner) for corner in _CORNERS[side_name(cell)]]
+    a, b, c = corners[0], corners[1], corners[-1]
+    is_curve, shift = len(corners) == 2, 1 if cell == "triangle" else 0
+    k = DIMENSIONS[cell]
+    params = wp.types.vector(k, real)
+    inner_cell, inner_coords = f.side_inner_cell_index, f.side_inner_cell_coords
+    position, gradient = f.cell_position, f.cell_deformation_gradient
+
+    @wp.func
+    def axis(arg: SideArg, side: int, end: Coords):
+        """Parameters of the inner cell along an axis of the side."""
+        d = inner_coords(arg, side, end) - inner_coords(arg, side, a)
+        p = params()
+        for i in range(k):
+            p[i] = d[i + shift]
+        return p
+
+    @wp.func
+    def side_position(arg: SideArg, s: Sample):
+        inside = inner_coords(arg, s.element_index, s.element_coords)
+        cell_index = inner_cell(arg, s.element_index)
+        return position(arg.cell_arg, make_free_sample(cell_index, inside))
+
+    @wp.func
+    def side_deformation_gradient(arg: SideArg, s: Sample):
+        side = s.element_index
+        inside = inner_coords(arg, side, s.element_coords)
+        F = gradient(arg.cell_arg, make_free_sample(inner_cell(arg, side), inside))
+        if wp.static(is_curve):
+            return F * axis(arg, side, b)
+        else:
+            return wp.matrix_from_cols(F * axis(arg, side, b), F * axis(arg, side, c))
+
+    f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
+
+
+def _inverse(Arg, Sample, gradient, cell_dimension: int, dimension: int) -> wp.Function:
+    _stretch, _normal, inverse_of = of_gradient(cell_dimension, dimension)
+
+    @wp.func
+    def inverse(arg: Arg, s: Sample):
+        return inverse_of(gradient(arg, s))
+
+    return inverse
+
+
+def _add_lookup(f, record, degree: int) -> None:
+    real, d, cell, side = record.scalar, record.dimension, record.cell, side_name(record.cell)
+    Sample = sample_type(real)
+    inverse = _inverse(f.CellArg, Sample, f.cell_deformation_gradient, DIMENSIONS[cell], d)
+    f.cell_coordinates, f.cell_closest_point, contains = curved_functions(
+        f.CellArg, f.cell_position, f.cell_deformation_gradient, inverse, cell, d, real
+    )
+    f.cell_contains = contains if DIMENSIONS[cell] == d else None
+    inverse = _inverse(f.SideArg, Sample, f.side_deformation_gradient, DIMENSIONS[side], d)
+    f.side_coordinates, f.side_closest_point, _ = curved_functions(
+        f.SideArg, f.side_position, f.side_deformation_gradient, inverse, side, d, real
+    )
+    f.cell_bounds = _bounds(f, record, degree)
+    add_bvh_lookup(f, record)
+
+
+@functools.cache
+def _bound_points(cell: str, degree: int) -> tuple:
+    """Nodes of a cell, and by how much of their range polynomials exceed values there: half of
+    the Lebesgue constant less one."""
+    from warp._src.fem.cells.element import ElementBasis, make_element
+
+    shape = cell_of(cell)
+    element = make_element(shape, max(degree, 1), ElementBasis.LAGRANGE, None)
+    steps = np.linspace(0.0, 1.0, 13 if shape.dimension == 3 else 33)
+    grid = np.stack(np.meshgrid(*[steps] * shape.dimension), -1).reshape(-1, shape.dimension)
+    if shape.is_simplex:
+        grid = grid[grid.sum(axis=1) <= 1.0 + 1e-12]
+    values, _ = element.tabulate(shape.coords(grid))
+    largest = float(np.abs(values).sum(axis=1).max())
+    return np.array(element.node_coords), 0.5 * (largest - 1.0)
+
+
+def _bounds(f, record, degree: int) -> wp.Function:
+    real, CellArg, position = record.scalar, f.CellArg, f.cell_position
+    points, excess = _bound_points(record.cell, degree)
+    n, table, Coords = len(points), points, coords_type(real)
+    grow = real(1.05 * excess if degree > 1 else 0.0)
+
+    @wp.func
+    def point(k: int):
+        return Coords(real(table[k, 0]), real(table[k, 1]), real(table[k, 2]))
+
+    @wp.func
+    def cell_bounds(arg: CellArg, cell: int):
+        lower = position(arg, make_free_sample(cell, point(0)))
+        upper = lower
+        for k in range(1, n):
+            x = position(arg, make_free_sample(cell, point(k)))
+            lower = wp.min(lower, x)
+            upper = wp.max(upper, x)
+        pad = grow * (upper - lower)
+        return lower - pad, upper + pad
+
+    return cell_bounds
