@@ -44,7 +44,7 @@ def grid():
 
 def test_implicit_field_has_derivatives(grid):
     cells = fem.Cells(grid)
-    u = fem.ImplicitField(cells, parabola, {"a": 3.0}, degree=2)
+    u = fem.ImplicitField(cells, parabola, {"a": 3.0}, grad_func=True, degree=2)
     v = fem.UniformField(cells, 2.0)
     rule = fem.RegularQuadrature(cells, 2)
     found = fem.integrate(derivatives, quadrature=rule, fields={"u": u, "v": v})

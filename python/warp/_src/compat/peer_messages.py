@@ -206,6 +206,7 @@ SENTENCES: dict[str, str | typing.Callable[..., str | None]] = {
     "array-rank": "ndim must be between 1 and 4, got {spelled}",
     "array-slice-step": "Slice step cannot be zero",
     "attribute": "`{name}` is not an attribute of '{owner}' ({dtype})",
+    "operator": "Operator `{name}` is not defined",
     "attribute-constant": "`{name}` is not an attribute of '{base}'",
     "attribute-module": (
         "`{name}` is not an attribute of '{module}'\nCould not find function {called}"

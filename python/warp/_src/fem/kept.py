@@ -7,14 +7,14 @@ def hashed(cls):
     """Decorates a frozen dataclass: its hash is worked out once per instance."""
     of_fields = cls.__hash__
 
-    def __hash__(self):
+    def kept_hash(self):
         found = self.__dict__.get("_hash")
         if found is None:
             found = of_fields(self)
             object.__setattr__(self, "_hash", found)
         return found
 
-    cls.__hash__ = __hash__
+    cls.__hash__ = kept_hash
     return cls
 
 

@@ -46,7 +46,7 @@ class Records(Part):
         try:
             found = record.description.operation(operator.name, len(arguments) + len(keywords))
         except (TypeError, ValueError) as problem:
-            raise self.context.type_error(node, str(problem)) from None
+            raise self.not_defined(operator, node, str(problem)) from None
         if isinstance(found, Static):
             return self.context.capture(found.value, node)
         calls, parts = self.context.user_calls, record.parts
@@ -60,9 +60,8 @@ class Records(Part):
             parts = (self.builder.struct_get(parts[0], found.field),)
             found = found.function
         if not isinstance(found, Function):
-            raise self.context.type_error(
-                node, f"'{operator.name}' is not defined for '{record.description}'"
-            )
+            message = f"'{operator.name}' is not defined for '{record.description}'"
+            raise self.not_defined(operator, node, message)
         try:
             return calls.call_function(found, [*parts, *arguments], keywords, node)
         except errors.WarpCodegenTypeError as problem:
@@ -70,3 +69,9 @@ class Records(Part):
                 raise
             problem.notes = (*problem.notes, f"operator '{operator.name}' of {record.description}")
             raise
+
+    def not_defined(self, operator, node, message):
+        """The error for an operator that a description does not have, or not for its values."""
+        return self.context.type_error(
+            node, message, code="operator", facts={"name": operator.name}
+        )

@@ -46,8 +46,9 @@ class Values:
                 wp.types.vector(dimension, real),
                 wp.types.matrix((dimension, dimension), real),
             )
-        if extend.type_is_vector(self.dof):
-            shape = self.dof._length_, dimension
+        if extend.type_size(self.dof) > 1 or extend.type_is_vector(self.dof):
+            # Components of a matrix are numbered row by row.
+            shape = extend.type_size(self.dof), dimension
             return self.dof, wp.types.matrix(shape, real)
         return self.dof, wp.types.vector(dimension, real)
 
@@ -81,10 +82,19 @@ class FieldDescription(extend.Description, Field):
 
     def check(self, name):
         """Raises where an operator has no meaning for the kind of values."""
-        if name.startswith(("grad", "div")) and extend.type_is_matrix(self.values.value):
+        value = self.values.value
+        if name.startswith("grad") and extend.type_is_matrix(value):
             raise TypeError(f"'{name}' is not defined for fields of matrices, as {self}")
-        if name.startswith("div") and not extend.type_is_vector(self.values.value):
+        if not name.startswith("div"):
+            return
+        if not (extend.type_is_vector(value) or extend.type_is_matrix(value)):
             raise TypeError(f"'{name}' is not defined for fields of numbers, as {self}")
+        rows, dimension = value._shape_[0], self.domain.geometry.dimension
+        if rows != dimension:
+            raise TypeError(
+                f"'{name}' expects values with {dimension} rows, as space has dimensions, but got "
+                f"{rows} of {self}"
+            )
 
     def in_cells(self):
         """The field in cells, of a trace."""
@@ -204,7 +214,7 @@ def _gradient_of(description, reference, half):
             F = forward(geo, s)
             return F * gradient(part, arg, geo, s) * inverse(geo, s) / stretch(F)
 
-    elif extend.type_is_vector(description.values.dof):
+    elif extend.type_size(description.values.dof) > 1:
 
         @wp.func
         def field_gradient(part: Any, arg: Any, geo: Any, s: Any):
@@ -219,7 +229,35 @@ def _gradient_of(description, reference, half):
     return _with_node(field_gradient, reference)
 
 
+def _matrix_divergence(description, reference, half):
+    """Divergence of a field of matrices: sum over rows of derivatives by the row's coordinate."""
+    values, gradient = description.values, reference[half].gradient
+    inverse, to_value = inverse_map(description.domain, half), _from_dofs(description)
+    rows, columns = values.value._shape_
+    Real, Dof = extend.type_scalar_type(values.dof), values.dof
+    Row, size = wp.types.vector(columns, Real), extend.type_size(values.dof)
+    is_matrix, width = extend.type_is_matrix(values.dof), columns
+
+    @wp.func
+    def field_divergence(part: Any, arg: Any, geo: Any, s: Any):
+        slopes = gradient(part, arg, geo, s) * inverse(geo, s)
+        total = Row()
+        for i in range(rows):
+            dof = Dof()
+            for k in range(size):
+                if wp.static(is_matrix):
+                    dof[k // width, k % width] = slopes[k, i]
+                else:
+                    dof[k] = slopes[k, i]
+            total += to_value(dof)[i]
+        return total
+
+    return _with_node(field_divergence, reference)
+
+
 def _divergence_of(description, reference, half):
+    if extend.type_is_matrix(description.values.value):
+        return _matrix_divergence(description, reference, half)
     if not extend.type_is_vector(description.values.value):
         return None
     gradient = _gradient_of(description, reference, half)
@@ -301,7 +339,8 @@ class GeometryField(Field):
 
     def divergence_valid(self) -> bool:
         """True if the divergence is defined."""
-        return extend.type_is_vector(self.dtype)
+        shape = getattr(self.dtype, "_shape_", ())
+        return len(shape) > 0 and shape[0] == self.geometry.dimension
 
     @property
     def gradient_dtype(self):

@@ -44,7 +44,7 @@ class NodeDescription(FieldDescription):
         return _node_functions(self)
 
     def __str__(self):
-        return f"{self.role} function of {self.nodes.space} on {self.domain.kind}"
+        return f"{self.role} function of {self.nodes} ({self.domain.kind})"
 
 
 @functools.cache
@@ -68,6 +68,23 @@ def dof_of(role):
 def _unit(values):
     """A function of (number or vector, component): a degree of freedom, or a row per component."""
     Dof = values.dof
+    if extend.type_is_matrix(Dof):
+        Flat = wp.types.vector(extend.type_size(Dof), extend.type_scalar_type(Dof))
+        columns = Dof._shape_[1]
+
+        @wp.func
+        def unit_matrix(basis: Any, component: int):
+            dof = Dof()
+            dof[component // columns, component % columns] = basis
+            return dof
+
+        @wp.func
+        def unit_matrix_gradient(basis: Any, component: int):
+            dof = Flat()
+            dof[component] = basis.dtype(1.0)
+            return wp.outer(dof, basis)
+
+        return unit_matrix, unit_matrix_gradient
     if values.map != "identity" or not extend.type_is_vector(Dof):
 
         @wp.func

@@ -32,6 +32,7 @@ class ImplicitDescription(FieldDescription):
     names: tuple
     by_point: bool
     degree: int
+    derives: bool = False
 
     def evaluations(self, one_node):
         """Functions of the operators that give values."""
@@ -50,11 +51,11 @@ def implicit_functions(description) -> SimpleNamespace:
     made = {"inner": _call(description, description.function)}
     if description.grad is not None:
         made["grad"] = _call(description, description.grad)
-    elif not description.by_point:
+    elif description.derives and not description.by_point:
         made["grad"] = _gradient(description)
     if description.div is not None:
         made["div"] = _call(description, description.div)
-    elif "grad" in made:
+    elif description.derives and made.get("grad"):
         made["div"] = _divergence(made["grad"])
     for name in ("grad", "div"):
         if name in made:
@@ -151,8 +152,8 @@ class ImplicitField(GeometryField):
         domain: elements on which it is defined.
         func: a `@wp.func` of the position, or of the number of a quadrature point, and of values.
         values: arguments of the function, by name; attributes of `values` can be set later.
-        grad_func, div_func: the gradient and divergence with the same arguments; by default they
-            are derivatives of `func`.
+        grad_func, div_func: the gradient and divergence with the same arguments. With True as
+            `grad_func`, both are derivatives of `func`.
         degree: polynomial degree, for the default order of rules.
 
     Raises:
@@ -164,6 +165,8 @@ class ImplicitField(GeometryField):
             raise ValueError(f"'func' expects a `@wp.func`, but got {extend.shown(func)}")
         self.domain, self.geometry = domain, domain.geometry
         self.kind = "cells" if domain.is_cells else "sides"
+        self._derives = grad_func is True
+        grad_func = None if self._derives else grad_func
         self._functions, self._degree = (func, grad_func, div_func), degree
         names = func.func.__code__.co_varnames[: func.func.__code__.co_argcount]
         declared = annotations_of(func.func)
@@ -215,7 +218,7 @@ class ImplicitField(GeometryField):
     def bind(self, domain):
         """The description for elements of a domain's record."""
         return ImplicitDescription(
-            domain, *self._functions, self._names, self._by_point, self._degree
+            domain, *self._functions, self._names, self._by_point, self._degree, self._derives
         )
 
     def gradient_valid(self) -> bool:
@@ -233,4 +236,5 @@ class ImplicitField(GeometryField):
         values = {name: getattr(self._arg, name) for name in self._names}
         function, grad, div = self._functions
         domain = Sides(self.domain.geometry_partition)
+        grad = True if self._derives else grad
         return ImplicitField(domain, function, values, grad, div, self._degree)

@@ -47,9 +47,25 @@ def locations(domain, half: int) -> SimpleNamespace:
     return SimpleNamespace(cell_arg=cell_arg, cell=cell, coords=coords)
 
 
+def _flat_type(dtype):
+    """The vector of the components of a matrix."""
+    return wp.types.vector(extend.type_size(dtype), extend.type_scalar_type(dtype))
+
+
 def gradient_product_function(values):
     """A function of (gradient of a basis function, degree of freedom): their product."""
-    if values.map == "identity" and extend.type_is_vector(values.dof):
+    if values.map == "identity" and extend.type_is_matrix(values.dof):
+        Flat, (rows, columns) = _flat_type(values.dof), values.dof._shape_
+
+        @wp.func
+        def product(gradient: Any, dof: Any):
+            flat = Flat()
+            for i in range(rows):
+                for j in range(columns):
+                    flat[i * columns + j] = dof[i, j]
+            return wp.outer(flat, gradient)
+
+    elif values.map == "identity" and extend.type_is_vector(values.dof):
 
         @wp.func
         def product(gradient: Any, dof: Any):

@@ -23,6 +23,11 @@ class NodeSpace:
     space: object
     partition: object
 
+    def __str__(self):
+        element = self.element
+        kind = "points" if element is None else f"{element.basis.value}{element.degree} elements"
+        return f"{extend.type_repr(self.space.dtype)} on {kind}"
+
     @property
     def functions(self) -> SimpleNamespace:
         """Basis functions in reference coordinates, and places of nodes."""
@@ -137,7 +142,7 @@ class SpaceDescription(FieldDescription):
         return cells_of(self)
 
     def __str__(self):
-        return f"discrete field of {self.nodes.space} on {self.domain.kind}"
+        return f"discrete field of {self.nodes} ({self.domain.kind})"
 
 
 @hashed
@@ -192,7 +197,8 @@ class PointDescription(FieldDescription):
         return self.base.in_cells()
 
     def __str__(self):
-        return f"{self.role} of {self.nodes.space} on {self.domain.kind}"
+        role = f"{self.role} function" if self.base is None else "discrete field"
+        return f"{role} of {self.nodes} ({self.domain.kind})"
 
 
 class NodeOperatorError(TypeError):

@@ -61,8 +61,10 @@ def split(role, slot, subscript) -> tuple:
     """Component of the degree of freedom, and of the basis function, of a component of a slot."""
     if role.nodes.values.map != "identity":
         return 0, subscript
-    if extend.type_is_vector(role.nodes.dof_dtype):
-        places = subscript.strip("[]").split(", ")
+    places = subscript.strip("[]").split(", ")
+    if extend.type_is_matrix(role.nodes.dof_dtype) and not slot.is_gradient:
+        return int(places[0]) * role.nodes.dof_dtype._shape_[1] + int(places[1]), ""
+    if dof_count(role.nodes.dof_dtype) > 1 or extend.type_is_vector(role.nodes.dof_dtype):
         return int(places[0]), f"[{places[1]}]" if slot.is_gradient else ""
     return 0, subscript
 

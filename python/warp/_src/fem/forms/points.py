@@ -431,7 +431,8 @@ class PointsPlan:
         if self.trial is None:
             return test
         trial = self.trial.nodes.dof_dtype
-        if not extend.type_is_vector(test) and not extend.type_is_vector(trial):
+        composites = (extend.type_is_vector, extend.type_is_matrix)
+        if not any(is_kind(one) for is_kind in composites for one in (test, trial)):
             return real
         return wp.types.matrix((dof_count(test), dof_count(trial)), real)
 

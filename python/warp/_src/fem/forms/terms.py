@@ -20,7 +20,7 @@ def components(dtype) -> list[str]:
 
 def dof_count(dtype) -> int:
     """Number of components of a degree of freedom."""
-    return dtype._length_ if extend.type_is_vector(dtype) else 1
+    return extend.type_size(dtype)
 
 
 @functools.cache
@@ -38,6 +38,22 @@ def term_functions(values) -> SimpleNamespace:
         @wp.func
         def of_gradient(basis: Any, coefficient: Any):
             return wp.ddot(basis, coefficient)
+
+    elif extend.type_is_matrix(values.dof):
+        Dof, (rows, columns) = values.dof, values.dof._shape_
+
+        @wp.func
+        def of_value(basis: Any, coefficient: Any):
+            return basis * coefficient
+
+        @wp.func
+        def of_gradient(basis: Any, coefficient: Any):
+            flat = coefficient * basis
+            dof = Dof()
+            for i in range(rows):
+                for j in range(columns):
+                    dof[i, j] = flat[i * columns + j]
+            return dof
 
     elif extend.type_is_vector(values.dof):
 
