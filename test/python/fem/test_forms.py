@@ -145,3 +145,30 @@ def test_errors_name_both_sides(grid):
         fem.integrate(load, domain=fem.Cells(grid), fields={"v": other}, values={"k": 1.0})
     with pytest.raises(ValueError, match="expects 20 values, one per node, but got 3"):
         space.make_field().dof_values = wp.zeros(3, dtype=float)
+
+
+@fem.integrand
+def quartic(s: fem.Sample, u: fem.Field):
+    value = u(s)
+    return value * value * value * value
+
+
+@fem.integrand
+def quartic_slope(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return 4.0 * u(s) * u(s) * u(s) * v(s)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_default_order_is_that_of_the_integrand(grid, degree):
+    space = fem.make_polynomial_space(grid, degree=degree)
+    field = space.make_field()
+    rng = np.random.default_rng(degree)
+    field.dof_values.assign(rng.uniform(-1.0, 1.0, space.node_count()))
+    rule = fem.RegularQuadrature(fem.Cells(grid), 4 * degree + 4)
+    exact = fem.integrate(quartic, quadrature=rule, fields={"u": field})
+    found = fem.integrate(quartic, domain=fem.Cells(grid), fields={"u": field})
+    assert found == pytest.approx(exact, rel=1e-5)
+    fields = {"u": field, "v": fem.make_test(space)}
+    exact = fem.integrate(quartic_slope, quadrature=rule, fields=fields).numpy()
+    found = fem.integrate(quartic_slope, fields=fields).numpy()
+    np.testing.assert_allclose(found, exact, atol=1e-5 * abs(exact).max())

@@ -62,9 +62,11 @@ def integrate(
         )
     fields = dict(fields or {})
     domain = domain_of(domain, quadrature, fields)
+    given = integrand, domain, quadrature, fields, values, device, kernel_options, assembly
     if quadrature is None:
-        quadrature = default_quadrature(domain, fields, assembly)
-    form = Form(integrand, domain, quadrature, fields, values, device, kernel_options, assembly)
+        quadrature = default_quadrature(Form(*given))
+        given = *given[:2], quadrature, *given[3:]
+    form = Form(*given)
     if form.trial is not None and form.test is None:
         raise ValueError(f"integrand '{integrand.name}' has a trial function, but no test function")
     if form.test is None:
@@ -106,19 +108,27 @@ def domain_of(domain, quadrature, fields):
     return given[0]
 
 
-def default_quadrature(domain, fields, assembly=None):
-    """The rule for a product of the fields."""
+def default_quadrature(form):
+    """The rule for a form without one: exact for the product of its fields, and for the integrand
+    where that is a polynomial in reference coordinates."""
     from warp._src.fem.quadratures import RegularQuadrature
 
-    if assembly == "nodal":
+    domain = form.domain
+    if form.assembly == "nodal":
         from warp._src.fem.quadratures import NodalQuadrature
 
-        test = next((f for f in fields.values() if getattr(f, "role", "") == "test"), None)
-        if test is None:
+        if form.test is None:
             raise ValueError("assembly='nodal' expects a test function")
-        return NodalQuadrature(domain=domain, space=test.space)
-    order = sum(field.degree for field in fields.values() if hasattr(field, "degree"))
-    return RegularQuadrature(domain=domain, order=order)
+        return NodalQuadrature(domain=domain, space=form.test.space)
+    order = sum(field.degree for field in form.fields.values())
+    degree = form.degree
+    if degree is not None:
+        is_simple = domain.geometry.is_affine and domain.is_cells and domain.cell.is_simplex
+        order = degree if is_simple else max(order, degree)
+    kept = domain.__dict__.setdefault("_default_rules", {})
+    if order not in kept:
+        kept[order] = RegularQuadrature(domain=domain, order=order)
+    return kept[order]
 
 
 def _functional(form, accumulate_dtype, output_dtype, output, add):

@@ -188,8 +188,10 @@ def operator(
     """
     fields = dict(fields)
     domain = domain_of(domain, quadrature, fields)
-    quadrature = quadrature or default_quadrature(domain, fields)
-    form = Form(integrand, domain, quadrature, fields, values, device, kernel_options)
+    given = integrand, domain, quadrature, fields, values, device, kernel_options
+    if quadrature is None:
+        given = *given[:2], default_quadrature(Form(*given)), *given[3:]
+    form = Form(*given)
     if form.test is None or form.trial is None:
         raise ValueError(
             f"'operator' expects a test and a trial function, but '{integrand.name}' got "

@@ -57,6 +57,14 @@ def _is_operator(function) -> bool:
     return function.__module__ == "warp._src.fem.operators"
 
 
+def returns_value(integrand) -> bool:
+    """True if an integrand has a result."""
+    import ast
+
+    tree = source_of(integrand.func).tree
+    return any(isinstance(n, ast.Return) and n.value is not None for n in ast.walk(tree))
+
+
 def may_move(words) -> bool:
     """True if fields may be evaluated at samples other than those of the plan."""
     return not _MOVERS.isdisjoint(words)

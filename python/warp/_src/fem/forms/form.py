@@ -190,6 +190,16 @@ class Form:
             return PairsPlan.of(self.record)
 
     @property
+    def degree(self):
+        """Polynomial degree of the integrand in reference coordinates, None if not known."""
+        from warp._src.fem.forms.points import NodeOperatorsError, points_plan
+
+        try:
+            return points_plan(self.record).structure.degree
+        except NodeOperatorsError:
+            return None
+
+    @property
     def requires_grad(self) -> bool:
         """True if an array that the form depends on has a gradient."""
         return any(map(_has_gradient, self.arguments()))

@@ -158,9 +158,10 @@ class PointsPlan:
             from warp._src.fem.forms.variation import variation_text
 
             return self._function(variation_text(self, arguments, _parameters(slots)))
+        returns = "return " if facts.returns_value(record.integrand) else ""
         return self._function(
             f"def form({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
-            f"values: Values, points: Any):\n    return INTEGRAND({arguments})\n"
+            f"values: Values, points: Any):\n    {returns}INTEGRAND({arguments})\n"
         )
 
     def _virtual(self, role) -> str:
@@ -188,43 +189,56 @@ class PointsPlan:
 
     def _discover(self):
         """Finds the slots that the form depends on, and the type of its result."""
-        self.names["form"] = self._form_function()
-        slots = self.slot_parameters
-        zeros = [self._zero_points(role) for role in self.discrete.values()]
-        text = (
-            f"def probe({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
-            f"values: Values):\n"
-            f"    result = form({', '.join([*(n for n, _ in slots), 's', 'domain_arg'])}, fields, "
-            f"values, ({''.join(f'{one}, ' for one in zeros)}))\n"
-        )
-        function = extend.function_from_text(text, self._names_in(text), module=__name__)
-        with facts.recorded_operations() as operations:
-            try:
-                natives = types_of_local(function, "probe", "result")
-            except wp.WarpCodegenError as error:
-                problem = error
-                if "gives no value" in str(problem):
-                    natives, problem = [None], None
-                for role in ("test", "trial"):
-                    if not NODE_OPERATORS.isdisjoint(operations.get(role, ())):
-                        raise NodeOperatorsError from None
-                if problem is not None:
-                    raise
-        self.result = None if natives[0] is None else dtype_of(natives[0])
-        self.operations = operations
+        base = self._base
+        if base is not None:
+            self.result, self.operations = base.result, base.operations
+        else:
+            self.result, self.operations = self._probed()
         self.discrete = {
-            name: role.with_uses(operations.get(name, ())) for name, role in self.discrete.items()
+            name: role.with_uses(self.operations.get(name, ()))
+            for name, role in self.discrete.items()
         }
         for role in ("test", "trial"):
             one = getattr(self, role)
             if one is not None:
-                one = one.with_uses(operations.get(role, ()))
+                one = one.with_uses(self.operations.get(role, ()))
                 # A direction has the slots of the field.
                 for field, direction in getattr(self.record.integrand, "steps", ()):
                     if direction == one.name:
                         one = dataclasses.replace(one, used=self.discrete[field].used)
                 setattr(self, role, one)
         self.names["form"] = self._form_function()
+
+    @functools.cached_property
+    def _base(self):
+        """The plan of the form without points, which has the facts that do not depend on them."""
+        if self.record.quadrature is None or not self.has_slots:
+            return None
+        return points_plan(dataclasses.replace(self.record, quadrature=None, rule=None))
+
+    def _probed(self) -> tuple:
+        """Type of the result, and operators that are applied to fields, by role."""
+        self.names["form"] = self._form_function()
+        returns = facts.returns_value(self.record.integrand)
+        slots = self.slot_parameters
+        zeros = [self._zero_points(role) for role in self.discrete.values()]
+        text = (
+            f"def probe({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
+            f"values: Values):\n"
+            f"    {'result = ' * returns}form({', '.join([*(n for n, _ in slots), 's'])}, "
+            f"domain_arg, fields, values, ({''.join(f'{one}, ' for one in zeros)}))\n"
+            f"    {'result = 0' * (not returns)}\n"
+        )
+        function = extend.function_from_text(text, self._names_in(text), module=__name__)
+        with facts.recorded_operations() as operations:
+            try:
+                natives = types_of_local(function, "probe", "result")
+            except wp.WarpCodegenError:
+                for role in ("test", "trial"):
+                    if not NODE_OPERATORS.isdisjoint(operations.get(role, ())):
+                        raise NodeOperatorsError from None
+                raise
+        return dtype_of(natives[0]) if returns else None, operations
 
     def _zero_points(self, role) -> str:
         self._slots(role)
@@ -370,7 +384,7 @@ class PointsPlan:
         """Which coefficients are zero or constant; checks that the form is linear."""
         from warp._src.fem.forms.structure import find_structure
 
-        return find_structure(self)
+        return self._base.structure if self._base is not None else find_structure(self)
 
     @property
     def is_symmetric(self) -> bool:

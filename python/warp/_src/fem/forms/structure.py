@@ -155,11 +155,10 @@ def _probe(plan):
     ]
     keys = _store_coefficients(plan, lines, rest)
     slots = "".join(f"{name}, " for name, _ in plan.slot_parameters)
-    size = 1 if plan.test is None else 0
     form = f"form({slots}{rest})"
     if plan.test is None and plan.result is not record.scalar:
         raise NotImplementedError
-    lines.append(f"    out[{len(keys)}] = {form}{' * measure(domain_arg.geo, s)' * size}")
+    lines.append(f"    out[{len(keys)}] = {form}")
     kernel = wp.kernel(
         extend.function_from_text("\n".join(lines) + "\n", plan._names_in("\n".join(lines)),
                                   module=__name__),
