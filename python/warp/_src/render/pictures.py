@@ -11,7 +11,7 @@ import zlib
 
 from warp._src.render.packages import absent
 from warp.extend import checked
-from warp.extend.kinds import NUMBERS
+from warp.extend.kinds import COUNT, NUMBER, NUMBERS, PATH
 
 # Colour types by the number of channels.
 _COLOURS = {1: 0, 2: 4, 3: 2, 4: 6}
@@ -20,7 +20,7 @@ _STILLS = {".jpg": "JPEG", ".jpeg": "JPEG", ".gif": "GIF", ".webp": "WEBP", ".bm
 _STILLS |= {".tif": "TIFF", ".tiff": "TIFF"}
 
 
-@checked(pixels=NUMBERS)
+@checked(path=PATH, pixels=NUMBERS, quality=COUNT)
 def save_picture(path, pixels, quality: int = 92) -> None:
     """Writes pixels as a picture; the ending of the name gives the format.
 
@@ -55,6 +55,7 @@ def save_picture(path, pixels, quality: int = 92) -> None:
     picture.save(path, _STILLS[ending], **options)
 
 
+@checked(path=PATH, fps=NUMBER, quality=COUNT)
 def save_movie(path, frames, fps: float = 25.0, quality: int = 80) -> None:
     """Writes frames as a film.
 

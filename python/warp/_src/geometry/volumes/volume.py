@@ -139,7 +139,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
         return path
 
     @classmethod
-    @checked(path=PATH)
+    @checked(path=PATH, grid=TEXT)
     def load_from_vdb(cls, path, grid: str | None = None, device=None) -> Volume:
         """A grid of a `.vdb` file of OpenVDB, the first if no name is given.
 
@@ -153,7 +153,7 @@ class Volume(GridContents, Rebuildable, LeafValues):
         data = _native.read_grids(vdb.read(path, grid))
         return cls._of_grids(data, devices.get_device(device))
 
-    @checked(path=PATH)
+    @checked(path=PATH, grid=TEXT)
     def save_to_vdb(self, path, grid: str = "density"):
         """Writes the grid to a `.vdb` file under a name; gives the path.
 
