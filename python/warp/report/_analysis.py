@@ -8,6 +8,10 @@ from warp.report._measure import NOISE
 
 #: Errors that the table of times is made for.
 GOALS = (1e-2, 1e-3, 1e-6)
+#: No method in use has a higher order.
+STEEPEST = 12.0
+#: Errors below are rounding of some hundred operations.
+ROUNDING = {"float16": 5e-2, "float32": 6e-6, "float64": 1e-14}
 
 
 def curve_key(record, axis):
@@ -75,20 +79,28 @@ def time_to_error(curve, name, goal):
 def observed_order(curve, axis, name):
     """Slope of log(error) over log(parameter) above the rounding floor, or None.
 
-    The floor is where errors stop to fall: only stretches in which the error falls with the
-    parameter count, and the median of at least two slopes is given.
+    Only stretches in which the error falls with the parameter count, and only errors well above
+    the rounding of the curve's type. The median of the slopes is given where there are two at
+    least, they agree within a half, and a method could have that order: what scatters more or is
+    steeper is round-off or no power of the parameter.
     """
     points = sorted(
         (record["parameters"][axis], record["errors"][name])
         for record in curve
-        if record["status"] == "ok" and 0.0 < record["errors"].get(name, 0.0) < 0.3
+        if record["status"] == "ok"
+        and ROUNDING.get(record["dtype"], 0.0) < record["errors"].get(name, 0.0) < 0.3
     )
     slopes = [
         math.log(e1 / e0) / math.log(h1 / h0)
         for (h0, e0), (h1, e1) in itertools.pairwise(points)
         if 0.0 < h0 < h1 and e1 > 1.2 * e0
     ]
-    return statistics.median(slopes) if len(slopes) >= 2 else None
+    if len(slopes) < 2:
+        return None
+    order = statistics.median(slopes)
+    agree = [slope for slope in slopes if abs(slope - order) <= 0.5 * order]
+    is_power = 2 * len(agree) > len(slopes) and len(agree) >= 2 and order < STEEPEST
+    return order if is_power else None
 
 
 def table_of_times(records, axis, name):

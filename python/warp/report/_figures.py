@@ -1,9 +1,11 @@
 """Figures as SVG that read well on light and on dark ground.
 
 Text and axes are drawn in one marked colour that becomes `currentColor`; the file carries a style
-that follows the reader's colour scheme. Curves use hues that keep their contrast on both.
+that follows the reader's colour scheme. Curves use hues that keep their contrast on both. Points of
+curves carry their values as titles, which browsers show under the pointer.
 """
 
+import html
 import io
 import math
 import re
@@ -13,7 +15,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.ticker import NullLocator, StrMethodFormatter
+from matplotlib.ticker import MaxNLocator, NullLocator, StrMethodFormatter
 
 from warp.report._analysis import curves_of, error_names, label_of, scene_parameters
 
@@ -22,6 +24,8 @@ INK = "#010203"
 #: Contrast of at least 3 : 1 on white and on #151515.
 HUES = ("#3f7fd9", "#d9622b", "#2a9d6f", "#b454c4", "#b5830f", "#d1476b", "#1f97ad", "#7a7a7a")
 MARKERS = "osD^vP*X"
+#: Curves beyond the hues are told apart by their lines.
+LINES = ("-", (0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 VERDICTS = {"ok": "#2a9d6f", "diverged": "#d9622b", "nonfinite": "#d1476b"}
 STYLE = {
     "svg.fonttype": "none",
@@ -44,15 +48,41 @@ STYLE = {
 
 
 def _thin_ticks(axes):
-    """No ticks between powers of ten where there are several, and plain numbers at those.
+    """No ticks between powers of ten where there are several, and plain numbers at the others.
 
-    Formulas as labels take most of the time of a page.
+    Formulas as labels take most of the time of a page, and overlap where a range is short.
     """
     for axis in (axes.xaxis, axes.yaxis):
         low, high = sorted(axis.get_view_interval())
-        if axis.get_scale() == "symlog" or (axis.get_scale() == "log" and high > 30.0 * low > 0.0):
-            axis.set_minor_locator(NullLocator())
-            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        if axis.get_scale() not in ("log", "symlog"):
+            continue
+        axis.set_minor_locator(NullLocator())
+        if axis.get_scale() == "log" and 0.0 < high <= 30.0 * low:
+            axis.set_major_locator(MaxNLocator(4))
+        axis.set_major_formatter(StrMethodFormatter("{x:.4g}"))
+
+
+def _hover(figure):
+    """Circles with titles over the points of curves, in the coordinates of the SVG."""
+    parts, scale = [], 72.0 / figure.dpi
+    height = figure.get_figheight() * 72.0
+    for axes in figure.axes:
+        for line in axes.lines:
+            for (x, y), at in zip(
+                line.get_xydata(), line.get_transform().transform(line.get_xydata())
+            ):
+                if not line.get_label() or line.get_label().startswith("_"):
+                    continue
+                if not (np.isfinite(at).all() and line.get_marker() not in (None, "None", "")):
+                    continue
+                text = (
+                    f"{line.get_label()}\n{axes.get_xlabel()} {x:.4g}\n{axes.get_ylabel()} {y:.4g}"
+                )
+                parts.append(
+                    f'<circle cx="{at[0] * scale:.1f}" cy="{height - at[1] * scale:.1f}" r="6" '
+                    f'fill="none" pointer-events="all"><title>{html.escape(text)}</title></circle>'
+                )
+    return "".join(parts)
 
 
 def _svg(figure):
@@ -60,42 +90,59 @@ def _svg(figure):
         _thin_ticks(axes)
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    hover = _hover(figure)
     plt.close(figure)
     text = buffer.getvalue().replace(INK, "currentColor")
     style = "<style>svg{color:#222}@media (prefers-color-scheme: dark){svg{color:#ddd}}</style>"
-    return re.sub(r"(<svg[^>]*>)", rf"\1{style}", text[text.index("<svg") :], count=1)
+    text = re.sub(r"(<svg[^>]*>)", rf"\1{style}", text[text.index("<svg") :], count=1)
+    end = text.rindex("</svg>")
+    return text[:end] + hover + text[end:]
 
 
 def _finite(records, name):
     return [r for r in records if r["status"] == "ok" and r["errors"].get(name, 0.0) > 0.0]
 
 
+def _exact(records, name):
+    """Points without an error, which a logarithmic axis has no place for."""
+    return [r for r in records if r["status"] == "ok" and r["errors"].get(name) == 0.0]
+
+
 def _look(index):
     return {
         "color": HUES[index % len(HUES)],
         "marker": MARKERS[index % len(MARKERS)],
+        "linestyle": LINES[index // len(HUES) % len(LINES)],
         "markersize": 5,
         "linewidth": 1.5,
     }
 
 
 def _draw_curves(axes, curves, fixed, name, abscissa):
-    """Curves of one error; failed points as crosses at the upper edge, uncertain ones hollow."""
-    lost = []
+    """Curves of one error; failed points as crosses at the upper edge, exact ones at the lower."""
+    edges = []
     for index, (key, curve) in enumerate(curves.items()):
         good = _finite(curve, name)
         x = [abscissa(record) for record in good]
         y = [record["errors"][name] for record in good]
         axes.plot(x, y, label=label_of(key, fixed), **_look(index))
-        lost += [
-            (abscissa(record), HUES[index % len(HUES)])
-            for record in curve
-            if record["status"] != "ok" and abscissa(record) is not None
-        ]
-    axes.set(xscale="log", yscale="log")
-    top = axes.get_ylim()[1]
-    for x, colour in lost:
-        axes.plot([x], [top], marker="x", color=colour, clip_on=False, linestyle="none")
+        colour = HUES[index % len(HUES)]
+        failed = [record for record in curve if record["status"] != "ok"]
+        for marker, place, records in (("x", 1, failed), (11, 0, _exact(curve, name))):
+            at = [abscissa(record) for record in records]
+            edges += [(one, place, marker, colour) for one in at if one is not None]
+    axes.set(xscale="log", yscale="log", ylabel=f"error of {name}")
+    _mark_edges(axes, edges)
+
+
+def _mark_edges(axes, edges):
+    """Points that have no place between the edges; they do not widen the axes."""
+    limits = axes.get_ylim()
+    for x, place, marker, colour in edges:
+        axes.plot(
+            [x], [limits[place]], marker=marker, color=colour, clip_on=False, linestyle="none"
+        )
+    axes.set_ylim(limits)
 
 
 def _guides(axes, orders=(1, 2, 4)):
@@ -113,7 +160,7 @@ def _guides(axes, orders=(1, 2, 4)):
 
 
 def _panels(count):
-    columns = min(3, count)
+    columns = 2 if count == 4 else min(3, count)
     rows = math.ceil(count / columns)
     figure, grid = plt.subplots(
         rows, columns, figsize=(4.2 * columns, 3.1 * rows), squeeze=False, layout="constrained"
@@ -124,8 +171,15 @@ def _panels(count):
 
 
 def _legend(figure, axes):
+    """Below the panels, in as many columns as its longest label leaves room for."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(3, max(1, len(labels))))
+    if not labels:
+        return
+    # Inches of a label: its letters, and its line.
+    width = 0.075 * max(map(len, labels)) + 0.6
+    columns = max(1, min(4, len(labels), int(figure.get_figwidth() / width)))
+    figure.set_figheight(figure.get_figheight() + 0.2 * math.ceil(len(labels) / columns))
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
 
 
 def errors(scene, records, fixed):
@@ -173,7 +227,7 @@ def drift(scene, records, fixed):
                 if len(time) > 2:
                     slope, start = np.polyfit(time, error, 1)
                     axes.plot(time, start + slope * time, color=look["color"], linestyle=":")
-            axes.set(title=f"{name} over time", xlabel="time [s]", yscale="symlog")
+            axes.set(title=f"{name} over time", xlabel="time [s]", ylabel=name, yscale="symlog")
             limit = max((abs(v) for line in axes.lines for v in line.get_ydata()), default=1.0)
             axes.set_yscale("symlog", linthresh=max(limit * 1e-3, 1e-16))
         _legend(figure, axes)
@@ -228,7 +282,8 @@ def gradients(scene, records, fixed):
             x = [record["parameters"][axis] for record in good]
             y = [record["gradient_norm"] for record in good]
             axes.plot(x, y, label=label_of(key, fixed), **_look(index))
-        axes.set(title=f"norm of the gradient over {axis}", xlabel=axis, yscale="log")
+        title = f"norm of the gradient over {axis}"
+        axes.set(title=title, xlabel=axis, ylabel="norm of the gradient", yscale="log")
         _legend(figure, axes)
         return _svg(figure)
 

@@ -20,10 +20,35 @@ CSS = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;padding:0 1rem}
 table{border-collapse:collapse;margin:.6rem 0;display:block;overflow-x:auto}
 td,th{padding:.15rem .6rem;border-bottom:1px solid #8886;text-align:left}
+th{cursor:pointer;white-space:nowrap}
+th[aria-sort=ascending]::after{content:" \\2191"}
+th[aria-sort=descending]::after{content:" \\2193"}
 td{font-variant-numeric:tabular-nums}
+tbody tr:hover{background:#8882}
 figure{margin:1rem 0}
 svg{max-width:100%;height:auto;color:inherit!important}
+nav{columns:14rem;margin:1rem 0;padding:.6rem 1rem;border:1px solid #8886;border-radius:8px}
+nav a{display:block}
+a{color:inherit}
+h2{scroll-margin-top:1rem}
 .green{color:#2a9d6f}.amber{color:#b5830f}.red{color:#d1476b}
+"""
+SORT = """
+for (const head of document.querySelectorAll("th")) head.onclick = () => {
+  const body = head.closest("table").tBodies[0], place = head.cellIndex;
+  const down = head.getAttribute("aria-sort") === "ascending";
+  for (const other of head.parentNode.cells) other.removeAttribute("aria-sort");
+  head.setAttribute("aria-sort", down ? "descending" : "ascending");
+  const value = row => row.cells[place].textContent;
+  const number = text => text === "never" ? Infinity : parseFloat(text);
+  const order = (a, b) => {
+    const x = number(value(a)), y = number(value(b));
+    if (isNaN(x) || isNaN(y)) return value(a).localeCompare(value(b));
+    return x === y ? 0 : x - y;
+  };
+  const rows = [...body.rows].sort(order);
+  body.append(...(down ? rows.reverse() : rows));
+};
 """
 
 
@@ -82,7 +107,7 @@ def _summary(head, records):
         ("devices", devices or "none"),
         ("processor", f"{head['processor']}, {head['cores']} cores"),
         ("versions", f"warp {head['warp']}, Python {head['python']}, NumPy {head['numpy']}"),
-        ("commit", head["commit"] or "-"),
+        *([("commit", head["commit"])] if head["commit"] else []),
         ("sizes", "quick" if head.get("quick") else "full"),
     ]
     if all_figures is None:
@@ -135,13 +160,7 @@ def _section(scene, records):
             if len({str(record["parameters"].get(name)) for record in records}) == 1
         ]
         for name in error_names(records):
-            rows = [
-                (label_of(key, varying), "-" if order is None else f"{order:.2f}")
-                + tuple(map(_milliseconds, times))
-                for key, order, times in table_of_times(records, scene.sweep.name, name)
-            ]
-            lines += ["", f"Run time in ms until the error of `{name}` is at most"]
-            lines += _table(("curve", "order", *(f"{goal:.0e}" for goal in GOALS)), rows)
+            lines += _times(records, scene.sweep.name, name, varying)
     bars = {name: max(r["bars"].get(name, 0.0) for r in records) for name in error_names(records)}
     bars = {name: bar for name, bar in bars.items() if bar > 0.0}
     if bars:
@@ -155,6 +174,25 @@ def _section(scene, records):
     lines += _noisy(records) + _lost(records)
     drawn = all_figures(scene, records) if all_figures else {}
     return [*lines, ""], drawn
+
+
+def _times(records, axis, name, fixed):
+    """Run times until an error is reached; curves that reach none are only counted."""
+    found = table_of_times(records, axis, name)
+    rows = [
+        (label_of(key, fixed), "-" if order is None else f"{order:.2f}")
+        + tuple(map(_milliseconds, times))
+        for key, order, times in found
+        if any(time is not None for time in times)
+    ]
+    lines = []
+    if rows:
+        lines += ["", f"Run time in ms until the error of `{name}` is at most"]
+        lines += _table(("curve", "order", *(f"{goal:.0e}" for goal in GOALS)), rows)
+    if len(rows) < len(found):
+        never = len(found) - len(rows)
+        lines += [f"{never} of {len(found)} curves never reach an error of `{name}` of 1e-02.", ""]
+    return lines
 
 
 def _noisy(records):
@@ -192,37 +230,53 @@ def write_csv(records, path):
 
 
 def _html(lines, figures):
-    """The Markdown above as HTML: headings, tables, lists, paragraphs, figures."""
-    parts, table = [], []
+    """The Markdown above as one page: contents, sorted tables, figures with values."""
+    parts, table, contents = [], [], []
 
     def flush():
         if table:
-            parts.append("<table>" + "".join(table) + "</table>")
+            parts.append(_html_table(table))
             table.clear()
 
     for line in lines:
         if line.startswith("|"):
             if not line.startswith("|---"):
-                cells = [c.strip() for c in re.split(r"(?<!\\)\|", line)[1:-1]]
-                row = "".join(f"<td{_tint(c)}>{_inline(c)}</td>" for c in cells)
-                table.append(f"<tr>{row}</tr>")
+                table.append([c.strip() for c in re.split(r"(?<!\\)\|", line)[1:-1]])
             continue
         flush()
         if match := re.fullmatch(r"<!--(.*)-->", line):
             drawn = figures[match[1]].values()
             parts += [f"<figure>{svg}</figure>" for svg in drawn]
         elif match := re.match(r"(#+) (.*)", line):
-            level = len(match[1])
-            parts.append(f"<h{level}>{_inline(match[2])}</h{level}>")
+            level, name = len(match[1]), re.sub(r"\W+", "-", match[2].lower()).strip("-")
+            parts.append(f'<h{level} id="{name}">{_inline(match[2])}</h{level}>')
+            if level == 2:
+                contents.append(f'<a href="#{name}">{_inline(match[2])}</a>')
         elif line.startswith("- "):
             parts.append(f"<li>{_inline(line[2:])}</li>")
         elif line:
             parts.append(f"<p>{_inline(line)}</p>")
     flush()
+    if len(contents) > 1:
+        parts.insert(1, f"<nav>{''.join(contents)}</nav>")
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8">'
-        f"<title>Error against run time</title><style>{CSS}</style>" + "\n".join(parts) + "</html>"
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>Error against run time</title><style>{CSS}</style>"
+        + "\n".join(parts)
+        + f"<script>{SORT}</script></html>"
     )
+
+
+def _html_table(rows):
+    """A table whose first row is its head, if it has words."""
+    head = "".join(f'<th scope="col">{_inline(cell)}</th>' for cell in rows[0])
+    lines = []
+    for row in rows[1:]:
+        cells = "".join(f"<td{_tint(cell)}>{_inline(cell)}</td>" for cell in row)
+        lines.append(f"<tr>{cells}</tr>")
+    head = f"<thead><tr>{head}</tr></thead>" if any(rows[0]) else ""
+    return f"<table>{head}<tbody>{''.join(lines)}</tbody></table>"
 
 
 def _tint(cell):

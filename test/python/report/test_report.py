@@ -187,3 +187,68 @@ def test_command_line(tmp_path, capsys, monkeypatch):
     Path(baseline).write_text(json.dumps({"schema": 99, "kind": "run"}) + "\n")
     assert main(["decay", "--baseline", baseline]) == 2
     assert "expects schema 1, but got 99" in capsys.readouterr().err
+
+
+def _curve(errors, dtype="float64"):
+    return [
+        {"status": "ok", "dtype": dtype, "parameters": {"dt": dt}, "errors": {"x": error}}
+        for dt, error in errors
+    ]
+
+
+@pytest.mark.parametrize(
+    ("errors", "dtype", "expected"),
+    [
+        ([(0.1, 1e-2), (0.05, 2.5e-3), (0.025, 6.25e-4)], "float32", 2.0),
+        # Round-off of float32 falls and rises by chance.
+        ([(0.1, 4e-6), (0.05, 2e-6), (0.025, 1e-6)], "float32", None),
+        ([(0.1, 1e-2), (0.05, 1e-7), (0.025, 0.5e-7), (0.0125, 1e-13)], "float64", None),
+        # An error that grows as 2^n is no power of n.
+        ([(60, 0.29), (30, 8e-9), (15, 5e-12)], "float64", None),
+    ],
+)
+def test_orders_are_not_fitted_through_rounding(errors, dtype, expected):
+    assert report.observed_order(_curve(errors, dtype), "dt", "x") == (
+        None if expected is None else pytest.approx(expected, abs=0.01)
+    )
+
+
+def test_figures_have_values_and_room():
+    figures = pytest.importorskip("warp.report._figures")
+    looks = [figures._look(index) for index in range(16)]
+    assert len({(look["color"], str(look["linestyle"])) for look in looks}) == 16
+    plt = figures.plt
+    with plt.rc_context(figures.STYLE):
+        figure, panels = figures._panels(2)
+        axes = next(panels)
+        records = [
+            {
+                "status": "ok",
+                "device": "cpu",
+                "dtype": "float64",
+                "parameters": {"dt": dt, "method": "a method with a rather long name"},
+                "errors": {"x": error},
+            }
+            for dt, error in ((0.1, 1e-2), (0.05, 1e-3), (0.025, 0.0))
+        ]
+        curves = report._analysis.curves_of(records, "dt")
+        figures._draw_curves(axes, curves, (), "x", lambda record: record["parameters"]["dt"])
+        figures._legend(figure, axes)
+        text = figures._svg(figure)
+        box = figure.legends[0].get_window_extent()
+    assert text.count("<title>") >= 2 and "0.001" in text
+    # The point without an error lies at the lower edge, inside the figure.
+    assert axes.lines[-1].get_ydata()[0] == axes.get_ylim()[0] > 0.0
+    assert box.x0 >= 0 and box.x1 <= figure.bbox.width
+    assert axes.get_ylabel() == "error of x"
+
+
+def test_pages_have_heads_contents_and_fit_phones():
+    from warp.report._pages import _html
+
+    lines = ["# R", "## a b", "| curve | order |", "|---|---|", "| x | 2 |", "## c"]
+    text = _html(lines, {})
+    assert '<th scope="col">curve</th>' in text and "<td>2</td>" in text
+    assert '<a href="#a-b">' in text and '<h2 id="a-b">' in text
+    assert 'name="viewport"' in text and "aria-sort" in text
+    assert "http" not in text
