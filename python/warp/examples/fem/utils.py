@@ -273,8 +273,13 @@ def bsr_solve_saddle(
     quiet=False,
     method: str = "cg",
 ) -> tuple[float, int]:
-    """Solves [A B^T; B 0] (x_u, x_p) = (b_u, b_p); arguments as those of `bsr_cg`."""
+    """Solves [A B^T; B 0] (x_u, x_p) = (b_u, b_p); arguments as those of `bsr_cg`.
+
+    The system is indefinite: "cg", which needs a definite one, is the method of conjugate
+    residuals here.
+    """
     system = saddle_system
+    method = "cr" if method == "cg" else method
     x = wp.empty(system.shape[0], dtype=system.scalar_type, device=system.device)
     b = wp.empty_like(x)
     for whole, u, p in ((x, x_u, x_p), (b, b_u, b_p)):
