@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
     "name",
     ["README.md"]
     + [f"docs/{page}.md" for page in ("guide", "graphs", "differentiation", "extend")]
-    + [f"docs/{page}.md" for page in ("geometry", "report", "tiles")],
+    + [f"docs/{page}.md" for page in ("fem", "geometry", "report", "tiles")],
 )
 def test_python_blocks_run(name):
     text = (ROOT / name).read_text(encoding="utf-8")
