@@ -91,3 +91,16 @@ def test_errors():
         fem.PointBasisSpace(quadrature, distance_space="screen")
     with pytest.raises(ValueError, match="need a domain of all cells"):
         fem.PointBasisSpace(fem.RegularQuadrature(fem.Sides(geometry), order=1))
+
+
+def test_cells_without_points_count_nothing():
+    """A quadrature of all cells sees the particles of their own cells alone."""
+    geometry, quadrature, _ = particles()
+    basis = fem.PointBasisSpace(quadrature, kernel_func=hat, kernel_values={"radius": 2.0})
+    test = fem.make_test(fem.make_collocated_function_space(basis))
+    centers = fem.RegularQuadrature(fem.Cells(geometry), order=0)
+    total = fem.integrate(value, quadrature=centers, fields={"u": test}).numpy()
+    # Squared distances of coordinates to the centres of the cells.
+    squared = np.array([0.3**2 + 0.1**2, 0.1**2 + 0.1**2, 0.1**2 + 0.1**2])
+    expected = 0.25 * np.array([1, 2, 3]) * (1.0 - squared / 4.0)
+    np.testing.assert_allclose(total, expected, rtol=1e-5)

@@ -100,3 +100,10 @@ def test_errors():
         rule(TET, 2, "GL")
     with pytest.raises(ValueError, match="needs 2 points, but got 1"):
         quadrature_1d(1, Polynomial.LOBATTO_GAUSS_LEGENDRE)
+
+
+def test_prototypes():
+    points, weights = TRIANGLE.prototype.instantiate_quadrature(2)
+    assert (len(points), len(points[0]), sum(weights)) == (3, 3, pytest.approx(1.0))
+    assert TET.prototype.measure() == pytest.approx(1 / 6)
+    assert SQUARE.prototype.center() == (0.5, 0.5, 0.0)

@@ -83,6 +83,30 @@ def rule(cell: Cell, order: int, family: Polynomial | None = None) -> Rule:
     return make_rule(cell, cell.coords(parameters), weights, order)
 
 
+class Prototype:
+    """Numbers of a reference cell by methods, as `cell.prototype`."""
+
+    def __init__(self, cell: Cell):
+        self.cell, self.dimension = cell, cell.dimension
+
+    def measure(self) -> float:
+        """Measure in parameters."""
+        return self.cell.measure
+
+    def center(self) -> tuple:
+        """Coordinates of the centre."""
+        return tuple(self.cell.center.tolist())
+
+    def instantiate_quadrature(self, order: int, family: Polynomial | None = None) -> tuple:
+        """Points and weights of `rule`, as lists of tuples and of numbers."""
+        made = rule(self.cell, order, family)
+        return list(map(tuple, made.points.tolist())), made.weights.tolist()
+
+
+# Cells know no rules, which are made from them.
+Cell.prototype = property(Prototype)
+
+
 @functools.cache
 def nodal_rule(element) -> Rule:
     """The rule whose points are the nodes of an element; exact for constants at least."""

@@ -8,7 +8,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.partition import partition_functions
-from warp._src.fem.types import coords_type, make_free_sample
+from warp._src.fem.types import NULL_NODE_INDEX, coords_type, make_free_sample
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,11 @@ def point_functions(record) -> SimpleNamespace:
 
     @wp.func
     def element_node_index(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
-        place = place_of(topo_arg.part, element)
-        return index_of(cell_arg, topo_arg.quadrature, place, element, node)
+        number = int(NULL_NODE_INDEX)
+        if node < element_node_count(cell_arg, topo_arg, element):
+            place = place_of(topo_arg.part, element)
+            number = index_of(cell_arg, topo_arg.quadrature, place, element, node)
+        return number
 
     @wp.func
     def element_orientation(cell_arg: CellArg, topo_arg: TopologyArg, element: int):
@@ -147,40 +150,52 @@ def point_basis_functions(record) -> SimpleNamespace:
     value = None if is_dirac else _radial(points.value, points.values, TopologyArg, real)
     gradient = _radial(points.gradient, points.values, TopologyArg, real) if has_gradient else None
 
+    count_of = topology.element_node_count
+
     @wp.func
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
-        place = place_of(topo_arg.part, element)
-        return coords_of(cell_arg, topo_arg.quadrature, place, element, node)
+        coords = Coords(real(0.0))
+        if node < count_of(cell_arg, topo_arg, element):
+            place = place_of(topo_arg.part, element)
+            coords = coords_of(cell_arg, topo_arg.quadrature, place, element, node)
+        return coords
 
     @wp.func
     def node_weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
-        place = place_of(topo_arg.part, element)
-        return weight_of(cell_arg, topo_arg.quadrature, place, element, node)
+        weight = real(0.0)
+        if node < count_of(cell_arg, topo_arg, element):
+            place = place_of(topo_arg.part, element)
+            weight = weight_of(cell_arg, topo_arg.quadrature, place, element, node)
+        return weight
 
     @wp.func
     def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
-        point = node_coords(cell_arg, topo_arg, element, node)
-        distance = squared(cell_arg, element, coords, point)
-        if wp.static(is_dirac):
-            return dirac(distance)
-        else:
-            place = place_of(topo_arg.part, element)
-            index = index_of(cell_arg, topo_arg.quadrature, place, element, node)
-            return real(value(distance, index, topo_arg))
+        made = real(0.0)
+        if node < count_of(cell_arg, topo_arg, element):
+            point = node_coords(cell_arg, topo_arg, element, node)
+            distance = squared(cell_arg, element, coords, point)
+            if wp.static(is_dirac):
+                made = dirac(distance)
+            else:
+                place = place_of(topo_arg.part, element)
+                index = index_of(cell_arg, topo_arg.quadrature, place, element, node)
+                made = real(value(distance, index, topo_arg))
+        return made
 
     @wp.func
     def weight_gradient(
         cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
     ):
+        made = Vector(real(0.0))
         if wp.static(has_gradient):
-            point = node_coords(cell_arg, topo_arg, element, node)
-            distance = squared(cell_arg, element, coords, point)
-            place = place_of(topo_arg.part, element)
-            index = index_of(cell_arg, topo_arg.quadrature, place, element, node)
-            change = slope(cell_arg, element, coords, point)
-            return real(gradient(distance, index, topo_arg)) * change
-        else:
-            return Vector(real(0.0))
+            if node < count_of(cell_arg, topo_arg, element):
+                point = node_coords(cell_arg, topo_arg, element, node)
+                distance = squared(cell_arg, element, coords, point)
+                place = place_of(topo_arg.part, element)
+                index = index_of(cell_arg, topo_arg.quadrature, place, element, node)
+                change = slope(cell_arg, element, coords, point)
+                made = real(gradient(distance, index, topo_arg)) * change
+        return made
 
     return SimpleNamespace(
         weight=weight,
