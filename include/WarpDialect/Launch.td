@@ -55,6 +55,11 @@ def Launch_MaxBlockCoarsening : VariantFact<"max_block_coarsening",
 def Launch_ThreadOrder : VariantFact<"thread_order", LaunchFlag<>,
     "CPU, not deterministic: atomic updates whose result is used are made in the "
     "order of the threads", KeyIfUsed>;
+def Launch_FarRows : VariantFact<"far_rows", LaunchFlag<>,
+    "CPU: rows of an array begin a multiple of 2 KiB apart, so that elements of "
+    "many rows fall into one set of the cache", KeyIfUsed> {
+  let phrase = "rows 2 KiB apart";
+}
 
 def Launch_Index32 : VariantFact<"index32", LaunchFlag<"true">,
     "no array and no launch has 2^31 elements or more", Key> {

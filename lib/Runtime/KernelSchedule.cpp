@@ -37,6 +37,7 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
         (variant->code.schedule.sizeFacts & underfilledFact) != 0;
     if (!(variant->code.schedule.sizeFacts & innerExtentFact))
       served.innerExtent = 0;
+    served.farRows &= (variant->code.schedule.sizeFacts & farRowsFact) != 0;
     served.large |= (variant->code.schedule.sizeFacts & threadOrderFact) != 0 &&
                     isInTurn(1) && !key.threadOrder;
   }

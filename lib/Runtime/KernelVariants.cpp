@@ -36,6 +36,9 @@ static constexpr int leastRow = 4, mostRow = 32;
 /// Operations of a launch for which code for rows of any length does, where
 /// there is some.
 static constexpr double smallWork = 1e5;
+/// Bytes between rows of which few elements are in a cache at once: a set of
+/// 8 lines of 64 bytes is for every 2 or 4 KiB.
+static constexpr int32_t setStride = 2048;
 /// Extents from which on squares of 32 indices are mostly full.
 static constexpr int64_t wideExtent = 96;
 /// Several threads must share the first dimension for one to take many indices
@@ -120,6 +123,15 @@ static bool isAligned(const ArrayDescriptor &array, int64_t elementSize) {
   return places % packedAlignment(elementSize) == 0;
 }
 
+/// True if elements of neighbouring rows fall into one set of the cache.
+static bool hasFarRows(const ArrayDescriptor &array) {
+  for (int d = 0; d + 1 < array.ndim; ++d)
+    if (array.strides[d] != 0 && array.strides[d] % setStride == 0 &&
+        array.shape[d] > 1)
+      return true;
+  return false;
+}
+
 /// Threads of a block, at most.
 static constexpr int maxBlock = 1024;
 
@@ -153,6 +165,8 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   // The last GPU block may count beyond the end by its threads and items.
   key.index32 = items <= INT32_MAX - 4096;
   auto *bytes = static_cast<const char *>(params);
+  bool choosesLanes =
+      isHost(device) && saved.empty() && !options.debug && options.lanes == 0;
   for (const IntegerArgument &integer : integers)
     if (bytes[integer.highByte] >= 0)
       key.nonNegative |= integer.bit;
@@ -165,6 +179,7 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
         (isHost(device) || isAligned(array, argument.elementSize)))
       key.packed |= argument.bit;
     key.index32 &= count <= INT32_MAX;
+    key.farRows |= choosesLanes && hasFarRows(array);
     plan.bytes += count * argument.elementSize * (array.grad ? 2 : 1);
   }
   if (isHost(device)) {

@@ -55,7 +55,10 @@ private:
   }
   void count(Operation *op, double trips, double use);
   void countAccess(warp::AccessOp op, double trips, double use);
+  bool goesThroughRow(warp::AccessOp access) const;
   bool isStream(scf::ForOp loop) const;
+  bool isRecurrence(scf::ForOp loop) const;
+  double gainOfStream(scf::ForOp loop) const;
   bool isChain(LoopLikeOpInterface loop) const;
   bool isOfLanes(Operation *op) const;
   void findTightLoop(LoopLikeOpInterface loop);
@@ -104,6 +107,60 @@ static bool carriesSums(scf::ForOp loop) {
         }
         return sum.hasOneUse();
       });
+}
+
+/// True if an access is to the next element of its row in each iteration of a
+/// long loop, and to another row in each lane.
+bool CostCounter::goesThroughRow(warp::AccessOp access) const {
+  ValueRange indices = access.getIndices();
+  if (indices.size() < 2 || variance.step(indices.back()) != 0)
+    return false;
+  auto loop = access->getParentOfType<scf::ForOp>();
+  return loop && !isShort(loop) &&
+         variance.form(indices.back()).has(warp::Symbol::trip(loop)) &&
+         llvm::any_of(indices.drop_back(),
+                      [&](Value index) { return isVarying(index); });
+}
+
+/// True if an iteration may read an element that an earlier one writes:
+/// `y[i, k] = f(y[i, k - 1])`. Such a loop carries its values through an array,
+/// and no compiler makes vectors of its iterations.
+bool CostCounter::isRecurrence(scf::ForOp loop) const {
+  SmallVector<warp::AccessOp> reads, writes;
+  for (auto access : loop.getBody()->getOps<warp::AccessOp>()) {
+    if (access.mayWrite())
+      writes.push_back(access);
+    else
+      reads.push_back(access);
+  }
+  warp::Symbol trip = warp::Symbol::trip(loop);
+  auto reaches = [&](warp::AccessOp write, warp::AccessOp read) {
+    if (write.getArray() != read.getArray() ||
+        write.getIndices().size() != read.getIndices().size())
+      return false;
+    for (auto [to, from] :
+         llvm::zip_equal(write.getIndices(), read.getIndices())) {
+      const warp::Form &target = variance.form(to);
+      std::optional<warp::Form> pace = target.coefficientOf(trip);
+      std::optional<warp::Form> gap = target - variance.form(from);
+      std::optional<int64_t> distance = gap ? gap->getConstant() : std::nullopt;
+      if (!pace || !distance)
+        continue;
+      // An element is read that no iteration wrote yet, or in which only this
+      // one does.
+      std::optional<int64_t> step = pace->getConstant();
+      if (*distance != 0 && step &&
+          (*step == 0 || (*distance < 0) != (*step < 0)))
+        return false;
+      if (*distance == 0 && pace->getConstant() != 0)
+        return false;
+    }
+    return true;
+  };
+  return llvm::any_of(writes, [&](warp::AccessOp write) {
+    return llvm::any_of(
+        reads, [&](warp::AccessOp read) { return reaches(write, read); });
+  });
 }
 
 /// True if the iterations of one thread are as good as lanes: straight-line
@@ -249,6 +306,7 @@ static double gatherCost(Operation *op, ValueRange numbers, double use) {
 
 void CostCounter::countAccess(warp::AccessOp op, double trips, double use) {
   auto store = dyn_cast<warp::StoreComponentsOp>(*op);
+  cost.hasRows |= goesThroughRow(op);
   ValueRange numbers =
       store ? ValueRange(store.getComponents()) : ValueRange(op->getResults());
   double count = numbers.size();
@@ -265,15 +323,30 @@ void CostCounter::countAccess(warp::AccessOp op, double trips, double use) {
   add(count, each * count, trips, use);
 }
 
+/// How much quicker the loop of one thread is than its operations one by one.
+double CostCounter::gainOfStream(scf::ForOp loop) const {
+  if (isRecurrence(loop))
+    return warp::cost::recurrenceGain;
+  // Their reduction of large arguments is a branch, which lanes take together
+  // and the compiler's vectors of iterations do not have.
+  auto isBranched = [](Operation &op) {
+    return isa<math::SinOp, math::CosOp, math::TanOp>(op);
+  };
+  return llvm::any_of(*loop.getBody(), isBranched) ? 1 : warp::cost::streamGain;
+}
+
 void CostCounter::count(Operation *op, double trips, double use) {
   if (auto loop = dyn_cast<scf::ForOp>(op); loop && isStream(loop)) {
     CostCounter inside(variance, exclusive);
     inside.count(*loop.getBody(), trips * warp::cost::loopTrips, use);
     cost.hasLoop = true;
-    cost.scalar += inside.cost.scalar / warp::cost::streamGain;
+    cost.scalar += inside.cost.scalar / gainOfStream(loop);
     cost.vector += inside.cost.vector;
     cost.operations += inside.cost.operations;
     cost.varying += inside.cost.varying;
+    cost.wide += inside.cost.wide;
+    cost.narrow += inside.cost.narrow;
+    cost.hasRows |= inside.cost.hasRows;
     return;
   }
   if (isa<scf::ForOp, scf::WhileOp>(op)) {

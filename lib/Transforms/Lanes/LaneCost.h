@@ -20,6 +20,8 @@ struct LaneCost {
   /// Operations of lanes in the code as it stands.
   int64_t varying = 0;
   bool hasLoop = false;
+  /// True if lanes go through rows of their own in a loop.
+  bool hasRows = false;
   /// True if most of them are in a loop that two vectors in turn run quicker.
   bool hasChain = false;
   /// The costs of the largest innermost loop, and true if all such loops do

@@ -139,6 +139,11 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   plan.dependsOnRows = variant.getRank() > 1 && cost.isWorthIt(all, all);
   if (variant.getInnerExtent() != 0)
     lanes = std::min(all, variant.getInnerExtent());
+  // A set of a first-level cache has 8 lines or 12.
+  constexpr int64_t lines = 8;
+  plan.dependsOnFarRows = cost.hasRows && all > lines;
+  if (plan.dependsOnFarRows && variant.getFarRows())
+    lanes = all = std::min(lanes, lines);
   if (!cost.isWorthIt(lanes, all)) {
     plan.reason = "most is done lane by lane";
     return plan;

@@ -20,6 +20,8 @@ struct LanePlan {
   std::string reason;
   /// True if another length of the launch's rows may decide otherwise.
   bool dependsOnRows = false;
+  /// True if it matters how far apart the rows are that lanes go through.
+  bool dependsOnFarRows = false;
 };
 
 /// As many lanes as the variant asks for, if it does and they are possible at

@@ -385,9 +385,10 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
-    if (plan.dependsOnRows)
-      warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(
-                                    warp::innerExtentFact));
+    int facts = (plan.dependsOnRows ? warp::innerExtentFact : 0) |
+                (plan.dependsOnFarRows ? warp::farRowsFact : 0);
+    if (facts)
+      warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(facts));
     if (plan.lanes == 1)
       return;
     if (warp::shareRuns(kernel, variance)) {
