@@ -131,7 +131,7 @@ def assemble_matrix(
         target = bsr_zeros(*pattern.shape, block, device=form.device)
         wants = getattr(form, "requires_grad", False) and extend.is_recording()
         target.values.requires_grad = wants or (output is not None and output.requires_grad)
-    _set_structure(target, pattern, options)
+    set_structure(target, pattern, options)
     fill(form, pattern, target.values, accumulate_dtype, temporary_store)
     if options.prune:
         bsr_compress(target, prune_numerical_zeros=True)
@@ -166,7 +166,7 @@ def _row_sizes(offsets: wp.array(dtype=int), sizes: wp.array(dtype=int)):
     sizes[r] = offsets[r + 1] - offsets[r]
 
 
-def _set_structure(matrix, pattern, options) -> None:
+def set_structure(matrix, pattern, options) -> None:
     """Copies the pattern: later operations may change the matrix in place."""
     nnz = pattern.nnz
     if options.capacity == "reuse" and min(matrix.columns.size, matrix.values.size) < nnz:
