@@ -9,6 +9,8 @@ pixels as PNG and needs nothing; other formats need Pillow, and MP4 needs imagei
 
 import typing
 
+from warp._src.render.models import load_mesh as load_mesh
+from warp._src.render.models import save_mesh as save_mesh
 from warp._src.render.opengl import OpenGLRenderer as OpenGLRenderer
 from warp._src.render.pictures import save_movie as save_movie
 from warp._src.render.pictures import save_picture as save_picture

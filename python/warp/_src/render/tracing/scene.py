@@ -376,6 +376,17 @@ class Scene:
 
         save_page(self, path, title, fps, max_triangles, decimate)
 
+    def save_model(self, path) -> None:
+        """Writes meshes and spheres for other programs.
+
+        Args:
+            path: of the file: `.glb`, `.gltf`, `.obj`, `.ply` or `.stl` by trimesh, or `.usd`,
+                `.usda` or `.usdc` by usd-core, with materials; USD has the lights too.
+        """
+        from warp._src.render.tracing.exports import save_model
+
+        save_model(self, path)
+
     def _light(self, denoise):
         if denoise:
             return films.denoised(self._film, float(self.samples), 5)
