@@ -200,3 +200,14 @@ class Geometry:
     def supports_cell_lookup(self, device=None) -> bool:
         """`lookup` works on a device."""
         return True
+
+    def check(self, device=None):
+        """Looks for cells that forms cannot be integrated on.
+
+        Returns:
+            A `warp.fem.geometry.GeometryReport` with numbers of cells: flat, inverted, folded, not
+            finite, with repeated vertices, duplicates; and sides of more than two cells.
+        """
+        from warp._src.fem.geometry.check import check_geometry
+
+        return check_geometry(self, device)

@@ -48,6 +48,8 @@ def add_lookup(f: SimpleNamespace, record) -> None:
             filter_target: Any,
             environment: int,
         ):
+            if not wp.dot(x, x) >= real(0.0):
+                return make_free_sample(-1, Coords(real(OUTSIDE)))
             center = cell_around(arg, x)
             cell = first_cell(arg, environment) + cell_number(arg.res, center)
             if wp.static(filter_func is None):

@@ -152,9 +152,8 @@ class Mesh(Geometry):
             cell, k = divmod(first, cells.shape[1])
             vertex = int(cells[cell : cell + 1].numpy()[0, k])
             raise ValueError(
-                f"cell {cell} names vertex {vertex}, but the mesh has vertices 0 to {n - 1}"
-                if n
-                else f"cell {cell} names vertex {vertex}, but the mesh has no vertices"
+                f"Vertex index {vertex} of cell {cell}, at flattened array index {first}, is not "
+                f"of the mesh: expected a value in [0, {n})"
             )
 
     def _checked_environments(self, cell_env, env_count):

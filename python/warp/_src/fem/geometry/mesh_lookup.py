@@ -228,6 +228,9 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
                 root = wp.bvh_get_group_root(arg.bvh, environment)
         if arg.bvh == wp.uint64(0) or (wp.static(several) and root < 0):
             return make_free_sample(best_cell, best_coords)
+        # Nothing is near NaN.
+        if not wp.dot(x, x) >= real(0.0):
+            return make_free_sample(-1, Coords(real(OUTSIDE)))
         center = to_box(x)
         error = pad * wp.max(wp.abs(center))
         if wp.static(is_solid):

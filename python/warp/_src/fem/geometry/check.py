@@ -1,0 +1,174 @@
+"""Checks of geometries - flat, inverted, folded and repeated cells, by number."""
+
+import functools
+import itertools
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+import warp as wp
+from warp import extend
+from warp._src.fem.geometry.derived import of_gradient
+from warp._src.fem.geometry.shapes import DIMENSIONS
+from warp._src.fem.types import coords_type, make_free_sample
+
+_WORDS = {
+    "not_finite": "cells with NaN or infinite positions",
+    "repeated_vertices": "cells that name a vertex twice",
+    "flat": "cells of measure 0",
+    "inverted": "cells of negative orientation",
+    "folded": "cells that are not convex or cross themselves, whose orientation changes inside",
+    "duplicates": "cells with the vertices of a cell before them",
+    "crowded_sides": "sides between more than two cells",
+}
+
+
+def _none() -> np.ndarray:
+    return np.zeros(0, np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryReport:
+    """What `check` finds: numbers of cells (of sides, for `crowded_sides`).
+
+    Attributes:
+        not_finite: cells with NaN or infinite positions.
+        repeated_vertices: cells that name a vertex twice.
+        flat: cells of measure 0.
+        inverted: cells of negative orientation; legal, `measure` is positive.
+        folded: cells whose orientation changes inside: not convex, or crossing themselves.
+        duplicates: cells with the same vertices as one before them.
+        crowded_sides: sides that more than two cells share.
+    """
+
+    not_finite: np.ndarray = field(default_factory=_none)
+    repeated_vertices: np.ndarray = field(default_factory=_none)
+    flat: np.ndarray = field(default_factory=_none)
+    inverted: np.ndarray = field(default_factory=_none)
+    folded: np.ndarray = field(default_factory=_none)
+    duplicates: np.ndarray = field(default_factory=_none)
+    crowded_sides: np.ndarray = field(default_factory=_none)
+
+    @property
+    def is_fine(self) -> bool:
+        """Nothing was found but negative orientations."""
+        return not any(len(getattr(self, f.name)) for f in fields(self) if f.name != "inverted")
+
+    def __str__(self) -> str:
+        lines = []
+        for f in fields(self):
+            numbers = getattr(self, f.name)
+            if len(numbers):
+                shown = ", ".join(map(str, numbers[:8])) + (", ..." if len(numbers) > 8 else "")
+                lines.append(f"{len(numbers)} {_WORDS[f.name]}: {shown}")
+        return "\n".join(lines) or "no findings"
+
+
+def _sample_points(cell: str) -> np.ndarray:
+    """Coordinates where orientation is tested: corners, mid-points of edges and faces, center."""
+    k = DIMENSIONS[cell]
+    if cell in ("triangle", "tet"):
+        corners = np.vstack((np.zeros(k), np.eye(k)))
+        pairs = [(a + b) / 2 for a, b in itertools.combinations(corners, 2)]
+        points = np.vstack((corners, pairs, [corners.mean(axis=0)]))
+    else:
+        points = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=k)))
+    if cell == "triangle":
+        return np.column_stack((1.0 - points.sum(axis=1), points))
+    return np.pad(points, ((0, 0), (0, 3 - k)))
+
+
+@functools.cache
+def _orientation_kernel(record):
+    """Kernel that writes the least and largest orientation of each cell, from -1 to 1."""
+    functions, real, cell = record.functions, record.scalar, record.cell
+    k, d = DIMENSIONS[cell], record.dimension
+    points = _sample_points(cell)
+    n, Coords, CellArg = len(points), coords_type(real), functions.CellArg
+    gradient, is_solid, is_curve = functions.cell_deformation_gradient, k == d, k == 1
+    normal_of = of_gradient(k, d)[1]
+    is_surface = not is_solid and normal_of is not None
+
+    @wp.func
+    def size_of(arg: CellArg, cell: int, q: int):
+        """Gradient's orientation relative to the product of its columns' lengths."""
+        c = Coords(real(points[q, 0]), real(points[q, 1]), real(points[q, 2]))
+        F = gradient(arg, make_free_sample(cell, c))
+        Ft = wp.transpose(F)
+        product = real(1.0)
+        for i in range(k):
+            product *= wp.length(Ft[i])
+        if product == real(0.0):
+            return product
+        if wp.static(is_solid):
+            return wp.determinant(F) / product
+        else:
+            return wp.length(wp.cross(Ft[0], Ft[1])) / product
+
+    @wp.kernel(enable_backward=False)
+    def orient(
+        arg: CellArg,
+        low: wp.array(dtype=wp.float64),
+        high: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        least = size_of(arg, i, 0)
+        most = least
+        for q in range(1, n):
+            size = size_of(arg, i, q)
+            # A NaN stays.
+            least = wp.where(size >= least, least, size)
+            most = wp.where(size <= most, most, size)
+        low[i] = wp.float64(least)
+        high[i] = wp.float64(most)
+
+    return None if is_curve or not (is_solid or is_surface) else orient
+
+
+def _of_tables(geometry) -> dict:
+    """Findings of a mesh's tables."""
+    table = getattr(geometry, "cell_vertices", None)
+    if table is None or geometry.base is not geometry:
+        return {}
+    cells = np.sort(table.numpy(), axis=1)
+    repeated = (cells[:, 1:] == cells[:, :-1]).any(axis=1)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    is_first = np.zeros(len(cells), bool)
+    is_first[first] = True
+    found = {"repeated_vertices": np.flatnonzero(repeated)}
+    found["duplicates"] = np.flatnonzero(~is_first)
+    of_sides = geometry.entities().sides
+    counts = np.bincount(of_sides.of_cells.numpy().ravel(), minlength=of_sides.count)
+    found["crowded_sides"] = np.flatnonzero(counts > 2)
+    found["not_finite"] = np.flatnonzero(
+        ~np.isfinite(geometry.positions.numpy()[table.numpy()]).all(axis=(1, 2))
+    )
+    return found
+
+
+def check_geometry(geometry, device=None) -> GeometryReport:
+    """Looks for cells that forms cannot be integrated on; see `GeometryReport`."""
+    found = _of_tables(geometry)
+    kernel = _orientation_kernel(geometry.record)
+    n = geometry.cell_count()
+    if kernel is None or not n:
+        return GeometryReport(**found)
+    device = wp.get_device(device)
+    with extend.unrecorded():
+        low, high = (wp.zeros(n, dtype=wp.float64, device=device) for _ in range(2))
+        wp.launch(kernel, n, [geometry.cell_arg_value(device)], [low, high], device=device)
+        low, high = low.numpy(), high.numpy()
+    # Products of differences are exact to a few units in the last place.
+    tolerance = 2.0**-19 if geometry.scalar_type is wp.float32 else 2.0**-46
+    is_nan = np.isnan(low) | np.isnan(high)
+    flat = (np.maximum(np.abs(low), np.abs(high)) <= tolerance) | is_nan
+    bad = found.get("not_finite", _none())
+    flat[bad] = False
+    folded = ~flat & ~is_nan & (low < -tolerance) & (high > tolerance)
+    touching = ~flat & ~is_nan & ~folded & (np.minimum(np.abs(low), np.abs(high)) <= tolerance)
+    return GeometryReport(
+        **found,
+        flat=np.flatnonzero(flat),
+        inverted=np.flatnonzero(~flat & ~is_nan & (high < -tolerance)),
+        folded=np.flatnonzero(folded | touching),
+    )
