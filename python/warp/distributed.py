@@ -11,28 +11,83 @@
 The same program runs alone, under `mpirun -n 4 python` and under `torchrun`.
 """
 
-from warp._src.distributed.blocks import Blocks as Blocks
-from warp._src.distributed.blocks import Box as Box
-from warp._src.distributed.communicator import Communicator as Communicator
-from warp._src.distributed.communicator import Message as Message
-from warp._src.distributed.communicator import current as current
-from warp._src.distributed.failures import DistributedError as DistributedError
-from warp._src.distributed.failures import DistributedValueError as DistributedValueError
-from warp._src.distributed.graphs import Graph as Graph
-from warp._src.distributed.operations import all_gather as all_gather
-from warp._src.distributed.operations import all_reduce as all_reduce
-from warp._src.distributed.operations import all_to_all as all_to_all
-from warp._src.distributed.operations import barrier as barrier
-from warp._src.distributed.operations import broadcast as broadcast
-from warp._src.distributed.operations import reduce_scatter as reduce_scatter
-from warp._src.distributed.operations import replicate as replicate
-from warp._src.distributed.operations import rows_of as rows_of
-from warp._src.distributed.reductions import dot as dot
-from warp._src.distributed.reductions import sum as sum
-from warp._src.distributed.solvers import LinearOperator as LinearOperator
-from warp._src.distributed.solvers import Matrix as Matrix
-from warp._src.distributed.solvers import bsr_mv as bsr_mv
-from warp._src.distributed.start import init as init
+import typing
+
+if typing.TYPE_CHECKING:
+    from warp._src.distributed.blocks import Blocks as Blocks
+    from warp._src.distributed.blocks import Box as Box
+    from warp._src.distributed.checkpoints import load as load
+    from warp._src.distributed.checkpoints import save as save
+    from warp._src.distributed.communicator import Communicator as Communicator
+    from warp._src.distributed.communicator import Message as Message
+    from warp._src.distributed.communicator import current as current
+    from warp._src.distributed.failures import DistributedError as DistributedError
+    from warp._src.distributed.failures import DistributedValueError as DistributedValueError
+    from warp._src.distributed.graphs import Graph as Graph
+    from warp._src.distributed.operations import all_gather as all_gather
+    from warp._src.distributed.operations import all_reduce as all_reduce
+    from warp._src.distributed.operations import all_to_all as all_to_all
+    from warp._src.distributed.operations import barrier as barrier
+    from warp._src.distributed.operations import broadcast as broadcast
+    from warp._src.distributed.operations import reduce_scatter as reduce_scatter
+    from warp._src.distributed.operations import replicate as replicate
+    from warp._src.distributed.operations import rows_of as rows_of
+    from warp._src.distributed.processes import Shared as Shared
+    from warp._src.distributed.processes import progress as progress
+    from warp._src.distributed.processes import share as share
+    from warp._src.distributed.processes import warm as warm
+    from warp._src.distributed.reductions import dot as dot
+    from warp._src.distributed.reductions import sum as sum
+    from warp._src.distributed.solvers import LinearOperator as LinearOperator
+    from warp._src.distributed.solvers import Matrix as Matrix
+    from warp._src.distributed.solvers import bsr_mv as bsr_mv
+    from warp._src.distributed.start import init as init
+
+# Where names are; each module is imported when one of its names is first used.
+_MODULES = {
+    "Blocks": "blocks",
+    "Box": "blocks",
+    "load": "checkpoints",
+    "save": "checkpoints",
+    "Communicator": "communicator",
+    "Message": "communicator",
+    "current": "communicator",
+    "DistributedError": "failures",
+    "DistributedValueError": "failures",
+    "Graph": "graphs",
+    "all_gather": "operations",
+    "all_reduce": "operations",
+    "all_to_all": "operations",
+    "barrier": "operations",
+    "broadcast": "operations",
+    "reduce_scatter": "operations",
+    "replicate": "operations",
+    "rows_of": "operations",
+    "Shared": "processes",
+    "progress": "processes",
+    "share": "processes",
+    "warm": "processes",
+    "dot": "reductions",
+    "sum": "reductions",
+    "LinearOperator": "solvers",
+    "Matrix": "solvers",
+    "bsr_mv": "solvers",
+    "init": "start",
+}
+
+
+def __getattr__(name):
+    if name not in _MODULES:
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    import importlib
+
+    found = importlib.import_module(f"warp._src.distributed.{_MODULES[name]}")
+    globals()[name] = getattr(found, name)
+    return globals()[name]
+
+
+def __dir__():
+    return sorted({*globals(), *_MODULES})
 
 
 def mpi(comm=None, device=None, timeout=300):

@@ -10,6 +10,7 @@ PASSING = (
     *("reductions", "movements", "dot_tests", "products"),
     *("debug_mode", "disagreement", "bad_input", "lifetime"),
     *("graph_operations", "bad_graphs"),
+    *("checkpoints", "shared_memory", "warm_and_progress"),
 )
 SAME_BITS = ("jacobi", "exact_sums", "products_and_solvers", "matrix_free")
 ROWS, COLUMNS, STEPS = 24, 16, 10

@@ -177,12 +177,6 @@ class Communicator:
         """A Python object of one rank, on all ranks."""
         return self.gather_objects(value if self.rank == root else None)[root]
 
-    def operator(self, A):
-        """A rank's part of a linear operator, for `warp.optim.linear`."""
-        from warp._src.distributed.solvers import LinearOperator
-
-        return A if isinstance(A, LinearOperator) else LinearOperator(A, comm=self)
-
     # Checks.
 
     def check_sum(self, numbers) -> np.ndarray:

@@ -64,13 +64,13 @@ class RankLog:
         """Process, plan and step of a rank; zeros if it is of another host."""
         return tuple(self.words[rank * _WORDS : rank * _WORDS + 3])
 
-    def request_stop(self) -> None:
-        """Asks all ranks of the host to stop after a step."""
-        self.own[_STOP] = 1
+    def request_stop(self, step) -> None:
+        """Asks all ranks of the host to stop before a step."""
+        self.own[_STOP] = step
 
-    def wants_stop(self) -> bool:
-        """True if a rank of the host asks all to stop."""
-        return any(self.words[_STOP::_WORDS])
+    def stop_step(self) -> int:
+        """The last step that a rank of the host asks all to stop before, 0 for none."""
+        return max(self.words[_STOP::_WORDS])
 
     def clear_stop(self) -> None:
         """Takes the request of this rank back."""

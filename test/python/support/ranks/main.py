@@ -3,7 +3,10 @@
 import checking
 import grid_checks
 import operation_checks
+import process_checks
 import solver_checks
 
+MODULES = (grid_checks, operation_checks, solver_checks, process_checks)
+
 if __name__ == "__main__":
-    checking.run([*grid_checks.CHECKS, *operation_checks.CHECKS, *solver_checks.CHECKS])
+    checking.run([check for module in MODULES for check in module.CHECKS])

@@ -9,7 +9,11 @@ from warp.extend.kinds import FLAG, INTEGER, SOLVER
 
 def _over_ranks(A, comm):
     """The operator as a part of one over ranks."""
-    return A if comm is None else comm.operator(A)
+    if comm is None:
+        return A
+    from warp.distributed import LinearOperator
+
+    return A if isinstance(A, LinearOperator) else LinearOperator(A, comm=comm)
 
 
 @checked(**SOLVER, restart=INTEGER, run=FLAG)

@@ -1,0 +1,90 @@
+"""Many processes of a host: one compiles for all, and threads are as many as launchers say."""
+
+import os
+import subprocess
+import sys
+import time
+
+import launcher
+import pytest
+
+THREADS = """
+import os, warp as wp
+wp.config.quiet = True
+x = wp.zeros(4_000_000, dtype=float, device="cpu")
+wp.map(wp.sin, x)
+names = [open(f"/proc/self/task/{t}/comm").read().strip() for t in os.listdir("/proc/self/task")]
+print(names.count("warp-worker") + 1)
+"""
+
+
+def together(count, cache):
+    """CPU seconds of the first launches of each process, and their results."""
+    at = time.time() + 1.0 + 0.4 * count
+    command = [sys.executable, str(launcher.FOLDER / "twelve_kernels.py"), str(at)]
+    env = launcher.environment(WARP_CACHE_PATH=str(cache))
+    children = [
+        subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) for _ in range(count)
+    ]
+    rows = [child.communicate(timeout=60)[0].split() for child in children]
+    return sum(float(row[0]) for row in rows), {row[1] for row in rows}
+
+
+def test_one_process_compiles_for_all(tmp_path):
+    alone, one = together(1, tmp_path / "one")
+    warm, _ = together(1, tmp_path / "one")
+    many, results = together(4, tmp_path / "many")
+    assert results == one
+    # All four compile without claims: four times the time of one.
+    assert many < alone + 3 * warm + 1.5 * alone, (alone, warm, many)
+    left = [name for name in os.listdir(tmp_path / "many") if name.endswith(".claim")]
+    assert not left
+
+
+@pytest.mark.parametrize(
+    ("variables", "threads"),
+    [
+        ({"OMP_NUM_THREADS": "3"}, 3),
+        ({"OMP_NUM_THREADS": "3", "WARP_NUM_THREADS": "2"}, 2),
+        ({"OMP_NUM_THREADS": "4,2"}, 4),
+    ],
+)
+def test_threads_of_launchers(variables, threads):
+    env = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")} | variables
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS], env=env, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.strip() == str(threads), done.stdout + done.stderr
+
+
+def test_the_package_is_imported_by_nobody():
+    code = "import warp, sys; print([m for m in sys.modules if 'distributed' in m])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]", done.stdout + done.stderr
+
+
+def test_engines_are_imported_when_they_are_used():
+    code = """
+import sys, time, warp
+before = set(sys.modules)
+import warp.distributed
+found = {name.partition(".")[0] for name in set(sys.modules) - before}
+print(sorted(found & {"mpi4py", "torch", "ray", "dask", "pymetis", "cupy"}))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.strip() == "[]", done.stdout + done.stderr
+
+
+def test_a_missing_engine_says_what_to_install():
+    code = """
+import sys
+sys.modules["mpi4py"] = None
+import warp as wp, warp.distributed as wd
+wp.config.quiet = True
+try:
+    wd.init("mpi")
+except Exception as problem:
+    print(problem)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert "mpi4py" in done.stdout and "install it" in done.stdout, done.stdout + done.stderr

@@ -1,0 +1,107 @@
+"""Checks of checkpoints, shared memory, warm caches and progress bars on ranks."""
+
+import json
+import os
+import signal
+import tempfile
+
+import checking
+import numpy as np
+
+import warp as wp
+import warp.distributed as wd
+
+
+@wp.kernel
+def double(x: wp.array(dtype=float)):
+    x[wp.tid()] *= 2.0
+
+
+def checkpoints(comm):
+    """State comes back on this number of ranks and on one."""
+    folder = comm.broadcast_object(tempfile.mkdtemp(), 0) + "/state"
+    shape = (9, 8)
+    blocks = wd.Blocks(shape, comm=comm)
+    data = np.arange(72.0).reshape(shape).astype(np.float32)
+    f, g = blocks.zeros(), blocks.zeros(items=3)
+    blocks.scatter(data if comm.rank == 0 else None, f)
+    blocks.scatter(np.stack([data, 2 * data, 3 * data]) if comm.rank == 0 else None, g)
+    rows = wp.array(np.arange(comm.rank + 1.0) + 10 * comm.rank, dtype=float)
+    for step in (1, 2):
+        wd.save(folder, comm, blocks, f=f, g=g, rows=rows, step=step)
+    whole = np.concatenate([np.arange(r + 1.0) + 10 * r for r in range(comm.size)])
+    alone = wd.Communicator(0, 1)
+    for one, grid in ((comm, blocks), (alone, wd.Blocks(shape, comm=alone))):
+        state = wd.load(folder, one, grid)
+        first, last = wd.rows_of(len(whole), one.rank, one.size)
+        assert state["step"] == 2 and np.array_equal(state["rows"], whole[first:last])
+        part = data[tuple(slice(o, o + n) for o, n in zip(grid.offset, grid.owned, strict=True))]
+        assert np.array_equal(state["f"], part) and np.array_equal(state["g"][2], 3 * part)
+    who = f"rank {comm.rank}"
+    checking.fails(lambda: wd.load(folder, comm), who, "needs `blocks`")
+    other = wd.Blocks((8, 8), comm=comm)
+    checking.fails(lambda: wd.load(folder, comm, other), who, "[9, 8]", "[8, 8]")
+    checking.fails(lambda: wd.load(folder + "x", comm), who, "No such file")
+    comm.barrier()
+    if comm.rank == 0:
+        with open(f"{folder}/rows.0.npy", "r+b") as file:
+            file.truncate(100)
+    comm.barrier()
+    checking.fails(lambda: wd.load(folder, comm, blocks), who, "rank 0", "rows.0.npy")
+    comm.barrier()
+    if comm.rank == 0:
+        with open(f"{folder}/manifest.json") as file:
+            manifest = json.load(file)
+        with open(f"{folder}/manifest.json", "w") as file:
+            json.dump({**manifest, "format": 99}, file)
+    comm.barrier()
+    checking.fails(lambda: wd.load(folder, comm, blocks), who, "format 99")
+    comm.barrier()
+    # A file in the way: no rank can write, and all say so.
+    with open(f"{folder}.rank{comm.rank}", "w"):
+        pass
+    blocked = f"{folder}.rank0/deeper"
+    checking.fails(lambda: wd.save(blocked, comm, f=f), who, "could not write")
+
+
+def shared_memory(comm):
+    """An array that all ranks of the host see."""
+    if comm.rank == 0:
+        x, handle = wd.share(wp.array([1.0, 2.0, 3.0], dtype=float, device="cpu"))
+    handle = comm.broadcast_object(handle if comm.rank == 0 else None, 0)
+    y = handle.open()
+    assert y.list() == [1.0, 2.0, 3.0]
+    comm.barrier()
+    if comm.rank == comm.size - 1:
+        wp.launch(double, 3, [y], device="cpu")
+    comm.barrier()
+    assert y.list() == [2.0, 4.0, 6.0]
+    comm.barrier()
+    if comm.rank == 0:
+        assert x.list() == [2.0, 4.0, 6.0]
+    handle.close()
+
+
+def warm_and_progress(comm):
+    """All ranks end after the same step when one is interrupted."""
+    wd.warm([double], comm=comm)
+    with open(os.devnull, "w") as nowhere:
+        assert list(wd.progress(range(4), comm, file=nowhere)) == [0, 1, 2, 3]
+        seen, saved = [], []
+        blocks = wd.Blocks((4 * comm.size,), comm=comm)
+        field = blocks.zeros()
+        try:
+            for step in wd.progress(range(1000), comm, lambda: saved.append(1), file=nowhere):
+                seen.append(step)
+                blocks.halo(field)
+                if step == 5 and comm.rank == comm.size - 1:
+                    os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt as problem:
+            assert "stopped before step" in str(problem)
+        else:
+            raise AssertionError("no interrupt")
+    ends = comm.gather_objects(seen[-1])
+    assert len(set(ends)) == 1 and 5 <= ends[0] <= 7 + comm.size and saved == [1], ends
+
+
+CHECKS = [checkpoints, shared_memory, warm_and_progress]
