@@ -10,8 +10,9 @@ import importlib as _importlib
 # Names by the module that defines them, below `warp._src.fem`.
 _SOURCES = {
     "adaptivity": "adaptive_nanogrid_from_field adaptive_nanogrid_from_hierarchy",
-    "cells.element": "Element ElementBasis",
+    "cells.element": "ElementBasis",
     "cells.polynomial": "Polynomial",
+    "cells.prototypes": "Element",
     "forms.variation": "derivative",
     "dirichlet": "dirichlet normalize_dirichlet_projector project_linear_system "
     "project_system_matrix project_system_rhs",
