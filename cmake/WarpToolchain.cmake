@@ -23,8 +23,7 @@ endif()
 
 # lld does not care about the order of archives, drops dead sections fast, and
 # records a shared library as needed only if live code refers to it.
-# A release keeps one of functions that are the same (9 MB of 73), says where
-# addresses are in bits (2 MB), and shares the ends of strings.
+# A release keeps one of functions that are the same (9 MB of 73) and shares the
+# ends of strings.
 add_link_options(-fuse-ld=lld -Wl,--gc-sections -Wl,--as-needed
-  -Wl,--build-id=sha1
-  $<$<CONFIG:Release>:-Wl,--icf=all,-z,pack-relative-relocs,-O2>)
+  -Wl,--build-id=sha1 $<$<CONFIG:Release>:-Wl,--icf=all,-O2>)
