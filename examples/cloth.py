@@ -11,6 +11,7 @@ both errors.
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -132,7 +133,7 @@ class Cloth:
 
 def draw(path, cloths):
     figure = plt.figure(figsize=(5.0, 4.2), dpi=80)
-    axes = figure.add_axes((0, 0, 1, 1), projection="3d")
+    axes: Any = figure.add_axes((0, 0, 1, 1), projection="3d")
     for x, color, name in cloths[:-1]:
         axes.plot_wireframe(*x.transpose(2, 0, 1), color=color, linewidth=0.6, label=name)
     x, color, name = cloths[-1]
@@ -171,7 +172,7 @@ def main(device, size, steps, iterations, output):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--size", type=int, default=16)
     parser.add_argument("--steps", type=int, default=200)

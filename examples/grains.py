@@ -79,7 +79,7 @@ def column(count):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default=None)
     parser.add_argument("--grains", type=int, default=100000)
     parser.add_argument("--steps", type=int, default=200)

@@ -61,7 +61,7 @@ def main(size: int, count: int, steps: int) -> jax.Array:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--count", type=int, default=4)
     parser.add_argument("--steps", type=int, default=400)

@@ -9,6 +9,7 @@ Writes build/demo/mesh_collision_<device>.png.
 import argparse
 import time
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 
@@ -82,7 +83,7 @@ def depth_inside(x):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default=None)
     parser.add_argument("--particles", type=int, default=20000)
     parser.add_argument("--steps", type=int, default=600)
@@ -112,7 +113,8 @@ def main():
     print("| --- | --- | --- | --- | --- |")
     rate = given.particles * given.steps / took / 1e6
     print(f"| {given.particles} | {given.steps} | {hits.numpy()[0]} | {leaks} | {rate:.2f} |")
-    figure, axes = plt.subplots(figsize=(7, 5), subplot_kw={"projection": "3d"})
+    figure = plt.figure(figsize=(7, 5))
+    axes: Any = figure.add_subplot(projection="3d")
     axes.plot_trisurf(*points.T, triangles=faces, color="#8899aa", alpha=0.4)
     some = end[np.abs(end[:, 2]) < 3][:4000]
     axes.scatter(*some.T, s=1, c=some[:, 2], cmap="plasma")

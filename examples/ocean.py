@@ -9,6 +9,7 @@ largest error of heights and slopes against the same sums by NumPy in double pre
 import argparse
 import time
 from pathlib import Path
+from typing import Any, cast
 
 import matplotlib
 
@@ -78,7 +79,7 @@ def spectrum(count):
     swell = WIND * WIND / GRAVITY
     energy = np.exp(-1.0 / (k * swell) ** 2) / k**4
     amplitude = 0.45 * np.sqrt(energy / energy.sum()) * rng.rayleigh(1.0, count)
-    rows = np.zeros(count, Wave.numpy_dtype())
+    rows = cast(Any, np.zeros(count, cast(Any, Wave).numpy_dtype()))
     rows["k"] = (k * [np.cos(way), np.sin(way)]).T
     rows["amplitude"], rows["frequency"] = amplitude, np.sqrt(GRAVITY * k)
     rows["phase"] = rng.uniform(0.0, 2.0 * np.pi, count)
@@ -138,7 +139,7 @@ def main(device, size, count, frames, output):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--size", type=int, default=256)
     parser.add_argument("--waves", type=int, default=96)

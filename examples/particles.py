@@ -46,14 +46,14 @@ class Fountain:
         rng = np.random.default_rng(seed)
         self.count, self.device = count, device
         self.kernels = make_kernels(wp.float32)
-        below = np.tile(np.float32((0.0, -1.0, 0.0)), (count, 1))
+        below = np.tile(np.array((0.0, -1.0, 0.0), dtype=np.float32), (count, 1))
         self.x = wp.array(below, dtype=wp.vec3, device=device)
         self.v = wp.zeros(count, dtype=wp.vec3, device=device)
         self.f = wp.zeros(count, dtype=wp.vec3, device=device)
-        mass = rng.lognormal(0.0, 0.5, count).astype(np.float32)
+        mass = rng.lognormal(0.0, 0.5, (count,)).astype(np.float32)
         self.w = wp.array(1.0 / mass, dtype=float, device=device)
         self.start = wp.array(
-            rng.uniform(0.0, 2.2, count).astype(np.float32), dtype=float, device=device
+            rng.uniform(0.0, 2.2, (count,)).astype(np.float32), dtype=float, device=device
         )
         self.time, self.steps = 0.0, 0
 
@@ -176,7 +176,7 @@ def demonstrate(device, options, step_sizes):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--particles", type=int, default=1_000_000)
     parser.add_argument("--duration", type=float, default=4.0, help="of the fountain [s]")

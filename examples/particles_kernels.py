@@ -9,6 +9,10 @@ swings with the frequency `gust` [rad/s]: linear drag, which has a closed-form s
 (`exact_flight`).
 """
 
+# The types of the kernels are arguments of a function, which checkers do not follow.
+# pyright: reportInvalidTypeForm=false
+# mypy: disable-error-code="valid-type"
+
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,11 +1,13 @@
 """Pictures of the particle demonstration."""
 
+from typing import Any, cast
+
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap, to_rgb
+from matplotlib.colors import LinearSegmentedColormap, Normalize, to_rgb
 from matplotlib.lines import Line2D
 
 from particles_precision import DRAGS, PRECISIONS, SCHEMES, curves
@@ -34,7 +36,7 @@ def fountain(x, v, path, title, resolution=(900, 480), view=((-7.0, 8.0), (0.0, 
 
     mean = np.divide(total, count, out=np.zeros_like(total), where=count > 0)
     top = float(np.percentile(speed, 99)) if speed.size else 1.0
-    scale = plt.Normalize(0.0, top)
+    scale = Normalize(0.0, top)
     # Compress the range: single droplets stay visible, the jets do not burn out.
     full = np.percentile(count[count > 0], 99) if count.any() else 1.0
     glow = np.clip(np.log1p(count) / np.log1p(full), 0.0, 1.0)[..., None] ** 0.8
@@ -77,7 +79,7 @@ def _row(axes, groups):
     ceiling = 3.0
     for index, ((_, scheme, precision), group) in enumerate(groups.items()):
         line, marker = STYLES[precision]
-        look = {"color": COLOURS[scheme], "linestyle": line, "marker": marker}
+        look: dict[str, Any] = {"color": COLOURS[scheme], "linestyle": line, "marker": marker}
         look |= {"markersize": 5, "linewidth": 1.6, "markerfacecolor": "white"}
         cross = {"color": COLOURS[scheme], "marker": "x", "linestyle": "none"}
         good = [run for run in group if run.stable]
@@ -114,7 +116,7 @@ def work_precision(runs, path, title):
             [],
             [],
             color=COLOURS[scheme],
-            linestyle=line,
+            linestyle=cast(Any, line),
             marker=marker,
             markerfacecolor="white",
             label=f"{scheme}, {precision}",

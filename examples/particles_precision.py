@@ -143,7 +143,7 @@ def sweep(device, count, step_sizes=STEP_SIZES, repeats=3, budget=0.4):
 
 def curves(runs):
     """Group runs: {(drag, scheme, precision): [Run by falling step size]}."""
-    groups = {}
+    groups: dict[tuple, list] = {}
     for run in runs:
         groups.setdefault((run.drag, run.scheme, run.precision), []).append(run)
     return groups

@@ -95,7 +95,7 @@ def write_file(path, size):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default=None)
     parser.add_argument("--size", type=int, default=96)
     parser.add_argument("--particles", type=int, default=20000)
@@ -124,7 +124,8 @@ def main():
             worst = max(worst, float(-rocks(x.numpy().astype(np.float64)).min()))
     wp.synchronize_device(device)
     rate = len(start) * given.steps / (time.perf_counter() - began) / 1e6
-    surface = wp.MarchingCubes(*values.shape, (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+    nx, ny, nz = values.shape
+    surface = wp.MarchingCubes(nx, ny, nz, lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
     surface.surface(wp.array(values, dtype=float, device=device), 0.0)
     off = np.abs(rocks(surface.verts.numpy().astype(np.float64))).max()
     print("| voxels | contacts | deepest, m | queries, M/s | triangles | off the rocks, m |")

@@ -135,7 +135,7 @@ def all_devices():
 
 if __name__ == "__main__":
     wp.config.quiet = True
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--devices", help="names, separated by commas; all GPUs by default")
     parser.add_argument("--size", type=int, default=1024)
     parser.add_argument("--steps", type=int, default=400)

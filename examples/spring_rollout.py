@@ -106,7 +106,7 @@ def measured(net, steps, snapshots=None):
     net.reset()
     net.calls = 0
     wp.synchronize_device(net.device)
-    found = []
+    found: list[str] = []
     with wp.ScopedMemoryTracker("rollout", report_func=found.append) as memory:
         memory.clear()
         begin = time.perf_counter()
@@ -180,7 +180,7 @@ def demonstrate(device, n, steps, output):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--masses", type=int, default=48, help="along a side of the net")
     parser.add_argument("--steps", type=int, default=1000)

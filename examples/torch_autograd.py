@@ -83,6 +83,7 @@ def main(device: str, bumps: int, steps: int) -> float:
     centers = torch.nn.Parameter(torch.randn(bumps, 2, device=device) * 0.4)
     heights = torch.nn.Parameter(torch.full((bumps,), 0.1, device=device))
     optimizer = torch.optim.Adam([centers, heights], lr=0.02)
+    loss = torch.zeros(())
     for step in range(steps):
         optimizer.zero_grad()
         loss = torch.mean((SumBumps.apply(points, centers, heights) - target) ** 2)
@@ -95,7 +96,7 @@ def main(device: str, bumps: int, steps: int) -> float:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--bumps", type=int, default=24)
     parser.add_argument("--steps", type=int, default=300)

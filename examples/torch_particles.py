@@ -60,7 +60,7 @@ def main(device: str, count: int, steps: int) -> torch.Tensor:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default="cuda:0" if torch.cuda.is_available() else "cpu")
     parser.add_argument("--count", type=int, default=100_000)
     parser.add_argument("--steps", type=int, default=200)

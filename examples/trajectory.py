@@ -166,7 +166,7 @@ def demonstrate(device, output):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder of the pictures")
     options = parser.parse_args()

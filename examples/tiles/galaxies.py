@@ -124,7 +124,7 @@ def demonstrate(device, bodies, steps, output):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--bodies", type=int, default=4096, help=f"a multiple of {2 * TILE}")
     parser.add_argument("--steps", type=int, default=60)

@@ -161,7 +161,7 @@ def demonstrate(device, side, steps, output):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--side", type=int, default=96, help="pixels along a side")
     parser.add_argument("--steps", type=int, default=400)

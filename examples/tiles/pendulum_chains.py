@@ -171,7 +171,7 @@ def demonstrate(device, chains, links, steps, output):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--chains", type=int, default=256)
     parser.add_argument("--links", type=int, default=16)

@@ -112,7 +112,7 @@ def demonstrate(device, count, output):
 
 def main():
     """Parse the command line and run."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", help="one device instead of all, such as cpu or cuda:0")
     parser.add_argument("--signals", type=int, default=4096)
     parser.add_argument("--output", type=Path, default=OUTPUT, help="folder of the picture")

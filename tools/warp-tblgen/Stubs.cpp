@@ -34,6 +34,7 @@ from typing_extensions import Self
 )";
 
 static constexpr StringLiteral composites = R"(
+__version__: str
 float32: TypeAlias = float
 int32: TypeAlias = int
 
@@ -205,6 +206,8 @@ static void emitNamedTypes(raw_ostream &os) {
       emit("mat" + Twine(n) + Twine(n), suffix,
            "_Mat[Literal[" + Twine(n) + "], Literal[" + Twine(n) + "], " +
                scalar + "]");
+    emit("spatial_vector", suffix, "_Vec[Literal[6], " + scalar + "]");
+    emit("spatial_matrix", suffix, "_Mat[Literal[6], Literal[6], " + scalar + "]");
     emit("quat", suffix, "_Quat[" + scalar + "]");
     emit("transform", suffix, "_Transform[" + scalar + "]");
   }
@@ -219,6 +222,8 @@ static void emitNamedTypes(raw_ostream &os) {
 static void emitImports(ArrayRef<Builtin> builtins, raw_ostream &os) {
   auto isDefinedHere = [&](StringRef name) {
     return name == "float32" || name == "int32" ||
+           name.starts_with("spatial_vector") ||
+           name.starts_with("spatial_matrix") ||
            llvm::any_of(builtins, [&](const Builtin &builtin) {
              return builtin.pythonName == name;
            });

@@ -6,6 +6,7 @@ Names are loaded when they are used.
 """
 
 import importlib as _importlib
+import typing as _typing
 
 # Names by the module that defines them, below `warp._src.fem`.
 _SOURCES = {
@@ -65,7 +66,7 @@ _WHERE = {name: module for module, names in _SOURCES.items() for name in names.s
 __all__ = [*_WHERE, *_MODULES]
 
 
-def __getattr__(name):
+def __getattr__(name) -> _typing.Any:
     if name in _MODULES:
         return _importlib.import_module(f"warp.fem.{name}")
     module = _WHERE.get(name)

@@ -1,16 +1,25 @@
 """Type checkers report nothing about programs that run."""
 
+import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+import programs
 import warp as wp
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGE = Path(wp.__file__).parent
+PROGRAMS = sorted((ROOT / "test" / "typing").glob("*.py"))
+GUIDES = ("start", "guide", "graphs", "differentiation", "extend", "geometry", "report", "tiles")
+PAGES = [ROOT / "README.md", *(ROOT / "docs" / f"{page}.md" for page in GUIDES)]
+for topic in ("tutorials", "how-to"):
+    found = sorted((ROOT / "docs" / topic).glob("*.md"))
+    PAGES += [page for page in found if page.stem != "index"]
 
 WRONG = """
 import warp as wp
@@ -34,6 +43,7 @@ def check(tmp_path_factory):
     folder = tmp_path_factory.mktemp("mypy")
     command = [sys.executable, "-m", "mypy", "--follow-imports=silent", f"--cache-dir={folder}"]
     command += [f"--config-file={ROOT / 'pyproject.toml'}", "--no-error-summary"]
+    command += ["--check-untyped-defs"]
 
     def run(*files):
         paths = os.pathsep.join((str(PACKAGE.parent), str(ROOT / "examples")))
@@ -48,9 +58,68 @@ def check(tmp_path_factory):
     return run
 
 
-def test_stubs_and_examples_have_no_errors(check):
+def pyright_errors(folder, *files):
+    """Errors that pyright reports about files, with the settings of the project."""
+    pytest.importorskip("pyright")
+    settings = {
+        "include": [os.path.relpath(file, folder) for file in files],
+        "extraPaths": [str(PACKAGE.parent), str(ROOT / "examples")],
+        "typeCheckingMode": "standard",
+        "reportMissingImports": False,
+        "reportMissingModuleSource": False,
+        # Pages define a kernel of one name several times.
+        "reportRedeclaration": False,
+    }
+    (folder / "pyrightconfig.json").write_text(json.dumps(settings))
+    command = [sys.executable, "-m", "pyright", "--outputjson", "--pythonpath", sys.executable]
+    done = subprocess.run([*command, "-p", folder], capture_output=True, text=True, cwd=folder)
+    report = json.loads(done.stdout)
+    assert report["summary"]["filesAnalyzed"] >= len(files), done.stdout
+    return [
+        f"{one['file']}:{one['range']['start']['line'] + 1}: {one['message']}"
+        for one in report["generalDiagnostics"]
+        if one["severity"] == "error"
+    ]
+
+
+def page_programs(folder):
+    """The Python blocks of each page as one program, which knows NumPy and the package."""
+    for page in PAGES:
+        blocks = re.findall(r"```python\n(.*?)```", page.read_text(), flags=re.DOTALL)
+        if blocks:
+            name = re.sub(r"\W", "_", str(page.relative_to(ROOT).with_suffix("")))
+            file = folder / f"{name}.py"
+            file.write_text("\n\n".join(blocks))
+            yield file
+
+
+@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: path.stem)
+def test_programs_of_users_run(path):
+    status, _, err = programs.run(path)
+    assert status == 0, err
+
+
+def test_mypy_reports_nothing_about_stubs_examples_and_programs(check):
     assert check(PACKAGE / "__init__.pyi", PACKAGE / "config.pyi") == []
-    assert check(ROOT / "examples") == []
+    assert check(ROOT / "examples", *PROGRAMS) == []
+
+
+def test_pyright_reports_nothing_about_examples_and_programs(tmp_path):
+    assert pyright_errors(tmp_path, ROOT / "examples", *PROGRAMS) == []
+
+
+def test_pyright_reports_nothing_about_documents(tmp_path):
+    (tmp_path / "pages").mkdir()
+    files = list(page_programs(tmp_path / "pages"))
+    assert len(files) == len(PAGES)
+    assert pyright_errors(tmp_path, *files) == []
+
+
+def test_pyright_finds_errors(tmp_path):
+    program = tmp_path / "wrong.py"
+    program.write_text(WRONG)
+    found = pyright_errors(tmp_path, program)
+    assert {int(line.split(":")[1]) for line in found} == {10, 11, 12}
 
 
 def test_errors_are_found(check, tmp_path):
@@ -61,3 +130,14 @@ def test_errors_are_found(check, tmp_path):
     messages = [message for _, _, message in found]
     assert '"mesh_query_point"' in messages[0]
     assert 'Module has no attribute "quit"' in messages[1]
+
+
+def test_every_builtin_of_the_stub_is_described():
+    """An editor shows the summary beside the first overload."""
+    import ast
+
+    described, silent = set(), set()
+    for node in ast.parse((PACKAGE / "__init__.pyi").read_text()).body:
+        if isinstance(node, ast.FunctionDef):
+            (described if ast.get_docstring(node) else silent).add(node.name)
+    assert sorted(silent - described) == []

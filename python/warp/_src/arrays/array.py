@@ -32,6 +32,9 @@ from warp._src.types.native import ArrayType
 from warp._src.types.numpy_types import element_layout, numpy_bfloat16
 from warp._src.types.struct_fields import describe
 
+if typing.TYPE_CHECKING:
+    import numpy as np
+
 # For type checkers, to which `wp.array[wp.vec3]` is a type.
 _Element = typing.TypeVar("_Element")
 
@@ -84,21 +87,23 @@ class array(
     # The arguments the array was made with, to be read: storing another one changes nothing.
     deleter = None
 
-    def __new__(
-        cls,
-        data=None,
-        dtype: typing.Any = typing.Any,
-        shape=None,
-        *args,
-        ptr=None,
-        length=None,
-        **kw,
-    ) -> typing.Any:
-        if data is None and shape is None and ptr is None and length is None and not args:
-            if kw.keys() - {"ndim"}:
-                raise ValueError("expects `data`, `shape` or `ptr` to make an array")
-            return ArrayType(dtype, kw.get("ndim") or 1)
-        return _native.Array.__new__(cls)
+    if not typing.TYPE_CHECKING:  # To a checker the call always gives an array.
+
+        def __new__(
+            cls,
+            data=None,
+            dtype: typing.Any = typing.Any,
+            shape=None,
+            *args,
+            ptr=None,
+            length=None,
+            **kw,
+        ) -> typing.Any:
+            if data is None and shape is None and ptr is None and length is None and not args:
+                if kw.keys() - {"ndim"}:
+                    raise ValueError("expects `data`, `shape` or `ptr` to make an array")
+                return ArrayType(dtype, kw.get("ndim") or 1)
+            return _native.Array.__new__(cls)
 
     def __class_getitem__(cls, params):
         if cls is not array:
@@ -107,6 +112,22 @@ class array(
             )
         return annotations.from_subscript(params, 1)
 
+    @typing.overload
+    def __init__(
+        self, data: typing.Any = None, *, dtype: type[_Element], **options: typing.Any
+    ) -> None: ...
+    @typing.overload
+    def __init__(
+        self, data: typing.Any, dtype: type[_Element], *rest: typing.Any, **options: typing.Any
+    ) -> None: ...
+    @typing.overload
+    def __init__(
+        self: array[typing.Any],
+        data: typing.Any = None,
+        dtype: typing.Any = None,
+        *rest: typing.Any,
+        **options: typing.Any,
+    ) -> None: ...
     def __init__(
         self,
         data=None,
@@ -193,7 +214,7 @@ class array(
             return NotImplemented
         raise TypeError("`@` is not defined for arrays, use `wp.tile_matmul` or NumPy")
 
-    def numpy(self):
+    def numpy(self) -> np.ndarray:
         """The elements as a NumPy array; shares memory with a `cpu` array, else a copy.
 
         Arrays of bfloat16 are of the type that the package ml_dtypes has, or bits without it.

@@ -113,8 +113,8 @@ def ones(
 @checked()
 def full(
     shape=None,
-    value=0,
-    dtype=None,
+    value: typing.Any = 0,
+    dtype: typing.Any = None,
     device=None,
     requires_grad=False,
     pinned=False,

@@ -29,6 +29,9 @@ from warp._src.types import annotations, dtypes, scalars
 from warp._src.types.native import ArrayType, IndexedArrayType
 from warp._src.types.structs import StructInstance, make_struct
 
+if typing.TYPE_CHECKING:
+    import numpy as np
+
 
 class IndexedRecord(StructInstance):
     """Base of the structs that kernels know indexed arrays as."""
@@ -99,6 +102,11 @@ class indexedarray(ArrayArithmetic):
     Raises:
         ValueError: `data` or an array of indices is none, or they do not fit together.
     """
+
+    if typing.TYPE_CHECKING:  # Kernels read and write elements.
+
+        def __getitem__(self, index: typing.Any) -> typing.Any: ...
+        def __setitem__(self, index: typing.Any, value: typing.Any) -> None: ...
 
     _wp_array_ = True
     is_contiguous = False
@@ -280,7 +288,7 @@ class indexedarray(ArrayArithmetic):
         """A packed copy of the elements."""
         return clone(self)
 
-    def numpy(self):
+    def numpy(self) -> np.ndarray:
         """A copy of the elements as a NumPy array."""
         return self._read().numpy()
 

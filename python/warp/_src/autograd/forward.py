@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Callable, Sequence
 
 from warp._src import errors
@@ -19,7 +20,7 @@ from warp._src.derivatives.tape import Tape
 
 
 @checked(function=CALLABLE, inputs=LIST, tangents=LIST)
-def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | list[array]:
+def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> typing.Any:
     """The derivative of a function along a direction, or along several, by forward mode.
 
     Each launch in the function is replaced by one that computes values and tangents together, so it
@@ -80,7 +81,7 @@ def jvp(function: Callable, inputs: Sequence, tangents: Sequence) -> array | lis
 
 
 @checked(function=CALLABLE, inputs=LIST, vectors=LIST)
-def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> array | list[array]:
+def hvp(function: Callable, inputs: Sequence, vectors: Sequence) -> typing.Any:
     """The Hessian of a function times a vector, or several, by forward mode over reverse mode.
 
     Several vectors share the evaluation of values and gradients, as tangents do in `jvp`. For a

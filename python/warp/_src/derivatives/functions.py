@@ -9,6 +9,7 @@ x = step(x) there. `warp._src.frontend.derivative_calls` translates all of them.
 from __future__ import annotations
 
 import types as python_types
+import typing
 
 from warp._src import errors
 from warp._src.kernels.function import Function
@@ -25,8 +26,12 @@ class _Adjoint:
     For an array, it is the array of its gradients.
     """
 
-    def __getitem__(self, name):
+    def __getitem__(self, name) -> typing.Any:
         raise TypeError("`wp.adjoint` can be used in functions with `@wp.func_grad` only")
+
+    if typing.TYPE_CHECKING:
+
+        def __setitem__(self, name: typing.Any, value: typing.Any) -> None: ...
 
     def __repr__(self):
         return "wp.adjoint"
@@ -107,7 +112,7 @@ class FunctionDerivative:
         self.func = func
         self.name = name
 
-    def __call__(self, *args, **kwargs):
+    def __call__(self, *args, **kwargs) -> typing.Any:
         raise _only_in_kernels(repr(self))
 
     def __repr__(self):
@@ -185,7 +190,7 @@ class CustomFunction(Function):
         self.pullback = pullback or forward.pullback
         self.pushforward = pushforward or forward.pushforward
 
-    def __call__(self, *args, **kwargs):
+    def __call__(self, *args, **kwargs) -> typing.Any:
         result = super().__call__(*args, **kwargs)
         has_residuals = self.pullback is not None and isinstance(result, tuple)
         return result[0] if has_residuals else result

@@ -9,6 +9,8 @@ caller's to check.
 # The caller reads the value that is assigned to a reference.
 # ruff: noqa: F841
 
+import typing
+
 from warp._src.device_table import WORDS
 from warp._src.geometry.handles import EXTENT, GRID, integers, publish, words
 from warp._src.kernels.function import Function
@@ -46,6 +48,10 @@ class HashGridQuery:
     part: int32
     place: int32
     end: int32
+
+    if typing.TYPE_CHECKING:  # Kernels iterate over it.
+
+        def __iter__(self) -> typing.Iterator[int]: ...
 
 
 HashGridQuery.__class_getitem__ = classmethod(lambda cls, dtype: cls)

@@ -5,6 +5,8 @@ A query is a shape and a cursor (lib/DeviceLib/geometry/Overlap.h); the device l
 
 # The caller reads the value that is assigned to a reference.
 
+import typing
+
 from warp._src.device_table import WORDS
 from warp._src.geometry.handles import BVH, MESH, publish, words
 from warp._src.kernels.function import Function
@@ -44,6 +46,10 @@ class BvhQuery:
     radius: float32
     cursor: Cursor
 
+    if typing.TYPE_CHECKING:  # Kernels iterate over it.
+
+        def __iter__(self) -> typing.Iterator[int]: ...
+
 
 @struct
 class MeshQuery:
@@ -55,6 +61,10 @@ class MeshQuery:
     second: vec3f
     radius: float32
     cursor: Cursor
+
+    if typing.TYPE_CHECKING:  # Kernels iterate over it.
+
+        def __iter__(self) -> typing.Iterator[int]: ...
 
 
 def _check_root(id: uint64, root: int):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import types as python_types
+import typing
+from collections.abc import Callable
 
 from warp._src.arguments import shown
 from warp._src.kernels import unique
@@ -15,6 +17,25 @@ from warp._src.kernels.kernel_options import (
     inert_options,
 )
 from warp._src.kernels.modules import Module, check_options
+
+
+@typing.overload
+def kernel(f: Callable[..., typing.Any]) -> Kernel: ...
+
+
+@typing.overload
+def kernel(
+    f: None = None,
+    *,
+    name: str | None = None,
+    enable_backward: bool | None = None,
+    launch_bounds: typing.Any = None,
+    cuda_max_registers: int | None = None,
+    launch_constants: typing.Any = None,
+    module: typing.Any = None,
+    module_options: dict[str, typing.Any] | None = None,
+    **options: typing.Any,
+) -> Callable[[Callable[..., typing.Any]], Kernel]: ...
 
 
 def kernel(

@@ -97,7 +97,7 @@ class Function:
             made.pullbacks, made.replays = list(self.pullbacks), list(self.replays)
         return made
 
-    def __call__(self, *args, **kwargs):
+    def __call__(self, *args, **kwargs) -> typing.Any:
         if len(self.overloads) == 1:
             if self.particular is None:
                 self.particular = _particular(self.func)

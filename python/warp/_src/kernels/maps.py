@@ -8,6 +8,7 @@ Arrays broadcast as in NumPy: a dimension of extent 1 is repeated by a view whos
 from __future__ import annotations
 
 import math
+import typing
 
 from warp._src import errors
 from warp._src.arrays import hooks
@@ -30,7 +31,7 @@ from warp._src.types.scalars import scalar_base
 _kernels: dict = {}
 
 
-def map(func, *inputs, out=None, return_kernel=False, block_dim=None, device=None):
+def map(func, *inputs, out=None, return_kernel=False, block_dim=None, device=None) -> typing.Any:
     """Applies a function to the elements of arrays.
 
     Args:

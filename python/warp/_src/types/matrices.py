@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import typing
 
 from warp._src import arguments, errors
 from warp._src.types.composites import (
@@ -244,7 +245,7 @@ def _vector_like(value, numbers):
     return vector(len(numbers), value._wp_scalar_type_)._from_numbers(numbers)
 
 
-def matrix(shape=None, dtype=None, *, name=None):
+def matrix(shape=None, dtype=None, *, name=None) -> typing.Any:
     """The matrix type of `shape` (rows, columns) and scalar type `dtype`.
 
     Raises:

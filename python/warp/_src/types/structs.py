@@ -264,7 +264,7 @@ class StructInstance(ctypes.Structure):
 _STRUCT = Kind("a struct (`@wp.struct`)", lambda value: isinstance(value, StructInstance))
 
 
-def struct(c=None, *, module=None):
+def struct(c=None, *, module=None) -> typing.Any:
     """Makes a struct type from a class with annotated fields.
 
     Fields are scalars, vectors, matrices, quaternions, transforms, arrays and other structs. The

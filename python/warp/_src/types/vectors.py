@@ -253,7 +253,7 @@ def make_composite(name, shown, mixin, length, dtype, attributes):
     return ArrayMeta(name or mixin._wp_generic_type_str_, (mixin, ctypes.Array), namespace)
 
 
-def vector(length=None, dtype=None, *, name=None):
+def vector(length=None, dtype=None, *, name=None) -> typing.Any:
     """The vector type of `length` components of scalar type `dtype`.
 
     Without components it is what an empty slice gives; kernels have no such values.

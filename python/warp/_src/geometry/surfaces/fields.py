@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import typing
 
 import numpy as np
 
@@ -159,7 +160,8 @@ class IsoSurfaceBase(abc.ABC):
     def __init__(self, nx, ny, nz, *, lower=None, upper=None):
         self.nx, self.ny, self.nz = nx, ny, nz
         self.lower, self.upper = lower, upper
-        self.verts = self.indices = None
+        self.verts: typing.Any = None
+        self.indices: typing.Any = None
 
     @classmethod
     @abc.abstractmethod

@@ -1,5 +1,7 @@
 """The solvers as functions: make the state, and run it."""
 
+import typing
+
 from warp._src.optim.linear.bicgstab import BiCGSTAB
 from warp._src.optim.linear.conjugate import CG, CR
 from warp._src.optim.linear.gmres import GMRES
@@ -32,7 +34,7 @@ def cg(
     *,
     restart: int | None = None,
     comm=None,
-):
+) -> typing.Any:
     """Solves A x = b for a symmetric definite matrix by conjugate gradients.
 
     It may be positive or negative definite. One that turns out to be neither ends the iterations
@@ -73,7 +75,7 @@ def cr(
     *,
     restart: int | None = None,
     comm=None,
-):
+) -> typing.Any:
     """Solves A x = b for a symmetric matrix by conjugate residuals; see `cg`."""
     A = _over_ranks(A, comm)
     solver = CR(
@@ -98,7 +100,7 @@ def bicgstab(
     run: bool = True,
     *,
     comm=None,
-):
+) -> typing.Any:
     """Solves A x = b by stabilised biconjugate gradients; see `cg` and `BiCGSTAB`."""
     options = (tol, atol, maxiter, M, callback, check_every, use_cuda_graph, is_left_preconditioner)
     A = _over_ranks(A, comm)
@@ -123,7 +125,7 @@ def gmres(
     run: bool = True,
     *,
     comm=None,
-):
+) -> typing.Any:
     """Solves A x = b by generalised minimal residuals; see `cg` and `GMRES`."""
     options = (tol, atol, restart, maxiter, M, callback, check_every, use_cuda_graph)
     A = _over_ranks(A, comm)
