@@ -183,6 +183,8 @@ class SaddleSystem(linear.LinearOperator):
             B diag(A)^-1 B^T; None otherwise.
     """
 
+    is_definite = False
+
     def __init__(self, A: BsrMatrix, B: BsrMatrix, Bt=None, use_diag_precond: bool = True):
         self._A, self._B = A, B
         self._Bt = bsr_transposed(B) if Bt is None else Bt
@@ -273,13 +275,8 @@ def bsr_solve_saddle(
     quiet=False,
     method: str = "cg",
 ) -> tuple[float, int]:
-    """Solves [A B^T; B 0] (x_u, x_p) = (b_u, b_p); arguments as those of `bsr_cg`.
-
-    The system is indefinite: "cg", which needs a definite one, is the method of conjugate
-    residuals here.
-    """
+    """Solves [A B^T; B 0] (x_u, x_p) = (b_u, b_p); arguments as those of `bsr_cg`."""
     system = saddle_system
-    method = "cr" if method == "cg" else method
     x = wp.empty(system.shape[0], dtype=system.scalar_type, device=system.device)
     b = wp.empty_like(x)
     for whole, u, p in ((x, x_u, x_p), (b, b_u, b_p)):

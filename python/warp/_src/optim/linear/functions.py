@@ -38,7 +38,8 @@ def cg(
     """Solves A x = b for a symmetric definite matrix by conjugate gradients.
 
     It may be positive or negative definite. One that turns out to be neither ends the iterations
-    with a warning.
+    with a warning. An operator that says so by `is_definite = False` is solved by conjugate
+    residuals.
 
     Arguments: see `LinearSolverState`.
 
@@ -53,7 +54,8 @@ def cg(
         last two squared, if `check_every` is zero.
     """
     A = _over_ranks(A, comm)
-    solver = CG(
+    method = CG if getattr(A, "is_definite", True) else CR
+    solver = method(
         A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
     )
     return solver() if run else solver

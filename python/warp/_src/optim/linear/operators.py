@@ -26,6 +26,9 @@ class LinearOperator:
         ValueError: `max_batch_length` is negative or comes without `batch_offsets`.
     """
 
+    # False for a symmetric operator with eigenvalues of both signs.
+    is_definite = True
+
     @checked(shape=PAIR, matvec=CALLABLE, batch_offsets=ARRAY, max_batch_length=COUNT)
     def __init__(self, shape, dtype, device, matvec, batch_offsets=None, max_batch_length=None):
         if max_batch_length is not None:
