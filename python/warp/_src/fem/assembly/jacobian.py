@@ -10,7 +10,7 @@ from warp._src.fem.assembly.gather import with_scalar
 from warp._src.fem.assembly.matrix import Options, fill, set_structure
 from warp._src.fem.assembly.pattern import Pattern
 from warp._src.fem.forms.jacobian import JacobianPlan
-from warp.sparse import bsr_assign, bsr_zeros
+from warp.sparse import bsr_assign, bsr_compress, bsr_zeros
 
 _LINEAR = ("weighted_average", "mean", "sum", "first")
 
@@ -47,6 +47,8 @@ def interpolate_jacobian(form, place, dest, reduction, bsr_options) -> None:
         target = bsr_zeros(rows.count, columns, with_scalar(block, scalar), device=form.device)
     set_structure(target, pattern, options)
     fill(rows, pattern, target.values)
+    if options.prune or (options.capacity == "auto" and not dest.requires_grad):
+        bsr_compress(target, prune_numerical_zeros=True)
     if target is not dest:
         bsr_assign(dest=dest, src=target, topology=options.topology)
 

@@ -8,9 +8,62 @@ from warp._src.fem.forms.terms import components, dof_count
 # Larger element matrices are summed in the memory of the blocks, not of the thread.
 _MOST_LOCAL = 1024
 
+# Products of nodes and points from which sums over points are made node by node.
+_FEW_TERMS = 100
+
+
+def stored_vector_text(plan) -> str | None:
+    """Text of the kernel of element vectors whose coefficients at all points are kept in memory of
+    the thread, so that sums over points stay in registers; None if it does not apply."""
+    test, names, count = plan.test, plan.names, plan.record.quadrature.points
+    if count is None or test.halves != 1 or not test.basis(plan.record.rule).is_tabulated:
+        return None
+    used, nodes = test.used_slots, test.nodes.node_count
+    if not used or count * len(used) > _MOST_LOCAL or nodes * count < _FEW_TERMS:
+        return None
+    terms = plan.terms(test)
+    names |= {"test_value": terms.value, "test_gradient": terms.gradient}
+    names["Block"] = plan.block_dtype
+    lines = [
+        f"def vector(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
+        "    local = wp.tid()",
+        "    domain_element = first + local",
+    ]
+    by_lines = plan.lines_of("test")
+    if by_lines is not None:
+        lines += by_lines.memory_lines()
+        plan._loop(lines)
+        _coefficients(plan, test, lines)
+        by_lines.store(lines)
+        by_lines.after_points(lines)
+        return "\n".join(lines) + "\n"
+    for number, slot in used:
+        names[f"Slot_test_{number}"] = slot.type
+        lines.append(f"    kept_{number} = wp.zeros(shape=({count},), dtype=Slot_test_{number})")
+    plan._loop(lines)
+    _coefficients(plan, test, lines)
+    for number, _ in used:
+        lines.append(f"        kept_{number}[q] = c_{number}")
+    terms = []
+    for number, slot in used:
+        word = "gradient" if slot.is_gradient else "value"
+        basis = plan._basis_call(test, slot, "q", "i").replace("geo, s, ", "geo, first_s, ")
+        terms.append(f"test_{word}({basis}, kept_{number}[q])")
+    lines += [
+        f"    for i in range({nodes}):",
+        "        total = Block()",
+        f"        for q in range({count}):",
+        f"            total += {' + '.join(terms)}",
+        f"        blocks[local * {nodes} + i] = total",
+    ]
+    return "\n".join(lines) + "\n"
+
 
 def linear_text(plan) -> str:
     """Text of the kernel of element vectors."""
+    stored = stored_vector_text(plan)
+    if stored is not None:
+        return stored
     test, names = plan.test, plan.names
     terms = plan.terms(test)
     names |= {"test_value": terms.value, "test_gradient": terms.gradient}

@@ -303,6 +303,16 @@ class PointsPlan:
                     f"        {memory}[k] = dof_at_{name}(fields.{name}, cell_arg_{half}"
                     f"(domain_arg.geo), cell_{half}(domain_arg.geo, first_s), k)"
                 )
+            if self.lines_of(name) is not None:
+                self.lines_of(name).before_points(lines, f"dofs_{name}_0")
+
+    @functools.cache  # noqa: B019 - plans live as long as the program
+    def lines_of(self, name):
+        """Contractions axis by axis of a discrete field or of the test function, or None."""
+        from warp._src.fem.forms.tensor import lines_of
+
+        role = self.test if name == "test" else self.discrete[name]
+        return lines_of(self, role)
 
     def _points(self, lines):
         """Sums the slots of discrete fields at the point."""
@@ -313,6 +323,10 @@ class PointsPlan:
             self.names[f"of_gradient_{name}"] = functions.gradient
             self._slots(role)
             used = dict(role.used_slots)
+            if used and self.lines_of(name) is not None:
+                self.lines_of(name).at_point(lines)
+                tuples.append(self._slots(role))
+                continue
             for number in used:
                 lines.append(f"        {name}_{number} = Slot_{name}_{number}()")
             for half in sorted({slot.half for slot in used.values()}):
