@@ -47,6 +47,7 @@ class Flow:
         vanishes: groups that make it 0 when all their arguments are 0.
         degree: polynomial degree, `UNKNOWN` if it is no polynomial.
         number: the value for random arguments.
+        is_nan_test: it is true only where another value is no number.
     """
 
     on: frozenset = frozenset()
@@ -54,6 +55,7 @@ class Flow:
     vanishes: frozenset = frozenset()
     degree: int = 0
     number: int = 0
+    is_nan_test: bool = False
 
     @property
     def kind(self) -> tuple:
@@ -202,7 +204,17 @@ class FlowAnalysis:
         if kind == "math.fma":
             return joined(_product(*operands[:2]), operands[2])
         if kind == "arith.select":
+            # Derivatives put 0 in place of products of 0 with what is no number.
+            if operands[0].is_nan_test and operands[1].is_zero:
+                return operands[2]
             return _chosen(*operands)
+        if kind == "arith.cmpf" and " une, " in text:
+            first, second = _NAME.findall(text.partition(" : ")[0])[:2]
+            if first == second:
+                return Flow(number=mixed("no number"), is_nan_test=True)
+        tests = [one.is_nan_test for one in operands]
+        if (kind == "arith.ori" and all(tests)) or (kind == "arith.andi" and any(tests)):
+            return Flow(number=mixed("no number"), is_nan_test=True)
         return _opaque(operands, re.sub(r"%[\w$.#-]+", "", text))
 
     def _store(self, line):

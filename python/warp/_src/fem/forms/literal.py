@@ -93,7 +93,7 @@ def literal_text(plan) -> tuple:
     )  # fmt: skip
     if sign:
         lines.append(sign)
-        block = f"turn * {block}"
+        block = f"turn * ({block})"
     lines.append(f"            block = {block}")
     store_block(plan, lines, "            ", f"local * {size}", columns)
     made = np.array(tensors) if tensors else np.zeros((1, size))
