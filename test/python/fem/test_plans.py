@@ -136,3 +136,37 @@ def _dense(matrix):
                 values[at]
             )
     return dense
+
+
+@fem.integrand
+def vector_mass(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return wp.dot(u(s), v(s))
+
+
+@fem.integrand
+def divided(s: fem.Sample, u: fem.Field, v: fem.Field, density: float):
+    return wp.dot(fem.grad(u, s) / density, fem.grad(v, s))
+
+
+@pytest.mark.parametrize("basis", ["NEDELEC_FIRST_KIND", "RAVIART_THOMAS"])
+@pytest.mark.parametrize("is_simplex", [False, True])
+def test_signed_families_agree(basis, is_simplex):
+    positions, quads = _quads()
+    mesh = fem.Quadmesh2D(quads, wp.array(positions, dtype=wp.vec2))
+    if is_simplex:
+        a, b, c, d = quads.numpy().T
+        triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+        mesh = fem.Trimesh2D(wp.array(triangles, dtype=int), wp.array(positions, dtype=wp.vec2))
+    space = fem.make_polynomial_space(mesh, element_basis=fem.ElementBasis[basis])
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    one = fem.integrate(vector_mass, fields=fields)
+    other = fem.integrate(vector_mass, fields=fields, assembly="generic")
+    np.testing.assert_allclose(one.values.numpy(), other.values.numpy(), atol=1e-6)
+
+
+def test_division_by_a_number_is_linear():
+    space = fem.make_polynomial_space(fem.Grid2D(wp.vec2i(3, 2)), degree=1)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    one = fem.integrate(divided, fields=fields, values={"density": 4.0})
+    other = fem.integrate(laplace, fields=fields)
+    np.testing.assert_allclose(one.values.numpy(), 0.25 * other.values.numpy(), atol=1e-6)

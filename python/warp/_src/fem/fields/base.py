@@ -170,7 +170,7 @@ def _stretch(description):
 def _value_of(description, reference, half):
     kind = description.values.map
     value = reference[half].value
-    stretch = _stretch(description)
+    stretch, one = _stretch(description), description.domain.geometry.scalar(1.0)
     forward, inverse = _maps(description, half)
     to_value = _from_dofs(description)
     if kind == "identity":
@@ -190,7 +190,7 @@ def _value_of(description, reference, half):
         @wp.func
         def field_value(part: Any, arg: Any, geo: Any, s: Any):
             F = forward(geo, s)
-            return F * value(part, arg, geo, s) / stretch(F)
+            return F * (value(part, arg, geo, s) * (one / stretch(F)))
 
     return _with_node(field_value, reference)
 
@@ -198,7 +198,7 @@ def _value_of(description, reference, half):
 def _gradient_of(description, reference, half):
     kind = description.values.map
     gradient = reference[half].gradient
-    stretch = _stretch(description)
+    stretch, one = _stretch(description), description.domain.geometry.scalar(1.0)
     forward, inverse = _maps(description, half)
     if kind == "covariant":
 
@@ -212,7 +212,7 @@ def _gradient_of(description, reference, half):
         @wp.func
         def field_gradient(part: Any, arg: Any, geo: Any, s: Any):
             F = forward(geo, s)
-            return F * gradient(part, arg, geo, s) * inverse(geo, s) / stretch(F)
+            return F * (gradient(part, arg, geo, s) * (one / stretch(F))) * inverse(geo, s)
 
     elif extend.type_size(description.values.dof) > 1:
 
