@@ -150,12 +150,50 @@ static LogicalResult readTable(warp::ExtractOp op, PatternRewriter &rewriter) {
   return success();
 }
 
+/// A component, at an index of run time, of a row that was read from a table is
+/// an element of the table.
+static LogicalResult readRow(warp::ExtractOp op, PatternRewriter &rewriter) {
+  auto row = op.getSource().getDefiningOp<warp::ConstructOp>();
+  auto type = dyn_cast<warp::VecType>(op.getSource().getType());
+  if (!row || !type || row.getComponents().empty() || !isDynamic(op))
+    return failure();
+  auto first = row.getComponents()[0].getDefiningOp<warp::TableGetOp>();
+  int64_t count = warp::getComponentCount(type);
+  if (!first || first.getTable().getType().getShape().back() != count ||
+      int64_t(row.getComponents().size()) != count)
+    return failure();
+  auto leading = first.getIndices().drop_back();
+  for (auto [i, component] : llvm::enumerate(row.getComponents())) {
+    auto get = component.getDefiningOp<warp::TableGetOp>();
+    APInt column;
+    if (!get || get.getTable() != first.getTable() ||
+        !llvm::equal(get.getIndices().drop_back(), leading) ||
+        !matchPattern(get.getIndices().back(), m_ConstantInt(&column)) ||
+        column != i)
+      return failure();
+  }
+  SmallVector<mlir::Value> indices(leading);
+  indices.push_back(op.getIndices()[0]);
+  auto made = rewriter.replaceOpWithNewOp<warp::TableGetOp>(
+      op, op.getType(), first.getTable(), indices);
+  made->setDiscardableAttrs(op->getDiscardableAttrDictionary());
+  return success();
+}
+
+/// A table that is converted to a wider type has at most so many bytes.
+static constexpr int64_t mostWidenedBytes = 16 << 10;
+
 /// A table whose elements are converted is one of the other type, so that each
 /// number is rounded once, and not at run time.
 static LogicalResult convertTable(warp::CastOp op, PatternRewriter &rewriter) {
   auto get = op.getSource().getDefiningOp<warp::TableGetOp>();
   mlir::Type to = op.getType();
   if (!get || !warp::isScalar(get.getType()) || !warp::isScalar(to))
+    return failure();
+  int64_t count = get.getTable().getNumElements();
+  int64_t before = warp::getByteSize(get.getType());
+  if (int64_t after = warp::getByteSize(to);
+      after > before && count * after > mostWidenedBytes)
     return failure();
   SmallVector<Attribute> numbers = llvm::map_to_vector(
       get.getTable().getValues<Attribute>(), [&](Attribute number) {
@@ -170,5 +208,5 @@ static LogicalResult convertTable(warp::CastOp op, PatternRewriter &rewriter) {
 }
 
 void warp::addTablePatterns(RewritePatternSet &patterns) {
-  patterns.add(readTable).add(convertTable);
+  patterns.add(readTable).add(readRow).add(convertTable);
 }

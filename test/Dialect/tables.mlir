@@ -80,3 +80,18 @@ func.func @constant_matrix(%i: si32, %j: si32) -> (si32, !warp.vec<6 x si32>) {
   %t = warp.extract %m[%j] : !m26, si32 -> !warp.vec<6 x si32>
   return %a, %t : si32, !warp.vec<6 x si32>
 }
+
+// A component of a row, too, wherever the row was read.
+// CHECK-LABEL: func.func @row
+// CHECK-SAME: %[[I:[^:]*]]: si32, %[[J:[^:]*]]: si64
+// CHECK: %[[X:.*]] = warp.table_get dense<{{.*}}> : tensor<3x2xf32>[%[[I]], %[[J]]] : si32, si64 -> f32
+// CHECK-NEXT: return %[[X]]
+func.func @row(%i: si32, %j: si64) -> f32 {
+  %0 = warp.constant 0 : si32
+  %1 = warp.constant 1 : si32
+  %a = warp.table_get dense<[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]> : tensor<3x2xf32> [%i, %0] : si32, si32 -> f32
+  %b = warp.table_get dense<[[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]> : tensor<3x2xf32> [%i, %1] : si32, si32 -> f32
+  %r = warp.construct(%a, %b) : (f32, f32) -> !warp.vec<2 x f32>
+  %x = warp.extract %r[%j] : !warp.vec<2 x f32>, si64 -> f32
+  return %x : f32
+}

@@ -16,6 +16,10 @@
 // RUN:   | mlir-translate --allow-unregistered-dialect --mlir-to-llvmir \
 // RUN:   | llc -mtriple=amdgcn-amd-amdhsa -mcpu=gfx1100 \
 // RUN:   | FileCheck %t/root.mlir
+// RUN: warp-opt %t/table.mlir --warp-pipeline="to-llvm packed=3 target=gfx90a" \
+// RUN:   | mlir-translate --allow-unregistered-dialect --mlir-to-llvmir \
+// RUN:   | llc -mtriple=amdgcn-amd-amdhsa -mcpu=gfx90a \
+// RUN:   | FileCheck %t/table.mlir
 // RUN: not warp-opt %t/root.mlir --warp-emit=asm --warp-options=target=gfx90a 2>&1 \
 // RUN:   | FileCheck %t/root.mlir --check-prefix=EMIT
 
@@ -81,5 +85,31 @@ func.func @root(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
   %2 = warp.div(%one, %1) : (f32, f32) -> f32
   warp.store %2, %x[%i] : f32, !warp.array<1 x f32>, si32
   warp.printf "%f\0A"(%2) : f32
+  return
+}
+
+//--- table.mlir
+
+// A constant table is read by a scalar load at an index that all lanes have, and
+// by a vector load otherwise.
+// CHECK-LABEL: read:
+// CHECK: warp_table0@rel32@lo
+// CHECK: global_load_dword v{{[0-9]+}}, v{{[0-9]+}}, s[
+// CHECK: warp_table1@rel32@lo
+// CHECK: s_load_dword s{{[0-9]+}}, s[{{.*}}], s
+// CHECK: s_endpgm
+func.func @read(%x: !warp.array<1 x f32>, %n: si32) attributes {warp.kernel} {
+  %t = warp.tid : si32
+  %zero = arith.constant 0 : i32
+  %one = arith.constant 1 : i32
+  %end = warp.cast %n : si32 to i32
+  %a = warp.table_get dense<[1.0, 3.0, 2.0]> : tensor<3xf32> [%t] : si32 -> f32
+  %b = scf.for %i = %zero to %end step %one iter_args(%s = %a) -> (f32) : i32 {
+    %q = warp.cast %i : i32 to si32
+    %w = warp.table_get dense<[4.0, 6.0, 2.0]> : tensor<3xf32> [%q] : si32 -> f32
+    %y = warp.mul(%s, %w) : (f32, f32) -> f32
+    scf.yield %y : f32
+  }
+  warp.store %b, %x[%t] : f32, !warp.array<1 x f32>, si32
   return
 }

@@ -41,7 +41,7 @@ public:
   LoopWriter(FunctionOpInterface function, warp::UnrollFor composites)
       : function(function), b(function.getContext()),
         takesAll(composites == warp::UnrollFor::Any),
-        mostOperations(takesAll ? 1024 : 2048) {}
+        mostOperations(takesAll ? 1024 : 4096) {}
 
   void run();
 

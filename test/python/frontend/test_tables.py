@@ -35,11 +35,12 @@ def read_all(i: wp.array(dtype=int), d: wp.array(dtype=wp.float64), f: wp.array2
     f[t, 7] = AXES[k % 2][k % 3]
     row = WIDE[k % 3]
     f[t, 8] = float(row[7] + row[39])
+    f[t, 10] = float(row[k])
     f[t, 9] = wp.length(AXES[k % 2])
 
 
 def expected(k):
-    floats = np.zeros((len(k), 10))
+    floats = np.zeros((len(k), 11))
     floats[:, 0] = SINGLE[k]
     floats[:, 1] = SHIFTS[k % 3, k]
     floats[:, 2] = DEEP[k % 2, k % 3, k % 4, k % 5]
@@ -51,6 +52,7 @@ def expected(k):
     floats[:, 7] = axes[k % 2, k % 3]
     floats[:, 8] = (WIDE[k % 3, 7] + WIDE[k % 3, 39]).astype(np.float32)
     floats[:, 9] = np.linalg.norm(axes, axis=1)[k % 2]
+    floats[:, 10] = WIDE[k % 3, k].astype(np.float32)
     return WEIGHTS[k], floats
 
 
@@ -58,7 +60,7 @@ def expected(k):
 def test_elements_are_those_of_numpy(count, device):
     k = RNG.integers(0, 27, size=count).astype(np.int32)
     doubles = wp.zeros(count, dtype=wp.float64, device=device)
-    floats = wp.zeros((count, 10), dtype=float, device=device)
+    floats = wp.zeros((count, 11), dtype=float, device=device)
     wp.launch(
         read_all, count, [wp.array(k, dtype=int, device=device), doubles, floats], device=device
     )
