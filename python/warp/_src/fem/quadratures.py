@@ -10,7 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
 from warp._src.fem.geometry.base import per_device
-from warp._src.fem.types import coords_type
+from warp._src.fem.types import OUTSIDE, coords_type
 
 
 @dataclass(frozen=True)
@@ -246,13 +246,27 @@ def _nodal(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace
     coords_of, weight_of = basis.functions.node_coords, basis.functions.node_weight
     node_of, number_of = topology.element_node_index, partition.functions.partition_node_index
 
+    real, is_cells = record.domain.geometry.scalar, record.domain.is_cells
+    outside = real(OUTSIDE)
+    cell = basis.cell if is_cells else basis.cell.side
+    center = coords_type(real)(*cell.center)
+
+    # Nodes that do not lie on a side have no weight there, and no coordinates.
     @wp.func
     def point_coords(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
-        return coords_of(elements, arg.topology, element, k)
+        coords = coords_of(elements, arg.topology, element, k)
+        if wp.static(not is_cells):
+            if coords[0] == outside:
+                coords = center
+        return coords
 
     @wp.func
     def point_weight(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
-        return weight_of(elements, arg.topology, element, k)
+        weight = weight_of(elements, arg.topology, element, k)
+        if wp.static(not is_cells):
+            if coords_of(elements, arg.topology, element, k)[0] == outside:
+                weight = real(0.0)
+        return weight
 
     @wp.func
     def point_index(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
