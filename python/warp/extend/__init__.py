@@ -23,10 +23,15 @@ from warp._src.kernels.descriptions import OnField as OnField
 from warp._src.kernels.descriptions import Operator as Operator
 from warp._src.kernels.descriptions import Recast as Recast
 from warp._src.kernels.descriptions import Static as Static
+from warp._src.kernels.inspection import place_of as place_of
+from warp._src.kernels.inspection import remembered as remembered
+from warp._src.kernels.inspection import syntax_of as syntax_of
+from warp._src.kernels.inspection import type_of_local as type_of_local
 from warp._src.kernels.made_functions import function_from_text as function_from_text
 from warp._src.kernels.made_functions import function_from_tree as function_from_tree
 from warp._src.kernels.made_functions import transformed_function as transformed_function
 from warp._src.logger import notice as notice
+from warp._src.types.annotations import annotations_of as annotations_of
 from warp._src.types.dtypes import canonical as canonical
 from warp._src.types.dtypes import is_array as is_array
 from warp._src.types.dtypes import type_is_array as type_is_array

@@ -204,6 +204,23 @@ def gradient_by(func, count) -> GradientBy:
     Args:
         func: a `@wp.func` function.
         count: of the arguments.
+
+    Example:
+        >>> import warp as wp
+        >>> from warp import extend
+        >>> gradient_by = extend.gradient_by
+        >>> @wp.func
+        ... def energy(x: float, stiffness: wp.array(dtype=float), i: int):
+        ...     return 0.5 * stiffness[i] * x * x
+        >>> @wp.kernel
+        ... def force(x: float, stiffness: wp.array(dtype=float), f: wp.array(dtype=float)):
+        ...     (slope,) = gradient_by(energy, 1)(x, stiffness, 0)
+        ...     f[0] = -slope
+        >>> f = wp.zeros(1, dtype=float, device="cpu")
+        >>> k = wp.array([4.0], dtype=float, device="cpu")
+        >>> wp.launch(force, 1, [0.5, k], [f], device="cpu")
+        >>> float(f.numpy()[0])
+        -2.0
     """
     return GradientBy(func, count)
 

@@ -8,6 +8,22 @@ class Description:
 
     Called in a kernel with the record's parts, it gives a record. Two descriptions that are equal
     have one translation, and the kernel cache knows them by the values of their fields.
+
+    Example:
+        >>> import dataclasses
+        >>> import warp as wp
+        >>> from warp import extend
+        >>> @wp.func
+        ... def line_value(slope: float, x: float):
+        ...     return slope * x
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class Line(extend.Description):
+        ...     degree: int = 1
+        ...
+        ...     def operation(self, name, count):
+        ...         return {"()": line_value, "degree": extend.Static(self.degree)}.get(name)
+        >>> Line().operation("degree", 0).value
+        1
     """
 
     def operation(self, name: str, count: int):
@@ -31,7 +47,13 @@ class Description:
 
 
 class Operator:
-    """A name that kernels call with a record first, as in `grad(u, s)`."""
+    """A name that kernels call with a record first, as in `grad(u, s)`.
+
+    Example:
+        >>> from warp import extend
+        >>> extend.Operator("grad")
+        <operator 'grad'>
+    """
 
     def __init__(self, name, doc=None):
         self.name = name
@@ -45,7 +67,13 @@ class Operator:
 
 
 class Static:
-    """Result of `Description.operation`: a value known at compile time."""
+    """Result of `Description.operation`: a value known at compile time.
+
+    Example:
+        >>> from warp import extend
+        >>> extend.Static(3).value
+        3
+    """
 
     __slots__ = ("value",)
 
@@ -58,6 +86,14 @@ class Recast:
 
     function: makes the new record's part, or a tuple of its parts, of the old one's; None keeps
         them.
+
+    Example:
+        >>> from warp import extend
+        >>> class Sum(extend.Description):
+        ...     def operation(self, name, count):
+        ...         return extend.Recast(self) if name == "copy" else None
+        >>> Sum().operation("copy", 0).function is None
+        True
     """
 
     __slots__ = ("description", "function")
@@ -68,7 +104,17 @@ class Recast:
 
 
 class OnField:
-    """Result of `Description.operation`: a function of one field of the record's only part."""
+    """Result of `Description.operation`: a function of one field of the record's only part.
+
+    Example:
+        >>> import warp as wp
+        >>> from warp import extend
+        >>> @wp.func
+        ... def square(x: float):
+        ...     return x * x
+        >>> extend.OnField(square, "radius").field
+        'radius'
+    """
 
     __slots__ = ("field", "function")
 

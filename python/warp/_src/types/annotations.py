@@ -154,7 +154,15 @@ def evaluate(annotation, namespaces):
 
 
 def annotations_of(function) -> dict:
-    """Annotations of a function, those written as strings evaluated."""
+    """Annotations of a Python function by name, those written as strings evaluated.
+
+    Example:
+        >>> from warp import extend
+        >>> def twice(x: "float"):
+        ...     return 2.0 * x
+        >>> extend.annotations_of(twice)
+        {'x': <class 'float'>}
+    """
     found = function.__annotations__
     if not any(isinstance(annotation, str) for annotation in found.values()):
         return found

@@ -11,7 +11,6 @@ from warp import extend
 from warp._src.fem.domains import domain_functions
 from warp._src.fem.fields.base import FieldDescription, GeometryField
 from warp._src.fem.types import sample_type
-from warp._src.types.annotations import annotations_of
 
 # `typing.Any` under a name that texts use.
 _ANY = __import__("typing").Any
@@ -120,9 +119,6 @@ def _divergence(gradient):
 @functools.cache
 def implicit_dtype(description):
     """Type of the values."""
-    from warp._src.frontend.build import types_of_local
-    from warp._src.types.dtypes import dtype_of
-
     functions = domain_functions(description.domain)
     names = _names(
         description,
@@ -134,13 +130,13 @@ def implicit_dtype(description):
     text = "def probe(arg: Values, geo: Geo, s: Sample):\n    result = evaluate(0, arg, geo, s)\n"
     known = {name: value for name, value in names.items() if name in text}
     function = extend.function_from_text(text, known, module=__name__)
-    return dtype_of(types_of_local(function, "probe", "result")[0])
+    return extend.type_of_local(function, "result")
 
 
 @functools.cache
 def implicit_arg_type(function, names):
     """The struct of the values."""
-    declared = annotations_of(function.func)
+    declared = extend.annotations_of(function.func)
     fields = {name: declared[name] for name in names} or {"unused": wp.int32}
     return extend.struct_from_fields("ImplicitArg", fields, module=__name__)
 
@@ -169,7 +165,7 @@ class ImplicitField(GeometryField):
         grad_func = None if self._derives else grad_func
         self._functions, self._degree = (func, grad_func, div_func), degree
         names = func.func.__code__.co_varnames[: func.func.__code__.co_argcount]
-        declared = annotations_of(func.func)
+        declared = extend.annotations_of(func.func)
         if not names or names[0] not in declared:
             raise ValueError(
                 f"'{func.key}' expects a position or the number of a point as its first parameter"

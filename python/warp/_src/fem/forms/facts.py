@@ -6,7 +6,6 @@ import contextlib
 
 import warp as wp
 from warp import extend
-from warp._src.frontend.source import source_of
 
 # Names whose presence means that fields may be evaluated at samples other than the plan's.
 _MOVERS = frozenset(
@@ -28,7 +27,7 @@ def words_of(function) -> frozenset:
         if one in seen:
             continue
         seen.add(one)
-        words = _words_of_body(source_of(one).tree)
+        words = _words_of_body(extend.syntax_of(one))
         found |= words
         closure = dict(zip(one.__code__.co_freevars, one.__closure__ or (), strict=True))
         for word in words:
@@ -61,7 +60,7 @@ def returns_value(integrand) -> bool:
     """True if an integrand has a result."""
     import ast
 
-    tree = source_of(integrand.func).tree
+    tree = extend.syntax_of(integrand.func)
     return any(isinstance(n, ast.Return) and n.value is not None for n in ast.walk(tree))
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import typing
 
 import warp as wp
+from warp import extend
 from warp._src.fem.tags import Domain, Field
 from warp._src.fem.types import Sample, Sample_f64
-from warp._src.types.annotations import annotations_of
 
 # Samples have the scalar type of the geometry; `fem.Sample` stands for both.
 AnySample = typing.TypeVar("AnySample", Sample, Sample_f64)
@@ -27,7 +27,7 @@ class Integrand(wp.Function):
     has_lasting_name = True
 
     def __init__(self, func, kernel_options=None):
-        declared = annotations_of(func)
+        declared = extend.annotations_of(func)
         names = func.__code__.co_varnames[: func.__code__.co_argcount]
         self.sample_name = self.domain_name = None
         self.field_names, self.value_types = [], {}

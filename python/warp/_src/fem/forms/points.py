@@ -21,8 +21,6 @@ from warp._src.fem.forms.flow import UNKNOWN
 from warp._src.fem.forms.slots import NODE_OPERATORS, Role
 from warp._src.fem.forms.terms import components, dof_count, point_functions, term_functions
 from warp._src.fem.types import sample_type
-from warp._src.frontend.build import types_of_local
-from warp._src.types.dtypes import dtype_of
 
 
 class NodeOperatorsError(Exception):
@@ -193,7 +191,7 @@ class PointsPlan:
         if base is not None:
             self.result, self.operations = base.result, base.operations
         else:
-            self.result, self.operations = self._probed()
+            self.result, self.operations = self._remembered()
         self.discrete = {
             name: role.with_uses(self.operations.get(name, ()))
             for name, role in self.discrete.items()
@@ -216,6 +214,19 @@ class PointsPlan:
             return None
         return points_plan(dataclasses.replace(self.record, quadrature=None, rule=None))
 
+    def _remembered(self) -> tuple:
+        """As `_probed`, of another process if the kernel cache has it."""
+        found: list = []
+
+        def make():
+            result, operations = self._probed()
+            found.extend((result, operations))
+            return encoded_type(result), {k: sorted(v) for k, v in operations.items()}
+
+        key = "form", type(self).__name__, self.record
+        kind, operations = extend.remembered(key, make, lambda made: made[0] is not None)
+        return tuple(found) if found else (decoded_type(kind), operations)
+
     def _probed(self) -> tuple:
         """Type of the result, and operators that are applied to fields, by role."""
         self.names["form"] = self._form_function()
@@ -232,13 +243,13 @@ class PointsPlan:
         function = extend.function_from_text(text, self._names_in(text), module=__name__)
         with facts.recorded_operations() as operations:
             try:
-                natives = types_of_local(function, "probe", "result")
+                result = extend.type_of_local(function, "result")
             except wp.WarpCodegenError:
                 for role in ("test", "trial"):
                     if not NODE_OPERATORS.isdisjoint(operations.get(role, ())):
                         raise NodeOperatorsError from None
                 raise
-        return dtype_of(natives[0]) if returns else None, operations
+        return result if returns else None, operations
 
     def _zero_points(self, role) -> str:
         self._slots(role)
@@ -396,9 +407,14 @@ class PointsPlan:
     @functools.cached_property
     def structure(self):
         """Which coefficients are zero or constant; checks that the form is linear."""
-        from warp._src.fem.forms.structure import find_structure
+        from warp._src.fem.forms.structure import Structure, find_structure
 
-        return self._base.structure if self._base is not None else find_structure(self)
+        if self._base is not None:
+            return self._base.structure
+        made = extend.remembered(
+            ("structure", type(self).__name__, self.record), lambda: find_structure(self).encoded()
+        )
+        return Structure.decoded(made)
 
     @property
     def is_symmetric(self) -> bool:
@@ -512,6 +528,28 @@ class PointsPlan:
     def terms(self, role):
         """Functions of products of the role's basis functions with coefficients."""
         return term_functions(role.nodes.values)
+
+
+def encoded_type(dtype) -> tuple | None:
+    """A type of numbers, vectors or matrices as plain values; None for others."""
+    if dtype is None:
+        return ("nothing",)
+    composites = (extend.type_is_vector, extend.type_is_matrix)
+    if not any(is_kind(dtype) for is_kind in composites):
+        is_plain = getattr(wp, getattr(dtype, "__name__", ""), None) is dtype
+        return ("number", dtype.__name__) if is_plain and hasattr(dtype(0), "value") else None
+    return ("composite", extend.type_scalar_type(dtype).__name__, tuple(dtype._shape_))
+
+
+def decoded_type(made):
+    """The type that `encoded_type` was given."""
+    kind, *rest = made
+    if kind == "nothing":
+        return None
+    if kind == "number":
+        return getattr(wp, rest[0])
+    scalar, shape = getattr(wp, rest[0]), tuple(rest[1])
+    return wp.types.vector(shape[0], scalar) if len(shape) == 1 else wp.types.matrix(shape, scalar)
 
 
 def _any():

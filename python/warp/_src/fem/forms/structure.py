@@ -6,6 +6,7 @@ exact structure, since the derivative of what does not depend on a slot is the c
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import warp as wp
@@ -28,6 +29,19 @@ class Structure:
 
     coefficients: dict | None
     value: Flow | None
+
+    def encoded(self) -> tuple:
+        """The facts as plain values."""
+        plain = {key: dataclasses.astuple(one) for key, one in (self.coefficients or {}).items()}
+        value = None if self.value is None else dataclasses.astuple(self.value)
+        return (None if self.coefficients is None else plain), value
+
+    @staticmethod
+    def decoded(made) -> Structure:
+        """The structure that `encoded` was made of."""
+        plain, value = made
+        found = None if plain is None else {key: Flow(*one) for key, one in plain.items()}
+        return Structure(found, None if value is None else Flow(*value))
 
     def is_zero(self, *key) -> bool:
         """True if a coefficient is 0."""
@@ -99,17 +113,14 @@ def _check_linear(plan, structure):
 
 def not_linear(plan, role, depends):
     """The error of a form that is not linear in a function."""
-    from warp._src.frontend.source import source_of
-
     integrand = plan.record.integrand
-    source = source_of(integrand.func)
-    node = _place_of(source.tree, role.name)
+    node = _place_of(extend.syntax_of(integrand.func), role.name)
     reason = "it is not linear" if depends else "a term does not depend on it"
     return wp.WarpCodegenError(
         f"form '{integrand.name}' is not linear in '{role.name}', its {role.role} function: "
         f"{reason}",
         hint=None if depends else "integrate that term by itself",
-        **source.place(node),
+        **extend.place_of(integrand.func, node),
     )
 
 
