@@ -9,7 +9,6 @@ import warp as wp
 from warp._src.fem.cells.cell import CUBE, SQUARE, TET, TRIANGLE
 from warp._src.fem.geometry.meshes import Hexmesh, Quadmesh2D, Tetmesh, Trimesh2D
 from warp._src.fem.spaces.make import make_polynomial_space
-from warp._src.fem.spaces.orientations import cell_orientations
 
 MESHES = {TRIANGLE: Trimesh2D, SQUARE: Quadmesh2D, TET: Tetmesh, CUBE: Hexmesh}
 
@@ -83,10 +82,10 @@ def values_at(space, positions, table, point, dofs):
     nodes = space.topology.element_node_indices().numpy()
     signs = np.ones_like(nodes)
     if space.topology.record.is_signed:
-        signs = space.topology._tables(None)[1].numpy()
+        signs = space.topology.tables().signs.numpy()
     turns = np.zeros(len(table), int)
     if space.topology.record.is_oriented:
-        turns = cell_orientations(space.geometry, None).numpy()
+        turns = space.topology.tables().orientations.numpy()
     found = []
     for k in range(len(table)):
         x, gradient = parameters_of(cell, positions[table[k]], point)

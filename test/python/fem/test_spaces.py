@@ -57,7 +57,7 @@ def test_numbers_of_lagrange_nodes(axes, environments, degree):
 def test_tables_agree_with_arithmetic(axes, degree):
     """Lagrange nodes by entity have the positions of those by arithmetic, cell by cell."""
     from warp._src.fem.spaces.basis import ShapeBasisSpace
-    from warp._src.fem.spaces.topology import TableTopology
+    from warp._src.fem.spaces.tables import TableTopology
 
     grid = grids()[axes]
     basis = make_polynomial_basis_space(grid, degree)

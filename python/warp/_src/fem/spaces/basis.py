@@ -10,7 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.cells.cell import Cell, cell
 from warp._src.fem.cells.element import Element
-from warp._src.fem.spaces.topology import SpaceTopology, TopologyRecord
+from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 
 
 @dataclass(frozen=True)

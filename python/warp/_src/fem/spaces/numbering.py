@@ -207,20 +207,25 @@ def _turn_tables(turns):
     return (table(np.array([turn[k] for turn in turns]), wp.int32) for k in range(2))
 
 
-def mesh_entities(entities, layout) -> Entities:
-    """Entities of a mesh or sparse grid; the ones without nodes are not asked for."""
-    edges, faces = None, None
+def mesh_entities(entities, element, room: int = 0) -> Entities:
+    """Entities of a mesh or sparse grid; the ones without nodes are not asked for.
+
+    Args:
+        room: cells that a sparse grid has room for, so that numbers stay in place; else 0.
+    """
+    layout, edges, faces = element.layout, None, None
     edge_count = face_count = 0
     if layout.counts[1]:
-        edges, edge_count = entities.cell_edges, entities.edge_count
+        edges = entities.cell_edges
+        edge_count = room * len(element.cell.edges) or entities.edge_count
     if layout.counts[2]:
-        faces, face_count = entities.cell_faces, entities.face_count
-    aligned = getattr(entities, "aligned", False)
-    counts = (entities.vertex_count, edge_count, face_count)
+        faces = entities.cell_faces
+        face_count = room * len(element.cell.faces) or entities.face_count
     ends = None
-    if layout.side_signs and not aligned:
-        ends = (entities.faces or entities.edges).ends
-    return Entities(entities.cells, edges, faces, *counts, aligned, ends)
+    if layout.side_signs and not entities.aligned:
+        ends = entities.sides.ends
+    counts = (entities.vertex_count, edge_count, face_count)
+    return Entities(entities.cells, edges, faces, *counts, entities.aligned, ends)
 
 
 def firsts(element, entities: Entities, cells: int) -> tuple:
@@ -237,8 +242,11 @@ def firsts(element, entities: Entities, cells: int) -> tuple:
     return vertices, vertices + edges, vertices + edges + faces, total
 
 
-def number_nodes(element, entities: Entities, cells: int, device) -> tuple:
+def number_nodes(element, entities: Entities, cells: int, device, out=None) -> tuple:
     """Nodes of each cell.
+
+    Args:
+        out: arrays of numbers and signs to fill, if they have the size.
 
     Returns:
         Numbers (cells, n) int32, signs (cells, n) int8, and the number of nodes.
@@ -250,8 +258,9 @@ def number_nodes(element, entities: Entities, cells: int, device) -> tuple:
     if total >= 2**31:
         raise ValueError(f"expects fewer than 2^31 nodes, but {element!r} has {total}")
     shape = (cells, element.node_count)
-    nodes = wp.empty(shape, dtype=wp.int32, device=device)
-    signs = wp.empty(shape, dtype=wp.int8, device=device)
+    if out is None or out[0].shape != shape:
+        out = (wp.empty(shape, wp.int32, device), wp.empty(shape, wp.int8, device))
+    nodes, signs = out
     arrays = [entities.cell_vertices, entities.cell_edges, entities.cell_faces]
     arrays = [
         wp.empty((0, 0), dtype=wp.int32, device=device) if array is None else array.to(device)

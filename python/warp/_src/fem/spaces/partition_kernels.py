@@ -3,7 +3,7 @@
 import warp as wp
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.partition import partition_functions
-from warp._src.fem.spaces.topology import TopologyRecord, topology_functions
+from warp._src.fem.spaces.topologies import TopologyRecord, topology_functions
 from warp._src.fem.types import NULL_ELEMENT_INDEX
 
 _INTERIOR, _FRONTIER, _HALO_NEAR, _HALO_FAR, _EXTERIOR = (wp.constant(k) for k in range(5))

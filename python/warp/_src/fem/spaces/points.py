@@ -8,7 +8,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.spaces.basis import BasisRecord, BasisSpace
 from warp._src.fem.spaces.point_functions import PointsRecord
-from warp._src.fem.spaces.topology import SpaceTopology, TopologyRecord
+from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 
 
 class PointTopology(SpaceTopology):

@@ -16,7 +16,7 @@ from warp import extend
 from warp._src.fem.cells.element import Element
 from warp._src.fem.spaces.basis import BasisRecord, BasisSpace
 from warp._src.fem.spaces.mappers import DofMapper, IdentityMapper, MapperRecord
-from warp._src.fem.spaces.topology import SpaceTopology, TopologyRecord
+from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 from warp._src.fem.types import ElementKind
 
 
