@@ -98,7 +98,7 @@ class DiscreteField(SpaceField):
                 f"'dof_values' expects an array of {extend.type_repr(self.space.dof_dtype)}, but "
                 f"got one of {values.ndim} dimensions of {extend.type_repr(values.dtype)}"
             )
-        if values.shape[0] < count:
+        if values.shape[0] != count:
             raise ValueError(
                 f"'dof_values' expects {count} values, one per node, but got {values.shape[0]}"
             )

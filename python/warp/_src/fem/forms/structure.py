@@ -84,6 +84,8 @@ def find_structure(plan) -> Structure:
     Raises:
         WarpCodegenError: the form is not linear in its test or trial function.
     """
+    if plan.test is not None:
+        plan.check_result()
     try:
         text, arguments, keys = _probe(plan)
         found = FlowAnalysis(text, arguments).stored
