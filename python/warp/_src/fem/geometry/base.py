@@ -67,7 +67,19 @@ def geometry_functions(record: GeometryRecord) -> SimpleNamespace:
     return functions
 
 
-class Geometry:
+class _ByGradient(type):
+    """Gives `Geometry` functions of kernels of a deformation gradient, made when asked for."""
+
+    def __getattr__(cls, name):
+        if name not in ("_element_measure", "_element_normal"):
+            raise AttributeError(f"{cls.__name__!r} has no attribute {name!r}")
+        from warp._src.fem.geometry.derived import element_functions
+
+        Geometry._element_measure, Geometry._element_normal = element_functions()
+        return getattr(Geometry, name)
+
+
+class Geometry(metaclass=_ByGradient):
     """A set of cells and of the sides between them.
 
     Functions of kernels (`cell_position`, `side_normal`, ...) are attributes. They are those of

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
+from warp import extend
 from warp._src.fem.geometry.shapes import DIMENSIONS, MEASURES, side_name
 from warp._src.fem.types import make_free_sample, sample_type
 
@@ -62,6 +63,31 @@ def surface_inverse(F: Any):
     return wp.matrix_from_rows(wp.cross(Ft[1], n) / area_sq, wp.cross(n, Ft[0]) / area_sq)
 
 
+def _by_type(name: str, functions: dict) -> wp.Function:
+    """A function of kernels of a gradient of any type, of functions by (dimension of space,
+    dimension of cells)."""
+    made = None
+    for real in (wp.float32, wp.float64):
+        for (d, k), of in functions.items():
+            Gradient = wp.types.vector(d, real) if k == 1 else wp.types.matrix((d, k), real)
+
+            text = f"def {name}(F: Gradient):\n    return of(F)\n"
+            one = extend.function_from_text(text, {"Gradient": Gradient, "of": of}, module=__name__)
+            if made is None:
+                made = wp.func(one)
+            else:
+                made.add_overload(one)
+    return made
+
+
+def element_functions() -> tuple:
+    """Measure and normal of an element by its deformation gradient, of any type."""
+    solids = dict.fromkeys(((2, 2), (3, 3)), stretch)
+    curves = dict.fromkeys(((2, 1), (3, 1)), curve_stretch)
+    measure = _by_type("element_measure", {**solids, **curves, (3, 2): surface_stretch})
+    return measure, _by_type("element_normal", {(2, 1): curve_normal, (3, 2): surface_normal})
+
+
 def of_gradient(cell_dimension: int, dimension: int):
     """Functions of a deformation gradient: stretch, normal (or None), inverse."""
     if cell_dimension == dimension:
@@ -86,6 +112,8 @@ def _of_element(functions, kind: str, Arg, Sample, cell: str, dimension: int, re
         return inverse_of(gradient(arg, s))
 
     made = {
+        # Edges of surfaces have no normal.
+        f"{kind}_normal": None,
         f"{kind}_measure": measure,
         f"{kind}_inverse_deformation_gradient": inverse_deformation_gradient,
     }
