@@ -39,13 +39,6 @@ class Cell:
     mesh_vertices: tuple
     measure: float
 
-    @property
-    def prototype(self):
-        """The unit cell, with its measure and rules."""
-        from warp._src.fem.cells.prototypes import Prototype
-
-        return Prototype(self)
-
     def __repr__(self):
         return self.name
 

@@ -16,5 +16,6 @@ def side_name(cell: str) -> str:
 def cell_of(name: str):
     """The record of a reference cell."""
     from warp._src.fem.cells import cell as cells
+    from warp._src.fem.cells import rules  # noqa: F401 - cells have rules as `prototype`
 
     return getattr(cells, name.upper())
