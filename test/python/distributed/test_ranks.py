@@ -12,7 +12,7 @@ PASSING = (
     *("graph_operations", "bad_graphs"),
     *("checkpoints", "shared_memory", "warm_and_progress"),
 )
-SAME_BITS = ("jacobi", "exact_sums", "products_and_solvers", "matrix_free")
+SAME_BITS = ("jacobi", "lattice", "exact_sums", "products_and_solvers", "matrix_free")
 ROWS, COLUMNS, STEPS = 24, 16, 10
 
 
