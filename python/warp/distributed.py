@@ -32,6 +32,7 @@ if typing.TYPE_CHECKING:
     from warp._src.distributed.operations import reduce_scatter as reduce_scatter
     from warp._src.distributed.operations import replicate as replicate
     from warp._src.distributed.operations import rows_of as rows_of
+    from warp._src.distributed.particles import Particles as Particles
     from warp._src.distributed.processes import Shared as Shared
     from warp._src.distributed.processes import progress as progress
     from warp._src.distributed.processes import share as share
@@ -63,6 +64,7 @@ _MODULES = {
     "reduce_scatter": "operations",
     "replicate": "operations",
     "rows_of": "operations",
+    "Particles": "particles",
     "Shared": "processes",
     "progress": "processes",
     "share": "processes",

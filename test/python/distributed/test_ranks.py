@@ -11,8 +11,9 @@ PASSING = (
     *("debug_mode", "disagreement", "bad_input", "lifetime"),
     *("graph_operations", "bad_graphs"),
     *("checkpoints", "shared_memory", "warm_and_progress"),
+    *("migration_adjoint", "bad_particles"),
 )
-SAME_BITS = ("jacobi", "lattice", "exact_sums", "products_and_solvers", "matrix_free")
+SAME_BITS = ("jacobi", "lattice", "exact_sums", "products_and_solvers", "matrix_free", "discs")
 ROWS, COLUMNS, STEPS = 24, 16, 10
 
 

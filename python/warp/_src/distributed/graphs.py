@@ -69,90 +69,23 @@ def owners_of(rows, columns, count, size, by, positions=None, weights=None):
     return owner
 
 
-class Graph:
-    """Nodes that are split over ranks, with the nodes of others that edges lead to.
-
-    The local order is by owner, and within one by number: ghosts of lower ranks, own nodes, ghosts
-    of higher ranks. With `by="rows"` that is the global order, so sums along rows have the same
-    bits on any number of ranks.
-
-    Args:
-        rows, columns: ends of all edges, such as rows and columns of a sparse matrix, on each rank.
-        count: nodes, by default one more than the largest number.
-        comm: by default that of `wd.init`.
-        by: "metis" (needs pymetis; else as "hilbert"), "hilbert" or "rows".
-        positions: of all nodes, for "hilbert".
+class Neighbours:
+    """Values of own nodes and of ghosts, which lie in ranges by owner.
 
     Attributes:
-        owners: the rank of each node.
-        numbers: global numbers of the local nodes.
-        first, owned, local: the first own node in the local order, own nodes, and all.
-        cut: edges between ranks.
-
-    Raises:
-        DistributedValueError: a number is no node, or there are more ranks than nodes.
+        comm: communicator.
+        kind: of what, for messages.
+        neighbours: for each other rank (its number, local numbers to send, slice of its ghosts).
+        first, owned, local: the first own node, own nodes, and all.
     """
 
-    def __init__(self, rows, columns, count=None, comm=None, by="metis", positions=None):
-        self.comm = comm = resolve(comm)
-        rows, columns = (np.asarray(one, np.int64).reshape(-1) for one in (rows, columns))
-        who = f"rank {comm.rank}: Graph"
-        if by not in PARTITIONS:
-            raise DistributedValueError(f"{who} expects by={PARTITIONS}, but got {by!r}")
-        if rows.size != columns.size:
-            raise DistributedValueError(
-                f"{who} expects as many rows as columns, but got {rows.size} and {columns.size}"
-            )
-        most = int(max(rows.max(initial=-1), columns.max(initial=-1))) + 1
-        count = most if count is None else int(count)
-        if most > count or min(rows.min(initial=0), columns.min(initial=0)) < 0:
-            raise DistributedValueError(
-                f"{who} expects numbers of nodes from 0 to {count - 1}, but got one of {most - 1}"
-            )
-        if count < comm.size:
-            raise DistributedValueError(
-                f"{who}: {comm.size} ranks have no node each of {count}: use fewer ranks"
-            )
-        self.count = count
-        self.owners = owners_of(rows, columns, count, comm.size, by, positions)
-        self.cut = int((self.owners[rows] != self.owners[columns]).sum())
-        self._find_local(rows, columns)
+    kind = "a graph"
+    first = owned = local = 0
+
+    def __init__(self, comm, neighbours=()):
+        self.comm, self.neighbours = comm, list(neighbours)
         self._exchanges: dict = {}
         self._plans: dict = {}
-
-    def _find_local(self, rows, columns) -> None:
-        rank, size = self.comm.rank, self.comm.size
-        owners = self.owners
-        order = np.argsort(owners, kind="stable")
-        # Local numbers: by owner, then by global number.
-        place = np.empty(self.count, np.int64)
-        place[order] = np.arange(self.count)
-        needed = [[] for _ in range(size)]
-        for reader in range(size):
-            ghosts = np.unique(columns[(owners[rows] == reader) & (owners[columns] != reader)])
-            needed[reader] = ghosts[np.argsort(place[ghosts], kind="stable")]
-        mine = np.flatnonzero(owners == rank)
-        both = np.concatenate([mine, needed[rank]])
-        self.numbers = both[np.argsort(place[both], kind="stable")]
-        self.local, self.owned = len(self.numbers), len(mine)
-        self.first = int(np.searchsorted(place[self.numbers], place[mine[0]])) if len(mine) else 0
-        at = np.full(self.count, -1, np.int64)
-        at[self.numbers] = np.arange(self.local)
-        self._at = at
-        self.neighbours = []
-        for peer in range(size):
-            give = needed[peer][owners[needed[peer]] == rank] if peer != rank else ()
-            take = needed[rank][owners[needed[rank]] == peer] if peer != rank else ()
-            if len(give) or len(take):
-                index = wp.array(at[give].astype(np.int32), dtype=int, device=self.comm.device)
-                begin = int(at[take[0]]) if len(take) else 0
-                self.neighbours.append((peer, index, slice(begin, begin + len(take))))
-
-    def local_of(self, numbers) -> np.ndarray:
-        """Local numbers of nodes, -1 for those that are not here."""
-        return self._at[np.asarray(numbers, np.int64)]
-
-    # Vectors.
 
     def zeros(self, dtype=float, requires_grad=False):
         """A value for each local node."""
@@ -164,27 +97,12 @@ class Graph:
         """The values of own nodes, as a view."""
         return x[self.first : self.first + self.owned]
 
-    def scatter(self, data):
-        """The local part of values of all nodes, which each rank has."""
-        return np.asarray(data)[self.numbers]
-
-    def gather(self, x):
-        """The values of all nodes on each rank, as a NumPy array."""
-        values = without_tape(lambda: self.inner(x).numpy().copy())
-        parts = self.comm.gather_objects(
-            (self.numbers[self.first : self.first + self.owned], values)
-        )
-        whole = np.empty((self.count, *values.shape[1:]), values.dtype)
-        for numbers, part in parts:
-            whole[numbers] = part
-        return whole
-
     def _check(self, name, x) -> None:
         checked(self.comm, name, x)
         if x.shape != (self.local,):
             raise DistributedError(
                 f"rank {self.comm.rank}: {name} expects {self.local} values, {self.owned} own and "
-                f"{self.local - self.owned} of ghosts, but got {x.shape}: use `graph.zeros`"
+                f"{self.local - self.owned} of ghosts, but got {x.shape}: make it by `zeros`"
             )
 
     def halo(self, x) -> None:
@@ -230,9 +148,105 @@ class Graph:
             sides.append(Side(peer, give, take, self.comm.rank, peer))
         recorded = Observers.tape is not None and x.requires_grad
         symmetric = name, dtypes.type_repr(x.dtype), recorded
-        exchange = Exchange(self.comm, f"{name} of a graph", sides, self._plans.get(symmetric))
+        exchange = Exchange(self.comm, f"{name} of {self.kind}", sides, self._plans.get(symmetric))
         self._plans[symmetric] = exchange.plan
         while len(self._exchanges) >= 64:
             self._exchanges.pop(next(iter(self._exchanges)))[0].free()
         self._exchanges[key] = exchange, packed, gradient, x
         return exchange, packed
+
+
+class Graph(Neighbours):
+    """Nodes that are split over ranks, with the nodes of others that edges lead to.
+
+    The local order is by owner, and within one by number: ghosts of lower ranks, own nodes, ghosts
+    of higher ranks. With `by="rows"` that is the global order, so sums along rows have the same
+    bits on any number of ranks.
+
+    Args:
+        rows, columns: ends of all edges, such as rows and columns of a sparse matrix, on each rank.
+        count: nodes, by default one more than the largest number.
+        comm: by default that of `wd.init`.
+        by: "metis" (needs pymetis; else as "hilbert"), "hilbert" or "rows".
+        positions: of all nodes, for "hilbert".
+
+    Attributes:
+        owners: the rank of each node.
+        numbers: global numbers of the local nodes.
+        first, owned, local: the first own node in the local order, own nodes, and all.
+        cut: edges between ranks.
+
+    Raises:
+        DistributedValueError: a number is no node, or there are more ranks than nodes.
+    """
+
+    def __init__(self, rows, columns, count=None, comm=None, by="metis", positions=None):
+        comm = resolve(comm)
+        super().__init__(comm)
+        rows, columns = (np.asarray(one, np.int64).reshape(-1) for one in (rows, columns))
+        who = f"rank {comm.rank}: Graph"
+        if by not in PARTITIONS:
+            raise DistributedValueError(f"{who} expects by={PARTITIONS}, but got {by!r}")
+        if rows.size != columns.size:
+            raise DistributedValueError(
+                f"{who} expects as many rows as columns, but got {rows.size} and {columns.size}"
+            )
+        most = int(max(rows.max(initial=-1), columns.max(initial=-1))) + 1
+        count = most if count is None else int(count)
+        if most > count or min(rows.min(initial=0), columns.min(initial=0)) < 0:
+            raise DistributedValueError(
+                f"{who} expects numbers of nodes from 0 to {count - 1}, but got one of {most - 1}"
+            )
+        if count < comm.size:
+            raise DistributedValueError(
+                f"{who}: {comm.size} ranks have no node each of {count}: use fewer ranks"
+            )
+        self.count = count
+        self.owners = owners_of(rows, columns, count, comm.size, by, positions)
+        self.cut = int((self.owners[rows] != self.owners[columns]).sum())
+        self._find_local(rows, columns)
+
+    def _find_local(self, rows, columns) -> None:
+        rank, size = self.comm.rank, self.comm.size
+        owners = self.owners
+        order = np.argsort(owners, kind="stable")
+        # Local numbers: by owner, then by global number.
+        place = np.empty(self.count, np.int64)
+        place[order] = np.arange(self.count)
+        needed = [[] for _ in range(size)]
+        for reader in range(size):
+            ghosts = np.unique(columns[(owners[rows] == reader) & (owners[columns] != reader)])
+            needed[reader] = ghosts[np.argsort(place[ghosts], kind="stable")]
+        mine = np.flatnonzero(owners == rank)
+        both = np.concatenate([mine, needed[rank]])
+        self.numbers = both[np.argsort(place[both], kind="stable")]
+        self.local, self.owned = len(self.numbers), len(mine)
+        self.first = int(np.searchsorted(place[self.numbers], place[mine[0]])) if len(mine) else 0
+        at = np.full(self.count, -1, np.int64)
+        at[self.numbers] = np.arange(self.local)
+        self._at = at
+        for peer in range(size):
+            give = needed[peer][owners[needed[peer]] == rank] if peer != rank else ()
+            take = needed[rank][owners[needed[rank]] == peer] if peer != rank else ()
+            if len(give) or len(take):
+                index = wp.array(at[give].astype(np.int32), dtype=int, device=self.comm.device)
+                begin = int(at[take[0]]) if len(take) else 0
+                self.neighbours.append((peer, index, slice(begin, begin + len(take))))
+
+    def local_of(self, numbers) -> np.ndarray:
+        """Local numbers of nodes, -1 for those that are not here."""
+        return self._at[np.asarray(numbers, np.int64)]
+
+    def scatter(self, data):
+        """The local part of values of all nodes, which each rank has."""
+        return np.asarray(data)[self.numbers]
+
+    def gather(self, x):
+        """The values of all nodes on each rank, as a NumPy array."""
+        values = without_tape(lambda: self.inner(x).numpy().copy())
+        own = self.numbers[self.first : self.first + self.owned]
+        parts = self.comm.gather_objects((own, values))
+        whole = np.empty((self.count, *values.shape[1:]), values.dtype)
+        for numbers, part in parts:
+            whole[numbers] = part
+        return whole

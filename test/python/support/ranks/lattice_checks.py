@@ -2,6 +2,7 @@
 
 import checking
 import numpy as np
+
 import warp as wp
 import warp.distributed as wd
 

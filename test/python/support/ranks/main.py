@@ -4,10 +4,14 @@ import checking
 import grid_checks
 import lattice_checks
 import operation_checks
+import particle_checks
 import process_checks
 import solver_checks
 
-MODULES = (grid_checks, lattice_checks, operation_checks, solver_checks, process_checks)
+MODULES = (
+    *(grid_checks, lattice_checks, operation_checks),
+    *(solver_checks, particle_checks, process_checks),
+)
 
 if __name__ == "__main__":
     checking.run([check for module in MODULES for check in module.CHECKS])

@@ -138,7 +138,7 @@ def bad_graphs(comm):
     if comm.size > 2:
         checking.fails(lambda: wd.Graph([0], [1], 2), who, "fewer ranks")
     graph = wd.Graph(np.arange(9), np.arange(9)[::-1], by="rows")
-    checking.fails(lambda: graph.halo(wp.zeros(graph.local + 1)), who, "graph.zeros")
+    checking.fails(lambda: graph.halo(wp.zeros(graph.local + 1)), who, "`zeros`")
     first = graph.numbers[graph.first]
     far = (first + 4) % 9
     if graph.local_of([far])[0] < 0:
