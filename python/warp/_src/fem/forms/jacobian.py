@@ -89,13 +89,15 @@ class JacobianPlan(PairsPlan):
             f"                s = {self._sample('wp.vec2i(j, b)')}",
             "                value = form(s, domain_arg, fields, values, ())",
         ]
+        value = "value"
         if self.space is not None:
+            value = "dof"
             lines.append(
-                "                value = to_dof(domain_arg.geo, topology, element, i, value)"
+                "                dof = to_dof(domain_arg.geo, topology, element, i, value)"
             )
         for place, subscript in enumerate(row):
             target = "block" if self.block_dtype is self.record.scalar else f"block[{place}, b]"
-            lines.append(f"                {target} = factor * Real(value{subscript})")
+            lines.append(f"                {target} = factor * Real({value}{subscript})")
         lines.append("        blocks[base + j] = block")
         return self._kernel("\n".join(lines) + "\n")
 
