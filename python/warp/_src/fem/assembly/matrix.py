@@ -133,7 +133,9 @@ def assemble_matrix(
         target.values.requires_grad = wants or (output is not None and output.requires_grad)
     set_structure(target, pattern, options)
     fill(form, pattern, target.values, accumulate_dtype, temporary_store)
-    if options.prune:
+    # Functions of points are zero at the other points of a cell.
+    is_of_points = all(_is_of_points(field) for field in (form.test, form.trial))
+    if options.prune or (is_of_points and not options.construction.startswith("mapped")):
         bsr_compress(target, prune_numerical_zeros=True)
     if add:
         bsr_axpy(x=target, y=output, topology=options.topology)
@@ -144,6 +146,11 @@ def assemble_matrix(
     if options.topology == "padded":
         return _padded(target, output, options)
     return target
+
+
+def _is_of_points(field) -> bool:
+    record = getattr(getattr(field, "space", None), "record", None)
+    return record is not None and record.element is None
 
 
 def _padded(source, output, options):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import warp as wp
+from warp._src.fem.geometry.derived import element_measure, element_normal
 from warp._src.fem.types import coords_type, sample_type
 
 
@@ -89,6 +90,8 @@ class Geometry(metaclass=_ByGradient):
     record: GeometryRecord
     is_rebuildable = False
     _environments = 1
+    # Measure and normal by a deformation gradient, by the names that programs know.
+    _element_measure, _element_normal = element_measure, element_normal
 
     def __getattr__(self, name):
         if name.startswith("_") or name == "record":

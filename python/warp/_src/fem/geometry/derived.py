@@ -27,6 +27,27 @@ def surface_stretch(F: Any):
 
 
 @wp.func
+def element_measure(F: wp.types.matrix((2, 2), wp.Scalar)):
+    """Ratio of measures by the deformation gradient of any element."""
+    return stretch(F)
+
+
+@wp.func
+def element_measure(F: wp.types.matrix((3, 3), wp.Scalar)):
+    return stretch(F)
+
+
+@wp.func
+def element_measure(F: wp.types.vector(Any, wp.Scalar)):
+    return curve_stretch(F)
+
+
+@wp.func
+def element_measure(F: wp.types.matrix((3, 2), wp.Scalar)):
+    return surface_stretch(F)
+
+
+@wp.func
 def no_normal(F: Any):
     return F[0] - F[0]
 
@@ -42,6 +63,17 @@ def surface_normal(F: Any):
     Ft = wp.transpose(F)
     n = wp.cross(Ft[0], Ft[1])
     return n / wp.length(n)
+
+
+@wp.func
+def element_normal(F: wp.types.vector(Any, wp.Scalar)):
+    """Unit normal by the deformation gradient of a side."""
+    return curve_normal(F)
+
+
+@wp.func
+def element_normal(F: wp.types.matrix((3, 2), wp.Scalar)):
+    return surface_normal(F)
 
 
 @wp.func
