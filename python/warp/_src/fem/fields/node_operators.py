@@ -1,6 +1,7 @@
 """Operators of nodes of discrete fields, and the way from a trace to cells."""
 
 import functools
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -130,10 +131,8 @@ def _to_space(domain, half):
 
 def cells_of(description):
     """The record of a trace's field in cells."""
-    from warp._src.fem.fields.spaces import SpaceDescription
-
     cells = DomainRecord("cells", description.domain.partition)
-    found = SpaceDescription(description.nodes, cells)
+    found = replace(description, domain=cells)
     if description.domain.is_cells:
         return extend.Recast(found)
     return extend.Recast(found, _parts_function(locations(description.domain, 0).cell_arg))
