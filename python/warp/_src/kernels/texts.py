@@ -16,8 +16,12 @@ _IDENTIFIER = re.compile(r"[^\W\d]\w*")
 
 # By the file that a code object names.
 _HINTS = {
+    "<string>": "Python keeps no text of `exec`: give its lines to `linecache.cache['<string>']`, "
+    "or make functions by `warp.extend.function_from_text`",
+    "<stdin>": "Python keeps no text that comes through a pipe or a prompt: put it into a file, "
+    "or run it by `python -c`",
     "<dynamic-code>": "cloudpickle sent the function around it without source: define the kernel "
-    "outside of that function, kernels travel with theirs"
+    "outside of that function, kernels travel with theirs",
 }
 
 
@@ -51,6 +55,10 @@ def keep(function) -> None:
     if _kept.get(code) is None:
         linecache.checkcache(code.co_filename)
         lines = linecache.getlines(code.co_filename, function.__globals__)
+        if code.co_firstlineno > len(lines):
+            from warp._src.kernels.main_texts import lines_of_main
+
+            lines = lines_of_main(code)
         if code.co_firstlineno <= len(lines):
             _kept[code] = lines
 
@@ -68,6 +76,10 @@ def lines_of(function, forget=False) -> list[str]:
     if lines is None:
         linecache.checkcache(code.co_filename)
         lines = linecache.getlines(code.co_filename, function.__globals__)
+    if code.co_firstlineno > len(lines):
+        from warp._src.kernels.main_texts import lines_of_main
+
+        lines = lines_of_main(code)
     if code.co_firstlineno > len(lines):
         raise errors.WarpCodegenError(
             f"source of '{function.__name__}' is not available",
