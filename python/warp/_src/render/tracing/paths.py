@@ -157,9 +157,6 @@ def in_medium(world: World, path: Path, number: int, t: float, limit: float, see
     medium = world.media[number]
     out = gathered(path, medium.emission, limit)
     x = path.origin + t * path.dir
-    if path.bounce == 0:
-        out.albedo = medium.albedo
-        out.normal = wp.vec4(0.0, 0.0, 0.0, t)
     out.throughput = wp.cw_mul(path.throughput, medium.albedo)
     if light_count(world) > 0:
         light = choose_light(world, x, wp.randf(state), wp.randf(state), wp.randf(state))
@@ -196,6 +193,14 @@ def advanced(world: World, path: Path, limit: float, seed: int, uv: wp.vec4):
         out.throughput = wp.cw_mul(path.throughput, dim)
     if medium >= 0:
         out = in_medium(world, out, medium, t, limit, wp.randi(state))
+        if path.bounce == 0:
+            # The surface behind guides the filter: collisions are noise themselves.
+            out.albedo = wp.vec3(1.0)
+            out.normal = wp.vec4(0.0, 0.0, 0.0, FAR)
+            if hit.material >= 0:
+                out.albedo = color_of(world, hit)
+                n = hit.normal
+                out.normal = wp.vec4(n[0], n[1], n[2], hit.t)
     elif hit.material < 0:
         out = escaped(world, out, limit)
     else:
