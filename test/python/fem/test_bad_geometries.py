@@ -108,7 +108,7 @@ def test_environments_of_cells():
     n = len(cells)
     with pytest.raises(ValueError, match="'env_count' 3 expects 'cell_env'"):
         fem.Tetmesh(*arrays, env_count=3)
-    with pytest.raises(ValueError, match="expects an 'env_count'"):
+    with pytest.raises(ValueError, match="Environment count must be provided"):
         fem.Tetmesh(*arrays, cell_env=wp.zeros(n, dtype=int))
     with pytest.raises(ValueError, match=f"'cell_env' expects an array \\({n},\\)"):
         fem.Tetmesh(*arrays, cell_env=wp.zeros(n - 1, dtype=int), env_count=2)

@@ -208,7 +208,7 @@ def test_environments_lie_at_one_place():
     centers, _ = cell_centers(grid)
     np.testing.assert_array_equal(grid.cell_env.numpy(), [0, 0, 1])
     np.testing.assert_allclose(centers, [[0, 0, 0], [1, 0, 0], [0, 0, 0]])
-    with pytest.raises(ValueError, match=r"index 2 of point 1 is out of range"):
+    with pytest.raises(ValueError, match=r"index 2 of point 1 is out of bounds"):
         bad = wp.array([0, 2, 0, 0], dtype=int)
         fem.Nanogrid.from_environment_voxels(points, bad, 2)
 

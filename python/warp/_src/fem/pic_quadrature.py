@@ -201,7 +201,7 @@ class PicQuadrature(Quadrature):
         )
         self._particles = wp.empty(size, dtype=wp.int32, device=device)
         self._coords = wp.empty(size, coords_type(real), device=device, requires_grad=grad)
-        self._weights = wp.empty(size, dtype=real, device=device, requires_grad=grad)
+        self._cell_particle_fraction = wp.empty(size, dtype=real, device=device, requires_grad=grad)
         kernel = order_kernel(
             domain.record, self._by_domain, measures is not None, fraction is not None
         )
@@ -209,13 +209,13 @@ class PicQuadrature(Quadrature):
         inputs += [1 if self.cell_indices.ndim == 1 else self.cell_indices.shape[1], measures]
         inputs += [None if fraction is None else fraction.flatten()]
         inputs += [self.particle_coords.flatten(), cells, self._offsets, items]
-        outputs = [self._particles, self._coords, self._weights]
+        outputs = [self._particles, self._coords, self._cell_particle_fraction]
         wp.launch(kernel, size, inputs, outputs, device=device)
 
     def fill_arg(self, arg, device) -> None:
         """Fills an argument of the functions of points."""
         arg.offsets, arg.particles = self._offsets.to(device), self._particles.to(device)
-        arg.coords, arg.weights = self._coords.to(device), self._weights.to(device)
+        arg.coords, arg.weights = self._coords.to(device), self._cell_particle_fraction.to(device)
 
     def total_point_count(self) -> int:
         """Number of particles."""

@@ -9,6 +9,7 @@ from warp._src.fem.geometry.environments import (
     checked_numbers,
     checked_offsets,
     checked_points,
+    merged_environments,
     transform_of,
 )
 from warp._src.fem.geometry.nanogrid import SparseGrid
@@ -100,12 +101,14 @@ class AdaptiveNanogrid(SparseGrid):
         temporary_store=None,
         scalar_type: type = wp.float32,
         device=None,
+        cell_ijks=None,
     ) -> AdaptiveNanogrid:
         """A grid of several environments at one place.
 
         Args:
-            points: (n,) of vec3i, lowest fine voxels of cells, or of vec3, positions in them.
-            cell_levels: (n,) of uint8.
+            points: (n,) of vec3i, lowest fine voxels of cells, or of vec3, positions in them; or a
+                list of arrays, one per environment, also by the name `cell_ijks`.
+            cell_levels: (n,) of uint8, or a list of arrays.
             level_count: number of levels.
             point_envs, env_count, env_offsets, point_mask, voxel_size, translation, transform,
                 scalar_type, device: as of `Nanogrid.from_environment_voxels`; offsets are
@@ -114,6 +117,14 @@ class AdaptiveNanogrid(SparseGrid):
         Raises:
             ValueError: an environment out of range, named with its point.
         """
+        points = cell_ijks if points is None else points
+        if points is not None and not extend.is_array(points):
+            # An array per environment, then the number of levels and the offsets.
+            level_count = point_envs if level_count is None else level_count
+            env_offsets = env_count if env_offsets is None else env_offsets
+            env_count = len(points)
+            cell_levels, _ = merged_environments(cell_levels, device)
+            points, point_envs = merged_environments(points, device)
         given = (points, cell_levels, point_envs, env_count, level_count)
         if any(one is None for one in given):
             raise TypeError(

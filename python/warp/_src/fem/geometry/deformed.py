@@ -153,6 +153,10 @@ class DeformedGeometry(Geometry):
         """Fits the hierarchy of boxes to new positions, or builds it."""
         self._hierarchy.update(device)
 
+    def cell_bvh_groups(self, device=None):
+        """Groups of the hierarchy: environments of cells, None if there is one."""
+        return self._hierarchy.groups(wp.get_device(device))
+
     def bvh_id(self, device=None):
         """Handle of the hierarchy of boxes, 0 if there is none."""
         return self._hierarchy.id(device)

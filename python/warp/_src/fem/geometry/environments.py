@@ -205,7 +205,7 @@ class EnvironmentVoxels:
         if first < self._voxels.shape[0]:
             number = int(self.environments[first : first + 1].numpy()[0])
             raise ValueError(
-                f"Environment index {number} of point {first} is out of range, "
+                f"Environment index {number} of point {first} is out of bounds, "
                 f"there are {self.count} environments"
             )
 
@@ -221,6 +221,25 @@ class EnvironmentVoxels:
         inputs = [grid.id, self.packed, self.is_valid, self.environments]
         with extend.unrecorded():
             wp.launch(_name_cells, self.packed.shape, inputs, [cell_env], device=self.device)
+
+
+def merged_environments(parts, device=None) -> tuple:
+    """One array of arrays per environment, and the environment of each element.
+
+    Raises:
+        ValueError: there are none, or of different types.
+    """
+    parts = list(parts)
+    if not parts or not all(extend.is_array(part) and part.ndim == 1 for part in parts):
+        raise ValueError("expects at least one array of voxels, one per environment")
+    device = wp.get_device(device) if device is not None else parts[0].device
+    numbers = np.repeat(np.arange(len(parts), dtype=np.int32), [len(part) for part in parts])
+    merged = wp.empty(len(numbers), dtype=parts[0].dtype, device=device)
+    first = 0
+    for part in parts:
+        wp.copy(merged, part, dest_offset=first, count=len(part))
+        first += len(part)
+    return merged, wp.array(numbers, dtype=wp.int32, device=device)
 
 
 def transform_of(voxel_size, translation, transform) -> tuple:

@@ -1,7 +1,5 @@
 """Hierarchies of boxes of cells per device, for look-up."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp
@@ -14,6 +12,17 @@ def _bounds_kernel(record):
     from warp._src.fem.geometry.mesh_lookup import bounds_kernel
 
     return bounds_kernel(record, record.functions)
+
+
+@functools.cache
+def _groups_kernel(record):
+    CellArg, environment_of = record.functions.CellArg, record.functions.cell_environment_index
+
+    @wp.kernel(enable_backward=False)
+    def write_environments(arg: CellArg, groups: wp.array(dtype=wp.int32)):
+        groups[wp.tid()] = environment_of(arg, wp.tid())
+
+    return write_environments
 
 
 class CellHierarchy:
@@ -46,7 +55,7 @@ class CellHierarchy:
             lowers, uppers = (wp.empty(count, dtype=wp.vec3, device=device) for _ in range(2))
             box = wp.empty(2, dtype=wp.vec3, device=device)
             self._write(device, lowers, uppers, box)
-            groups = self._groups(device)
+            groups = self.groups(device)
             bvh = wp.Bvh(lowers, uppers, groups=groups) if count else None
         self._built[device.alias] = (bvh, box, lowers, uppers)
         forget(geometry, "cell_arg_value", "side_arg_value", "side_index_arg_value")
@@ -70,10 +79,14 @@ class CellHierarchy:
         kernel = _bounds_kernel(geometry.record)
         wp.launch(kernel, geometry.cell_count(), inputs, outputs, device=device)
 
-    def _groups(self, device):
+    def groups(self, device):
+        """Environments of cells, None if there is one."""
         geometry = self._geometry
         if geometry.environment_count() <= 1:
             return None
         if geometry.cell_env is not None:
             return geometry.cell_env.to(device)
-        return geometry.environments_of_cells(device)
+        groups = wp.empty(geometry.cell_count(), dtype=wp.int32, device=device)
+        inputs, kernel = [geometry.cell_arg_value(device)], _groups_kernel(geometry.record)
+        wp.launch(kernel, geometry.cell_count(), inputs, [groups], device=device)
+        return groups

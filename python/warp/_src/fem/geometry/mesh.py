@@ -163,11 +163,13 @@ class Mesh(Geometry):
             return None
         if env_count is None or env_count < 1:
             raise ValueError(
-                f"'cell_env' expects an 'env_count' of at least 1, but got {env_count}"
+                f"Environment count must be provided with 'cell_env', but got {env_count}"
             )
         shape = (self.cell_count(),)
         if not extend.is_array(cell_env) or cell_env.shape != shape or cell_env.dtype != wp.int32:
-            raise ValueError(f"'cell_env' expects an array {shape} of int32, one per cell")
+            raise ValueError(
+                f"'cell_env' expects an array {shape} of dtype wp.int32, one entry per cell"
+            )
         if not cell_env.is_contiguous:
             raise ValueError("'cell_env' expects a contiguous array")
         if cell_env.device != self._cells.device:
@@ -288,6 +290,10 @@ class Mesh(Geometry):
     def update_bvh(self, device=None) -> None:
         """Fits the hierarchy of boxes to new positions, or builds it."""
         self._hierarchy.update(device)
+
+    def cell_bvh_groups(self, device=None):
+        """Groups of the hierarchy: environments of cells, None if there is one."""
+        return self._hierarchy.groups(wp.get_device(device))
 
     def bvh_id(self, device=None):
         """Handle of the hierarchy of boxes, 0 if there is none."""

@@ -14,6 +14,7 @@ from warp._src.fem.geometry.environments import (
     checked_numbers,
     checked_offsets,
     checked_points,
+    merged_environments,
     transform_of,
 )
 from warp._src.fem.geometry.mesh import MeshEntities
@@ -266,11 +267,13 @@ class Nanogrid(SparseGrid):
         max_lower_nodes=None,
         max_upper_nodes=None,
         status=None,
+        cell_ijks=None,
     ) -> Nanogrid:
         """A grid of several environments at one place.
 
         Args:
-            points: (n,) of vec3i, voxels, or of vec3, positions in them.
+            points: (n,) of vec3i, voxels, or of vec3, positions in them; or a list of arrays, one
+                per environment, also by the name `cell_ijks`.
             point_envs: (n,) of int32, the environment of each point.
             env_count: number of environments.
             env_offsets: (environments,) of vec3i, where they go in the volume; laid out along the
@@ -285,6 +288,12 @@ class Nanogrid(SparseGrid):
         Raises:
             ValueError: an environment out of range, named with its point.
         """
+        points = cell_ijks if points is None else points
+        if points is not None and not extend.is_array(points):
+            # An array per environment; offsets may take the place of `point_envs`.
+            env_offsets = point_envs if env_offsets is None else env_offsets
+            env_count = len(points)
+            points, point_envs = merged_environments(points, device)
         if points is None or point_envs is None or env_count is None:
             raise TypeError("expects 'points', 'point_envs' and 'env_count'")
         device = wp.get_device(device) if device is not None else points.device
