@@ -118,6 +118,32 @@ def test_restrictions(kind):
         np.testing.assert_array_equal(found, np.flatnonzero(table.ravel() == node))
 
 
+def test_elements_of_nodes_in_kernels(device):
+    grid = grids()[0]
+    topology = make_polynomial_space(grid, degree=1).topology
+    restriction = make_space_restriction(space_topology=topology, device=device)
+    spread, element_of = restriction.node_element_range, restriction.node_element_index
+    number_of, NodeArg = restriction.node_partition_index, restriction.NodeArg
+
+    @wp.kernel(module="unique")
+    def mark(arg: NodeArg, found: wp.array2d(dtype=int)):
+        node = number_of(arg, wp.tid())
+        first, last = spread(arg, node)
+        for place in range(first, last):
+            at = element_of(arg, place)
+            found[at.domain_element_index, at.node_index_in_element] = node
+
+    cells = topology.element_node_indices().numpy()
+    found = wp.full(cells.shape, -1, dtype=int, device=device)
+    wp.launch(
+        mark,
+        restriction.node_count(),
+        [restriction.node_arg_value(device), found],
+        device=device,
+    )
+    np.testing.assert_array_equal(found.numpy(), cells)
+
+
 def test_whole_partitions_are_equal_by_value():
     grid = grids()[0]
     first, second = (make_polynomial_space(grid, degree=2) for _ in range(2))

@@ -1,12 +1,44 @@
 """Space restrictions - the nodes of a space that the elements of a domain have."""
 
-from __future__ import annotations
-
 import functools
 
 import warp as wp
 from warp import extend
 from warp._src.fem.spaces.partition import make_space_partition
+
+
+@wp.struct
+class NodeArg:
+    """Nodes of a restriction, with their elements."""
+
+    width: int
+    begins: wp.array(dtype=wp.int32)
+    positions: wp.array(dtype=wp.int32)
+    nodes: wp.array(dtype=wp.int32)
+
+
+@wp.struct
+class NodeElementIndex:
+    """An element of a node, by its number in the domain, and the node's number in it."""
+
+    domain_element_index: int
+    node_index_in_element: int
+
+
+@wp.func
+def _node_partition_index(arg: NodeArg, index: int):
+    return arg.nodes[index]
+
+
+@wp.func
+def _node_element_range(arg: NodeArg, node: int):
+    return arg.begins[node], arg.begins[node + 1]
+
+
+@wp.func
+def _node_element_index(arg: NodeArg, place: int):
+    position = arg.positions[place]
+    return NodeElementIndex(position // arg.width, position % arg.width)
 
 
 class SpaceRestriction:
@@ -95,6 +127,21 @@ class SpaceRestriction:
                 wp.launch(_mark_used, mask.shape[0], [begins, mask], device=begins.device)
             self._kept["indices"] = masked_indices(mask)[0]
         return self._kept["indices"]
+
+    def node_arg_value(self, device=None) -> NodeArg:
+        """Argument of the functions of kernels of this class."""
+        device = wp.get_device(self._device if device is None else device)
+        arg = NodeArg()
+        arg.width = self.space_topology.nodes_per_element
+        arg.begins = self.incidence.begins.to(device)
+        arg.positions = self.incidence.positions.to(device)
+        arg.nodes = self.node_partition_indices().to(device)
+        return arg
+
+    NodeArg = NodeArg
+    node_partition_index = staticmethod(_node_partition_index)
+    node_element_range = staticmethod(_node_element_range)
+    node_element_index = staticmethod(_node_element_index)
 
     def node_count(self) -> int:
         """Number of nodes that elements have."""
