@@ -41,13 +41,15 @@ def interpolate_jacobian(form, place, dest, reduction, bsr_options) -> None:
         raise RuntimeError(f"'dest' expects blocks of shape {shape}, but has {dest.block_shape}")
     size = wp.types.type_size_in_bytes(block)
     pattern = Pattern(rows.table, form.trial_table(), rows.count, columns, size)
-    target = dest
+    target, wants = dest, dest.requires_grad
     if options.topology != "compact":
         scalar = extend.canonical(dest.scalar_type)
         target = bsr_zeros(rows.count, columns, with_scalar(block, scalar), device=form.device)
     set_structure(target, pattern, options)
+    if wants and not target.requires_grad:
+        target.values.requires_grad = True
     fill(rows, pattern, target.values)
-    if options.prune or (options.capacity == "auto" and not dest.requires_grad):
+    if options.prune or (options.capacity == "auto" and not wants):
         bsr_compress(target, prune_numerical_zeros=True)
     if target is not dest:
         bsr_assign(dest=dest, src=target, topology=options.topology)
