@@ -7,6 +7,8 @@ from warp._src.fem.forms.terms import components, dof_count
 
 # Larger element matrices are summed in the memory of the blocks, not of the thread.
 _MOST_LOCAL = 1024
+# Numbers of a thread for coefficients at all points.
+_MOST_KEPT = 4096
 
 # Products of nodes and points from which sums over points are made node by node.
 _FEW_TERMS = 100
@@ -134,29 +136,30 @@ def stored_text(plan) -> str | None:
         return None
     if not all(role.basis(plan.record.rule).is_tabulated for role in (test, trial)):
         return None
-    kept = sum(not one.is_zero for one in plan.structure.coefficients.values())
-    groups = {split_row(plan, key) for key, one in plan.structure.coefficients.items() if one}
-    if max(kept, len(groups)) * count > _MOST_LOCAL or kept == 0:
+    found = {k: one for k, one in plan.structure.coefficients.items() if not one.is_zero}
+    kept = len({one.number for one in found.values()})
+    groups = {split_row(plan, key) for key in found}
+    if (kept + len(groups)) * count > _MOST_KEPT or count > _MOST_LOCAL or not found:
         return None
     names["Block"] = plan.block_dtype
     lines = [
         f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
         "    local = wp.tid()",
         "    domain_element = first + local",
-        f"    kept = wp.zeros(shape=({count * kept},), dtype=Real)",
     ]
     plan._loop(lines)
     pairs = add_coefficients(plan, lines, "        ")
-    for place, one in enumerate(pairs):
-        lines.append(f"        kept[q * {kept} + {place}] = {one.text}")
-        one.text = f"kept[q * {kept} + {place}]"
+    for text in dict.fromkeys(one.text for one in pairs):
+        lines.insert(3, f"    kept_{text} = wp.zeros(shape=({count},), dtype=Real)")
+        lines.append(f"        kept_{text}[q] = {text}")
+    for one in pairs:
+        one.text = f"kept_{one.text}[q]"
     lines.append(f"    for j in range({columns}):")
     lines.append(f"        for q in range({count}):")
     sums = _columns(plan, pairs, lines)
-    width = len(sums)
-    lines.insert(4, f"    rows = wp.zeros(shape=({count * width},), dtype=Real)")
     for place, text in enumerate(sums.values()):
-        lines.append(f"            rows[q * {width} + {place}] = {text}")
+        lines.insert(3, f"    rows_{place} = wp.zeros(shape=({count},), dtype=Real)")
+        lines.append(f"            rows_{place}[q] = {text}")
     lines.append(f"        for i in range({'j + 1' if plan.is_symmetric else rows}):")
     lines.append("            block = Block()")
     lines.append(f"            for q in range({count}):")
@@ -165,7 +168,7 @@ def stored_text(plan) -> str | None:
         lines.append(f"                a_{number} = {call}")
     entries: dict = {}
     for place, (number, basis, row, column) in enumerate(sums):
-        text = f"a_{number}{basis} * rows[q * {width} + {place}]"
+        text = f"a_{number}{basis} * rows_{place}[q]"
         entries.setdefault((row, column), []).append(text)
     block = block_text(plan, {key: " + ".join(terms) for key, terms in entries.items()})
     lines.append(f"                block += {block}")
@@ -241,7 +244,8 @@ class Pair:
 
 def add_coefficients(plan, lines, indent) -> list[Pair]:
     """Adds the coefficients of the form at a point, scaled; gives those that are not zero."""
-    trial, pairs = plan.trial, []
+    trial, pairs, known = plan.trial, [], {}
+    facts = plan.structure.coefficients or {}
     for number, _, subscript, name in plan.rows():
         keys = [
             (number, subscript, other, column)
@@ -249,17 +253,21 @@ def add_coefficients(plan, lines, indent) -> list[Pair]:
             for column in components(slot.type)
         ]
         keys = [key for key in keys if not plan.structure.is_zero(*key)]
-        if not keys:
-            continue
-        lines.append(
-            f"{indent}{name}_found = gradient_by({name}, {len(trial.used_slots)})"
-            f"({plan._zeros(trial)}{plan._zeros(plan.test)}{plan.REST})"
-        )
+        fresh = [key for key in keys if key not in facts or facts[key].number not in known]
+        if fresh:
+            lines.append(
+                f"{indent}{name}_found = gradient_by({name}, {len(trial.used_slots)})"
+                f"({plan._zeros(trial)}{plan._zeros(plan.test)}{plan.REST})"
+            )
         places = {other: place for place, (other, _) in enumerate(trial.used_slots)}
         for key in keys:
-            text = f"d_{len(pairs)}"
-            lines.append(f"{indent}{text} = scale * {name}_found[{places[key[2]]}]{key[3]}")
-            pairs.append(Pair(plan, key, text))
+            # Coefficients that are equal for all arguments are worked out once.
+            number = facts[key].number if key in facts else key
+            if number not in known:
+                known[number] = f"d_{len(pairs)}"
+                source = f"{name}_found[{places[key[2]]}]{key[3]}"
+                lines.append(f"{indent}{known[number]} = scale * {source}")
+            pairs.append(Pair(plan, key, known[number]))
     return pairs
 
 

@@ -181,8 +181,10 @@ class FlowAnalysis:
             raise NotImplementedError(kind)
         operands = self._of(_NAME.findall(rest.partition(" : ")[0]))
         made = self._apply(kind, operands, rest)
-        for name in names:
-            self.values[name] = made
+        for place, name in enumerate(names):
+            # The results of one operation differ.
+            number = made.number if len(names) == 1 else mixed(place, made.number)
+            self.values[name] = replace(made, number=number)
 
     @staticmethod
     def _apply(kind, operands, text):
