@@ -2,7 +2,8 @@
 
 Space is cut into cells no smaller than the radius, each of which belongs to one rank. Cells are
 dealt out along a Hilbert curve, by the particles in them, so that ranks have equal loads and
-compact parts. A particle belongs to the owner of its cell and is a ghost of the owners of cells around.
+compact parts. A particle belongs to the owner of its cell and is a ghost of the owners of cells
+around.
 """
 
 from __future__ import annotations

@@ -1,0 +1,57 @@
+"""The examples run alone and on ranks, and draw their pictures."""
+
+import importlib.util
+from pathlib import Path
+
+import launcher
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[3] / "examples" / "distributed"
+SMALL = {
+    "cylinder": ["--width", "60", "--height", "24", "--steps", "40"],
+    "poisson": ["--size", "24"],
+    "heat_control": ["--size", "16", "--steps", "6", "--iterations", "4"],
+    "discs": ["--count", "150", "--steps", "20"],
+}
+
+
+def run(engine, size, name, tmp_path, *options):
+    codes, output = launcher.run(
+        engine, size, FOLDER / f"{name}.py", *options, "--output", tmp_path, limit=60
+    )
+    assert not any(codes), output[-3000:]
+    picture = tmp_path / f"{name}.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    return next(line for line in output.splitlines() if "rank(s):" in line or "values," in line)
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_on_ranks_and_alone(tmp_path, name):
+    alone = run("none", 1, name, tmp_path, *SMALL[name])
+    missing = launcher.missing("mpi")
+    if missing:
+        pytest.skip(f"{missing} is not installed")
+    on_ranks = run("mpi", 2, name, tmp_path, *SMALL[name])
+    if name in ("poisson", "heat_control"):
+        # The same numbers on any number of ranks.
+        assert on_ranks.partition(":")[2] == alone.partition(":")[2]
+    if name == "discs":
+        restart = ["--restart", tmp_path / "discs", "--steps", "5"]
+        assert "150 discs" in run("none", 1, name, tmp_path, *restart)
+
+
+@pytest.mark.parametrize("name", ["policy", "jax_rollout", "ray_sweep"])
+def test_with_other_engines(tmp_path, name):
+    module = {"policy": "torch", "jax_rollout": "jax", "ray_sweep": "tqdm"}[name]
+    if importlib.util.find_spec(module) is None:
+        pytest.skip(f"{module} is not installed")
+    options = {
+        "policy": ["--worlds", "16", "--iterations", "4"],
+        "jax_rollout": ["--worlds", "16", "--iterations", "4"],
+        "ray_sweep": ["--values", "4"],
+    }[name]
+    codes, output = launcher.run(
+        "none", 1, FOLDER / f"{name}.py", *options, "--output", tmp_path, limit=90
+    )
+    assert not any(codes), output[-3000:]
+    assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
