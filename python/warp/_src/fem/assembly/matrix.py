@@ -68,10 +68,33 @@ def _choice(options, name, choices):
     return value
 
 
+def kept_patterns(form, *fields) -> dict:
+    """Where patterns of a form are kept: an empty dictionary for one that may change unseen.
+
+    Those of whole spaces on whole static geometries are kept by the topology of the test
+    function, those of other domains and partitions by its restriction until that is rebuilt.
+    Points of quadratures move without notice, so bases at them keep nothing.
+    """
+    topologies = [field.space_partition.space_topology for field in fields]
+    records = [getattr(topology, "record", None) for topology in topologies]
+    if any(getattr(record, "quadrature", None) is not None for record in records):
+        return {}
+    restriction = getattr(form.test, "space_restriction", None)
+    part = getattr(form.domain, "geometry_partition", None)
+    is_whole = restriction is None or (
+        type(form.domain).__name__ != "Subdomain"
+        and type(part).__name__ == "WholeGeometryPartition"
+        and not part.geometry.is_rebuildable
+        and all(type(f.space_partition).__name__ == "WholeSpacePartition" for f in fields)
+    )
+    owner = vars(topologies[0]) if is_whole else restriction._kept
+    return owner.setdefault("patterns", {})
+
+
 def pattern_of(form) -> Pattern:
-    """The pattern of a form: made once for partitions and a domain, kept by the test's topology."""
+    """The pattern of a form: made once for partitions and a domain."""
     rows, columns = form.test.space_partition, form.trial.space_partition
-    kept = vars(rows.space_topology).setdefault("_patterns", {})
+    kept = kept_patterns(form, form.test, form.trial)
     size = wp.types.type_size_in_bytes(form.block_dtype)
     revisions = tuple(getattr(p.space_topology, "revision", 0) for p in (rows, columns))
     key = (rows, columns, form.domain, form.device.alias, size)

@@ -7,7 +7,7 @@ import dataclasses
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.gather import with_scalar
-from warp._src.fem.assembly.matrix import fill
+from warp._src.fem.assembly.matrix import fill, kept_patterns
 from warp._src.fem.assembly.pattern import Batch, node_batches
 from warp._src.fem.linalg import array_axpy
 
@@ -24,10 +24,10 @@ class NodePattern:
 def node_pattern_of(form) -> NodePattern:
     """The pattern of a linear form: made once for a partition and a domain."""
     rows = form.test.space_partition
-    kept = vars(rows.space_topology).setdefault("_node_patterns", {})
+    kept = kept_patterns(form, form.test)
     size = wp.types.type_size_in_bytes(form.block_dtype)
     revision = getattr(rows.space_topology, "revision", 0)
-    key = (rows, form.domain, form.device.alias, size)
+    key = (rows, None, form.domain, form.device.alias, size)
     found = kept.get(key)
     if found is None or found[0] != revision:
         with extend.unrecorded():

@@ -52,13 +52,22 @@ class UniformField(GeometryField):
     """
 
     def __init__(self, domain, value):
-        self.domain, self.geometry = domain, domain.geometry
-        self.kind = "cells" if domain.is_cells else "sides"
+        self.domain = domain
         kind = type(value)
         if kind in (int, float):
             kind = domain.geometry.scalar_type
         self._dtype = extend.canonical(kind)
         self.value = value
+
+    @property
+    def geometry(self):
+        """Geometry of the domain, which can be set."""
+        return self.domain.geometry
+
+    @property
+    def kind(self) -> str:
+        """Kind of elements of the domain."""
+        return "cells" if self.domain.is_cells else "sides"
 
     @property
     def value(self):

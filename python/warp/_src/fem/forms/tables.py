@@ -6,7 +6,7 @@ import warp as wp
 from warp._src.fem.domains import domain_functions
 from warp._src.fem.fields.nodes import locations
 from warp._src.fem.fields.spaces import node_arg_type
-from warp._src.fem.types import sample_type
+from warp._src.fem.types import NULL_NODE_INDEX, sample_type
 
 
 @functools.cache
@@ -27,6 +27,14 @@ def node_table_kernel(nodes, domain):
     )
     halves = 1 if domain.is_cells else 2
 
+    @wp.func
+    def number(arg: Arg, node: int, limit: int):
+        """Number in the partition, -1 for a node that the element or the partition lacks."""
+        found = int(-1)
+        if node >= 0 and node < NULL_NODE_INDEX:
+            found = partition_index(arg.partition, node)
+        return wp.where(found >= 0 and found < limit, found, -1)
+
     def node_table(domain_arg: DomainArg, arg: Arg, limit: int, table: wp.array2d(dtype=int)):
         e = wp.tid()
         s = Sample()
@@ -37,12 +45,11 @@ def node_table_kernel(nodes, domain):
             return
         cells, cell = inner_arg(domain_arg.geo), inner_cell(domain_arg.geo, s)
         for k in range(count):
-            node = partition_index(arg.partition, node_index(cells, arg.topology, cell, k))
-            table[e, k] = wp.where(node >= 0 and node < limit, node, -1)
+            table[e, k] = number(arg, node_index(cells, arg.topology, cell, k), limit)
         if wp.static(halves == 2):
             others, other = outer_arg(domain_arg.geo), outer_cell(domain_arg.geo, s)
             for k in range(count):
-                node = partition_index(arg.partition, node_index(others, arg.topology, other, k))
-                table[e, count + k] = wp.where(node >= 0 and node < limit, node, -1)
+                node = node_index(others, arg.topology, other, k)
+                table[e, count + k] = number(arg, node, limit)
 
     return wp.kernel(node_table, enable_backward=False)

@@ -28,6 +28,20 @@ def _functions(record):
 MAKERS.update(Grid2D=_functions, Grid3D=_functions)
 
 
+@wp.func
+def cell_of_square_grid(res: wp.vec2i, cell_index: int):
+    """Numbers of a cell along each axis."""
+    return wp.vec2i(cell_index // res[1], cell_index % res[1])
+
+
+@wp.func
+def cell_of_cube_grid(res: wp.vec3i, cell_index: int):
+    """Numbers of a cell along each axis."""
+    layer = res[1] * res[2]
+    rest = cell_index % layer
+    return wp.vec3i(cell_index // layer, rest // res[2], rest % res[2])
+
+
 class _Grid(Geometry):
     """Grid of equal boxes, numbered with the last axis fastest."""
 
@@ -146,6 +160,7 @@ class Grid2D(_Grid):
     """
 
     _axes = 2
+    get_cell = cell_of_square_grid
 
 
 class Grid3D(_Grid):
@@ -163,3 +178,4 @@ class Grid3D(_Grid):
     """
 
     _axes = 3
+    get_cell = cell_of_cube_grid

@@ -190,7 +190,29 @@ def _tensor_type(dtype):
     return dtype
 
 
-class SymmetricTensorMapper(DofMapper):
+class _SymmetricFunctions(type):
+    """Functions of kernels as attributes, for float32 and float64: `value_to_dof_3d`,
+    `dof_to_value_2d_voigt` and so on."""
+
+    def __getattr__(cls, name):
+        words = name.split("_")
+        way, mapping = "_".join(words[:3]), Mapping.VOIGT if "voigt" in words else Mapping.DB16
+        sizes = [size for size in (2, 3) if f"{size}d" in words[3:4]]
+        if way not in ("dof_to_value", "value_to_dof") or not sizes:
+            raise AttributeError(f"type object {cls.__name__!r} has no attribute {name!r}")
+        found = None
+        for real in (wp.float32, wp.float64):
+            dtype = wp.types.matrix(shape=(sizes[0], sizes[0]), dtype=real)
+            one = getattr(MapperRecord("symmetric", dtype, mapping), way)
+            if found is None:
+                found = wp.Function(one.func, key=name)
+            else:
+                found.add_overload(one.func)
+        setattr(cls, name, found)
+        return found
+
+
+class SymmetricTensorMapper(DofMapper, metaclass=_SymmetricFunctions):
     """Components of symmetric tensors: 3 of 2x2, 6 of 3x3 ones.
 
     Args:
