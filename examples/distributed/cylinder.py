@@ -4,7 +4,7 @@
     mpirun -n 4 python examples/distributed/cylinder.py
 
 Three populations cross a face and travel; cells that need no ghosts are computed meanwhile. The
-picture shows the vorticity, the last line million lattice updates a second and the drag.
+picture shows the vorticity, the last line says million lattice updates a second.
 """
 
 import argparse

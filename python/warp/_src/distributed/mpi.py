@@ -5,6 +5,8 @@ Waits test and back off, so that a rank that does not answer is an error after a
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 from mpi4py import MPI
 
@@ -19,6 +21,9 @@ _NUMBERS = {
     *(wp.float32, wp.float64, wp.int8, wp.int16, wp.int32, wp.int64),
     *(wp.uint8, wp.uint16, wp.uint32, wp.uint64),
 }
+
+
+_start_all, _test_all = MPI.Prequest.Startall, MPI.Request.Testall
 
 
 class MpiCommunicator(Communicator):
@@ -43,6 +48,8 @@ class MpiCommunicator(Communicator):
         super().__init__(comm.rank, comm.size, *local, device=device, timeout=timeout)
         self.checks = comm.Dup()
         self.is_direct = False
+        # Ranks that share CPUs give them up at once.
+        self.spins = 400 if self.local_size <= len(os.sched_getaffinity(0)) else 0
         if self.size > 1:
             self.log = failures.RankLog.shared(self)
         if self.device.is_cuda and self.size > 1:
@@ -89,7 +96,7 @@ class MpiCommunicator(Communicator):
         try:
             if test(requests):
                 return
-            deadline = failures.Deadline(self.timeout)
+            deadline = failures.Deadline(self.timeout, self.spins)
             while not test(requests):
                 if not deadline.wait():
                     break
@@ -214,6 +221,7 @@ class Persistent:
         self.given: list = []
         self.taken: list = []
         self.requests = []
+        self.on_gpu = comm.device.is_cuda
         for one in messages:
             if one.take is not None:
                 view = comm.view(one.take, self.taken)
@@ -228,15 +236,16 @@ class Persistent:
 
     def start(self) -> None:
         """Begins to send and receive."""
-        if self.comm.device.is_cuda:
+        if self.on_gpu:
             for staging, array in self.given:
                 wp.copy(staging, array)
             self.comm.settle()
-        MPI.Prequest.Startall(self.requests)
+        _start_all(self.requests)
 
     def finish(self) -> None:
         """Waits until all is sent and received."""
-        self.comm.wait(self.requests, self.what)
+        if not _test_all(self.requests):
+            self.comm.wait(self.requests, self.what)
         for staging, array in self.taken:
             wp.copy(array, staging)
 
