@@ -206,6 +206,11 @@ class array(
     def __repr__(self):
         return f"array(shape={self.shape}, dtype={dtypes.type_repr(self.dtype)})"
 
+    def _repr_html_(self):
+        from warp._src.notebooks import array_html
+
+        return array_html(self, dtypes.type_repr(self.dtype))
+
     def __str__(self):
         return str(self.numpy())
 

@@ -179,6 +179,11 @@ class Mesh(Hierarchical, Behind):
         self._points = points
         self.refit()
 
+    def _repr_html_(self):
+        from warp._src.notebooks import mesh_html
+
+        return mesh_html(self)
+
     @property
     def velocities(self):
         """Velocities of vertices, or None."""

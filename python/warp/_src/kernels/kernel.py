@@ -415,3 +415,8 @@ class Kernel:
 
     def __repr__(self):
         return f"<kernel '{self.key}'>"
+
+    def _repr_html_(self):
+        from warp._src.notebooks import kernel_html
+
+        return kernel_html(self)

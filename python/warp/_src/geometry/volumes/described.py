@@ -102,6 +102,11 @@ class GridContents:
         """Edges of a voxel in the world; of a turned grid, where a step along all axes leads."""
         return tuple(float(np.float32(edge)) for edge in self._info.voxel_size)
 
+    def _repr_html_(self):
+        from warp._src.notebooks import volume_html
+
+        return volume_html(self)
+
     def get_grid_info(self) -> GridInfo:
         """The header of the grid."""
         return contents.info_of(self._info)
