@@ -207,6 +207,8 @@ class Form:
     def arguments(self, plan=None) -> list:
         """The arguments that all kernels of the form share."""
         plan, device = plan or self.plan, self.device
+        if plan.looks_up and not self.domain.cell_domain().supports_lookup(device):
+            self.domain.geometry.build_bvh(device)
         domain = self.domain.domain_arg_value(device)
         quadrature = 0 if self.quadrature is None else self.quadrature.arg_value(device)
         fields, values = plan.Fields(), plan.Values()

@@ -54,6 +54,7 @@ class PointsPlan:
         real = record.scalar
         words = facts.words_of(record.integrand)
         self.moves = facts.may_move(words)
+        self.looks_up = not {"lookup", "partition_lookup"}.isdisjoint(words)
         self.names: dict = {
             "wp": wp,
             "extend": extend,
