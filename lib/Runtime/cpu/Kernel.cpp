@@ -26,6 +26,10 @@ using namespace warp;
 /// Operations that are worth handing to another thread, until launches have
 /// shown how long they take.
 static constexpr double chunkWork = 16384;
+/// Operations up to which code with atomic instructions stays on one thread:
+/// its sums are then made in one order, and programs that decide by them, such
+/// as optimisers, take the same way in every run. Some tens of microseconds.
+static constexpr double orderedWork = 262144;
 
 /// Held alone by code that updates arrays without atomic instructions, shared
 /// by code that does so with them: other threads may launch on the same array.
@@ -114,7 +118,8 @@ static void launch(const Kernel::Variant &variant, const void *params,
 void CpuCode::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
                      const Stream *) const {
   const Kernel::Variant &variant = *plan.variant;
-  bool serial = Kernel::isShort(plan);
+  bool serial = Kernel::isShort(plan) ||
+                (variant.code.schedule.atomics && plan.work < orderedWork);
   if (variant.code.sites.empty()) {
     ::launch(variant, params, paramSize, plan.items, serial);
   } else {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
-from warp.optim import BatchedLBFGS, BatchedLevenbergMarquardt
+from warp.optim import LBFGS, BatchedLBFGS, BatchedLevenbergMarquardt
 
 
 @wp.kernel
@@ -124,3 +124,34 @@ def test_wrong_problems_are_refused():
         BatchedLBFGS(x).step(lambda: 1.0, 1)
     with pytest.raises(ValueError, match=r"\(2, m\)"):
         BatchedLevenbergMarquardt(x, wp.zeros((3, 1), dtype=float, device="cpu"))
+
+
+@wp.kernel
+def spread(
+    x: wp.array2d(dtype=float), target: wp.array2d(dtype=float), loss: wp.array(dtype=float)
+):
+    i, j = wp.tid()
+    d = wp.sin(x[i, j]) - target[i, j]
+    wp.atomic_add(loss, 0, d * d)
+
+
+# One sum over all threads has one order, so that optimisers take the same way in every run.
+def test_runs_repeat():
+    rng = np.random.default_rng(3)
+    start = rng.normal(size=(256, 6)).astype(np.float32)
+    target = wp.array(rng.uniform(-1, 1, (256, 6)), dtype=float, device="cpu")
+    ways = set()
+    for _ in range(4):
+        x = wp.array(start, dtype=float, device="cpu", requires_grad=True)
+        loss = wp.zeros(1, dtype=float, device="cpu", requires_grad=True)
+
+        def closure(x=x, loss=loss):
+            loss.zero_()
+            with wp.Tape() as tape:
+                wp.launch(spread, x.shape, [x, target, loss], device="cpu")
+            tape.backward(loss)
+            return loss
+
+        LBFGS([x], max_iter=30).step(closure)
+        ways.add(x.numpy().tobytes())
+    assert len(ways) == 1
