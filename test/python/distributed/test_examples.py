@@ -1,6 +1,7 @@
 """The examples run alone and on ranks, and draw their pictures."""
 
 import importlib.util
+import json
 from pathlib import Path
 
 import launcher
@@ -55,3 +56,17 @@ def test_with_other_engines(tmp_path, name):
     )
     assert not any(codes), output[-3000:]
     assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_scaling_program_runs_on_cpu_ranks():
+    missing = launcher.missing("mpi")
+    if missing:
+        pytest.skip(f"{missing} is not installed")
+    program = Path(__file__).resolve().parents[2] / "device" / "scale.py"
+    codes, output = launcher.run("mpi", 2, program, "--quick", limit=60)
+    assert not any(codes), output[-3000:]
+    rows = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
+    assert {row["case"] for row in rows} == {"messages", "lattice", "cg", "discs"}
+    # Five populations of four bytes cross a face cell.
+    face = next(row for row in rows if row["case"] == "lattice")
+    assert face["face_bytes"] == 20 * face["shape"][1] * face["shape"][2]
