@@ -102,3 +102,36 @@ def test_sides_couple_both_cells(grid):
     step = np.where(cell >= 2, 1.0, 0.0)
     bsr_mv(matrix, wp.array(step, dtype=float), product)
     assert product.numpy() @ step == pytest.approx(1.0, rel=1e-4)
+
+
+@fem.integrand
+def value_at(s: fem.Sample, domain: fem.Domain, u: fem.Field, points: wp.array(dtype=wp.vec2)):
+    return u(fem.lookup(domain, points[s.qp_index]))
+
+
+@fem.integrand
+def moved_load(s: fem.Sample, domain: fem.Domain, u: fem.Field, v: fem.Field):
+    return u(fem.lookup(domain, 0.5 * domain(s))) * v(s)
+
+
+def test_fields_at_positions_that_are_looked_up(grid):
+    space = fem.make_polynomial_space(grid, degree=2)
+    field = space.make_field()
+    x = space.node_positions().numpy()
+    field.dof_values.assign(x[:, 0] * x[:, 1])
+    points = np.random.default_rng(1).uniform(0.0, 1.0, (50, 2)).astype(np.float32)
+    values = wp.zeros(50, dtype=float)
+    fem.interpolate(
+        value_at,
+        dest=values,
+        at=fem.Cells(grid),
+        dim=50,
+        fields={"u": field},
+        values={"points": wp.array(points, dtype=wp.vec2)},
+    )
+    np.testing.assert_allclose(values.numpy(), points[:, 0] * points[:, 1], atol=1e-6)
+    # The field at half of the position, tested with functions that sum to 1.
+    fields = {"u": field, "v": fem.make_test(space)}
+    rule = fem.RegularQuadrature(fem.Cells(grid), 6)
+    found = fem.integrate(moved_load, quadrature=rule, fields=fields)
+    assert found.numpy().sum() == pytest.approx(0.25 * 0.25, rel=1e-5)

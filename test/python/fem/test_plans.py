@@ -170,3 +170,19 @@ def test_division_by_a_number_is_linear():
     one = fem.integrate(divided, fields=fields, values={"density": 4.0})
     other = fem.integrate(laplace, fields=fields)
     np.testing.assert_allclose(one.values.numpy(), 0.25 * other.values.numpy(), atol=1e-6)
+
+
+def test_kernel_of_a_mass_has_no_gradients():
+    from warp._src.fem.forms.form import Form
+
+    positions, quads = _quads()
+    a, b, c, d = quads.numpy().T
+    triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    mesh = fem.Trimesh2D(wp.array(triangles, dtype=int), wp.array(positions, dtype=wp.vec2))
+    space = fem.make_polynomial_space(mesh, degree=1)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    rule = fem.RegularQuadrature(fem.Cells(mesh), 2)
+    form = Form(mass, fem.Cells(mesh), rule, fields, {}, "cpu")
+    assert [slot.is_gradient for _, slot in form.plan.test.used_slots] == [False]
+    assert "inverse" not in form.plan.blocks.ir("warp")
+    assert form.plan.tensors.shape == (1, 9)
