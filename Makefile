@@ -4,10 +4,12 @@
 #              a mesh, grains, rocks: pictures and tables in build/demo (docs/gallery.md)
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make report scenes with a reference, swept and timed: pages in build/report
-# make docs    refresh the generated references under docs/
+# make docs    refresh the generated references under docs/, build the site in build/site
 # make bench   benchmarks/spine.py, startup.py, shapes.py, gpu.py, autodiff.py, pool.py,
 #              libraries.py, optimised build (build/release)
-# make wheel   an optimised wheel in dist/, of 25 MB at most
+# make demo WHEEL=dist/NAME.whl  the same with an installed wheel, without a build
+# make wheel   an optimised wheel in dist/, of 25 MB at most, for glibc 2.28 and later
+# make wheels PYTHONS="python3.10 python3.12"  and one for each of these interpreters
 # make shim    a wheel in dist/ that stands for `warp-lang`, for clients that require it
 # make check-wheel  installs it in an empty environment and runs programs from there
 # Everything that is missing (packages, .venv, build) is set up first.
@@ -15,7 +17,9 @@
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: environment build package demo report test release bench docs wheel shim check-wheel device-bundle format clean
+.PHONY: environment build package demo report test release bench docs site wheel wheels shim check-wheel device-bundle format clean
+
+export WHEEL
 
 environment:
 	@scripts/setup.sh environment
@@ -46,6 +50,11 @@ test: build
 
 docs: build
 	@scripts/make_docs.sh
+	@$(MAKE) --no-print-directory site
+
+site:
+	@PYTHONPATH=build/python $(PYTHON) -m sphinx -q -W --keep-going -b html docs build/site
+	@echo "build/site/index.html"
 
 release: environment
 	@cmake --preset release -DPython_EXECUTABLE=$(CURDIR)/$(PYTHON) >/dev/null
@@ -63,8 +72,10 @@ bench: release
 # In the folder of the optimised build, whose objects it takes.
 wheel: release
 	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
-	@advzip -z -2 -q $$(ls -t dist/*.whl | head -1)
-	@! find dist -name '*.whl' -size +25600k -printf '%f has %s bytes, more than 25 MB\n' | grep .
+	@$(PYTHON) scripts/finish_wheel.py $$(ls -t dist/*-linux_x86_64.whl | head -1) --pythons $(PYTHONS)
+	@! find dist -name '*.whl' -size +25000000c -printf '%f has %s bytes, more than 25,000,000\n' | grep .
+
+wheels: wheel
 
 shim: environment
 	@$(PYTHON) scripts/make_shim.py

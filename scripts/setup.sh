@@ -6,6 +6,7 @@
 #   setup.sh package      what the Python package needs
 #   setup.sh environment  the packages, no build
 #
+#   WHEEL         a wheel that is installed into .venv in place of a build
 #   PYTHON        the interpreter .venv is made from (default: python3)
 #   WARP_PRESET   the CMake preset of a first configuration (default: dev)
 set -euo pipefail
@@ -59,8 +60,19 @@ build() {
       exit 1
     }
   }
-  say "building"
-  ninja -C build --quiet "$@"
+  say "building; the first time takes 8 to 15 minutes on two cores"
+  # On a terminal Ninja's status line shows the progress.
+  local quiet=--quiet
+  [ -t 1 ] && quiet=
+  NINJA_STATUS="[%f/%t, %e s] " ninja -C build $quiet "$@"
+}
+
+# A wheel of this version in place of a build.
+install_wheel() {
+  say "installing $1"
+  .venv/bin/python -m pip install -q --disable-pip-version-check --force-reinstall --no-deps "$1"
+  # The next build installs the package of this tree again.
+  rm -f .venv/package.stamp
 }
 
 # The installed copy is refreshed when anything in build/python is newer.
@@ -77,6 +89,11 @@ install_package() {
   mv "$stamp.new" "$stamp"
 }
 
+if [ -n "${WHEEL:-}" ]; then
+  make_venv
+  install_wheel "$WHEEL"
+  exit
+fi
 install_system_packages
 make_venv
 case "${1:-all}" in

@@ -50,3 +50,22 @@ def pack_wheel(folder: Path, name, version, tag, requires=(), files=(), pure=Tru
         for path, data in entries.items():
             archive.writestr(path, data)
     return wheel
+
+
+def read_wheel(wheel: Path) -> dict[str, bytes]:
+    """Contents of a wheel by path."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def write_wheel(wheel: Path, entries: dict[str, bytes]) -> None:
+    """Writes a compressed wheel, with a record of its entries in place of the one they have."""
+    record = next(name for name in entries if name.endswith(".dist-info/RECORD"))
+    lines = []
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for name, data in entries.items():
+            if name != record:
+                digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=")
+                lines.append(f"{name},sha256={digest.decode()},{len(data)}\n")
+                archive.writestr(name, data)
+        archive.writestr(record, "".join(lines) + f"{record},,\n")

@@ -42,6 +42,7 @@ from warp._src.arrays.indexed import indexedarray1d as indexedarray1d
 from warp._src.arrays.indexed import indexedarray2d as indexedarray2d
 from warp._src.arrays.indexed import indexedarray3d as indexedarray3d
 from warp._src.arrays.indexed import indexedarray4d as indexedarray4d
+from warp._src.beside import check as _check
 from warp._src.config import LOG_DEBUG as LOG_DEBUG
 from warp._src.config import LOG_ERROR as LOG_ERROR
 from warp._src.config import LOG_INFO as LOG_INFO
@@ -330,6 +331,7 @@ if _typing.TYPE_CHECKING:
     from warp._src.utils.transforms import transform_expand as transform_expand
 
 __version__ = VERSION
+_check(__path__[0])
 globals().update(_types.NAMED_TYPES)
 _connect()
 
