@@ -6,7 +6,7 @@
 
 // VALUE: no option 'large' with the value 'perhaps'
 // NAME: no option 'lagre'
-// PHASE: no phase 'trhead'
+// PHASE: no phase 'trhead', there are: warp, thread, launch, gpu, llvm
 // EMIT: no option 'min-block'
 
 // expected-error @+2 {{(C1) expects a target such as 'cpu', 'sm_90' or 'gfx90a', but got 'sm_'}}

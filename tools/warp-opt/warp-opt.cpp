@@ -23,6 +23,8 @@
 #include "mlir/Tools/mlir-opt/MlirOptMain.h"
 #include "mlir/Transforms/Passes.h"
 
+#include "llvm/Support/raw_ostream.h"
+
 using namespace mlir;
 
 /// Options are `to-<phase>` and those of warp-specialize.
@@ -36,7 +38,8 @@ addPipeline(OpPassManager &pm, StringRef text,
     if (name.consume_front("to-")) {
       std::optional<warp::Phase> phase = warp::parsePhase(name);
       if (!phase)
-        return errorHandler("no phase '" + name + "'");
+        return errorHandler("no phase '" + name +
+                            "', there are: warp, thread, launch, gpu, llvm");
       last = *phase;
       return success();
     }
@@ -47,7 +50,32 @@ addPipeline(OpPassManager &pm, StringRef text,
                  failed(warp::addPipeline(pm, last, options, errorHandler)));
 }
 
+/// Printed before the options of MLIR and LLVM.
+static constexpr StringLiteral usage =
+    R"(warp-opt: run passes and phases of the compiler on IR
+
+  warp-opt IN.mlir --warp-pipeline="to-PHASE [KEY=VALUE ...]"
+      the compiler up to a phase: warp, thread, launch, gpu, llvm;
+      keys are those of --warp-specialize, such as rank=2 or target=sm_90
+  warp-opt IN.mlir --warp-emit=STAGE [--warp-options=KEY[=VALUE],...]
+      the text that the library emits: warp, thread, launch, gpu, llvm, ptx,
+      asm, times, parameters, fingerprint, regions, adjoint, tangent
+  warp-opt IN.mlir --warp-NAME ...
+      single passes, listed below with all other options
+
+)";
+
+/// Says how to use the tool where it is asked, or where an option that takes a
+/// stage has none.
+static void printUsage(int argc, char **argv) {
+  for (StringRef argument : ArrayRef(argv, argc).drop_front())
+    if (argument == "--help" || argument == "-help" || argument == "-h" ||
+        argument == "--warp-emit")
+      return void(llvm::outs() << usage);
+}
+
 int main(int argc, char **argv) {
+  printUsage(argc, argv);
   if (std::optional<int> status = emitMain(argc, argv))
     return *status;
   registerTransformsPasses();

@@ -67,14 +67,20 @@ public:
     });
   }
 
-  /// Gives each piece its offset; returns the bytes of all.
-  int64_t place() {
+  /// The pieces, the largest first, those of one size in their order.
+  SmallVector<Piece *> bySize() {
     SmallVector<Piece *> order;
     for (Piece &piece : pieces)
       order.push_back(&piece);
-    llvm::stable_sort(order, [](const Piece *a, const Piece *b) {
-      return a->bytes > b->bytes;
+    llvm::sort(order, [](const Piece *a, const Piece *b) {
+      return a->bytes != b->bytes ? a->bytes > b->bytes : a < b;
     });
+    return order;
+  }
+
+  /// Gives each piece its offset; returns the bytes of all.
+  int64_t place() {
+    SmallVector<Piece *> order = bySize();
     int64_t total = 0;
     for (size_t i = 0; i < order.size(); ++i) {
       SmallVector<Piece *> others;
@@ -116,18 +122,16 @@ public:
   }
 
   InFlightDiagnostic report(int64_t total, int64_t most) {
-    llvm::stable_sort(pieces, [](const Piece &a, const Piece &b) {
-      return a.bytes > b.bytes;
-    });
     auto diagnostic = kernel.emitError()
                       << "tiles need " << total
                       << " bytes of shared memory, which has " << most
                       << "; make them smaller";
-    for (const Piece &piece : ArrayRef(pieces).take_front(3))
-      if (piece.tile)
-        diagnostic.attachNote(piece.tile.getLoc())
-            << "'" << getPythonName(piece.tile.getType()) << "' needs "
-            << piece.bytes << " bytes";
+    SmallVector<Piece *> order = bySize();
+    for (const Piece *piece : ArrayRef(order).take_front(3))
+      if (piece->tile)
+        diagnostic.attachNote(piece->tile.getLoc())
+            << "'" << getPythonName(piece->tile.getType()) << "' needs "
+            << piece->bytes << " bytes";
     return diagnostic;
   }
 
