@@ -98,3 +98,33 @@ def test_interpolation_is_exact_for_polynomials(make, basis):
     cells = fem.Cells(geometry)
     error = fem.integrate(difference, domain=cells, fields={"u": field})
     assert error < 1e-9
+
+
+@fem.integrand
+def planar(s: fem.Sample, domain: fem.Domain):
+    """A field along the plane z = x."""
+    x = domain(s)
+    along = 1.0 + x[1]
+    return wp.vec3(along, x[0], along)
+
+
+@fem.integrand
+def planar_difference(s: fem.Sample, domain: fem.Domain, u: fem.Field):
+    return wp.length_sq(u(s) - planar(s, domain))
+
+
+@pytest.mark.parametrize("basis", [CURL, DIV], ids=lambda b: b.name)
+@pytest.mark.parametrize("kind", ["triangles", "quads"])
+def test_surfaces(kind, basis):
+    """Fields along a surface in space."""
+    generate = utils.gen_trimesh if kind == "triangles" else utils.gen_quadmesh
+    mesh = fem.Trimesh3D if kind == "triangles" else fem.Quadmesh3D
+    positions, cells = generate(wp.vec2i(3, 2))
+    x = positions.numpy()
+    x = np.column_stack((x, x[:, 0]))
+    geometry = mesh(cells, wp.array(x, dtype=wp.vec3))
+    space = fem.make_polynomial_space(geometry, degree=2, element_basis=basis)
+    field = space.make_field()
+    fem.interpolate(planar, dest=field)
+    cells = fem.Cells(geometry)
+    assert fem.integrate(planar_difference, domain=cells, fields={"u": field}) < 1e-9
