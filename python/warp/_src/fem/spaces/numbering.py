@@ -107,20 +107,10 @@ def _square_edges(places, res):
 
 
 @functools.cache
-def numbering_kernel(cell, layout, aligned: bool):
-    """The kernel that writes numbers and signs of the nodes of cells."""
-    entities = np.array(layout.entities)
-    kinds, numbers, places = (table(entities[:, k], wp.int32) for k in range(3))
-    of_vertices, of_edges, of_faces, of_cells = layout.counts
-    edge_numbers, edge_signs = _turn_tables(layout.edge_turns)
-    face_numbers, face_signs = _turn_tables(layout.face_turns)
+def _turns(cell):
+    """Functions of kernels of (vertices, element, edge or face): the order of its vertices."""
     edge_ends = table(np.array(cell.edges), wp.int32)
     corners = table(np.array(cell.faces or ((0, 0, 0, 0),)), wp.int32)
-    has_triangles, across = cell.is_simplex, len(layout.side_signs)
-    dimension, sides = cell.dimension, len(cell.sides)
-    side_signs = table(np.array(layout.side_signs or (1,)), wp.int32)
-    side_kind = dimension - 1
-    has_edges, has_faces = of_edges > 0 and dimension > 1, of_faces > 0 and dimension > 2
 
     @wp.func
     def edge_turn(vertices: wp.array2d(dtype=int), element: int, edge: int):
@@ -149,12 +139,51 @@ def numbering_kernel(cell, layout, aligned: bool):
         beside = vertices[element, corners[face, least ^ 1]]
         return 2 * least + wp.where(across > beside, 1, 0)
 
-    face_turn = triangle_turn if has_triangles else square_turn
+    return edge_turn, triangle_turn if cell.is_simplex else square_turn
+
+
+@functools.cache
+def _place_of_entity(cell, layout, aligned: bool, dimension: int):
+    """A function of kernels of (vertices, ends of sides, entity, element, its number in the
+    element, place in it): the place and the sign of a node of an edge or face."""
+    turns = (layout.edge_turns, layout.face_turns)[dimension - 1]
+    numbers, signs = _turn_tables(turns)
+    turn_of, sides = _turns(cell)[dimension - 1], len(cell.sides)
+    side_signs = table(np.array(layout.side_signs or (1,)), wp.int32)
+    across = len(layout.side_signs) > 0 and dimension == cell.dimension - 1
 
     @wp.func
-    def side_sign(ends: wp.array(dtype=wp.vec2i), side: int, element: int, number: int):
-        first = ends[side][0]
-        return wp.where(first == element * sides + number, 1, -1) * side_signs[number]
+    def place_of(
+        vertices: wp.array2d(dtype=int),
+        ends: wp.array(dtype=wp.vec2i),
+        entity: int,
+        element: int,
+        number: int,
+        place: int,
+    ):
+        turn = int(0)
+        sign = int(1)
+        if wp.static(not aligned):
+            turn = turn_of(vertices, element, number)
+            sign = signs[turn, place]
+        if wp.static(across and not aligned):
+            # Out of the first cell of the side.
+            is_first = ends[entity][0] == element * sides + number
+            sign = wp.where(is_first, side_signs[number], -side_signs[number])
+        return numbers[turn, place], sign
+
+    return place_of
+
+
+@functools.cache
+def numbering_kernel(cell, layout, aligned: bool):
+    """The kernel that writes numbers and signs of the nodes of cells."""
+    entities = np.array(layout.entities)
+    kinds, numbers, places = (table(entities[:, k], wp.int32) for k in range(3))
+    of_vertices, of_edges, of_faces, of_cells = layout.counts
+    has_edges, has_faces = of_edges > 0 and cell.dimension > 1, of_faces > 0 and cell.dimension > 2
+    of_edge = _place_of_entity(cell, layout, aligned, 1) if has_edges else None
+    of_face = _place_of_entity(cell, layout, aligned, 2) if has_faces else None
 
     @wp.kernel(enable_backward=False)
     def number_nodes(
@@ -178,24 +207,14 @@ def numbering_kernel(cell, layout, aligned: bool):
             node = vertices[element, number] * of_vertices + place
         if wp.static(has_edges):
             if kind == 1:
-                turn = int(0)
-                if wp.static(not aligned):
-                    turn = edge_turn(vertices, element, number)
-                sign = edge_signs[turn, place]
-                place = edge_numbers[turn, place]
-                node = first_edge + edges[element, number] * of_edges + place
-                if wp.static(across > 0 and not aligned and side_kind == 1):
-                    sign = side_sign(ends, edges[element, number], element, number)
+                edge = edges[element, number]
+                place, sign = of_edge(vertices, ends, edge, element, number, place)
+                node = first_edge + edge * of_edges + place
         if wp.static(has_faces):
             if kind == 2:
-                turn = int(0)
-                if wp.static(not aligned):
-                    turn = face_turn(vertices, element, number)
-                sign = face_signs[turn, place]
-                place = face_numbers[turn, place]
-                node = first_face + faces[element, number] * of_faces + place
-                if wp.static(across > 0 and not aligned and side_kind == 2):
-                    sign = side_sign(ends, faces[element, number], element, number)
+                face = faces[element, number]
+                place, sign = of_face(vertices, ends, face, element, number, place)
+                node = first_face + face * of_faces + place
         nodes[element, k] = node
         signs[element, k] = wp.int8(sign)
 
