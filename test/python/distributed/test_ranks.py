@@ -9,6 +9,7 @@ PASSING = (
     *("halo_values", "random_partitions", "push_and_halo", "bad_blocks"),
     *("reductions", "movements", "dot_tests", "products"),
     *("debug_mode", "disagreement", "bad_input", "lifetime"),
+    "forward_mode",
     *("graph_operations", "bad_graphs"),
     *("checkpoints", "shared_memory", "warm_and_progress"),
     *("migration_adjoint", "bad_particles"),

@@ -72,7 +72,8 @@ class Communicator:
         self.plan_names: dict[int, str] = {}
         self.plans: dict = {}
         self.log = RankLog(size, rank)
-        self._thread = None
+        # The thread that makes a plan.
+        self.user = None
 
     def __repr__(self):
         return f"<rank {self.rank} of {self.size} by {self.engine} on '{self.device}'>"
@@ -203,9 +204,10 @@ class Communicator:
                 f"is of process {self.process}: call `wd.init` in each process"
             )
         thread = threading.get_ident()
-        if self._thread not in (None, thread):
+        user = self.user
+        if user not in (None, thread):
             raise DistributedError(
-                f"rank {self.rank}: {what} by thread {thread} while thread {self._thread} uses the "
+                f"rank {self.rank}: {what} by thread {thread} while thread {user} uses the "
                 "communicator: give each thread its own, `comm.split(0)`"
             )
 

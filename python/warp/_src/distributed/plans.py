@@ -35,6 +35,14 @@ def check_plan(comm, name, common, messages=()) -> int:
         DistributedError: ranks disagree; all ranks raise it.
     """
     comm.check_use(name)
+    comm.user = threading.get_ident()
+    try:
+        return _checked_plan(comm, name, common, messages)
+    finally:
+        comm.user = None
+
+
+def _checked_plan(comm, name, common, messages) -> int:
     number = len(comm.plan_names) + 1
     comm.plan_names[number] = name
     if comm.size == 1:
@@ -88,8 +96,12 @@ def run_or_record(comm, name, function) -> None:
     """Calls a function of the host, or records the call in a capture of this thread.
 
     Raises:
-        DistributedError: a capture on a GPU cannot hold it.
+        DistributedError: a capture on a GPU cannot hold it, or forward mode would lose tangents.
     """
+    if Observers.executor is not None and comm.size > 1:
+        raise DistributedError(
+            f"rank {comm.rank}: {name} in forward mode: tangents do not travel, use a tape"
+        )
     if captures:
         capture = captures.get(threading.get_ident())
         if capture is not None:

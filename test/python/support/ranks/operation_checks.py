@@ -237,10 +237,35 @@ def lifetime(comm):
     os.waitpid(child, 0)
     text = os.read(read, 10000).decode()
     assert who in text and "a fork" in text, text
-    assert threading.active_count() >= 1
+    found = []
+
+    def use():
+        try:
+            wd.all_reduce(wp.zeros(11, dtype=float), comm=comm)
+        except wd.DistributedError as problem:
+            found.append(str(problem))
+
+    comm.user = threading.get_ident()
+    other = threading.Thread(target=use)
+    other.start()
+    other.join()
+    comm.user = None
+    assert len(found) == 1 and "comm.split(0)" in found[0], found
+
+
+def forward_mode(comm):
+    """Tangents do not travel, which is an error and no wrong derivative."""
+    if comm.size == 1:
+        return
+    x, seed = wp.array([1.0, 2.0], dtype=float), wp.full(2, 1.0, dtype=float)
+
+    def differentiate():
+        wp.autograd.jvp(lambda x: wd.all_reduce(x * x), [x], [seed])
+
+    checking.fails(differentiate, "forward mode", "tape")
 
 
 CHECKS = [
     *(reductions, movements, dot_tests, products, exact_sums),
-    *(debug_mode, disagreement, bad_input, lifetime),
+    *(debug_mode, disagreement, bad_input, lifetime, forward_mode),
 ]
