@@ -190,3 +190,40 @@ def test_filters_choose_among_cells(kind):
     cells, gaps, least = (array.numpy() for array in outputs)
     assert chosen[cells].all()
     np.testing.assert_allclose(gaps, least, atol=2e-6)
+
+
+@pytest.mark.parametrize("cell", MESHES)
+def test_gradients_of_coordinates_by_positions_and_vertices(cell):
+    real = wp.float64
+    cells, vertices = box_mesh(cell, 2, 0.3, seed=1)
+    vector = wp.types.vector(vertices.shape[1], real)
+    positions = wp.array(vertices, dtype=vector, requires_grad=True)
+    mesh = MESHES[cell](wp.array(cells), positions, build_bvh=True)
+    lookup, CellArg = mesh.functions.cell_lookup, mesh.CellArg
+
+    @wp.kernel
+    def read(arg: CellArg, x: wp.array(dtype=vector), total: wp.array(dtype=real)):
+        c = lookup(arg, x[wp.tid()]).element_coords
+        wp.atomic_add(total, 0, c[0] * c[0] + real(2.0) * c[1] * c[2] + c[1])
+
+    rng = np.random.default_rng(0)
+    x = 0.1 + 0.8 * rng.random((20, vertices.shape[1]))
+
+    def total(x, vertices, tape=None):
+        positions.assign(wp.array(vertices, dtype=vector))
+        points = wp.array(x, dtype=vector, requires_grad=True)
+        out = wp.zeros(1, dtype=real, requires_grad=True)
+        with wp.Tape() as tape:
+            wp.launch(read, len(x), [mesh.cell_arg_value("cpu"), points], [out])
+        tape.backward(out)
+        return out.numpy()[0], points.grad.numpy(), positions.grad.numpy().copy()
+
+    _, by_points, by_vertices = total(x, vertices)
+    step = 1e-6
+    for by, shift in (
+        (by_points, lambda s, d: (x + s * d, vertices)),
+        (by_vertices, lambda s, d: (x, vertices + s * d)),
+    ):
+        direction = rng.standard_normal(by.shape)
+        above, below = (total(*shift(s, direction))[0] for s in (step, -step))
+        assert np.sum(by * direction) == pytest.approx((above - below) / (2 * step), rel=1e-6)

@@ -22,16 +22,17 @@ from warp._src.fem.types import coords_type
 def _pic(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace:
     real, by_domain = record.domain.geometry.scalar, record.detail
     ElementArg, ints = domain.ElementArg, wp.array(dtype=wp.int32)
-    fields = {"offsets": ints, "particles": ints}
-    fields |= {"coords": wp.array(dtype=coords_type(real)), "weights": wp.array(dtype=real)}
+    fields = {"cell_particle_offsets": ints, "cell_particle_indices": ints}
+    fields |= {"cell_particle_coords": wp.array(dtype=coords_type(real))}
+    fields |= {"cell_particle_fraction": wp.array(dtype=real)}
     Arg = extend.struct_from_fields("PicArg", fields, module=__name__)
 
     @wp.func
     def first(arg: Arg, domain_element: int, element: int):
         if wp.static(by_domain):
-            return arg.offsets[domain_element]
+            return arg.cell_particle_offsets[domain_element]
         else:
-            return arg.offsets[element]
+            return arg.cell_particle_offsets[element]
 
     @wp.func
     def point_count(elements: ElementArg, arg: Arg, domain_element: int, element: int):
@@ -39,15 +40,15 @@ def _pic(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace:
 
     @wp.func
     def point_coords(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
-        return arg.coords[first(arg, domain_element, element) + k]
+        return arg.cell_particle_coords[first(arg, domain_element, element) + k]
 
     @wp.func
     def point_weight(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
-        return arg.weights[first(arg, domain_element, element) + k]
+        return arg.cell_particle_fraction[first(arg, domain_element, element) + k]
 
     @wp.func
     def point_index(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
-        return arg.particles[first(arg, domain_element, element) + k]
+        return arg.cell_particle_indices[first(arg, domain_element, element) + k]
 
     @wp.func
     def point_evaluation_index(
@@ -192,15 +193,17 @@ class PicQuadrature(Quadrature):
         real = domain.geometry.scalar_type
         count = domain.element_count() if self._by_domain else domain.geometry_element_count()
         cells = self.cell_indices.flatten()
-        self._offsets, items = sort_by_cell(cells, count)
+        self._cell_particle_offsets, items = sort_by_cell(cells, count)
         size = cells.shape[0]
         fraction = self.particle_fraction
         grad = self._requires_grad or any(
             array is not None and array.requires_grad
             for array in (self.particle_coords, measures, fraction)
         )
-        self._particles = wp.empty(size, dtype=wp.int32, device=device)
-        self._coords = wp.empty(size, coords_type(real), device=device, requires_grad=grad)
+        self._cell_particle_indices = wp.empty(size, dtype=wp.int32, device=device)
+        self._cell_particle_coords = wp.empty(
+            size, coords_type(real), device=device, requires_grad=grad
+        )
         self._cell_particle_fraction = wp.empty(size, dtype=real, device=device, requires_grad=grad)
         kernel = order_kernel(
             domain.record, self._by_domain, measures is not None, fraction is not None
@@ -208,14 +211,24 @@ class PicQuadrature(Quadrature):
         inputs = [domain.element_arg_value(device), domain.element_index_arg_value(device)]
         inputs += [1 if self.cell_indices.ndim == 1 else self.cell_indices.shape[1], measures]
         inputs += [None if fraction is None else fraction.flatten()]
-        inputs += [self.particle_coords.flatten(), cells, self._offsets, items]
-        outputs = [self._particles, self._coords, self._cell_particle_fraction]
+        inputs += [self.particle_coords.flatten(), cells, self._cell_particle_offsets, items]
+        outputs = [
+            self._cell_particle_indices,
+            self._cell_particle_coords,
+            self._cell_particle_fraction,
+        ]
         wp.launch(kernel, size, inputs, outputs, device=device)
 
     def fill_arg(self, arg, device) -> None:
         """Fills an argument of the functions of points."""
-        arg.offsets, arg.particles = self._offsets.to(device), self._particles.to(device)
-        arg.coords, arg.weights = self._coords.to(device), self._cell_particle_fraction.to(device)
+        arg.cell_particle_offsets, arg.cell_particle_indices = (
+            self._cell_particle_offsets.to(device),
+            self._cell_particle_indices.to(device),
+        )
+        arg.cell_particle_coords, arg.cell_particle_fraction = (
+            self._cell_particle_coords.to(device),
+            self._cell_particle_fraction.to(device),
+        )
 
     def total_point_count(self) -> int:
         """Number of particles."""
@@ -223,14 +236,16 @@ class PicQuadrature(Quadrature):
 
     def evaluation_point_count(self) -> int:
         """Number of (cell, particle) pairs, those outside included."""
-        return self._particles.shape[0]
+        return self._cell_particle_indices.shape[0]
 
     @functools.cached_property
     def _counts(self) -> tuple:
         with extend.unrecorded():
-            counts = wp.zeros(2, dtype=wp.int32, device=self._offsets.device)
-            n = self._offsets.shape[0] - 1
-            wp.launch(count_particles, n, [self._offsets], [counts], device=counts.device)
+            counts = wp.zeros(2, dtype=wp.int32, device=self._cell_particle_offsets.device)
+            n = self._cell_particle_offsets.shape[0] - 1
+            wp.launch(
+                count_particles, n, [self._cell_particle_offsets], [counts], device=counts.device
+            )
             return tuple(int(number) for number in counts.numpy())
 
     def max_points_per_element(self) -> int:
@@ -243,19 +258,21 @@ class PicQuadrature(Quadrature):
 
     def outside_count(self) -> int:
         """Number of (cell, particle) pairs in no cell; waits for the device."""
-        return self._particles.shape[0] - int(self._offsets[-1:].numpy()[0])
+        return self._cell_particle_indices.shape[0] - int(
+            self._cell_particle_offsets[-1:].numpy()[0]
+        )
 
     @property
     def cell_particle_offsets(self):
         """(cells + 1,) of int32: first place of the particles of each cell."""
-        return self._offsets
+        return self._cell_particle_offsets
 
     @property
     def cell_particle_indices(self):
         """Particles in the order of cells."""
-        return self._particles
+        return self._cell_particle_indices
 
     def fill_element_mask(self, mask) -> None:
         """Sets `mask`, of int32, to 1 for cells with particles, else 0."""
-        n = self._offsets.shape[0] - 1
-        wp.launch(mark_cells, n, [self._offsets], [mask], device=mask.device)
+        n = self._cell_particle_offsets.shape[0] - 1
+        wp.launch(mark_cells, n, [self._cell_particle_offsets], [mask], device=mask.device)
