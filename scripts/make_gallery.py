@@ -28,6 +28,8 @@ PROGRAMS = (
     ("trajectory", (), "trajectory_{}.png"),
     ("spring_rollout", ("--steps", "400"), "spring_rollout_{}.png"),
     ("several_devices", (), "several_devices.png"),
+    ("fem/twist", (), "twist_{}.png"),
+    ("fem/convergence", (), "convergence_{}.png"),
     ("tiles/image_network", (), "image_network_{}.png"),
     ("tiles/pendulum_chains", (), "pendulum_chains_{}.png"),
     ("tiles/galaxies", (), "galaxies_{}.png"),

@@ -15,7 +15,7 @@ def test_every_example_is_in_the_gallery():
     text = (ROOT / "docs" / "gallery.md").read_text()
     parts = {"particles_kernels", "particles_plots", "particles_precision", "integrate_kernels"}
     names = {path.stem for path in (ROOT / "examples").rglob("*.py")} - parts
-    assert names == set(re.findall(r"`examples/(?:tiles/)?(\w+)\.py`", text))
+    assert names == set(re.findall(r"`examples/(?:tiles/|fem/)?(\w+)\.py`", text))
     for picture in re.findall(r"\]\((gallery/\w+\.png)\)", text):
         assert 1000 < (ROOT / "docs" / picture).stat().st_size <= 60_000
 
@@ -26,6 +26,7 @@ def test_every_example_is_in_the_gallery():
         ("ocean", ("--size", "64", "--frames", "2"), {4: 1e-5, 5: 1e-5}),
         ("cloth", ("--size", "8", "--steps", "60"), {4: 1e-7, 5: 1e-3}),
         ("several_devices", ("--size", "129", "--steps", "50"), {6: 2e-5}),
+        ("fem/twist", ("--cells", "2", "--turn", "0.25"), {5: 1e-7, 6: 1e-7}),
     ],
 )
 def test_examples_keep_their_errors(tmp_path, device, name, options, bounds):
@@ -39,7 +40,7 @@ def test_examples_keep_their_errors(tmp_path, device, name, options, bounds):
     for column, bound in bounds.items():
         assert 0.0 <= float(row[column]) < bound, out
     assert name != "several_devices" or row[5] == "yes"
-    assert next(tmp_path.glob(f"{name}*.png")).read_bytes().startswith(b"\x89PNG")
+    assert next(tmp_path.glob(f"{Path(name).name}*.png")).read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

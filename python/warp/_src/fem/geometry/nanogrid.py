@@ -89,6 +89,11 @@ class SparseGrid(Geometry):
         self._origin, self._areas = vec3(*info.translation), vec3(*sides)
         self._volume = real(determinant)
 
+    @property
+    def _cell_ijk(self):
+        """Voxels of the cells, by the name that programs know."""
+        return self._packed
+
     def _read_cells(self) -> None:
         """Reads the volume's voxels; nothing is read from the device."""
         grid, n = self._grid, self._count
