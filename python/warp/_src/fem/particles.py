@@ -121,7 +121,7 @@ def _make_keys(
 ):
     i = wp.tid()
     cell = cells[i]
-    # Those outside come last.
+    # Particles outside come last.
     keys[i] = wp.where(cell < 0 or cell >= cell_count, cell_count, cell)
     items[i] = i
 

@@ -29,7 +29,7 @@ def _none() -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class GeometryReport:
-    """What `check` finds: numbers of cells (of sides, for `crowded_sides`).
+    """Findings of `check`: numbers of cells (of sides, for `crowded_sides`).
 
     Attributes:
         not_finite: cells with NaN or infinite positions.
