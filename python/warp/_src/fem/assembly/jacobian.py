@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.gather import with_scalar
-from warp._src.fem.assembly.matrix import Options, fill, set_structure
+from warp._src.fem.assembly.matrix import Options, fill, padded, set_structure
 from warp._src.fem.assembly.pattern import Pattern
 from warp._src.fem.forms.jacobian import JacobianPlan
 from warp.sparse import bsr_assign, bsr_compress, bsr_zeros
@@ -45,14 +47,29 @@ def interpolate_jacobian(form, place, dest, reduction, bsr_options) -> None:
     if options.topology != "compact":
         scalar = extend.canonical(dest.scalar_type)
         target = bsr_zeros(rows.count, columns, with_scalar(block, scalar), device=form.device)
+    keeps_room = options.capacity == "reuse"
+    if target is not dest:
+        options.capacity = "auto"
     set_structure(target, pattern, options)
     if wants and not target.requires_grad:
         target.values.requires_grad = True
     fill(rows, pattern, target.values)
-    if options.prune or (options.capacity == "auto" and not wants):
+    if options.prune or not (keeps_room or wants):
         bsr_compress(target, prune_numerical_zeros=True)
-    if target is not dest:
+    if options.topology == "padded":
+        padded(target, dest, options)
+    elif target is not dest:
         bsr_assign(dest=dest, src=target, topology=options.topology)
+
+
+@functools.cache
+def _kernel_of_unused(real):
+    def drop_unused(factors: wp.array2d(dtype=real), table: wp.array2d(dtype=int)):
+        e, i = wp.tid()
+        if factors[e, i] == real(0.0):
+            table[e, i] = -1
+
+    return wp.kernel(drop_unused, enable_backward=False)
 
 
 class Rows:
@@ -75,6 +92,11 @@ class Rows:
             self.count = restriction.space_partition.node_count()
             self.topology = restriction.space_topology.topo_arg_value(self.device)
             self.factors = self._factors(form, restriction, reduction)
+            if reduction == "first":
+                # Other elements of a node have no entries.
+                self.table = wp.clone(self.table)
+                kernel, inputs = _kernel_of_unused(self.factors.dtype), [self.factors, self.table]
+                wp.launch(kernel, self.table.shape, inputs, device=self.device)
             return
         points = place.quadrature.points_per_element
         if points is None:

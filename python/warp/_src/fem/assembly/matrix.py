@@ -167,7 +167,7 @@ def assemble_matrix(
         bsr_assign(dest=output, src=target, topology="masked")
         return output
     if options.topology == "padded":
-        return _padded(target, output, options)
+        return padded(target, output, options)
     return target
 
 
@@ -176,7 +176,7 @@ def _is_of_points(field) -> bool:
     return record is not None and record.element is None
 
 
-def _padded(source, output, options):
+def padded(source, output, options):
     """The matrix with room in its rows."""
     if output is None:
         output = bsr_zeros(source.nrow, source.ncol, source.dtype, device=source.device)

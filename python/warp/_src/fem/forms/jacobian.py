@@ -119,6 +119,11 @@ class JacobianPlan(PairsPlan):
             f"        if s.element_coords[0] != Real({OUTSIDE}):",
             f"            weight = {weight}",
         ]
+        if reduction == "first" and self.trial.nodes.element is None:
+            # An element without points has no value.
+            self.names["trial_count"] = self.trial.nodes.topology.functions.element_node_count
+            count = "trial_count(domain_arg.geo, fields.trial_.topology, element)"
+            lines.append(f"            weight = wp.where({count} > 0, weight, Real(0.0))")
         if reduction == "first":
             lines.append("            weight = wp.where(total == Real(0.0), weight, Real(0.0))")
         lines += ["            factors[domain_element, i] = weight", "            total += weight"]
