@@ -199,10 +199,12 @@ def _row_sizes(offsets: wp.array(dtype=int), sizes: wp.array(dtype=int)):
 def set_structure(matrix, pattern, options) -> None:
     """Copies the pattern: later operations may change the matrix in place."""
     nnz = pattern.nnz
-    if options.capacity == "reuse" and min(matrix.columns.size, matrix.values.size) < nnz:
+    is_direct = options.topology == "compact"
+    room = min(matrix.columns.size, matrix.values.size)
+    if options.capacity == "reuse" and is_direct and room < nnz:
         raise RuntimeError(
             f"bsr_options 'capacity'='reuse' expects room for {nnz} blocks, but 'output' has "
-            f"room for {min(matrix.columns.size, matrix.values.size)}"
+            f"room for {room}"
         )
     with extend.unrecorded():
         matrix.row_counts = None
