@@ -59,6 +59,14 @@ def test_rules_of_solids_are_exact(cell, order, family):
     check(cell, order, family)
 
 
+@pytest.mark.parametrize("order", [8, 12])
+@pytest.mark.parametrize(
+    "family", [Polynomial.LOBATTO_GAUSS_LEGENDRE, Polynomial.EQUISPACED_CLOSED]
+)
+def test_collapsed_points_stay_inside(family, order):
+    check(TET, order, family)
+
+
 @pytest.mark.parametrize("order", [31, 40])
 def test_collapsed_rules_follow_the_stored_ones(order):
     check(TRIANGLE, order, None)

@@ -153,4 +153,8 @@ def _collapsed(dimension, order, family):
     for axis in range(dimension):
         parameters[:, axis] = left * square[:, axis]
         left = left * (1.0 - square[:, axis])
+    # Points of closed families are on the far side, where rounding must not move them out.
+    while (beyond := np.flatnonzero(parameters.sum(axis=1) > 1.0)).size:
+        largest = parameters[beyond].argmax(axis=1)
+        parameters[beyond, largest] = np.nextafter(parameters[beyond, largest], 0.0)
     return parameters, weights
