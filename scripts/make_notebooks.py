@@ -2,7 +2,7 @@
 
     scripts/make_notebooks.py FOLDER
 
-Python blocks become cells of code, everything else cells of text. Blocks in other languages stay text.
+Python blocks become cells of code, everything else cells of text.
 """
 
 from __future__ import annotations
