@@ -133,3 +133,32 @@ def test_records_are_equal_by_value():
     assert make_element(TET, 2) == make_element(TET, 2, ElementBasis.LAGRANGE)
     assert make_element(TET, 2) != make_element(TET, 3)
     assert hash(make_element(CUBE, 2)) == hash(make_element(CUBE, 2))
+
+
+def mass_matrix(element, order):
+    made = rule(element.cell, order)
+    values, _ = element.tabulate(made.points)
+    return np.einsum("q,qi,qj->ij", made.weights, values, values)
+
+
+def test_mass_matrices():
+    """Matrices of textbooks: linear simplices, quadratic triangles, bilinear squares."""
+    linear = np.ones((3, 3)) + np.eye(3)
+    np.testing.assert_allclose(mass_matrix(make_element(TRIANGLE, 1), 2), linear / 12, atol=1e-15)
+    linear = np.ones((4, 4)) + np.eye(4)
+    np.testing.assert_allclose(mass_matrix(make_element(TET, 1), 2), linear / 20, atol=1e-15)
+    line = np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
+    square = mass_matrix(make_element(SQUARE, 1), 2)
+    np.testing.assert_allclose(square, np.kron(line, line), atol=1e-15)
+    # Vertices, then edges 01, 12, 20.
+    quadratic = [[6, -1, -1, 0, -4, 0], [-1, 6, -1, 0, 0, -4], [-1, -1, 6, -4, 0, 0]]
+    quadratic += [[0, 0, -4, 32, 16, 16], [-4, 0, 0, 16, 32, 16], [0, -4, 0, 16, 16, 32]]
+    found = mass_matrix(make_element(TRIANGLE, 2), 4)
+    np.testing.assert_allclose(found, np.array(quadratic) / 180, atol=1e-15)
+
+
+def test_stiffness_of_triangles():
+    """The matrix of a right-angled triangle: halves of [[2, -1, -1], [-1, 1, 0], [-1, 0, 1]]."""
+    _, gradients = make_element(TRIANGLE, 1).tabulate([[0.2, 0.3, 0.5]])
+    found = 0.5 * gradients[0] @ gradients[0].T
+    np.testing.assert_allclose(found, [[1, -0.5, -0.5], [-0.5, 0.5, 0], [-0.5, 0, 0.5]])

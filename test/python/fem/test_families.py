@@ -217,3 +217,15 @@ def test_errors():
         from warp._src.fem.spaces.make import make_polynomial_basis_space as basis
 
         make_collocated_function_space(basis(Grid2D((2, 2)), 1, Basis.RAVIART_THOMAS), wp.vec2)
+
+
+def test_mass_of_raviart_thomas():
+    """The matrix of the right-angled triangle, whose functions are x minus the opposite vertex."""
+    element, made = make_element(TRIANGLE, 1, Basis.RAVIART_THOMAS), rule(TRIANGLE, 2)
+    values, _ = element.tabulate(made.points)
+    found = np.einsum("q,qid,qjd->ij", made.weights, values, values) * TRIANGLE.measure
+    opposite = TRIANGLE.vertices[[2, 0, 1]]
+    # Integrals of x x, x y and x over the triangle.
+    xx, x = (1 / 12 + 1 / 12), np.full(2, 1 / 6)
+    expected = [[xx - a @ x - b @ x + a @ b / 2 for b in opposite] for a in opposite]
+    np.testing.assert_allclose(found, expected, atol=1e-15)
