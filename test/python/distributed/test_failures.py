@@ -1,5 +1,6 @@
 """Every failure of a rank ends the job with a message, and nothing hangs."""
 
+import re
 import time
 
 import pytest
@@ -17,9 +18,9 @@ CASES = [("mpi", how) for how in WORDS] + [("torch", "hang"), ("torch", "kill")]
 
 @pytest.mark.parametrize(("engine", "how"), CASES)
 def test_a_failing_rank_ends_the_job(start, engine, how):
-    begin = time.monotonic()
-    codes, output = start(engine, 2, "failing.py", how, limit=20)
-    assert time.monotonic() - begin < 20
+    codes, output = start(engine, 2, "failing.py", how, limit=150)
+    # Starting takes long on a busy machine and does not count.
+    assert time.time() - float(re.search(r"fails at ([\d.]+)", output)[1]) < 20
     assert any(codes), output
     assert "went on" not in output
     for words in WORDS[how]:

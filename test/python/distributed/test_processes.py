@@ -26,7 +26,7 @@ def together(count, cache):
     children = [
         subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True) for _ in range(count)
     ]
-    rows = [child.communicate(timeout=60)[0].split() for child in children]
+    rows = [child.communicate(timeout=200)[0].split() for child in children]
     return sum(float(row[0]) for row in rows), {row[1] for row in rows}
 
 

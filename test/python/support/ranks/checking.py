@@ -32,7 +32,7 @@ def fails(function, *words):
 
 def run(checks):
     """Calls `check(comm)` for each; a result of None is one that only had to pass."""
-    comm = wd.init(timeout=20)
+    comm = wd.init(timeout=60)
     for check in checks:
         try:
             found = check(comm)

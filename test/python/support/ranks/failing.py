@@ -17,6 +17,7 @@ blocks = wd.Blocks((8 * comm.size,), ranks=(comm.size,))
 x = blocks.zeros()
 for step in range(5):
     if step == 3 and comm.rank == 1:
+        print(f"fails at {time.time()}", flush=True)
         if how == "raise":
             raise ValueError("broken")
         if how == "kill":

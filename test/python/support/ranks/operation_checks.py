@@ -210,6 +210,8 @@ def bad_input(comm):
     checking.fails(lambda: wd.init("smoke signals"), "'smoke signals'")
     checking.fails(lambda: wd.init(timeout=-1), "-1")
     checking.fails(lambda: wd.all_reduce(x, comm=3), "wd.mpi")
+    if not comm.device.is_cuda:
+        checking.fails(lambda: wd.nccl(comm), who, "needs a GPU", "'cpu'")
 
 
 def lifetime(comm):
