@@ -93,7 +93,7 @@ def test_sides_couple_both_cells(grid):
     ones = wp.array(np.ones(len(x)), dtype=float)
     product = wp.zeros_like(ones)
     bsr_mv(matrix, ones, product)
-    # Of v = x, the average gradient is (1, 0): normals of 3 lines inside and one at each end.
+    # The average gradient of v = x is (1, 0): normals of 3 lines inside and one at each end.
     assert product.numpy() @ x == pytest.approx(-(3.0 + 1.0 - 1.0), rel=1e-5)
     assert product.numpy().sum() == pytest.approx(0.0, abs=1e-5)
     # A jump of 1 at x = 0.5 in u and v.

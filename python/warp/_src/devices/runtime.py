@@ -17,7 +17,10 @@ def init() -> None:
 
 def clear_kernel_cache() -> None:
     """Removes all compiled kernels from disk; those of this process stay usable."""
+    from warp._src.kernels.inspection import forget
+
     _native.clear_cache()
+    forget()
 
 
 def clear_lto_cache() -> None:

@@ -1,4 +1,4 @@
-"""What libraries ask of functions of kernels: syntax, types of variables, names that last."""
+"""Questions of libraries about functions: syntax, types of variables, remembered results."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def type_of_local(function, name: str):
 
 
 def remembered(value, make, is_good=bool):
-    """What `make()` gives: of another process, if the kernel cache has it.
+    """The result of `make()`, from another process if the kernel cache has it.
 
     Args:
         value: what the result depends on, beside this package: numbers, types, functions of
@@ -110,3 +110,15 @@ def _path(value) -> str | None:
     if any(found.unnamed) or found.unnamed_attributes:
         return None
     return os.path.join(config.kernel_cache_dir, f"{digest}.facts")
+
+
+def forget() -> None:
+    """Removes remembered results from disk."""
+    from warp import config
+
+    folder = config.kernel_cache_dir
+    if not folder or not os.path.isdir(folder):
+        return
+    for entry in os.scandir(folder):
+        if entry.name.endswith(".facts"):
+            os.unlink(entry.path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from warp import extend
 from warp._src.fem.forms.terms import components, dof_count
 
-# Larger element matrices are summed in the memory of the blocks, not of the thread.
+# Larger element matrices are accumulated in the array of blocks, not in the thread.
 _MOST_LOCAL = 1024
 # Numbers of a thread for coefficients at all points.
 _MOST_KEPT = 4096
