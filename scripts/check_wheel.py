@@ -4,9 +4,10 @@
 
 Makes an empty environment in a temporary folder, lets pip install the wheel with what it asks for
 (`--no-index`: with the NumPy of the running interpreter, where there is no network), and runs there
-the program of README.md, an example, and a look at which libraries the machine has to have. Prints
-the size of the wheel, what its files take, and how long each step took. The exit status is 1 if a
-step fails or the wheel has more than 25,000,000 bytes.
+the program of README.md, an example, and a look at which libraries the machine has to have. Asks
+auditwheel which systems it is for, at least all with glibc 2.28. Prints the size of the wheel, what
+its files take, and how long each step took. The exit status is 1 if a step fails or the wheel has
+more than 25 MiB.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-MOST = 25_000_000
+MOST = 25 * 1024 * 1024
 # Libraries that every Linux of the last years has.
 SYSTEM = re.compile(r"^(linux-vdso|ld-linux|lib(c|m|dl|rt|pthread|gcc_s|stdc\+\+))(?=[.-])")
 # The package comes from the environment, not from the tree that the script lies in.
@@ -93,6 +94,20 @@ def foreign_libraries(folder: Path) -> list[str]:
     return sorted(found)
 
 
+def oldest_platform(wheel: Path) -> str:
+    """The oldest platform that auditwheel finds the wheel to be for, `manylinux_2_27` for one.
+
+    Raises:
+        SystemExit: it is for no release of Linux before glibc 2.29.
+    """
+    command = [sys.executable, "-m", "auditwheel", "show", wheel]
+    shown = subprocess.run(command, capture_output=True, text=True)
+    found = re.search(r'platform tag: "(\w+?_(\d+)_(\d+))_x86_64"', " ".join(shown.stdout.split()))
+    if not found or (int(found[2]), int(found[3])) > (2, 28):
+        raise SystemExit(f"auditwheel: {wheel.name} needs more than glibc 2.28\n{shown.stdout}")
+    return found[1]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("wheel", type=Path)
@@ -102,6 +117,7 @@ def main() -> None:
     with zipfile.ZipFile(options.wheel) as archive:
         plain = sum(entry.file_size for entry in archive.infolist())
     print(f"{options.wheel.name}: {size:,} bytes, {plain:,} unpacked")
+    print(f"auditwheel: {oldest_platform(options.wheel)}")
     with tempfile.TemporaryDirectory() as name:
         there = Environment(Path(name))
         install = ["-m", "pip", "install", "-q", "--disable-pip-version-check"]

@@ -18,6 +18,7 @@ from reference.names import public_modules, public_names
 from reference.pages import Stubs, entry, is_number, module_page
 
 ROOT = Path(__file__).resolve().parent.parent
+WRITTEN: set[Path] = set()
 TOPICS = {
     "arrays": "Arrays",
     "derivatives": "Derivatives",
@@ -52,6 +53,13 @@ def homes() -> dict[str, str]:
     return {match[2]: match[1] for match in re.finditer(pattern, text)}
 
 
+def write(path: Path, text: str) -> None:
+    """Writes a page that has changed; Sphinx reads the others from its cache."""
+    WRITTEN.add(path)
+    if not path.is_file() or path.read_text() != text:
+        path.write_text(text)
+
+
 def slug(title: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")
 
@@ -70,7 +78,7 @@ def write_warp(folder: Path, stubs: Stubs) -> list[str]:
     names = []
     for topic, entries in sorted(pages.items()):
         text = [f"# {topic}", "", "```{py:currentmodule} warp", "```", "", "\n\n".join(entries)]
-        (folder / f"warp-{slug(topic)}.md").write_text("\n".join(text) + "\n")
+        write(folder / f"warp-{slug(topic)}.md", "\n".join(text) + "\n")
         names.append(f"warp-{slug(topic)}")
     return names
 
@@ -93,7 +101,7 @@ def write_settings(folder: Path) -> None:
             + " | ".join(str(cell).replace("|", "\\|").replace("\n", " ") for cell in cells)
             + " |"
         )
-    (folder / "settings.md").write_text("\n".join(lines) + "\n")
+    write(folder / "settings.md", "\n".join(lines) + "\n")
 
 
 def main() -> None:
@@ -101,13 +109,11 @@ def main() -> None:
 
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.md"):
-        old.unlink()
     stubs = Stubs(Path(warp.__file__).with_suffix(".pyi"))
     listed = write_warp(folder, stubs)
     modules = [name for name in public_modules() if name != "warp"]
     for module in modules:
-        (folder / f"{module}.md").write_text(module_page(module))
+        write(folder / f"{module}.md", module_page(module))
     write_settings(folder)
     lines = [
         "# Reference",
@@ -121,7 +127,9 @@ def main() -> None:
     ]
     lines += ["", "```{toctree}", ":caption: Modules", ":maxdepth: 1", "", *modules, "```"]
     lines += ["", "```{toctree}", ":caption: Settings", ":maxdepth: 1", "", "settings", "```", ""]
-    (folder / "index.md").write_text("\n".join(lines))
+    write(folder / "index.md", "\n".join(lines))
+    for old in set(folder.glob("*.md")) - WRITTEN:
+        old.unlink()
 
 
 if __name__ == "__main__":
