@@ -1,4 +1,4 @@
-"""Gradients of vectors by dof values on the tape, for each plan: v . (dR/du w) against differences."""
+"""Gradients of vectors by dof values on the tape, for each plan, against differences."""
 
 import numpy as np
 import pytest
