@@ -91,3 +91,30 @@ def test_points_of_a_side_are_those_of_both_cells(cell, real):
     outward = points.numpy() - positions[cells].mean(axis=1)[inner]
     assert (np.sum(outward * normals.numpy(), axis=1) > 0.0).all()
     np.testing.assert_allclose(np.linalg.norm(normals.numpy(), axis=1), 1.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("cell", MESHES)
+def test_gradients_keep_their_bits_under_translation_and_scaling(cell):
+    cells, positions = box_mesh(cell, 4, 0.0, seed=1)
+    # Multiples of 1/16, so that a shift by 2^10 cells is exact in float32.
+    positions = np.round(16 * (positions + np.sin(9.0 * positions) / 40)) / 16
+    n, d = len(cells), positions.shape[1]
+
+    def gradients(scale, shift):
+        vector = wp.types.vector(d, wp.float32)
+        array = wp.array(scale * (positions + shift), dtype=vector)
+        mesh = MESHES[cell](wp.array(cells), array)
+        gradient, CellArg = mesh.functions.cell_deformation_gradient, mesh.CellArg
+        at = mesh.coords_type(0.25, 0.5, 0.25)
+
+        @wp.kernel
+        def read(arg: CellArg, out: wp.array(dtype=wp.types.matrix((d, d), wp.float32))):
+            out[wp.tid()] = gradient(arg, make_free_sample(wp.tid(), at))
+
+        out = wp.zeros(n, dtype=wp.types.matrix((d, d), wp.float32))
+        wp.launch(read, n, [mesh.cell_arg_value("cpu")], [out])
+        return out.numpy()
+
+    expected = gradients(1.0, 0.0)
+    np.testing.assert_array_equal(gradients(1.0, 1024.0), expected)
+    np.testing.assert_array_equal(gradients(2.0**-20, 0.0), 2.0**-20 * expected)
