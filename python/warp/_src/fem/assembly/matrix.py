@@ -71,7 +71,7 @@ def _choice(options, name, choices):
 def kept_patterns(form, *fields) -> dict:
     """Where patterns of a form are kept: an empty dictionary for one that may change unseen.
 
-    Those of whole spaces on whole static geometries are kept by the topology of the test
+    Patterns of whole spaces on whole static geometries are kept by the topology of the test
     function, those of other domains and partitions by its restriction until that is rebuilt.
     Points of quadratures move without notice, so bases at them keep nothing.
     """
