@@ -317,8 +317,8 @@ static void optimizeQuickly(llvm::Module &module, Analyses &analyses) {
 }
 
 /// Code without lanes gathers nothing: that pays where arithmetic outweighs
-/// memory, and such kernels have lanes. Of the fields of long structs the
-/// vectorizer of loops would gather every one, 8 times slower than scalar code.
+/// memory, and such kernels have lanes. LLVM's vectorizer would gather every
+/// field of long structs, 8 times slower than scalar code.
 static void avoidGathers(llvm::Module &module,
                          const llvm::TargetMachine &machine) {
   std::string features = machine.getTargetFeatureString().str() +

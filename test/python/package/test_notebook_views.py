@@ -1,4 +1,4 @@
-"""What notebooks show of arrays, kernels, meshes and volumes."""
+"""Views of arrays, kernels, meshes and volumes in notebooks."""
 
 import xml.etree.ElementTree as ElementTree
 

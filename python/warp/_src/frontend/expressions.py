@@ -51,7 +51,7 @@ _FOLD = {
     ast.BitOr: operator.or_,
     ast.BitXor: operator.xor,
 }
-# Of literals that stay literals.
+# Operations on literals whose results stay literals.
 _FOLD_FLOATS = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,

@@ -167,7 +167,7 @@ def spline(degree: int, x) -> tuple[np.ndarray, np.ndarray]:
         sign = (-1) ** k * math.comb(degree + 1, k) / math.factorial(degree)
         left = np.maximum(0.5 * (degree + 1) - k - np.abs(x), 0.0)
         value += sign * left**degree
-        # Of degree 1, the derivative at the ends of the support is 0.
+        # The derivative at the ends of the support is 0 for degree 1.
         slope -= sign * degree * np.where(left > 0.0, left ** (degree - 1), 0.0) * np.sign(x)
     return value, slope
 

@@ -31,7 +31,7 @@ class NumberedTopology(SpaceTopology):
     _count: int | None = None
 
     def _source(self, device):
-        """What the numbers follow from."""
+        """The arrays that the numbers follow from."""
         raise NotImplementedError
 
     def _number(self, source, device, old: Tables | None) -> tuple[Tables, int]:

@@ -3,10 +3,12 @@
 import ctypes
 import functools
 import pathlib
+import weakref
 
 import numpy as np
 
 import warp as wp
+from warp import _native
 from warp.sparse import BsrMatrix
 
 KINDS = ("ldlt", "cholesky", "lu", "qr")
@@ -93,6 +95,14 @@ def _rows_of_blocks(A):
     return shape, fine.astype(np.int32), inner.reshape(-1).astype(np.int32), values.reshape(-1)
 
 
+_owners: dict = {}
+
+
+def _release(handle):
+    if _owners.pop(handle, None) is not None:
+        library().warp_direct_free(handle)
+
+
 class Factors:
     """The factors of a matrix; freed with this object."""
 
@@ -100,9 +110,12 @@ class Factors:
         self.kind, self.scalar, self._handle = kind, scalar, None
         self.factorize(A)
 
-    def __del__(self):
-        if getattr(self, "_handle", None):
-            library().warp_direct_free(self._handle)
+    def _keep(self, handle):
+        """Frees a handle with this object, and the one before now."""
+        former, self._handle = self._handle, handle
+        _release(former)
+        finalizer = _native.Finalizer(functools.partial(_release, handle))
+        _owners[handle] = weakref.ref(self, finalizer)
 
     def factorize(self, A):
         """Factors a matrix, with the analysis of the last one if its pattern is the same."""
@@ -113,11 +126,11 @@ class Factors:
         if self._handle and pattern == self._pattern:
             library().warp_direct_refactor(self._handle, len(values), *rows)
         else:
-            self.__del__()
             number = KINDS.index(self.kind)
-            self._handle = library().warp_direct_new(number, *shape, len(values), *rows)
-            if not self._handle:
+            handle = library().warp_direct_new(number, *shape, len(values), *rows)
+            if not handle:
                 raise MemoryError(f"{self.kind} of a matrix of {len(values)} numbers")
+            self._keep(handle)
         self._pattern, self.shape = pattern, shape
         self._read_info()
 
