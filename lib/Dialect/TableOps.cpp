@@ -180,8 +180,9 @@ static LogicalResult readRow(warp::ExtractOp op, PatternRewriter &rewriter) {
   return success();
 }
 
-/// A table that is converted to a wider type has at most so many bytes.
-static constexpr int64_t mostWidenedBytes = 16 << 10;
+/// Elements of a table that is converted, which takes a microsecond each; a
+/// table that is converted to a wider type has at most so many bytes.
+static constexpr int64_t mostConverted = 16 << 10, mostWidenedBytes = 16 << 10;
 
 /// A table whose elements are converted is one of the other type, so that each
 /// number is rounded once, and not at run time.
@@ -192,8 +193,9 @@ static LogicalResult convertTable(warp::CastOp op, PatternRewriter &rewriter) {
     return failure();
   int64_t count = get.getTable().getNumElements();
   int64_t before = warp::getByteSize(get.getType());
-  if (int64_t after = warp::getByteSize(to);
-      after > before && count * after > mostWidenedBytes)
+  int64_t after = warp::getByteSize(to);
+  if (count > mostConverted ||
+      (after > before && count * after > mostWidenedBytes))
     return failure();
   SmallVector<Attribute> numbers = llvm::map_to_vector(
       get.getTable().getValues<Attribute>(), [&](Attribute number) {

@@ -103,6 +103,19 @@ static void checkPart(OpBuilder &b, Location loc, Value tile, ValueRange first,
                                /*offsets=*/true);
 }
 
+/// A report has four indices.
+static void checkTable(OpBuilder &b, warp::TableGetOp get) {
+  ValueRange indices = get.getIndices();
+  ArrayRef<int64_t> extents = get.getTable().getType().getShape();
+  for (; !indices.empty(); indices = indices.drop_front(extents.size())) {
+    extents = extents.take_back(indices.size());
+    extents = extents.take_front(4);
+    if (ValueRange some = indices.take_front(extents.size()); !areKnown(some))
+      warp::CheckIndexOp::create(b, get.getLoc(), some, extents, "a table",
+                                 /*offsets=*/false);
+  }
+}
+
 /// True if the operation is one with indices.
 static bool insertCheck(Operation *op) {
   using namespace warp;
@@ -134,10 +147,7 @@ static bool insertCheck(Operation *op) {
         return true;
       })
       .Case([&](TableGetOp get) {
-        if (!areKnown(get.getIndices()))
-          CheckIndexOp::create(b, loc, get.getIndices(),
-                               get.getTable().getType().getShape(), "a table",
-                               /*offsets=*/false);
+        checkTable(b, get);
         return true;
       })
       .Case([&](TileGetOp get) {

@@ -2,7 +2,7 @@
 
 // A table is one constant, however often it is read; lanes gather.
 // CHECK: llvm.mlir.global internal constant @warp_table1(dense<[1, 0]> : tensor<2xi8>) {{.*}}: !llvm.array<2 x i8>
-// CHECK: llvm.mlir.global internal constant @warp_table0({{.*}}) {{.*}}: !llvm.array<2 x f32>
+// CHECK: llvm.mlir.global internal constant @warp_table0({{.*}}) {{.*}}: !llvm.array<10 x f32>
 // CHECK-NOT: llvm.mlir.global
 // CHECK-LABEL: llvm.func @cpu
 // CHECK-SAME: %[[I:[^:]*]]: i32, %[[J:[^:]*]]: vector<4xi32>)
@@ -16,10 +16,32 @@
 // CHECK: arith.trunci %[[BYTE]] : i8 to i1
 llvm.func @cpu(%block: !llvm.ptr, %i: i32, %j: vector<4xi32>)
     attributes {warp.entry} {
-  %x = warp.table_get dense<[1.0, 2.0]> : tensor<2xf32> [%i] : i32 -> f32
-  %y = warp.table_get dense<[1.0, 2.0]> : tensor<2xf32> [%j] : vector<4xi32> -> vector<4xf32>
+  %x = warp.table_get dense<[1.0, 2.0, 3.0, 1.0, 1.0, 1.0, 4.0, 1.0, 1.0, 1.0]> : tensor<10xf32> [%i] : i32 -> f32
+  %y = warp.table_get dense<[1.0, 2.0, 3.0, 1.0, 1.0, 1.0, 4.0, 1.0, 1.0, 1.0]> : tensor<10xf32> [%j] : vector<4xi32> -> vector<4xf32>
   %z = warp.table_get dense<[true, false]> : tensor<2xi1> [%i] : i32 -> i1
   warp.printf "%f %d"(%x, %z) : f32, i1
+  llvm.return
+}
+
+// -----
+
+// Lanes choose among few elements.
+// CHECK-LABEL: llvm.func @few
+// CHECK-SAME: %[[I:[^:]*]]: vector<4xi32>
+// CHECK-DAG: %[[A:.*]] = arith.constant dense<1.000000e+00> : vector<4xf32>
+// CHECK-DAG: %[[B:.*]] = arith.constant dense<2.000000e+00> : vector<4xf32>
+// CHECK-DAG: %[[C:.*]] = arith.constant dense<3.000000e+00> : vector<4xf32>
+// CHECK: %[[LOW:.*]] = arith.andi %[[I]]
+// CHECK: %[[ODD:.*]] = arith.cmpi ne, %[[LOW]]
+// CHECK: %[[PAIR:.*]] = arith.select %[[ODD]], %[[B]], %[[A]]
+// CHECK: %[[HIGH:.*]] = arith.andi %[[I]]
+// CHECK: %[[LAST:.*]] = arith.cmpi ne, %[[HIGH]]
+// CHECK: arith.select %[[LAST]], %[[C]], %[[PAIR]]
+// CHECK-NOT: gather
+llvm.func @few(%block: !llvm.ptr, %i: vector<4xi32>, %p: !llvm.ptr)
+    attributes {warp.entry} {
+  %x = warp.table_get dense<[1.0, 2.0, 3.0]> : tensor<3xf32> [%i] : vector<4xi32> -> vector<4xf32>
+  llvm.store %x, %p : vector<4xf32>, !llvm.ptr
   llvm.return
 }
 

@@ -6,12 +6,13 @@
 // says where it lies: NVIDIA's constant memory is as fast as a register if all
 // lanes of a warp read one address, and takes a turn for each address if not.
 // So a table lies there if all of its reads are uniform, and in read-only
-// global memory otherwise.
+// global memory otherwise. Lanes of a CPU gather, from short tables by selects.
 //
 //===----------------------------------------------------------------------===//
 
 #include "ArrayLowering.h"
 
+#include "Analysis/CostModel.h"
 #include "Analysis/ThreadVariance.h"
 #include "Targets/Target.h"
 
@@ -66,7 +67,41 @@ void ArrayLowering::makeTables(ArrayRef<Operation *> operations) {
   }
 }
 
+/// The elements at the indices of lanes, chosen among all: each level halves
+/// them by one bit of the index.
+static mlir::Value selectLanes(OpBuilder &b, Location loc, TableGetOp op) {
+  mlir::Value index = op.getIndices()[0];
+  auto number = [&](int64_t value) {
+    auto type = cast<VectorType>(index.getType());
+    return arith::ConstantOp::create(
+        b, loc,
+        DenseElementsAttr::get(type,
+                               b.getIntegerAttr(type.getElementType(), value)));
+  };
+  SmallVector<mlir::Value> left;
+  for (Attribute element : op.getTable().getValues<Attribute>())
+    left.push_back(arith::ConstantOp::create(
+        b, loc,
+        DenseElementsAttr::get(cast<VectorType>(op.getType()), element)));
+  for (int64_t bit = 1; left.size() > 1; bit *= 2) {
+    mlir::Value part = arith::AndIOp::create(b, loc, index, number(bit));
+    mlir::Value isOdd = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne,
+                                              part, number(0));
+    size_t half = (left.size() + 1) / 2;
+    for (size_t i = 0; i < half; ++i)
+      left[i] = 2 * i + 1 < left.size()
+                    ? arith::SelectOp::create(b, loc, isOdd, left[2 * i + 1],
+                                              left[2 * i])
+                    : left[2 * i];
+    left.resize(half);
+  }
+  return left.front();
+}
+
 void ArrayLowering::lowerTable(TableGetOp op) {
+  if (isa<VectorType>(op.getType()) &&
+      op.getTable().getNumElements() <= cost::selectedElements)
+    return op.getResult().replaceAllUsesWith(selectLanes(b, loc, op));
   LLVM::GlobalOp global = tables.lookup(op.getTable());
   mlir::Type element =
       cast<LLVM::LLVMArrayType>(global.getType()).getElementType();

@@ -397,8 +397,14 @@ void CostCounter::count(Operation *op, double trips, double use) {
     bool apart = isVarying(op->getOperand(op->getNumOperands() - 1));
     return add(1, apart ? warp::cost::gatherCost : 2 * share, trips, use);
   }
-  if (isa<warp::TableGetOp>(op))
-    return add(1, warp::cost::straightGatherCost, trips, use);
+  if (auto get = dyn_cast<warp::TableGetOp>(op)) {
+    int64_t count = get.getTable().getNumElements();
+    return add(1,
+               count <= warp::cost::selectedElements
+                   ? double(count) * share
+                   : warp::cost::straightGatherCost,
+               trips, use);
+  }
   if (!warp::isConversion(op) && !isMemoryEffectFree(op))
     return add(warp::cost::laneCost, 2 * warp::cost::laneCost, trips, 1);
   double work = 1;

@@ -87,6 +87,28 @@ def test_lanes_read_an_element_each(count):
     assert "masked.gather" in divergent.ir("llvm")
 
 
+CODES = np.array([[3, -1, 4], [1, -5, 9]], np.int16)
+BITS = np.array([True, False, False, True, True])
+
+
+@wp.kernel
+def choose(x: wp.array(dtype=int), o: wp.array(dtype=int)):
+    t = wp.tid()
+    k = x[t]
+    o[t] = int(CODES[k % 2, k % 3])
+    if BITS[k % 5]:
+        o[t] += 100
+
+
+@pytest.mark.parametrize("count", [1, 33, 200])
+def test_lanes_choose_among_few(count, device):
+    k = np.arange(count, dtype=np.int32)
+    out = wp.zeros(count, dtype=int, device=device)
+    wp.launch(choose, count, [wp.array(k, device=device), out], device=device)
+    assert out.numpy().tolist() == (CODES[k % 2, k % 3] + 100 * BITS[k % 5]).tolist()
+    assert "masked.gather" not in choose.ir("llvm", device="cpu")
+
+
 def test_the_lasting_name_is_that_of_the_numbers():
     table = np.arange(6.0)
     names = [
