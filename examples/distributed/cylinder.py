@@ -38,12 +38,12 @@ def equilibrium(q: int, rho: float, u: wp.vec2):
 
 @wp.kernel
 def advance(
-    f: wp.array3d(dtype=float),
-    solid: wp.array2d(dtype=wp.uint8),
+    f: wp.array3d[float],
+    solid: wp.array2d[wp.uint8],
     first: wp.vec2i,
     offset: wp.vec2i,
     omega: float,
-    g: wp.array3d(dtype=float),
+    g: wp.array3d[float],
 ):
     """Streams, bounces back at the cylinder, collides; the inflow is an equilibrium."""
     a, b = wp.tid()
@@ -104,7 +104,7 @@ def main():
     comm = wd.init()
     size = options.width, options.height
     f, body, seconds = simulate(*size, options.steps, 1.0 / 0.53)
-    if comm.rank:
+    if comm.rank or f is None:
         return
     rho = f.sum(0)
     u = np.einsum("qd,qxy->dxy", C, f) / rho

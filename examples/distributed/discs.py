@@ -28,11 +28,11 @@ RADIUS = 0.008
 def advance(
     grid: wp.uint64,
     radius: float,
-    x: wp.array(dtype=wp.vec3),
-    v: wp.array(dtype=wp.vec3),
+    x: wp.array[wp.vec3],
+    v: wp.array[wp.vec3],
     dt: float,
-    x_out: wp.array(dtype=wp.vec3),
-    v_out: wp.array(dtype=wp.vec3),
+    x_out: wp.array[wp.vec3],
+    v_out: wp.array[wp.vec3],
 ):
     i = wp.tid()
     force = wp.vec3(0.0, -2.0, 0.0)

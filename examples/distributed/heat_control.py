@@ -25,9 +25,9 @@ OUTPUT = Path(__file__).resolve().parents[2] / "build" / "demo"
 
 @wp.kernel
 def diffuse(
-    a: wp.array2d(dtype=float),
-    k: wp.array(dtype=float),
-    b: wp.array2d(dtype=float),
+    a: wp.array2d[float],
+    k: wp.array[float],
+    b: wp.array2d[float],
 ):
     i, j = wp.tid()
     i = i + 1
@@ -37,16 +37,14 @@ def diffuse(
 
 
 @wp.kernel
-def misfit(
-    x: wp.array2d(dtype=float), target: wp.array2d(dtype=float), terms: wp.array2d(dtype=float)
-):
+def misfit(x: wp.array2d[float], target: wp.array2d[float], terms: wp.array2d[float]):
     i, j = wp.tid()
     d = x[i + 1, j + 1] - target[i + 1, j + 1]
     terms[i, j] = d * d
 
 
 @wp.kernel
-def descend(g: wp.array2d(dtype=float), rate: float, x: wp.array2d(dtype=float)):
+def descend(g: wp.array2d[float], rate: float, x: wp.array2d[float]):
     i, j = wp.tid()
     x[i, j] = x[i, j] - rate * g[i, j]
 
@@ -95,7 +93,7 @@ def main():
     for axis, (title, field) in zip(
         axes, (("found start", start), ("its end", end), ("wanted", picture(n))), strict=False
     ):
-        axis.imshow(field.T, origin="lower")
+        axis.imshow(np.transpose(field), origin="lower")
         axis.set(title=title)
     axes[3].semilogy(losses)
     axes[3].set(title=f"loss, {comm.size} rank(s)", xlabel="iteration")

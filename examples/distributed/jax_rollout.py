@@ -6,6 +6,9 @@ JAX splits and sums; a kernel sees the worlds of its device alone. A result vari
 the mesh that an input varies over, so gradients of the shared gains are summed by JAX.
 """
 
+# The package is imported where a process begins to use it.
+# mypy: disable-error-code="name-defined"
+
 import argparse
 import os
 from pathlib import Path
@@ -66,11 +69,11 @@ def make_kernel(wp):
 
     @wp.kernel
     def roll_out(
-        x0: wp.array(dtype=float),
-        v0: wp.array(dtype=float),
-        p: wp.array(dtype=float),
-        d: wp.array(dtype=float),
-        cost: wp.array(dtype=float),
+        x0: wp.array[float],
+        v0: wp.array[float],
+        p: wp.array[float],
+        d: wp.array[float],
+        cost: wp.array[float],
     ):
         i = wp.tid()
         x = x0[i]

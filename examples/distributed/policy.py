@@ -26,9 +26,7 @@ STEPS = wp.constant(60)
 
 
 @wp.kernel
-def roll_out(
-    start: wp.array(dtype=wp.vec2), gains: wp.array(dtype=float), cost: wp.array(dtype=float)
-):
+def roll_out(start: wp.array[wp.vec2], gains: wp.array[float], cost: wp.array[float]):
     """A cart with a spring-damper policy; the cost is squared distance and effort."""
     i = wp.tid()
     x = start[i][0]

@@ -22,7 +22,7 @@ OUTPUT = Path(__file__).resolve().parents[2] / "build" / "demo"
 
 
 @wp.kernel
-def pendulum(angles: wp.array(dtype=float), damping: float, times: wp.array(dtype=float)):
+def pendulum(angles: wp.array[float], damping: float, times: wp.array[float]):
     """How long a pendulum takes until its energy has fallen to a tenth."""
     i = wp.tid()
     q = angles[i]

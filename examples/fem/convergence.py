@@ -58,29 +58,34 @@ def squares(n):
     return fem.Grid2D(res=wp.vec2i(n, n), scalar_type=REAL)
 
 
+def once(geo, degree):
+    """Seconds, space, cells and solution of one mesh."""
+    start = time.perf_counter()
+    space = fem.make_polynomial_space(geo, degree=degree, dtype=REAL)
+    cells = fem.Cells(geo)
+    u, v = fem.make_trial(space, domain=cells), fem.make_test(space, domain=cells)
+    rule = fem.RegularQuadrature(cells, order=2 * degree + 2)
+    A = fem.integrate(diffusion, fields={"u": u, "v": v})
+    b = fem.integrate(load, quadrature=rule, fields={"v": v})
+    fem.dirichlet(space).project(A, b)
+    field = space.make_field()
+    M = linear.preconditioner(A, "diag")
+    linear.cg(A, b, field.dof_values, tol=1e-12, M=M, check_every=50)
+    wp.synchronize()
+    return time.perf_counter() - start, space, cells, field
+
+
 def solve(geo, degree):
     """Seconds and L2 error of one mesh, the second time it is solved."""
-    for _ in range(2):
-        start = time.perf_counter()
-        space = fem.make_polynomial_space(geo, degree=degree, dtype=REAL)
-        cells = fem.Cells(geo)
-        u, v = fem.make_trial(space, domain=cells), fem.make_test(space, domain=cells)
-        rule = fem.RegularQuadrature(cells, order=2 * degree + 2)
-        A = fem.integrate(diffusion, fields={"u": u, "v": v})
-        b = fem.integrate(load, quadrature=rule, fields={"v": v})
-        fem.dirichlet(space).project(A, b)
-        field = space.make_field()
-        M = linear.preconditioner(A, "diag")
-        linear.cg(A, b, field.dof_values, tol=1e-12, M=M, check_every=50)
-        wp.synchronize()
-        seconds = time.perf_counter() - start
+    once(geo, degree)
+    seconds, space, cells, field = once(geo, degree)
     fine = fem.RegularQuadrature(cells, order=2 * degree + 4)
     square = fem.integrate(squared_error, quadrature=fine, fields={"u": field})
     return seconds, math.sqrt(square), space.node_count()
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--most", type=int, default=40, help="cells along an axis, degree 1")
     parser.add_argument("--output", type=Path, default=OUTPUT)

@@ -138,7 +138,7 @@ def draw(bar, path):
             shade=False,
         )
     axes.set(xlim=(0, 4), ylim=(-0.2, 1.2), zlim=(-0.2, 1.2))
-    axes.set_box_aspect((4, 1.4, 1.4), zoom=1.2)
+    axes.set_box_aspect((4, 1.4, 1.4), zoom=1.2)  # type: ignore[arg-type]
     axes.set_axis_off()
     axes.view_init(20, -60)
     figure.subplots_adjust(0.0, 0.0, 1.0, 1.0)
@@ -147,7 +147,7 @@ def draw(bar, path):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--cells", type=int, default=4, help="across the bar")
     parser.add_argument("--turn", type=float, default=0.5, help="turns of the end")

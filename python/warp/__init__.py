@@ -266,8 +266,10 @@ from warp._src.types.structs import struct as struct
 from warp._src.version import VERSION as VERSION
 
 # Picklers look for what is there already.
-from warp import types as types  # isort: skip
-from warp._src import pickling as _pickling  # isort: skip
+# isort: off
+from warp import types as types
+from warp._src import pickling as _pickling
+# isort: on
 
 if _typing.TYPE_CHECKING:
     from warp import autograd as autograd

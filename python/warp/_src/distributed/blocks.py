@@ -232,7 +232,7 @@ class Blocks:
 
     # Fields.
 
-    def zeros(self, dtype=float, items=None, requires_grad=False):
+    def zeros(self, dtype: typing.Any = float, items=None, requires_grad=False):
         """A field of zeros, with ghosts; `items` is the extent of a leading axis."""
         shape = self.local if items is None else (items, *self.local)
         return wp.zeros(shape, dtype=dtype, device=self.comm.device, requires_grad=requires_grad)

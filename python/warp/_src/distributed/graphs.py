@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import typing
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,7 @@ class Neighbours:
         self._exchanges: dict = {}
         self._plans: dict = {}
 
-    def zeros(self, dtype=float, requires_grad=False):
+    def zeros(self, dtype: typing.Any = float, requires_grad=False):
         """A value for each local node."""
         return wp.zeros(
             self.local, dtype=dtype, device=self.comm.device, requires_grad=requires_grad

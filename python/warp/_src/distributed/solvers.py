@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import typing
+
 import numpy as np
 
 import warp as wp
@@ -111,7 +113,7 @@ class Matrix:
         shape: own rows of numbers, square: vectors of solvers have own values alone.
     """
 
-    def __init__(self, graph, rows, columns, values, dtype=wp.float32):
+    def __init__(self, graph, rows, columns, values, dtype: typing.Any = wp.float32):
         self.graph, comm = graph, graph.comm
         self.dtype = dtype
         self.scalar = getattr(dtype, "_wp_scalar_type_", dtype)
