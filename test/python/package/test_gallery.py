@@ -14,10 +14,15 @@ ROOT = Path(__file__).resolve().parents[3]
 def test_every_example_is_in_the_gallery():
     text = (ROOT / "docs" / "gallery.md").read_text()
     parts = {"particles_kernels", "particles_plots", "particles_precision", "integrate_kernels"}
+    parts |= {"movies"}
     names = {path.stem for path in (ROOT / "examples").rglob("*.py")} - parts
-    assert names == set(re.findall(r"`examples/(?:tiles/|fem/)?(\w+)\.py`", text))
+    assert names == set(re.findall(r"`examples/(?:\w+/)?(\w+)\.py`", text))
     for picture in re.findall(r"\]\((gallery/\w+\.png)\)", text):
         assert 1000 < (ROOT / "docs" / picture).stat().st_size <= 60_000
+    films = re.findall(r"\]\((gallery/\w+\.webp)\)", text)
+    assert len(films) == 8
+    for film in films:
+        assert 10_000 < (ROOT / "docs" / film).stat().st_size <= 1_000_000
 
 
 @pytest.mark.parametrize(
@@ -41,6 +46,32 @@ def test_examples_keep_their_errors(tmp_path, device, name, options, bounds):
         assert 0.0 <= float(row[column]) < bound, out
     assert name != "several_devices" or row[5] == "yes"
     assert next(tmp_path.glob(f"{Path(name).name}*.png")).read_bytes().startswith(b"\x89PNG")
+
+
+SMALL = ("--frames", "2", "--samples", "1", "--width", "48", "--height", "28", "--scale", "0.03")
+
+
+@pytest.mark.parametrize(
+    ("name", "bound"),
+    [
+        ("ocean_sunset", 1e-5),
+        ("cloth_drape", 1.0),
+        ("drum", 1.0),
+        ("dusty_rocks", 0.1),
+        ("dam_break", 1.0),
+        ("thrown_ball", 1e-6),
+        ("smoke", 1e-3),
+        ("soft_bodies", 1e-7),
+    ],
+)
+def test_scenes_keep_their_errors(tmp_path, device, name, bound):
+    pytest.importorskip("PIL")
+    program = ROOT / "examples" / "scenes" / f"{name}.py"
+    status, out, err = programs.run(program, "--device", device, "--output", tmp_path, *SMALL)
+    assert status == 0, err
+    row = [cell.strip() for cell in out.strip().splitlines()[-1].strip("|").split("|")]
+    assert 0.0 <= float(row[4]) < bound, out
+    assert next(tmp_path.glob(f"{name}*.webp")).read_bytes().startswith(b"RIFF")
 
 
 @pytest.mark.parametrize(
