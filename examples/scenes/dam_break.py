@@ -25,7 +25,7 @@ def poly(d2: float, h: float):
 
 
 @wp.func
-def inside(p: wp.vec3, tank: wp.vec3, pillars: wp.array(dtype=wp.vec2), radius: float):
+def inside(p: wp.vec3, tank: wp.vec3, pillars: wp.array[wp.vec2], radius: float):
     """The nearest place in the tank and outside of the pillars."""
     q = wp.vec3(
         wp.clamp(p[0], radius, tank[0] - radius),
@@ -43,13 +43,13 @@ def inside(p: wp.vec3, tank: wp.vec3, pillars: wp.array(dtype=wp.vec2), radius: 
 
 @wp.kernel
 def predict(
-    x: wp.array(dtype=wp.vec3),
-    v: wp.array(dtype=wp.vec3),
+    x: wp.array[wp.vec3],
+    v: wp.array[wp.vec3],
     dt: float,
     tank: wp.vec3,
-    pillars: wp.array(dtype=wp.vec2),
+    pillars: wp.array[wp.vec2],
     radius: float,
-    q: wp.array(dtype=wp.vec3),
+    q: wp.array[wp.vec3],
 ):
     i = wp.tid()
     v[i] = v[i] + wp.vec3(0.0, -9.81, 0.0) * dt
@@ -59,12 +59,12 @@ def predict(
 @wp.kernel
 def measure(
     grid: wp.uint64,
-    q: wp.array(dtype=wp.vec3),
+    q: wp.array[wp.vec3],
     h: float,
     rest: float,
     softness: float,
-    factor: wp.array(dtype=float),
-    density: wp.array(dtype=float),
+    factor: wp.array[float],
+    density: wp.array[float],
 ):
     """The constraint's multiplier: how far a particle and its neighbours have to move."""
     i = wp.hash_grid_point_id(grid, wp.tid())
@@ -92,14 +92,14 @@ def measure(
 @wp.kernel
 def correct(
     grid: wp.uint64,
-    q: wp.array(dtype=wp.vec3),
-    factor: wp.array(dtype=float),
+    q: wp.array[wp.vec3],
+    factor: wp.array[float],
     h: float,
     rest: float,
     tank: wp.vec3,
-    pillars: wp.array(dtype=wp.vec2),
+    pillars: wp.array[wp.vec2],
     radius: float,
-    out: wp.array(dtype=wp.vec3),
+    out: wp.array[wp.vec3],
 ):
     i = wp.hash_grid_point_id(grid, wp.tid())
     p = q[i]
@@ -118,13 +118,13 @@ def correct(
 @wp.kernel
 def finish(
     grid: wp.uint64,
-    x: wp.array(dtype=wp.vec3),
-    q: wp.array(dtype=wp.vec3),
+    x: wp.array[wp.vec3],
+    q: wp.array[wp.vec3],
     h: float,
     dt: float,
     blend: float,
-    v: wp.array(dtype=wp.vec3),
-    out: wp.array(dtype=wp.vec3),
+    v: wp.array[wp.vec3],
+    out: wp.array[wp.vec3],
 ):
     """Velocities from positions, a little like those of the neighbours."""
     i = wp.hash_grid_point_id(grid, wp.tid())
@@ -143,11 +143,11 @@ def finish(
 @wp.kernel
 def fill(
     grid: wp.uint64,
-    q: wp.array(dtype=wp.vec3),
+    q: wp.array[wp.vec3],
     h: float,
     cell: float,
     low: wp.vec3,
-    field: wp.array3d(dtype=float),
+    field: wp.array3d[float],
 ):
     """How much water is around the points of a grid."""
     i, j, k = wp.tid()

@@ -18,7 +18,7 @@ DT, LIFT, SUBSTEPS = 0.8, 0.16, 3
 
 
 @wp.func
-def sample(field: wp.array3d(dtype=wp.vec4), p: wp.vec3):
+def sample(field: wp.array3d[wp.vec4], p: wp.vec3):
     """Trilinear, repeating what is at the border."""
     n = wp.vec3(float(field.shape[0]), float(field.shape[1]), float(field.shape[2]))
     q = wp.vec3(
@@ -47,12 +47,12 @@ def speed_of(value: wp.vec4):
 
 @wp.kernel
 def advect(
-    field: wp.array3d(dtype=wp.vec4),
+    field: wp.array3d[wp.vec4],
     ball: wp.vec4,
     t: float,
     dt: float,
     lift: float,
-    out: wp.array3d(dtype=wp.vec4),
+    out: wp.array3d[wp.vec4],
 ):
     """Velocity and smoke, carried along; heat lifts, a ring feeds, a ball stands in the way."""
     i, j, k = wp.tid()
@@ -74,7 +74,7 @@ def advect(
 
 
 @wp.func
-def at(field: wp.array3d(dtype=wp.vec4), i: int, j: int, k: int, axis: int):
+def at(field: wp.array3d[wp.vec4], i: int, j: int, k: int, axis: int):
     """A component of the velocity, zero outside."""
     n = field.shape
     found = float(0.0)
@@ -84,7 +84,7 @@ def at(field: wp.array3d(dtype=wp.vec4), i: int, j: int, k: int, axis: int):
 
 
 @wp.kernel
-def divergence(field: wp.array3d(dtype=wp.vec4), out: wp.array(dtype=float)):
+def divergence(field: wp.array3d[wp.vec4], out: wp.array[float]):
     i, j, k = wp.tid()
     d = at(field, i + 1, j, k, 0) - at(field, i - 1, j, k, 0)
     d += at(field, i, j + 1, k, 1) - at(field, i, j - 1, k, 1)
@@ -93,7 +93,7 @@ def divergence(field: wp.array3d(dtype=wp.vec4), out: wp.array(dtype=float)):
 
 
 @wp.func
-def pressure_at(p: wp.array3d(dtype=float), i: int, j: int, k: int):
+def pressure_at(p: wp.array3d[float], i: int, j: int, k: int):
     found = float(0.0)
     if i >= 0 and j >= 0 and k >= 0 and i < p.shape[0] and j < p.shape[1] and k < p.shape[2]:
         found = p[i, j, k]
@@ -102,11 +102,11 @@ def pressure_at(p: wp.array3d(dtype=float), i: int, j: int, k: int):
 
 @wp.kernel
 def laplacian(
-    p: wp.array3d(dtype=float),
-    y: wp.array3d(dtype=float),
+    p: wp.array3d[float],
+    y: wp.array3d[float],
     alpha: float,
     beta: float,
-    out: wp.array3d(dtype=float),
+    out: wp.array3d[float],
 ):
     """alpha A p + beta y: what the divergence of the gradient, both central, does to p."""
     i, j, k = wp.tid()
@@ -127,7 +127,7 @@ def laplacian(
 
 
 @wp.kernel
-def project(p: wp.array3d(dtype=float), field: wp.array3d(dtype=wp.vec4)):
+def project(p: wp.array3d[float], field: wp.array3d[wp.vec4]):
     i, j, k = wp.tid()
     v = field[i, j, k]
     x = 0.5 * (pressure_at(p, i + 1, j, k) - pressure_at(p, i - 1, j, k))

@@ -23,18 +23,18 @@ PALETTE = (
 
 
 @wp.func
-def shape_of(x: wp.array(dtype=wp.vec3d), t: wp.vec4i):
+def shape_of(x: wp.array[wp.vec3d], t: wp.vec4i):
     """The edges of a tetrahedron as columns."""
     return wp.matrix_from_cols(x[t[1]] - x[t[0]], x[t[2]] - x[t[0]], x[t[3]] - x[t[0]])
 
 
 @wp.kernel
 def rest(
-    x: wp.array(dtype=wp.vec3d),
-    tets: wp.array(dtype=wp.vec4i),
-    inverse: wp.array(dtype=wp.mat33d),
-    volume: wp.array(dtype=wp.float64),
-    mass: wp.array(dtype=wp.float64),
+    x: wp.array[wp.vec3d],
+    tets: wp.array[wp.vec4i],
+    inverse: wp.array[wp.mat33d],
+    volume: wp.array[wp.float64],
+    mass: wp.array[wp.float64],
     density: wp.float64,
 ):
     n = wp.tid()
@@ -47,14 +47,14 @@ def rest(
 
 @wp.kernel
 def elastic(
-    x: wp.array(dtype=wp.vec3d),
-    tets: wp.array(dtype=wp.vec4i),
-    inverse: wp.array(dtype=wp.mat33d),
-    volume: wp.array(dtype=wp.float64),
+    x: wp.array[wp.vec3d],
+    tets: wp.array[wp.vec4i],
+    inverse: wp.array[wp.mat33d],
+    volume: wp.array[wp.float64],
     shear: wp.float64,
     bulk: wp.float64,
-    force: wp.array(dtype=wp.vec3d),
-    energy: wp.array(dtype=wp.float64),
+    force: wp.array[wp.vec3d],
+    energy: wp.array[wp.float64],
 ):
     """Forces of the stable neo-Hookean energy of B. Smith et al., ACM TOG 37(2), 2018."""
     n = wp.tid()
@@ -88,13 +88,13 @@ def elastic(
 @wp.kernel
 def touch(
     grid: wp.uint64,
-    near: wp.array(dtype=wp.vec3),
-    x: wp.array(dtype=wp.vec3d),
-    v: wp.array(dtype=wp.vec3d),
-    body: wp.array(dtype=int),
-    mass: wp.array(dtype=wp.float64),
+    near: wp.array[wp.vec3],
+    x: wp.array[wp.vec3d],
+    v: wp.array[wp.vec3d],
+    body: wp.array[int],
+    mass: wp.array[wp.float64],
     reach: float,
-    force: wp.array(dtype=wp.vec3d),
+    force: wp.array[wp.vec3d],
 ):
     """Points of different bodies push each other away; all rest on the floor."""
     i = wp.hash_grid_point_id(grid, wp.tid())
@@ -123,13 +123,13 @@ def touch(
 
 @wp.kernel
 def move(
-    x: wp.array(dtype=wp.vec3d),
-    v: wp.array(dtype=wp.vec3d),
-    force: wp.array(dtype=wp.vec3d),
-    mass: wp.array(dtype=wp.float64),
+    x: wp.array[wp.vec3d],
+    v: wp.array[wp.vec3d],
+    force: wp.array[wp.vec3d],
+    mass: wp.array[wp.float64],
     dt: wp.float64,
     keep: wp.float64,
-    near: wp.array(dtype=wp.vec3),
+    near: wp.array[wp.vec3],
 ):
     i = wp.tid()
     v[i] = keep * (v[i] + force[i] * (dt / mass[i]))
