@@ -93,7 +93,7 @@ def main():
     for axis, (title, field) in zip(
         axes, (("found start", start), ("its end", end), ("wanted", picture(n))), strict=False
     ):
-        axis.imshow(np.transpose(field), origin="lower")
+        axis.imshow(field.T, origin="lower")
         axis.set(title=title)
     axes[3].semilogy(losses)
     axes[3].set(title=f"loss, {comm.size} rank(s)", xlabel="iteration")

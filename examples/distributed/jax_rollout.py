@@ -7,6 +7,7 @@ the mesh that an input varies over, so gradients of the shared gains are summed 
 """
 
 # The package is imported where a process begins to use it.
+# pyright: reportInvalidTypeForm=false
 # mypy: disable-error-code="name-defined"
 
 import argparse

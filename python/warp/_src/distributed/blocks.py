@@ -349,7 +349,7 @@ class Blocks:
 
     # All cells.
 
-    def gather(self, x, root=0):
+    def gather(self, x, root=0) -> typing.Any:
         """The whole field on one rank, as a NumPy array without ghosts; None on the others."""
         checked(self.comm, "gather", x)
         own = without_tape(lambda: self.inner(x).contiguous())
