@@ -1,6 +1,7 @@
 #!/bin/bash
 # build/device: what test/device/run.sh needs on a machine without LLVM and
-# without a network: libwarp.so (stripped, xz) and the generated Python files.
+# without a network: libwarp.so (stripped, xz), its components and the generated
+# Python files.
 # Everything else that it uses is in the source tree.
 #   make_device_bundle.sh [BUILD]   the build to take (default: build)
 set -euo pipefail
@@ -16,6 +17,10 @@ if [ ! "$bundle/libwarp.so.xz" -nt "$package/libwarp.so" ] ||
   xz -T0 -4 -f "$bundle/libwarp.so"
   echo "$package" >"$bundle/origin"
 fi
+rm -f "$bundle"/libwarp_*.so
+for component in "$package"/libwarp_*.so; do
+  "$strip_tool" -o "$bundle/$(basename "$component")" "$component"
+done
 cp "$package"/_src/{builtin_table,builtin_calls,device_table}.py \
   "$package"/include/warp/{HandleKinds,LaunchContract.h}.inc \
   "$package"/{__init__,config}.pyi "$bundle/"

@@ -8,7 +8,7 @@ folder=${1:-docs}
 tblgen="/usr/lib/llvm-22/bin/mlir-tblgen -I include -I include/WarpDialect \
   -I /usr/lib/llvm-22/include"
 mkdir -p "$folder"
-cp build/generated/builtins.md "$folder/builtins.md"
+cp build/generated/{builtins,launch}.md "$folder/"
 $tblgen -gen-pass-doc include/WarpDialect/Passes.td -o "$folder/passes.md"
 $tblgen -gen-pass-doc include/WarpDialect/TilePasses.td >> "$folder/passes.md"
 $tblgen -gen-dialect-doc -dialect=warp include/WarpDialect/WarpOps.td \

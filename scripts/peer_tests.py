@@ -35,7 +35,12 @@ ROOT = Path(__file__).resolve().parent.parent
 EXPECTED = ROOT / "test" / "peer" / "expected.txt"
 KINDS = ("internal", "better", "missing")
 # Examples by themselves, windows, and arrays of many GiB.
-LEFT_OUT = ("fem/test_fem_examples.py", "test_examples.py", "test_render_opengl.py", "test_large.py")
+LEFT_OUT = (
+    "fem/test_fem_examples.py",
+    "test_examples.py",
+    "test_render_opengl.py",
+    "test_large.py",
+)
 # Makes the copy `warp.tests`, also in processes that tests start.
 FINDER = """
 import importlib.util, sys

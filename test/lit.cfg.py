@@ -17,7 +17,7 @@ import lit.formats
 config.name = "warp"
 config.test_format = lit.formats.ShTest(execute_external=False)
 config.suffixes = [".mlir", ".py", ".td"]
-config.excludes = ["lit.cfg.py", "lit.site.cfg.py", "python", "unit", "device", "Inputs"]
+config.excludes = ["lit.cfg.py", "lit.site.cfg.py", "python", "unit", "device", "typing", "Inputs"]
 config.test_source_root = os.path.dirname(__file__)
 config.test_exec_root = config.warp_obj_root
 

@@ -211,7 +211,8 @@ class Water:
         self.grid.build(self.x, self.h)
         inputs = [self.grid.id, self.x, self.h, cell, low]
         wp.launch(fill, size, inputs, [field], device=self.device)
-        corners = [np.array([*low]), np.array([*low]) + cell * (np.array(size) - 1)]
+        first = np.array([low.x, low.y, low.z])
+        corners = [first, first + cell * (np.array(size) - 1)]
         cubes = wp.MarchingCubes(*size, *(wp.vec3(*map(float, corner)) for corner in corners))
         cubes.surface(field, 0.32 * self.rest)
         return cubes.verts.numpy(), cubes.indices.numpy()

@@ -56,12 +56,13 @@ def spectrum(count):
     way = 1.1 + rng.normal(0.0, 0.55, count)
     energy = np.exp(-1.0 / (k * WIND * WIND / GRAVITY) ** 2) / k**2.6
     amplitude = 0.24 * np.sqrt(energy / energy.sum()) * rng.rayleigh(1.0, count)
-    rows = np.zeros(count, Wave.numpy_dtype())
-    rows["k"] = (k * [np.cos(way), np.sin(way)]).T
     step = 2.0 * np.pi / PERIOD
-    rows["amplitude"], rows["frequency"] = amplitude, np.rint(np.sqrt(GRAVITY * k) / step) * step
-    rows["phase"] = rng.uniform(0.0, 2.0 * np.pi, count)
-    return rows
+    frequency = np.rint(np.sqrt(GRAVITY * k) / step) * step
+    phase = rng.uniform(0.0, 2.0 * np.pi, count)
+    vectors = k * [np.cos(way), np.sin(way)]
+    rows = [(tuple(one), *rest) for one, *rest in zip(vectors.T, amplitude, frequency, phase)]
+    numbers = [(name, np.float32) for name in ("amplitude", "frequency", "phase")]
+    return np.array(rows, dtype=[("k", np.float32, 2), *numbers])
 
 
 def fan(size):

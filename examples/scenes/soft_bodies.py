@@ -149,7 +149,7 @@ def ball(cells):
         most > 0.0, most / np.maximum(np.linalg.norm(p, axis=1, keepdims=True), 1e-9), 1
     )
     # From corner to corner, by all orders of the axes.
-    tets = []
+    parts = []
     for order in ((0, 1, 2), (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1), (2, 1, 0)):
         corner, path = np.zeros(3, int), []
         for axis in (*order, None):
@@ -157,8 +157,8 @@ def ball(cells):
             path.append(index[i : i + cells, j : j + cells, k : k + cells].reshape(-1))
             if axis is not None:
                 corner[axis] = 1
-        tets.append(np.stack(path, axis=1))
-    tets = np.concatenate(tets)
+        parts.append(np.stack(path, axis=1))
+    tets = np.concatenate(parts)
     d = p[tets[:, 1:]] - p[tets[:, :1]]
     flip = np.linalg.det(d) < 0.0
     tets[flip] = tets[flip][:, [0, 2, 1, 3]]

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 # Modules whose contents are data of a program: scenes and cases of reports.
 DATA = ("warp.report.scenes.", "warp.report.stability.")
 # Not Python.
-SKIPPED = ("warp.libwarp",)
+SKIPPED = ("warp.libwarp", "warp.libwarp_eigen", "warp.libwarp_openvdb")
 
 
 def public_modules() -> list[str]:

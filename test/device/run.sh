@@ -53,7 +53,7 @@ assemble() {
   rm -rf "$package" && mkdir -p "$package/_src" &&
     cp -r python/warp/. "$package/" &&
     cp "$bundle"/{builtin_table,builtin_calls,device_table}.py "$package/_src/" &&
-    cp "$bundle"/{__init__,config}.pyi "$package/" &&
+    cp "$bundle"/{__init__,config}.pyi "$bundle"/libwarp_*.so "$package/" &&
     mkdir -p "$package/include" "$package/cmake" &&
     cp -r include/warp "$package/include/" &&
     cp "$bundle"/{HandleKinds,LaunchContract.h}.inc "$package/include/warp/" &&

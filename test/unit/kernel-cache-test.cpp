@@ -256,9 +256,12 @@ protected:
     folder =
         fs::path(testing::TempDir()) / ("claims" + std::to_string(getpid()));
     KernelCache::get().setDirectory(folder);
+    // Other tests turn it off.
+    KernelCache::get().setEnabled(true);
   }
   void TearDown() override {
     KernelCache::get().setDirectory(before);
+    KernelCache::get().setEnabled(false);
     fs::remove_all(folder);
   }
   fs::path file() const { return folder / (keyOf('c') + claimSuffix); }

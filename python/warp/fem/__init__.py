@@ -72,14 +72,7 @@ def __getattr__(name) -> _typing.Any:
     module = _WHERE.get(name)
     if module is None:
         raise AttributeError(f"module 'warp.fem' has no attribute '{name}'")
-    try:
-        value = getattr(_importlib.import_module(f"warp._src.fem.{module}"), name)
-    except (ModuleNotFoundError, AttributeError) as missing:
-        if not (getattr(missing, "name", None) or "").startswith(("warp._src.fem", name)):
-            raise
-        from warp._src.compat.absent import absent_class
-
-        value = absent_class(name, "fem")
+    value = getattr(_importlib.import_module(f"warp._src.fem.{module}"), name)
     globals()[name] = value
     return value
 

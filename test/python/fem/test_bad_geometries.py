@@ -147,7 +147,12 @@ def test_lookup_of_nan_finds_nothing():
         find = find_kernel(geometry.functions.cell_lookup, geometry.CellArg)
         bad = [(np.nan, 0, 0), (np.inf, 0, 0), (-3e38, 3e38, 0)]
         found = wp.zeros(3, dtype=int)
-        wp.launch(find, 3, [geometry.cell_arg_value("cpu"), wp.array(bad, dtype=wp.vec3)], [found])
+        wp.launch(
+            find,
+            3,
+            [geometry.cell_arg_value(wp.get_device()), wp.array(bad, dtype=wp.vec3)],
+            [found],
+        )
         assert found.numpy()[0] == -1
         assert (found.numpy() < geometry.cell_count()).all()
 

@@ -45,7 +45,7 @@ def find(mesh, x):
 
     n = len(x)
     outputs = [wp.zeros(n, dtype=dtype) for dtype in (int, mesh.coords_type, vector)]
-    wp.launch(kernel, n, [mesh.cell_arg_value("cpu"), wp.array(x, dtype=vector)], outputs)
+    wp.launch(kernel, n, [mesh.cell_arg_value(wp.get_device()), wp.array(x, dtype=vector)], outputs)
     return [array.numpy() for array in outputs]
 
 
@@ -148,7 +148,9 @@ def test_a_guess_finds_the_same(cell):
         same[i] = wp.where(gap < 1.0e-5, 1, 0)
 
     same = wp.zeros(len(x), dtype=int)
-    wp.launch(compare, len(x), [mesh.cell_arg_value("cpu"), wp.array(x, dtype=vector)], [same])
+    wp.launch(
+        compare, len(x), [mesh.cell_arg_value(wp.get_device()), wp.array(x, dtype=vector)], [same]
+    )
     assert same.numpy().all()
 
 
@@ -184,7 +186,12 @@ def test_filters_choose_among_cells(kind):
         least[i] = wp.sqrt(best)
 
     mask = wp.array(chosen.astype(np.int32))
-    inputs = [mesh.cell_arg_value("cpu"), wp.array(x, dtype=wp.vec3), mask, mesh.cell_count()]
+    inputs = [
+        mesh.cell_arg_value(wp.get_device()),
+        wp.array(x, dtype=wp.vec3),
+        mask,
+        mesh.cell_count(),
+    ]
     outputs = [wp.zeros(len(x), dtype=dtype) for dtype in (int, float, float)]
     wp.launch(compare, len(x), inputs, outputs)
     cells, gaps, least = (array.numpy() for array in outputs)
@@ -214,7 +221,7 @@ def test_gradients_of_coordinates_by_positions_and_vertices(cell):
         points = wp.array(x, dtype=vector, requires_grad=True)
         out = wp.zeros(1, dtype=real, requires_grad=True)
         with wp.Tape() as tape:
-            wp.launch(read, len(x), [mesh.cell_arg_value("cpu"), points], [out])
+            wp.launch(read, len(x), [mesh.cell_arg_value(wp.get_device()), points], [out])
         tape.backward(out)
         return out.numpy()[0], points.grad.numpy(), positions.grad.numpy().copy()
 

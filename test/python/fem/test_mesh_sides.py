@@ -112,7 +112,7 @@ def test_gradients_keep_their_bits_under_translation_and_scaling(cell):
             out[wp.tid()] = gradient(arg, make_free_sample(wp.tid(), at))
 
         out = wp.zeros(n, dtype=wp.types.matrix((d, d), wp.float32))
-        wp.launch(read, n, [mesh.cell_arg_value("cpu")], [out])
+        wp.launch(read, n, [mesh.cell_arg_value(wp.get_device())], [out])
         return out.numpy()
 
     expected = gradients(1.0, 0.0)

@@ -39,7 +39,7 @@ def elements(domain):
         out[wp.tid()] = index(arg, wp.tid())
 
     out = wp.zeros(domain.element_count(), dtype=int)
-    wp.launch(read, out.shape, [domain.element_index_arg_value("cpu")], [out])
+    wp.launch(read, out.shape, [domain.element_index_arg_value(wp.get_device())], [out])
     return out.numpy()
 
 
@@ -52,7 +52,7 @@ def cells_beside(geometry):
         out[wp.tid()] = wp.vec2i(inner(arg, wp.tid()), outer(arg, wp.tid()))
 
     out = wp.zeros(geometry.side_count(), dtype=wp.vec2i)
-    wp.launch(read, out.shape, [geometry.side_arg_value("cpu")], [out])
+    wp.launch(read, out.shape, [geometry.side_arg_value(wp.get_device())], [out])
     return out.numpy()
 
 

@@ -182,7 +182,7 @@ def test_kernel_of_a_mass_has_no_gradients():
     space = fem.make_polynomial_space(mesh, degree=1)
     fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
     rule = fem.RegularQuadrature(fem.Cells(mesh), 2)
-    form = Form(mass, fem.Cells(mesh), rule, fields, {}, "cpu")
+    form = Form(mass, fem.Cells(mesh), rule, fields, {}, wp.get_device())
     assert [slot.is_gradient for _, slot in form.plan.test.used_slots] == [False]
     assert "inverse" not in form.plan.blocks.ir("warp")
     assert form.plan.tensors.shape == (1, 9)

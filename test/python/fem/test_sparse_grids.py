@@ -54,7 +54,7 @@ def sides_of(geometry):
     n = geometry.side_count()
     types = (wp.vec2i, vector, vector, real, real)
     outputs = [wp.zeros(n, dtype=dtype) for dtype in types]
-    wp.launch(read, n, [geometry.side_arg_value("cpu")], outputs)
+    wp.launch(read, n, [geometry.side_arg_value(wp.get_device())], outputs)
     return [array.numpy() for array in outputs]
 
 
@@ -71,7 +71,7 @@ def cell_centers(geometry):
 
     n = geometry.cell_count()
     x, v = wp.zeros(n, dtype=vector), wp.zeros(n, dtype=real)
-    wp.launch(read, n, [geometry.cell_arg_value("cpu")], [x, v])
+    wp.launch(read, n, [geometry.cell_arg_value(wp.get_device())], [x, v])
     return x.numpy(), v.numpy()
 
 
@@ -129,7 +129,7 @@ def test_lookup_against_all_boxes(real):
             near[wp.tid()] = f.cell_position(arg, s)
 
     cells, near = wp.zeros(2000, dtype=int), wp.zeros(2000, dtype=vector)
-    inputs = [sparse.cell_arg_value("cpu"), wp.array(x, dtype=vector)]
+    inputs = [sparse.cell_arg_value(wp.get_device()), wp.array(x, dtype=vector)]
     wp.launch(find, 2000, [*inputs, real(100.0)], [cells, near])
     closest = np.clip(x[:, None], centers - 0.25, centers + 0.25)
     distances = np.linalg.norm(closest - x[:, None], axis=2)

@@ -13,7 +13,10 @@ ROOT = Path(__file__).resolve().parents[3]
 @pytest.mark.parametrize(
     "name",
     ["README.md"]
-    + [f"docs/{page}.md" for page in ("guide", "graphs", "differentiation", "extend", "distributed")]
+    + [
+        f"docs/{page}.md"
+        for page in ("guide", "graphs", "differentiation", "extend", "distributed")
+    ]
     + [f"docs/{page}.md" for page in ("fem", "geometry", "report", "tiles")],
 )
 def test_python_blocks_run(name):

@@ -88,8 +88,6 @@ class StructType(type(ctypes.Structure)):
             dtypes.register(cls)
 
 
-
-
 class StructInstance(ctypes.Structure):
     """Base of struct classes. `Name(field=value, ...)`; fields not given are zero."""
 

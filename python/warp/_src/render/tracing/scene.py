@@ -55,7 +55,8 @@ class Scene:
         self.materials, self.images = [], []
         self.sky, self.sun = None, None
         self.exposure, self.film_curve = 1.0, True
-        self.depth, self.limit = 8, None
+        self.depth: int = 8
+        self.limit: float | None = None
         self.samples = 0
         self._world, self._film, self._camera = None, None, None
         self.frames = []
