@@ -107,7 +107,8 @@ def run_or_record(comm, name, function) -> None:
         if capture is not None:
             capture.add_host(function, name)
             return
-        if comm.device.is_cuda and comm.device.is_capturing and comm.engine != "NCCL":
+        sends = comm.size > 1 and comm.engine != "NCCL"
+        if sends and comm.device.is_cuda and comm.device.is_capturing:
             raise DistributedError(
                 f"rank {comm.rank}: {name} by {comm.engine} in a capture on '{comm.device}': "
                 "captures hold messages of NCCL alone, use `wd.nccl(comm)`"
