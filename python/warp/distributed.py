@@ -44,7 +44,7 @@ if typing.TYPE_CHECKING:
     from warp._src.distributed.solvers import bsr_mv as bsr_mv
     from warp._src.distributed.start import init as init
 
-# Where names are; each module is imported when one of its names is first used.
+# The module of each name, imported when the name is first used.
 _MODULES = {
     "Blocks": "blocks",
     "Box": "blocks",

@@ -69,7 +69,7 @@ def _choice(options, name, choices):
 
 
 def kept_patterns(form, *fields) -> dict:
-    """Where patterns of a form are kept: an empty dictionary for one that may change unseen.
+    """The cache of a form's patterns; an empty dictionary for one that may change unseen.
 
     Patterns of whole spaces on whole static geometries are kept by the topology of the test
     function, those of other domains and partitions by its restriction until that is rebuilt.

@@ -52,7 +52,7 @@ class ShapeFunction:
 
     @property
     def family(self):
-        """Where the nodes lie, a `Polynomial`."""
+        """The rule that places the nodes, a `Polynomial`."""
         return self.element.variant
 
     @property

@@ -10,7 +10,7 @@ LEVEL_STEPS = wp.constant(256)
 
 @wp.func
 def box_span(origin: wp.vec3, dir: wp.vec3, low: wp.vec3, high: wp.vec3):
-    """Where a ray enters and leaves a box; it misses where the first is the larger."""
+    """Distances at which a ray enters and leaves a box; the first is larger for a miss."""
     enter = float(0.0)
     leave = float(FAR)
     for k in range(3):

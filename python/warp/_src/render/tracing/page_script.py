@@ -244,7 +244,7 @@ function draw() {
     -dot(x, eye), -dot(y, eye), -dot(z, eye), 1];
   const lens = [t * h / w, 0, 0, 0, 0, t, 0, 0, 0, 0, (far + near) / (near - far), -1,
     0, 0, 2 * far * near / (near - far), 0];
-  // What is clear comes last and hides nothing.
+  // Transparent parts are drawn last and write no depth.
   for (const clear of [false, true]) {
     gl.depthMask(!clear);
     drawParts(clear, view, lens, eye);

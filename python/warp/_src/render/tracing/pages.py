@@ -17,7 +17,7 @@ _STEPS = 65535
 
 
 class Frame:
-    """Where everything of a scene was at one time."""
+    """Points and placements of a scene at one time."""
 
     def __init__(self, scene):
         self.points = [mesh.points.numpy().copy() for mesh in scene.meshes]
