@@ -32,11 +32,10 @@ def _error(name):
     return errors.WarpError(f"{name} is not in this package yet")
 
 
-def absent_class(name, parent=""):
-    """A class that stands for one that is not there; `parent` is the module below `warp`."""
-    shown = f"'wp.{parent}.{name}'" if parent else f"'wp.{name}'"
+def absent_class(name):
+    """A class that stands for one that is not there."""
     about = {"__module__": "warp", "__doc__": "Not in this package yet."}
-    return _Absent(name, (), about | {"_wp_missing_": shown})
+    return _Absent(name, (), about | {"_wp_missing_": f"'wp.{name}'"})
 
 
 def find(name):

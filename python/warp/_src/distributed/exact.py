@@ -7,6 +7,8 @@ carrying, and rounded once.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 import warp as wp
@@ -74,15 +76,20 @@ def add_float64(words: _Words64, value: wp.float64):
     return words
 
 
+@wp.func
+def _add_to(digits: wp.array(dtype=wp.int64), words: Any):
+    for k in range(len(words)):
+        if words[k] != wp.int64(0):
+            wp.atomic_add(digits, k, words[k])
+
+
 @wp.kernel(module="warp.distributed", enable_backward=False)
 def _sum_float32(x: wp.array(dtype=wp.float32), chunk: int, digits: wp.array(dtype=wp.int64)):
     first = wp.tid() * chunk
     words = _Words32()
     for i in range(first, wp.min(first + chunk, x.shape[0])):
         words = add_float32(words, x[i])
-    for k in range(14):
-        if words[k] != wp.int64(0):
-            wp.atomic_add(digits, k, words[k])
+    _add_to(digits, words)
 
 
 @wp.kernel(module="warp.distributed", enable_backward=False)
@@ -91,9 +98,7 @@ def _sum_float64(x: wp.array(dtype=wp.float64), chunk: int, digits: wp.array(dty
     words = _Words64()
     for i in range(first, wp.min(first + chunk, x.shape[0])):
         words = add_float64(words, x[i])
-    for k in range(79):
-        if words[k] != wp.int64(0):
-            wp.atomic_add(digits, k, words[k])
+    _add_to(digits, words)
 
 
 @wp.kernel(module="warp.distributed", enable_backward=False)
@@ -108,9 +113,7 @@ def _dot_float32(
     for i in range(first, wp.min(first + chunk, x.shape[0])):
         # A product of two float32 is a float64.
         words = add_float64(words, wp.float64(x[i]) * wp.float64(y[i]))
-    for k in range(79):
-        if words[k] != wp.int64(0):
-            wp.atomic_add(digits, k, words[k])
+    _add_to(digits, words)
 
 
 @wp.kernel(module="warp.distributed", enable_backward=False)
@@ -124,9 +127,7 @@ def _dot_float64(
     words = _Words64()
     for i in range(first, wp.min(first + chunk, x.shape[0])):
         words = add_float64(words, x[i] * y[i])
-    for k in range(79):
-        if words[k] != wp.int64(0):
-            wp.atomic_add(digits, k, words[k])
+    _add_to(digits, words)
 
 
 @wp.kernel(module="warp.distributed", enable_backward=False)
