@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import geometry_functions, per_device
+from warp._src.fem.geometry.base import RecordFunctions, geometry_functions, per_device
 from warp._src.fem.geometry.partition import (
     GeometryPartition,
     PartitionRecord,
@@ -145,7 +145,7 @@ def _add_cells(f, record, geometry, partition) -> None:
         add_partition_lookup(f, record, geometry)
 
 
-class GeometryDomain:
+class GeometryDomain(RecordFunctions):
     """Base of domains: elements of a geometry or of a partition of one."""
 
     kind = ""
@@ -166,16 +166,9 @@ class GeometryDomain:
         return domain_functions(self.record)
 
     def __getattr__(self, name):
-        if name.startswith("_") or name in ("geometry_partition", "geometry"):
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
         if name in ("element_lookup", "element_partition_lookup"):
             return getattr(self.functions, name, None)
-        functions = self.functions
-        try:
-            return getattr(functions, name)
-        except AttributeError:
-            text = f"{type(self).__name__!r} has no attribute {name!r}"
-            raise AttributeError(text) from None
+        return super().__getattr__(name)
 
     def __eq__(self, other) -> bool:
         same = type(self) is type(other)

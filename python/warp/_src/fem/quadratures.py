@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
-from warp._src.fem.geometry.base import per_device
+from warp._src.fem.geometry.base import RecordFunctions, per_device
 from warp._src.fem.types import OUTSIDE, coords_type
 
 
@@ -42,7 +42,7 @@ def quadrature_functions(record: QuadratureRecord) -> SimpleNamespace:
     return MAKERS[record.kind](record, domain_functions(record.domain))
 
 
-class Quadrature:
+class Quadrature(RecordFunctions):
     """Base of quadratures.
 
     Functions of kernels take (element argument, quadrature argument, number of the element in the
@@ -56,25 +56,10 @@ class Quadrature:
     def __init__(self, domain):
         self._domain = domain
 
-    def __getattr__(self, name):
-        if name.startswith("_") or name == "record":
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        functions = self.record.functions
-        try:
-            return getattr(functions, name)
-        except AttributeError:
-            text = f"{type(self).__name__!r} has no attribute {name!r}"
-            raise AttributeError(text) from None
-
     @property
     def domain(self):
         """Domain of the points."""
         return self._domain
-
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return self.record.functions
 
     @property
     def points_per_element(self) -> int | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import typing
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
@@ -68,6 +69,42 @@ def geometry_functions(record: GeometryRecord) -> SimpleNamespace:
     return functions
 
 
+class RecordFunctions:
+    """Base of objects whose functions of kernels are attributes: those of their `record`."""
+
+    record: typing.Any
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Structs and functions of kernels."""
+        return self.record.functions
+
+    def __getattr__(self, name):
+        # Names that `functions` itself needs.
+        own = ("record", "functions", "geometry", "geometry_partition")
+        if name.startswith("_") or name in own or not hasattr(self.functions, name):
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        return getattr(self.functions, name)
+
+
+class ElementArguments(RecordFunctions):
+    """Base of objects that fill the arguments of functions of cells and of sides."""
+
+    @per_device
+    def cell_arg_value(self, device):
+        """Argument of the functions of cells."""
+        arg = self.CellArg()
+        self.fill_cell_arg(arg, device)
+        return arg
+
+    @per_device
+    def side_arg_value(self, device):
+        """Argument of the functions of sides."""
+        arg = self.SideArg()
+        self.fill_side_arg(arg, device)
+        return arg
+
+
 class _ByGradient(type):
     """Gives `Geometry` functions of kernels of a deformation gradient, made when asked for."""
 
@@ -80,7 +117,7 @@ class _ByGradient(type):
         return getattr(Geometry, name)
 
 
-class Geometry(metaclass=_ByGradient):
+class Geometry(ElementArguments, metaclass=_ByGradient):
     """A set of cells and of the sides between them.
 
     Functions of kernels (`cell_position`, `side_normal`, ...) are attributes. They are those of
@@ -92,21 +129,6 @@ class Geometry(metaclass=_ByGradient):
     _environments = 1
     # Measure and normal by a deformation gradient, by the names that programs know.
     _element_measure, _element_normal = element_measure, element_normal
-
-    def __getattr__(self, name):
-        if name.startswith("_") or name == "record":
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        functions = self.record.functions
-        try:
-            return getattr(functions, name)
-        except AttributeError:
-            text = f"{type(self).__name__!r} has no attribute {name!r}"
-            raise AttributeError(text) from None
-
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return self.record.functions
 
     @property
     def scalar_type(self) -> type:
@@ -182,20 +204,6 @@ class Geometry(metaclass=_ByGradient):
     def cell_env(self):
         """Environment of each cell, if cells name theirs."""
         return None
-
-    @per_device
-    def cell_arg_value(self, device):
-        """Argument of the functions of cells."""
-        arg = self.CellArg()
-        self.fill_cell_arg(arg, device)
-        return arg
-
-    @per_device
-    def side_arg_value(self, device):
-        """Argument of the functions of sides."""
-        arg = self.SideArg()
-        self.fill_side_arg(arg, device)
-        return arg
 
     @per_device
     def side_index_arg_value(self, device):

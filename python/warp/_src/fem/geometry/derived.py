@@ -173,6 +173,32 @@ def only_environment(Arg, Sample) -> wp.Function:
     return environment_index
 
 
+def add_listed_environments(f: SimpleNamespace, Sample) -> None:
+    """Adds environments of cells and sides, where `cell_env` lists them for the cells."""
+    CellArg, SideArg = f.CellArg, f.SideArg
+
+    @wp.func
+    def cell_environment_index(arg: CellArg, cell: int):
+        return wp.where(cell < 0, -1, arg.cell_env[wp.max(cell, 0)])
+
+    @wp.func
+    def cell_environment_index(arg: CellArg, s: Sample):
+        return cell_environment_index(arg, s.element_index)
+
+    @wp.func
+    def side_environment_index(arg: SideArg, side: int):
+        if side < 0:
+            return -1
+        return arg.cell_arg.cell_env[arg.side_cells[side][0]]
+
+    @wp.func
+    def side_environment_index(arg: SideArg, s: Sample):
+        return side_environment_index(arg, s.element_index)
+
+    f.cell_environment_index = cell_environment_index
+    f.side_environment_index = side_environment_index
+
+
 def _samples_of_cells(f: SimpleNamespace, Sample) -> dict:
     """Samples in the cells on both sides of a side."""
     SideArg = f.SideArg

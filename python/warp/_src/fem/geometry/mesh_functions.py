@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.derived import only_environment
+from warp._src.fem.geometry.derived import add_listed_environments, only_environment
 from warp._src.fem.geometry.mesh_lookup import add_lookup
 from warp._src.fem.geometry.shape_functions import shape_functions, vertex_coords_function
 from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
@@ -111,28 +111,8 @@ def _add_environments(f: SimpleNamespace, record) -> None:
     if not record.environments:
         f.cell_environment_index = only_environment(CellArg, Sample)
         f.side_environment_index = only_environment(SideArg, Sample)
-        return
-
-    @wp.func
-    def cell_environment_index(arg: CellArg, cell: int):
-        return wp.where(cell < 0, -1, arg.cell_env[wp.max(cell, 0)])
-
-    @wp.func
-    def cell_environment_index(arg: CellArg, s: Sample):
-        return cell_environment_index(arg, s.element_index)
-
-    @wp.func
-    def side_environment_index(arg: SideArg, side: int):
-        if side < 0:
-            return -1
-        return arg.cell_arg.cell_env[arg.side_cells[side][0]]
-
-    @wp.func
-    def side_environment_index(arg: SideArg, s: Sample):
-        return side_environment_index(arg, s.element_index)
-
-    f.cell_environment_index = cell_environment_index
-    f.side_environment_index = side_environment_index
+    else:
+        add_listed_environments(f, Sample)
 
 
 def _add_coordinates(f: SimpleNamespace, record) -> None:

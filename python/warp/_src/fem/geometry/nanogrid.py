@@ -195,7 +195,7 @@ class SparseGrid(Geometry):
         """Fills an argument of the functions of sides."""
         self.fill_cell_arg(arg.cell_arg, device)
         sides = self._sides
-        arg.places, arg.flags, arg.cells = sides.places, sides.flags, sides.cells
+        arg.places, arg.flags, arg.side_cells = sides.places, sides.flags, sides.cells
         arg.boundary, arg.areas = sides.boundary, self._areas
 
     @per_device

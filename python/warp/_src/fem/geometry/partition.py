@@ -7,7 +7,12 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import GeometryRecord, forget, geometry_functions, per_device
+from warp._src.fem.geometry.base import (
+    ElementArguments,
+    GeometryRecord,
+    forget,
+    geometry_functions,
+)
 from warp._src.fem.geometry.indices import masked_indices
 
 
@@ -174,23 +179,13 @@ def _side_kernel(record: PartitionRecord) -> wp.Kernel:
     return mark_sides
 
 
-class GeometryPartition:
+class GeometryPartition(ElementArguments):
     """A subset of the cells of a geometry, with the sides that belong to it."""
 
     record: PartitionRecord
 
     def __init__(self, geometry):
         self.geometry = geometry
-
-    def __getattr__(self, name):
-        if name.startswith("_") or name in ("record", "geometry"):
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        functions = self.record.functions
-        try:
-            return getattr(functions, name)
-        except AttributeError:
-            text = f"{type(self).__name__!r} has no attribute {name!r}"
-            raise AttributeError(text) from None
 
     @property
     def name(self) -> str:
@@ -199,20 +194,6 @@ class GeometryPartition:
 
     def __str__(self) -> str:
         return self.name
-
-    @per_device
-    def cell_arg_value(self, device):
-        """Argument of the functions of cells."""
-        arg = self.CellArg()
-        self.fill_cell_arg(arg, device)
-        return arg
-
-    @per_device
-    def side_arg_value(self, device):
-        """Argument of the functions of sides."""
-        arg = self.SideArg()
-        self.fill_side_arg(arg, device)
-        return arg
 
 
 class WholeGeometryPartition(GeometryPartition):

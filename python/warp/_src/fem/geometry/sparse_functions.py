@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 from warp import extend
+from warp._src.fem.geometry.derived import add_listed_environments
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms
 from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
 
@@ -49,7 +50,7 @@ def _structs(record) -> SimpleNamespace:
     cell |= {"transform": matrix, "inverse": matrix, "origin": vector, "volume": real}
     CellArg = extend.struct_from_fields(f"{word}CellArg", cell, module=__name__)
     side = {"cell_arg": CellArg, "places": places, "flags": ints, "areas": vector}
-    side |= {"cells": wp.array(dtype=wp.vec2i), "boundary": ints}
+    side |= {"side_cells": wp.array(dtype=wp.vec2i), "boundary": ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
     return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
 
@@ -83,28 +84,9 @@ def _add_places(f: SimpleNamespace, record) -> None:
         else:
             return wp.volume_lookup_index(arg.grid, p[0], p[1], p[2])
 
-    @wp.func
-    def cell_environment_index(arg: CellArg, cell: int):
-        return wp.where(cell < 0, -1, arg.cell_env[wp.max(cell, 0)])
-
-    @wp.func
-    def cell_environment_index(arg: CellArg, s: Sample):
-        return cell_environment_index(arg, s.element_index)
-
-    @wp.func
-    def side_environment_index(arg: SideArg, side: int):
-        if side < 0:
-            return -1
-        return arg.cell_arg.cell_env[arg.cells[side][0]]
-
-    @wp.func
-    def side_environment_index(arg: SideArg, s: Sample):
-        return side_environment_index(arg, s.element_index)
-
     f.cell_width, f.side_width, f.cell_at = cell_width, side_width, cell_at
     f.real_width = real
-    f.cell_environment_index = cell_environment_index
-    f.side_environment_index = side_environment_index
+    add_listed_environments(f, Sample)
 
 
 def _add_cells(f: SimpleNamespace, record) -> None:
@@ -219,13 +201,13 @@ def _add_sides(f: SimpleNamespace, record) -> None:
     def side_inner_cell_index(arg: SideArg, side: int):
         if side < 0:
             return -1
-        return arg.cells[side][0]
+        return arg.side_cells[side][0]
 
     @wp.func
     def side_outer_cell_index(arg: SideArg, side: int):
         if side < 0:
             return -1
-        return arg.cells[side][1]
+        return arg.side_cells[side][1]
 
     @wp.func
     def boundary_side_index(arg: SideArg, boundary_side: int):
@@ -258,11 +240,11 @@ def _add_side_coordinates(f: SimpleNamespace, record) -> None:
 
     @wp.func
     def side_inner_cell_coords(arg: SideArg, side: int, s: Coords):
-        return in_cell(arg, side, arg.cells[side][0], s)
+        return in_cell(arg, side, arg.side_cells[side][0], s)
 
     @wp.func
     def side_outer_cell_coords(arg: SideArg, side: int, s: Coords):
-        return in_cell(arg, side, arg.cells[side][1], s)
+        return in_cell(arg, side, arg.side_cells[side][1], s)
 
     @wp.func
     def side_from_cell_coords(arg: SideArg, side: int, cell: int, c: Coords):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 
 from warp._src.fem.cells.element import Element
-from warp._src.fem.geometry.base import per_device
+from warp._src.fem.geometry.base import RecordFunctions, per_device
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def topology_functions(record: TopologyRecord) -> SimpleNamespace:
     return make(record)
 
 
-class SpaceTopology:
+class SpaceTopology(RecordFunctions):
     """Numbers of the nodes of each element of a geometry.
 
     Attributes:
@@ -75,20 +75,6 @@ class SpaceTopology:
 
     def __init__(self, geometry, record: TopologyRecord, element: Element | None = None):
         self.geometry, self.record, self.element = geometry, record, element
-
-    def __getattr__(self, name):
-        if name.startswith("_") or name in ("record", "geometry"):
-            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
-        try:
-            return getattr(self.record.functions, name)
-        except AttributeError:
-            text = f"{type(self).__name__!r} has no attribute {name!r}"
-            raise AttributeError(text) from None
-
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return self.record.functions
 
     @property
     def nodes_per_element(self) -> int:
