@@ -121,7 +121,9 @@ def main():
     for text in failures[:20]:
         print("FAILED", text)
     if len(failures) > 20:
-        print(f"and {len(failures) - 20} more")
+        print(f"and {len(failures) - 20} more, in {folder}/failures.txt")
+    if failures:
+        (Path(folder) / "failures.txt").write_text("\n".join(failures) + "\n", encoding="utf-8")
     for text, count in reasons.most_common(12):
         print(f"skipped {count}: {text[:150]}")
     slow = sorted(results, key=lambda result: -result.seconds)[:4]
