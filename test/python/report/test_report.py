@@ -244,10 +244,10 @@ def test_figures_have_values_and_room():
 
 
 def test_pages_have_heads_contents_and_fit_phones():
-    from warp.report._pages import _html
+    from warp.report._html import make_page
 
     lines = ["# R", "## a b", "| curve | order |", "|---|---|", "| x | 2 |", "## c"]
-    text = _html(lines, {})
+    text = make_page("Error against run time", lines, {})
     assert '<th scope="col">curve</th>' in text and "<td>2</td>" in text
     assert '<a href="#a-b">' in text and '<h2 id="a-b">' in text
     assert 'name="viewport"' in text and "aria-sort" in text
