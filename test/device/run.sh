@@ -54,6 +54,7 @@ assemble() {
     cp -r python/warp/. "$package/" &&
     cp "$bundle"/{builtin_table,builtin_calls,device_table}.py "$package/_src/" &&
     cp "$bundle"/{__init__,config}.pyi "$bundle"/libwarp_*.so "$package/" &&
+    cp -r examples "$package/examples/programs" &&
     mkdir -p "$package/include" "$package/cmake" &&
     cp -r include/warp "$package/include/" &&
     cp "$bundle"/{HandleKinds,LaunchContract.h}.inc "$package/include/warp/" &&
@@ -81,7 +82,7 @@ PYTHON
 
 run_tests() {
   local limit
-  limit=$(share 330)
+  limit=$(share 400)
   timeout -k 10 $((limit + 10)) "$python" test/device/suite.py --timeout "$limit" \
     --log "$logs/pytest" -- "$@"
 }

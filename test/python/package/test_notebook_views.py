@@ -29,8 +29,9 @@ def test_arrays(device):
 
 def test_kernels():
     x = wp.zeros(100, dtype=float, device="cpu")
-    wp.launch(twice, 100, [x, 2.0], device="cpu")
-    text, _ = text_of(twice)
+    with wp.ScopedDevice("cpu"):
+        wp.launch(twice, 100, [x, 2.0])
+        text, _ = text_of(twice)
     assert "twice(x" in text and "a: float" in text and "lanes" in text
 
 

@@ -33,7 +33,9 @@ def missing(engine):
 
 def environment(**more):
     """Variables of a rank: two threads in all are enough."""
-    return {**os.environ, "WARP_NUM_THREADS": "1", "PYTHONPATH": path(), **more}
+    # Ranks on the CPU: a host may have fewer GPUs than ranks.
+    about = {"WARP_NUM_THREADS": "1", "PYTHONPATH": path(), "CUDA_VISIBLE_DEVICES": ""}
+    return {**os.environ, **about, **more}
 
 
 def path():

@@ -18,12 +18,18 @@ _LENGTH = 1024
 def _library():
     """The component, which is found beside the package or where the system looks."""
     name = "libwarp_openvdb.so"
-    for path in (str(pathlib.Path(_native.__file__).parent / name), name):
+    own = pathlib.Path(_native.__file__).parent / name
+    for path in (str(own), name):
         try:
             found = ctypes.CDLL(path)
             break
-        except OSError:
-            continue
+        except OSError as error:
+            if path == str(own) and own.exists():
+                # A library that it needs is absent; the loader names it.
+                raise ImportError(
+                    f"files of OpenVDB need the system's libraries: {error}: run 'apt-get install "
+                    "libopenvdb-dev'"
+                ) from error
     else:
         raise ImportError(
             "files of OpenVDB need the component 'libwarp_openvdb.so', which is not in this "
