@@ -89,15 +89,18 @@ def test_absent_files_and_folders(tmp_path):
         make("cpu").save_to_vdb(tmp_path / "none" / "a.vdb")
 
 
-def test_without_the_component_the_error_names_both_ways(tmp_path, monkeypatch):
+@pytest.mark.parametrize("is_there", [False, True])
+def test_without_the_component_the_error_names_both_ways(tmp_path, monkeypatch, is_there):
     def absent(path):
-        raise OSError(path)
+        raise OSError("libopenvdb.so.10: cannot open shared object file")
 
     monkeypatch.setattr(ctypes, "CDLL", absent)
+    monkeypatch.setattr(pathlib.Path, "exists", lambda path: is_there)
     vdb._library.cache_clear()
     (tmp_path / "a.vdb").write_bytes(b"")
     try:
-        with pytest.raises(ImportError, match=r"libopenvdb-dev.*nanovdb_convert"):
+        problem = r"libopenvdb\.so\.10" if is_there else "not in this package"
+        with pytest.raises(ImportError, match=rf"{problem}.*libopenvdb-dev.*nanovdb_convert"):
             wp.Volume.load_from_vdb(tmp_path / "a.vdb", device="cpu")
     finally:
         vdb._library.cache_clear()

@@ -19,6 +19,7 @@ def _library():
     """The component, which is found beside the package or where the system looks."""
     name = "libwarp_openvdb.so"
     own = pathlib.Path(_native.__file__).parent / name
+    problem = "which is not in this package: build from source where"
     for path in (str(own), name):
         try:
             found = ctypes.CDLL(path)
@@ -26,15 +27,12 @@ def _library():
         except OSError as error:
             if path == str(own) and own.exists():
                 # A library that it needs is absent; the loader names it.
-                raise ImportError(
-                    f"files of OpenVDB need the system's libraries: {error}: run 'apt-get install "
-                    "libopenvdb-dev'"
-                ) from error
+                problem = f"which cannot be loaded ({error}): use it where"
     else:
         raise ImportError(
-            "files of OpenVDB need the component 'libwarp_openvdb.so', which is not in this "
-            "package: build from source where 'apt-get install libopenvdb-dev libnanovdb-dev' has "
-            "been run, or convert with 'nanovdb_convert a.vdb a.nvdb' and use 'load_from_nvdb'"
+            f"files of OpenVDB need the component '{name}', {problem} 'apt-get install "
+            "libopenvdb-dev libnanovdb-dev' has been run, or convert with 'nanovdb_convert a.vdb "
+            "a.nvdb' and use 'load_from_nvdb'"
         )
     text, size, pointer = ctypes.c_char_p, ctypes.c_size_t, ctypes.c_void_p
     found.warp_vdb_read.argtypes = [text, text, ctypes.POINTER(size), text, size]
