@@ -7,7 +7,7 @@
 #   tests      the pytest suite on the GPU, one process per file
 #   better     the tests of tiles again, with the code of later launches
 #   sanitize   representative kernels under compute-sanitizer
-#   pair       the tests that need two GPUs
+#   pair       the tests that need two GPUs, NCCL among them
 #   bench      figures with their goals
 #   all        everything; tests and sanitizer side by side, figures alone
 #
@@ -103,7 +103,8 @@ run_sanitizer() {
 
 run_pair() {
   timeout -k 10 "$(share 120)" "$python" -m pytest -q --no-header -rs \
-    -p no:cacheprovider test/python/devices/test_two_devices.py "$@"
+    -p no:cacheprovider test/python/devices/test_two_devices.py \
+    test/python/distributed/test_nccl.py "$@"
 }
 
 run_benchmarks() {

@@ -201,7 +201,7 @@ def capture(comm):
             wp.copy(total, wd.sum(blocks.inner(a), exact=True, comm=comm))
 
         if captured:
-            with wp.ScopedCapture(device="cpu") as capture:
+            with wp.ScopedCapture(device=comm.device) as capture:
                 step()
             for _ in range(6):
                 wp.capture_launch(capture.graph)
@@ -210,7 +210,7 @@ def capture(comm):
                 step()
         found.append((checking.digest(blocks.inner(a).numpy()), float(total.numpy()[0])))
     assert found[0] == found[1], found
-    with wp.ScopedCapture(device="cpu", apic=True) as capture:
+    with wp.ScopedCapture(device=comm.device, apic=True) as capture:
         blocks.halo(a)
     if comm.size > 1:
         checking.fails(lambda: wp.capture_save(capture.graph, "/tmp/never.wrp"), "halo")

@@ -49,7 +49,10 @@ def free_port():
 
 
 def start(engine, size, program, *arguments, **options):
-    """Starts the ranks; gives the processes whose output is to be read."""
+    """Starts the ranks; gives the processes whose output is to be read.
+
+    Engine `nccl` has a GPU for each rank, started by the variables of torchrun.
+    """
     command = [sys.executable, str(program), *map(str, arguments)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, **options}
     if engine == "none":
@@ -58,8 +61,16 @@ def start(engine, size, program, *arguments, **options):
         mpirun = ["mpirun", "-n", str(size), "--oversubscribe", "--allow-run-as-root"]
         return [subprocess.Popen([*mpirun, *command], env=environment(**MPI), **pipes)]
     about = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": free_port(), "WORLD_SIZE": str(size)}
+    about |= {"LOCAL_WORLD_SIZE": str(size)}
+    if engine == "nccl":
+        command.append("nccl")
+        about["CUDA_VISIBLE_DEVICES"] = os.environ.get(
+            "CUDA_VISIBLE_DEVICES", ",".join(map(str, range(size)))
+        )
     return [
-        subprocess.Popen(command, env=environment(**about, RANK=str(rank)), **pipes)
+        subprocess.Popen(
+            command, env=environment(**about, RANK=str(rank), LOCAL_RANK=str(rank)), **pipes
+        )
         for rank in range(size)
     ]
 

@@ -64,7 +64,7 @@ def discs(comm):
     first, last = wd.rows_of(n, comm.rank, comm.size)
     x, v = (wp.array(one[first:last], dtype=wp.vec3) for one in (x, v))
     particles = wd.Particles(((0, 0), (1, 1)), 2 * 0.04 * 1.001, comm)
-    grid = wp.HashGrid(16, 16, 1, device="cpu")
+    grid = wp.HashGrid(16, 16, 1, device=comm.device)
     moved = 0
     for step in range(steps):
         if step % 5 == 1:

@@ -117,7 +117,7 @@ def matrix_free(comm):
     part = part[first[0] : first[0] + own[0], first[1] : first[1] + own[1]]
     b = wp.array(part.ravel(), dtype=float)
     size = b.size
-    operator = LinearOperator((size, size), float, "cpu", matvec)
+    operator = LinearOperator((size, size), float, comm.device, matvec)
     before, wp.config.deterministic = wp.config.deterministic, "run_to_run"
     try:
         x = wp.zeros_like(b)
