@@ -32,6 +32,9 @@ def _parser():
     parser.add_argument("--quick", action="store_true", help="fewer points, small sizes")
     parser.add_argument("--repeats", type=int, default=10, help="timed runs of a point")
     parser.add_argument("--baseline", help="records.jsonl of an earlier run to compare with")
+    parser.add_argument(
+        "--against", metavar="PYTHON", help="interpreter with NVIDIA Warp, for columns 'peer'"
+    )
     return parser
 
 
@@ -59,6 +62,7 @@ def main(arguments=None):
             quick=options.quick,
             output=options.output,
             baseline=options.baseline,
+            against=options.against,
             repeats=options.repeats,
             budget=0.15 if options.quick else 0.5,
             limit=options.limit,

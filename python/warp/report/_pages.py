@@ -1,12 +1,14 @@
 """Pages of a run: Markdown, HTML with its figures inside, SVG files and CSV."""
 
 import csv
+import statistics
 import sys
 
 from warp.report._analysis import (
     GOALS,
     compare,
     counts,
+    curves_of,
     error_names,
     label_of,
     scene_parameters,
@@ -135,7 +137,7 @@ def _section(scene, records):
     hidden = sum(len(record["unjudged"]) for record in records)
     if hidden:
         lines += [f"{hidden} errors were too small for the reference and are left out."]
-    lines += _noisy(records) + _lost(records)
+    lines += _noisy(records) + _peer(records, scene.sweep.name) + _lost(records)
     drawn = all_figures(scene, records) if all_figures else {}
     return [*lines, ""], drawn
 
@@ -164,6 +166,39 @@ def _noisy(records):
     if not noisy:
         return []
     return [f"Run times of {len(noisy)} of {len(records)} points spread by more than 5 %."]
+
+
+def _peer(records, axis):
+    """Ratios to the peer by curve, where it was measured; those of errors for the worst error."""
+    if not any("peer" in record for record in records):
+        return []
+    rows, reasons = [], []
+    for key, curve in curves_of(records, axis).items():
+        both = [r for r in curve if r["status"] == "ok" and r["peer"]["status"] == "ok"]
+        reasons += [
+            r["peer"]["reason"] for r in curve if r["peer"]["status"] not in ("ok", r["status"])
+        ]
+        if both:
+            times = [(r["seconds"]["median"], r["peer"]["seconds"]["median"]) for r in both]
+            own, other = (statistics.geometric_mean([pair[k] for pair in times]) for k in (0, 1))
+            errors = [
+                (_worst(r["errors"]), _worst(r["peer"]["errors"])) for r in both if r["errors"]
+            ]
+            row = [label_of(key), f"{len(both)} of {len(curve)}", _milliseconds(own)]
+            row += [_milliseconds(other), f"{other / own:.2g}"]
+            rows.append(
+                row + [_figure(max(e[k] for e in errors)) if errors else "-" for k in (0, 1)]
+            )
+    lines = ["", "Against the peer: geometric means of run times in ms, largest errors"]
+    head = ("curve", "points", "time", "peer", "peer / own", "error", "error of the peer")
+    lines += _table(head, rows) if rows else ["", "The peer has no point with a result.", ""]
+    if reasons:
+        lines += [f"{len(reasons)} points of the peer have no result, such as: {reasons[0]}", ""]
+    return lines
+
+
+def _worst(errors):
+    return max(errors.values(), default=0.0)
 
 
 def _lost(records):

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 from warp.report._pages import write_pages
+from warp.report._peer import PeerWorker
 from warp.report._records import RecordFile, provenance, read_records
 from warp.report._worker import Worker
 
@@ -34,6 +35,7 @@ def run(
     quick=False,
     output="build/report",
     baseline=None,
+    against=None,
     repeats=10,
     budget=0.5,
     limit=60.0,
@@ -49,6 +51,8 @@ def run(
         output: folder; `records.jsonl`, `records.csv`, `report.md`, `report.html` and an SVG for
             each figure are written there.
         baseline: JSON lines of an earlier run, compared point by point.
+        against: interpreter that has another package with this interface (NVIDIA Warp), by which
+            every point is measured, too; records hold it as "peer".
         repeats: timed runs of a point, fewer where they pass `budget` seconds.
         limit: seconds a point may take before it is ended; None runs points in this process.
 
@@ -69,12 +73,18 @@ def run(
     try:
         for scene, cases in points:
             worker = Worker(scene, limit, repeats, budget)
+            peer = PeerWorker(against, scene, limit, repeats, budget) if against else None
             try:
                 for case in cases:
-                    file.append(worker.measure(case))
+                    record = worker.measure(case)
+                    if peer:
+                        record["peer"] = peer.measure(case)
+                    file.append(record)
                     progress.step(f"{scene.name} {case.device} {case.dtype}")
             finally:
                 worker.stop()
+                if peer:
+                    peer.stop()
     except KeyboardInterrupt:
         head["interrupted"] = True
     file.close()
