@@ -13,6 +13,7 @@ SMALL = {
     "poisson": ["--size", "24"],
     "heat_control": ["--size", "16", "--steps", "6", "--iterations", "4"],
     "discs": ["--count", "150", "--steps", "20"],
+    "flood": ["--across", "8"],
 }
 
 

@@ -113,8 +113,7 @@ def all_values():
     }
 
 
-def test_values_come_back_in_another_process(dumps):
-    code = """
+CHECKS = """
 assert np.array_equal(value["strided"].numpy(), [1, 5, 9]) and value["strided"].is_contiguous
 assert value["half"].dtype is wp.float16 and value["half"].list() == [1.0, 2.0]
 assert value["empty"].shape == (0, 3) and value["empty"].dtype is wp.vec3
@@ -132,7 +131,36 @@ assert value["grid"].id and value["volume"].array().size > 1000 and value["textu
 assert value["device"] is wp.get_device("cpu") and value["builtin"] is wp.sin
 assert value["config"] is wp.config
 """
-    in_child(all_values(), code, dumps)
+
+
+def test_values_come_back_in_another_process(dumps):
+    in_child(all_values(), CHECKS, dumps)
+
+
+def checker():
+    """A function of the main module, which cloudpickle sends by value."""
+    body = "".join(f"    {line}\n" for line in CHECKS.strip().splitlines())
+    names = {"__name__": "__main__"}
+    header = "def check(value):\n    import numpy as np, warp as wp\n    wp.config.quiet = True\n"
+    exec(f"{header}{body}    return 'all right'\n", names)
+    return names["check"]
+
+
+def test_values_travel_through_ray():
+    ray = pytest.importorskip("ray")
+    ray.init(num_cpus=1, include_dashboard=False, log_to_driver=False, logging_level="error")
+    try:
+        value = ray.put(all_values())
+        assert ray.get(ray.remote(checker()).remote(value), timeout=120) == "all right"
+    finally:
+        ray.shutdown()
+
+
+def test_values_travel_through_dask():
+    dask = pytest.importorskip("dask")
+    value = dask.delayed(all_values(), name="value", traverse=False)
+    task = dask.delayed(checker())(value)
+    assert task.compute(scheduler="processes", num_workers=1) == "all right"
 
 
 def test_gradients_travel_with_their_arrays(dumps):
