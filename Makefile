@@ -5,8 +5,8 @@
 # make test    every test; ends with 'N passed, N failed, N skipped'
 # make report scenes with a reference, swept and timed: pages in build/report
 # make docs    refresh the generated references under docs/, build the site in build/site
-# make bench   benchmarks/spine.py, startup.py, shapes.py, gpu.py, autodiff.py, pool.py,
-#              libraries.py, optimised build (build/release)
+# make bench   benchmarks/spine.py, startup.py, shapes.py, random_programs.py, gpu.py, autodiff.py,
+#              pool.py, libraries.py, optimised build (build/release)
 # make demo WHEEL=dist/NAME.whl  the same with an installed wheel, without a build
 # make wheel   an optimised wheel in dist/, of 25 MB at most, for glibc 2.28 and later
 # make wheels PYTHONS="python3.10 python3.12"  and one for each of these interpreters
@@ -64,6 +64,7 @@ bench: release
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/spine.py $(BENCH_ARGS)
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/startup.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/shapes.py
+	-@PYTHONPATH=build/release/python $(PYTHON) benchmarks/random_programs.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/gpu.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/autodiff.py
 	@PYTHONPATH=build/release/python $(PYTHON) benchmarks/pool.py

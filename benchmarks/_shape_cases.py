@@ -2,7 +2,8 @@
 
     python _shape_cases.py --device cpu --folder /tmp/results [--seconds 0.1]
 
-Every line of the standard input names a case, and is answered by a line of JSON. At its first
+Every line of the standard input names a case, or a file that registers the case of its name, and is
+answered by a line of JSON. At its first
 request a case is compiled, and what it computes is written to the folder: outputs of one launch,
 then gradients of one adjoint launch with random seeds. Gradients are also held against the outputs
 themselves: `slope_error` is how far the squared length of the gradient, relatively, is from the
@@ -11,6 +12,7 @@ An adjoint launch consumes the seeds, so they are copied before each; the copies
 """
 
 import argparse
+import importlib.util
 import json
 import sys
 import time
@@ -111,7 +113,12 @@ class Worker:
 
     def make(self, name):
         """The case, and the times of its first launches."""
-        one = CASES[name](Data(self.device))
+        path = Path(name)
+        if path.suffix == ".py":
+            # Source lines of kernels are read from the file.
+            spec = importlib.util.spec_from_file_location(path.stem, path)
+            spec.loader.exec_module(importlib.util.module_from_spec(spec))
+        one = CASES[path.stem](Data(self.device))
         result = {"first": self.first(one.launch)}
         arrays = {f"output {k}": flat(out.numpy()) for k, out in enumerate(one.outputs)}
         if one.differentiable:
@@ -126,7 +133,7 @@ class Worker:
                 if getattr(given, "requires_grad", False):
                     arrays[f"gradient {k}"] = flat(given.grad.numpy())
             result["slope_error"] = slope_error(one, seeds, self.device)
-        np.savez(self.folder / name, **arrays)
+        np.savez(self.folder / path.stem, **arrays)
         self.made[name] = one
         return result
 

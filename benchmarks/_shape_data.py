@@ -4,6 +4,7 @@ A case is a function of a `Data` that returns a `Case`. Names of cases are those
 Arrays come from a generator of their own per case, so that both packages see the same values.
 """
 
+import os
 from dataclasses import dataclass
 
 import numpy as np
@@ -77,14 +78,20 @@ def case(function):
     return function
 
 
+# Lanes of CPU kernels where the environment gives them, for this package alone.
+LANES = {}
+if "BENCH_LANES" in os.environ:
+    LANES["module_options"] = {"cpu_lanes": int(os.environ["BENCH_LANES"])}
+
+
 def forward_only(function):
     """A kernel without an adjoint, which need not be compiled."""
-    return wp.kernel(function, module="unique", enable_backward=False)
+    return wp.kernel(function, module="unique", enable_backward=False, **LANES)
 
 
 def differentiable(function):
     """A kernel with an adjoint, in a module of its own."""
-    return wp.kernel(function, module="unique")
+    return wp.kernel(function, module="unique", **LANES)
 
 
 class Data:

@@ -39,12 +39,13 @@ def case_names():
 class Package:
     """A process that runs cases under one Python; a new one follows where it ends."""
 
-    def __init__(self, python, options, folder):
+    def __init__(self, python, options, folder, **environment):
         self.folder = Path(folder)
         self.folder.mkdir()
         self.command = [python, str(SCRIPT), "--device", options.device]
         self.command += ["--folder", str(self.folder), "--seconds", str(options.seconds)]
         self.environment = os.environ | {"WARP_CACHE_PATH": str(self.folder / "cache")}
+        self.environment |= environment
         if options.processor:
             self.command.append("--processor")
             self.environment["WARP_NUM_THREADS"] = "1"
