@@ -32,6 +32,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace warp {
 
@@ -39,6 +40,37 @@ class GraphTrace;
 
 /// Which threads may meanwhile do what a CUDA capture cannot hold.
 enum class CaptureMode { Global = 0, ThreadLocal = 1, Relaxed = 2 };
+
+/// Nodes run in the order of their recording, or behind those alone that they
+/// depend on; or both ways, to compare what they leave.
+enum class NodeOrder { Recorded = 0, Dependencies = 1, Verified = 2 };
+
+/// The order of a graph's nodes, as GraphOrder.cpp found it.
+struct GraphSchedule {
+  /// A node that another one comes behind, and why.
+  struct Edge {
+    int from = 0;
+    std::string reason;
+  };
+  /// The nodes of one call of the runtime.
+  struct Node {
+    std::string name;
+    std::vector<Edge> before;
+    /// Why it keeps its place among all others; empty if it need not.
+    std::string barrier;
+    /// Number of the chain of nodes that it belongs to.
+    int branch = 0;
+    int64_t threads = 0, bytes = 0;
+    /// The body of a branch or loop.
+    std::shared_ptr<const GraphSchedule> body;
+  };
+
+  std::vector<Node> nodes;
+  int branches = 0;
+  size_t recordedEdges = 0, edges = 0;
+  /// Why the graph runs in the order of its recording; empty if it does not.
+  std::string kept;
+};
 
 class WARP_API Graph : public std::enable_shared_from_this<Graph> {
 public:
@@ -56,7 +88,13 @@ public:
   virtual void writeDot(const std::string &path, bool verbose) const = 0;
 
   /// The capture that it comes from, if it is to be saved (warp/SavedGraph.h).
-  const GraphTrace *trace() const { return recorded.get(); }
+  const GraphTrace *trace() const;
+  /// The operations of its capture, if they were noted.
+  const GraphTrace *operations() const { return recorded.get(); }
+  /// Null for a capture that was not to be put in order.
+  virtual std::shared_ptr<const GraphSchedule> schedule() const {
+    return ordered;
+  }
 
 protected:
   explicit Graph(int device) : deviceIndex(device) {}
@@ -65,6 +103,7 @@ private:
   friend class CaptureBase;
   int deviceIndex;
   std::shared_ptr<const GraphTrace> recorded;
+  std::shared_ptr<const GraphSchedule> ordered;
 };
 
 /// A recording in progress; destroyed before its end it leaves no trace.
@@ -79,7 +118,7 @@ public:
   static std::unique_ptr<Capture>
   begin(int device, std::shared_ptr<Stream> stream = nullptr,
         CaptureMode mode = CaptureMode::ThreadLocal, bool external = false,
-        bool traced = false);
+        bool traced = false, NodeOrder order = NodeOrder::Recorded);
   virtual ~Capture();
   Capture(const Capture &) = delete;
   Capture &operator=(const Capture &) = delete;

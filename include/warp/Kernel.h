@@ -57,6 +57,7 @@ struct KernelOptions {
   int lanes = 0;
 };
 
+struct RegionFormula;
 struct SavedKernel;
 struct SavedVariant;
 struct Translation;
@@ -105,6 +106,9 @@ public:
   const std::vector<Param> &parameters() const;
   /// One for each array among the arguments, as `accesses` of the module.
   const std::vector<Access> &arrayAccesses() const;
+  /// The elements of those arrays; found when first asked for. Nothing is
+  /// known of a kernel without source.
+  const RegionFormula &regionFormula() const;
   /// All that another process needs to make this kernel again.
   Translation translation() const;
   /// Bytes of the parameter block.

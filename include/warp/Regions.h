@@ -134,6 +134,11 @@ struct RegionFormula {
   std::vector<Access> accesses;
   /// Arrays of which accesses are missing in the list.
   std::vector<bool> unknown;
+  /// The kernel may reach memory that no argument names: behind handles and
+  /// addresses, by native code.
+  bool isOpen = false;
+  /// It prints.
+  bool prints = false;
 };
 
 /// The access regions of a module's kernel.

@@ -10,6 +10,11 @@
 #include "Analysis/AccessRegions.h"
 
 #include "RegionBuilder.h"
+#include "WarpDialect/LibraryOps.h"
+#include "warp/NativeCode.h"
+
+#include "mlir/IR/Matchers.h"
+#include "mlir/Interfaces/SideEffectInterfaces.h"
 
 using namespace mlir;
 using warp::IndexForm;
@@ -58,8 +63,47 @@ void RegionBuilder::markUnknown(Value array) {
   for (warp::ArrayMemory memory : origin.memories)
     if (!memory.isGradient && memory.leaf < int64_t(formula.unknown.size()))
       formula.unknown[memory.leaf] = true;
-  if (!origin.isComplete)
+  if (!origin.isComplete) {
     formula.unknown.assign(formula.unknown.size(), true);
+    formula.isOpen = true;
+  }
+}
+
+/// True if an operation may reach memory that no array of the kernel names.
+/// Nested operations are looked at for themselves.
+static bool isOpen(Operation *op) {
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op)) {
+    // Searches and texture reads get a handle, others numbers alone.
+    return call.getNumResults() == 0 ||
+           call.getCallee().starts_with(warp::nativeCodePrefix) ||
+           llvm::any_of(call.getOperandTypes(), [](Type type) {
+             return !type.isIntOrFloat() || type.isInteger(64);
+           });
+  }
+  if (auto call = dyn_cast<func::CallOp>(op)) {
+    auto callee = SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(
+        op, call.getCalleeAttr());
+    return !callee || callee.isExternal();
+  }
+  if (isa<ModuleOp, func::FuncOp>(op) ||
+      op->hasTrait<OpTrait::HasRecursiveMemoryEffects>())
+    return false;
+  // At address 0 there is no array: a field of a struct before it is given one.
+  if (auto at = dyn_cast<warp::ArrayAtOp>(op))
+    return !matchPattern(at.getAddress(), m_Zero());
+  if (isa<warp::PointerOp>(op))
+    return true;
+  if (isa<warp::PrintfOp, warp::AssertOp, warp::CheckIndexOp>(op))
+    return false;
+  auto effects = dyn_cast<MemoryEffectOpInterface>(op);
+  if (!effects)
+    return true;
+  SmallVector<MemoryEffects::EffectInstance> all;
+  effects.getEffects(all);
+  return llvm::any_of(all, [](const MemoryEffects::EffectInstance &effect) {
+    Value value = effect.getValue();
+    return !value || !isa<warp::ArrayType, warp::ScratchType>(value.getType());
+  });
 }
 
 void RegionBuilder::addChoices(warp::RegionFormula::Access access,
@@ -105,6 +149,8 @@ void RegionBuilder::add(warp::AccessOp op) {
 }
 
 void RegionBuilder::visit(Operation *op) {
+  formula.isOpen |= isOpen(op);
+  formula.prints |= isa<warp::PrintfOp>(op);
   if (auto access = dyn_cast<warp::AccessOp>(op)) {
     if (access->getParentOfType<func::FuncOp>() == kernel)
       add(access);

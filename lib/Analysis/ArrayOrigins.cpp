@@ -16,6 +16,7 @@
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/IR/Matchers.h"
 #include "mlir/IR/SymbolTable.h"
 
 #include "llvm/ADT/SetVector.h"
@@ -77,6 +78,12 @@ struct Place {
 
 } // namespace
 
+/// True for what a struct's field is before it is given an array: no memory.
+static bool isNoArray(Operation *op) {
+  auto at = dyn_cast_or_null<warp::ArrayAtOp>(op);
+  return at && matchPattern(at.getAddress(), m_Zero());
+}
+
 /// The place that this one is a view or a field of; none if it is neither.
 static std::optional<Place> stepUp(const Place &place) {
   Operation *op = place.value.getDefiningOp();
@@ -97,12 +104,12 @@ static std::optional<Place> stepIntoStruct(const Place &place) {
   if (auto set = dyn_cast_or_null<warp::StructSetOp>(op)) {
     auto type = cast<warp::StructType>(set.getTarget().getType());
     unsigned first = firstOfField(type, set.getField());
-    bool isInField = place.number >= first &&
-                     place.number - first <
-                         warp::countArrays(set.getValue().getType());
-    return isInField ? Place{set.getValue(), place.number - first,
-                             place.isGradient}
-                     : Place{set.getTarget(), place.number, place.isGradient};
+    bool isInField =
+        place.number >= first &&
+        place.number - first < warp::countArrays(set.getValue().getType());
+    return isInField
+               ? Place{set.getValue(), place.number - first, place.isGradient}
+               : Place{set.getTarget(), place.number, place.isGradient};
   }
   if (auto create = dyn_cast_or_null<warp::StructCreateOp>(op)) {
     unsigned number = place.number;
@@ -122,8 +129,7 @@ static std::optional<unsigned> getArgument(Value value,
   auto argument = dyn_cast<BlockArgument>(value);
   if (!argument || !argument.getOwner()->isEntryBlock())
     return std::nullopt;
-  function =
-      dyn_cast<FunctionOpInterface>(argument.getOwner()->getParentOp());
+  function = dyn_cast<FunctionOpInterface>(argument.getOwner()->getParentOp());
   if (!function)
     return std::nullopt;
   return argument.getArgNumber();
@@ -241,6 +247,8 @@ void Search::visit(const Place &place) {
     return arrive(parameter.getOffset(), place.isGradient);
   if (auto call = dyn_cast<func::CallOp>(op))
     return visitCall(place, call);
+  if (isNoArray(op))
+    return;
   if (op->getNumRegions() != 0)
     return visitRegions(place, op);
   visitOperands(place, op);

@@ -119,6 +119,10 @@ std::string FormulaPrinter::run() {
   for (auto [leaf, isUnknown] : llvm::enumerate(formula.unknown))
     if (isUnknown)
       stream << "all of " << leaves.getName(leaf) << '\n';
+  if (formula.isOpen)
+    stream << "memory that no argument names\n";
+  if (formula.prints)
+    stream << "output\n";
   return text;
 }
 

@@ -7,40 +7,13 @@
 #ifndef WARP_LIB_GRAPHS_OPERATIONS_H
 #define WARP_LIB_GRAPHS_OPERATIONS_H
 
-#include "Runtime/GraphTrace.h"
-#include "Runtime/Overlap.h"
+#include "Runtime/GraphOperations.h"
 #include "warp/Graph.h"
 
-#include <string>
-#include <vector>
+#include <cstdint>
+#include <map>
 
 namespace warp::graphs {
-
-/// A pointer among the arguments, at byte `slot`, and the memory that the
-/// operation reaches through it: none if the range is empty.
-struct Pointer {
-  size_t slot;
-  AddressRange range;
-};
-
-/// All pointers of an operation, in the order of their slots. `accesses` are
-/// those of a launch's kernel. Throws if the arguments make no sense.
-std::vector<Pointer> pointersOf(const GraphOperation &operation,
-                                const std::vector<Access> &accesses);
-
-/// Only where they are, which depends on no pointer.
-std::vector<size_t> slotsOf(const GraphOperation &operation,
-                            const std::vector<Access> &accesses);
-
-/// The name in error messages: "launch of 'saxpy'".
-std::string describe(const GraphOperation &operation);
-
-/// The error about arguments that no program has written.
-Error nonsense(const GraphOperation &operation);
-
-/// Throws `Error` of kind `Value` unless an operation that was read from a file
-/// has arguments of the right size; a launch has `parameterSize` bytes.
-void checkArguments(const GraphOperation &operation, size_t parameterSize);
 
 /// Conditions of a graph that is captured again, by their number.
 using Conditions = std::map<uint32_t, Capture::Condition>;

@@ -69,11 +69,13 @@ void Capture::addHost(std::function<void()>, const std::string &name) {
 std::unique_ptr<Capture> Capture::begin(int device,
                                         std::shared_ptr<Stream> stream,
                                         CaptureMode mode, bool external,
-                                        bool traced) {
+                                        bool traced, NodeOrder order) {
   std::unique_ptr<CaptureBase> capture =
       deviceAt(device).beginCapture(std::move(stream), mode, external);
-  if (traced)
-    capture->startTrace();
+  if (!external)
+    capture->order = order;
+  if (traced || capture->order != NodeOrder::Recorded)
+    capture->startTrace(traced);
   return capture;
 }
 
@@ -101,10 +103,29 @@ std::shared_ptr<Kept> CaptureBase::close() {
   return std::move(kept);
 }
 
-void CaptureBase::startTrace() {
+void CaptureBase::startTrace(bool isSaved) {
   std::lock_guard lock(registry().mutex);
   notes = std::make_shared<GraphTrace>();
+  notes->isSaved = isSaved;
   ++tracesInProgress;
+}
+
+GraphStep CaptureBase::beginStep(const Stream *stream) const {
+  GraphStep step;
+  if (notes) {
+    step.first = notes->operations.size();
+    step.before = position(stream);
+  }
+  return step;
+}
+
+void CaptureBase::endStep(GraphStep step, const Stream *stream) {
+  if (!notes)
+    return;
+  step.last = notes->operations.size();
+  if (step.after.empty())
+    step.after = position(stream);
+  notes->steps.back().push_back(std::move(step));
 }
 
 /// True if a capture may have recorded a use of memory of a device.
@@ -129,15 +150,19 @@ bool warp::keepForCapture(int device, std::function<void()> release) {
   return kept != nullptr;
 }
 
-GraphTrace *warp::findTrace(int device, const Stream *stream) {
+const GraphTrace *Graph::trace() const {
+  return recorded && recorded->isSaved ? recorded.get() : nullptr;
+}
+
+CaptureBase *warp::findTraced(int device, const Stream *stream) {
   if (!isHost(device) &&
       !(stream ? stream : currentStream(device).get())->isCapturing())
     return nullptr;
   std::lock_guard lock(registry().mutex);
   for (const Entry &entry : registry().entries)
     if (entry.capture->device() == device && entry.capture->trace() &&
-        mayUse(entry, device))
-      return entry.capture->trace();
+        mayUse(entry, device) && entry.capture->records(stream))
+      return entry.capture;
   return nullptr;
 }
 

@@ -31,16 +31,29 @@ public:
   ~CaptureBase() override;
 
   /// Notes what is recorded from now on.
-  void startTrace();
+  void startTrace(bool isSaved);
   /// Null if none is kept.
   GraphTrace *trace() const { return notes.get(); }
+  /// True if it records what is queued on a stream, null for the current one.
+  virtual bool records(const Stream *) const { return true; }
+  /// The nodes that the next one on a stream comes behind.
+  virtual std::vector<NodeId> position(const Stream *) const { return {}; }
+  /// The order that the graph gets.
+  NodeOrder order = NodeOrder::Recorded;
 
 protected:
   explicit CaptureBase(int device);
   /// No more to be found by others; what was kept so far. Thread-safe.
   std::shared_ptr<Kept> close();
+  /// Around work that is no call of the runtime's public functions.
+  GraphStep beginStep(const Stream *stream) const;
+  void endStep(GraphStep step, const Stream *stream);
   /// Gives a graph what was noted.
   void handTrace(Graph &graph) { graph.recorded = notes; }
+  static void handSchedule(Graph &graph,
+                           std::shared_ptr<const GraphSchedule> schedule) {
+    graph.ordered = std::move(schedule);
+  }
 
 private:
   friend bool keepForCapture(int device, std::function<void()> release);

@@ -6,8 +6,8 @@
 
 #include "GraphTrace.h"
 
+#include "GraphImpl.h"
 #include "KernelImpl.h"
-#include "warp/Graph.h"
 
 #include <exception>
 
@@ -23,18 +23,29 @@ bool TraceScope::active() { return depth > 0; }
 
 void TraceScope::enter(int device, const Stream *stream) {
   if (depth == 0)
-    trace = findTrace(device, stream);
+    capture = findTraced(device, stream);
   ++depth;
   inside = true;
   exceptions = std::uncaught_exceptions();
-  if (trace)
-    before = trace->operations.size();
+  if (!capture)
+    return;
+  trace = capture->trace();
+  this->stream = stream;
+  step = std::make_unique<GraphStep>();
+  step->first = trace->operations.size();
+  step->before = capture->position(stream);
 }
 
 void TraceScope::leave() {
   --depth;
-  if (trace && std::uncaught_exceptions() > exceptions)
-    trace->operations.resize(before);
+  if (!trace)
+    return;
+  if (std::uncaught_exceptions() > exceptions)
+    return trace->operations.resize(step->first);
+  step->last = trace->operations.size();
+  step->after = capture->position(stream);
+  if (step->after != step->before)
+    trace->steps.back().push_back(std::move(*step));
 }
 
 void GraphTrace::addLaunch(Kernel &kernel, const Kernel::Plan &plan,
@@ -54,6 +65,13 @@ void GraphTrace::addLaunch(Kernel &kernel, const Kernel::Plan &plan,
 
 void GraphTrace::addOther(std::string what) {
   operations.emplace_back().constant = std::move(what);
+}
+
+void GraphTrace::addUpload(void *dst, const void *src, size_t bytes) {
+  if (isSaved)
+    return add(Kind::Upload, graphs::Upload{dst},
+               std::string(static_cast<const char *>(src), bytes));
+  add(Kind::CopyBytes, graphs::CopyBytes{dst, src, bytes});
 }
 
 //===----------------------------------------------------------------------===//
@@ -77,10 +95,17 @@ void GraphTrace::updateCondition(uint64_t handle, const int32_t *value,
 }
 
 void GraphTrace::beginBody(uint64_t handle, bool loop) {
+  begins.push_back(operations.size());
   add(Kind::BeginBody, graphs::Body{numbers.at(handle), loop});
+  steps.emplace_back();
 }
 
-void GraphTrace::endBody() { operations.emplace_back().kind = Kind::EndBody; }
+void GraphTrace::endBody() {
+  operations.emplace_back().kind = Kind::EndBody;
+  bodies[begins.back()] = std::move(steps.back());
+  begins.pop_back();
+  steps.pop_back();
+}
 
 //===----------------------------------------------------------------------===//
 // Graphs in graphs
@@ -94,8 +119,8 @@ static void moveNumber(GraphOperation &operation, uint32_t first) {
 }
 
 void GraphTrace::addGraph(const Graph &graph) {
-  const GraphTrace *other = graph.trace();
-  if (!other)
+  const GraphTrace *other = graph.operations();
+  if (!other || other->isSaved < isSaved)
     return addOther("a graph that was captured without `apic=True`");
   for (GraphOperation operation : other->operations) {
     if (operation.kind == Kind::Condition ||

@@ -2,13 +2,15 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A capture that is to be saved notes, on every device alike, each operation
-// of the runtime's public interface: what kind it is, its arguments as bytes,
-// pointers included, and constants. Saving finds the memory behind the
-// pointers, loading calls the same functions again (lib/Graphs).
+// A capture that is to be saved or put in order notes, on every device alike,
+// each operation of the runtime's public interface: what kind it is, its
+// arguments as bytes, pointers included, and constants. Saving finds the memory
+// behind the pointers, loading calls the same functions again (lib/Graphs);
+// GraphNodes.cpp makes access regions of the arguments.
 //
 // The functions open a `TraceScope` when they begin; what they call in turn is
-// not noted again, and an operation that fails is forgotten.
+// not noted again, and an operation that fails is forgotten. The scope also
+// notes between which nodes of the graph the call has put its own.
 //
 //===----------------------------------------------------------------------===//
 
@@ -22,13 +24,26 @@
 #include <atomic>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <string>
 #include <type_traits>
 #include <vector>
 
 namespace warp {
 
+class CaptureBase;
 class Graph;
+
+/// A node of the graph that a capture makes: the driver's.
+using NodeId = const void *;
+
+/// The operations of one call, and its place in the graph.
+struct GraphStep {
+  /// A range of the trace's operations.
+  size_t first = 0, last = 0;
+  /// The nodes that its stream came behind before the call, and after it.
+  std::vector<NodeId> before, after;
+};
 
 struct GraphOperation {
   /// The numbers are those of the file format.
@@ -155,6 +170,8 @@ public:
   }
   void addLaunch(Kernel &kernel, const Kernel::Plan &plan, const void *params);
   void addOther(std::string what);
+  /// A copy from the host; its contents if the trace is to be saved.
+  void addUpload(void *dst, const void *src, size_t bytes);
   /// The operations of a graph that is launched while this is recorded.
   void addGraph(const Graph &graph);
   /// Conditions get numbers in the order of their making.
@@ -165,12 +182,21 @@ public:
 
   std::vector<GraphOperation> operations;
   uint32_t conditions = 0;
+  /// The contents that files need are noted, too.
+  bool isSaved = false;
+  /// The calls in each body that is open, from the graph's own inwards.
+  std::vector<std::vector<GraphStep>> steps =
+      std::vector<std::vector<GraphStep>>(1);
+  /// The calls in bodies that have ended, by the operation that begins the body.
+  std::map<size_t, std::vector<GraphStep>> bodies;
 
 private:
   void setCondition(GraphOperation::Kind kind, uint32_t number,
                     const int32_t *value, bool negated);
 
   std::map<uint64_t, uint32_t> numbers;
+  /// The operations that began the bodies that are open.
+  std::vector<size_t> begins;
 };
 
 /// Captures in progress that keep a trace.
@@ -204,13 +230,15 @@ private:
 
   GraphTrace *trace = nullptr;
   bool inside = false;
-  size_t before = 0;
   int exceptions = 0;
+  CaptureBase *capture = nullptr;
+  const Stream *stream = nullptr;
+  std::unique_ptr<GraphStep> step;
 };
 
-/// The trace of the capture that records what is queued on a stream, or what
+/// The capture with a trace that records what is queued on a stream, or what
 /// this thread does on the CPU; null if there is none.
-GraphTrace *findTrace(int device, const Stream *stream);
+CaptureBase *findTraced(int device, const Stream *stream);
 
 } // namespace warp
 

@@ -86,6 +86,21 @@ const std::vector<Access> &Kernel::arrayAccesses() const {
   return impl->accesses;
 }
 
+const RegionFormula &Kernel::regionFormula() const {
+  return impl->findFormula();
+}
+
+const RegionFormula &Kernel::Impl::findFormula() {
+  ForkSection section;
+  std::call_once(formed, [this] {
+    if (hasSource())
+      formula = warp::regionFormula(source());
+    else
+      formula.isOpen = true;
+  });
+  return formula;
+}
+
 Translation Kernel::translation() const {
   Translation result;
   result.hashes = impl->hashes(&result.text);

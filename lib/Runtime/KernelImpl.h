@@ -13,6 +13,7 @@
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
 #include "warp/Kernel.h"
+#include "warp/Regions.h"
 #include "warp/Translation.h"
 
 #include <atomic>
@@ -151,6 +152,9 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   std::atomic<bool> hasAccesses{false};
   /// True if code for CPUs depends on whether they overlap.
   bool overlapMatters = false;
+  /// Their elements; found when first asked for.
+  std::once_flag formed;
+  RegionFormula formula;
   /// Read without a lock by launches.
   std::atomic<Variant *> variants{nullptr};
   /// Held while a variant is made.
@@ -186,6 +190,7 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Runs a variant whose parameters are complete.
   void run(const Plan &plan, void *params, const Stream *stream);
   void findAccesses();
+  const RegionFormula &findFormula();
   void setAccesses(std::vector<Access> list);
   /// True if the threads of a CPU launch of so many make updates that tell who
   /// came first in their order.

@@ -87,8 +87,10 @@ static void traceCopy(GraphTrace &trace, void *dst, const Device &to,
     return trace.add(GraphOperation::Kind::CopyBytes,
                      graphs::CopyBytes{dst, src, bytes});
   if (from.isHost())
-    return trace.add(GraphOperation::Kind::Upload, graphs::Upload{dst},
-                     std::string(static_cast<const char *>(src), bytes));
+    return trace.addUpload(dst, src, bytes);
+  if (to.isHost() && !trace.isSaved)
+    return trace.add(GraphOperation::Kind::CopyBytes,
+                     graphs::CopyBytes{dst, src, bytes});
   trace.addOther(to.isHost() ? "a copy to the host" : "a copy between devices");
 }
 

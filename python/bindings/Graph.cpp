@@ -49,10 +49,10 @@ std::vector<PyCapture *> captures;
 class PyCapture {
 public:
   PyCapture(int device, std::shared_ptr<Stream> stream, int mode, bool external,
-            bool traced)
+            bool traced, int order)
       : capture(Capture::begin(device, std::move(stream),
-                               static_cast<CaptureMode>(mode), external,
-                               traced)) {
+                               static_cast<CaptureMode>(mode), external, traced,
+                               static_cast<NodeOrder>(order))) {
     captures.push_back(this);
     ++capturesInProgress;
   }
@@ -158,6 +158,27 @@ static void saveGraphTo(PyGraph &self, const std::string &path,
   saveGraph(*self.graph, path, names);
 }
 
+static py::object
+scheduleOf(const std::shared_ptr<const GraphSchedule> &schedule) {
+  if (!schedule)
+    return py::none();
+  py::list nodes;
+  for (const GraphSchedule::Node &node : schedule->nodes) {
+    py::dict before;
+    for (const GraphSchedule::Edge &edge : node.before)
+      before[py::int_(edge.from)] = edge.reason;
+    nodes.append(py::dict(
+        py::arg("name") = node.name, py::arg("branch") = node.branch,
+        py::arg("threads") = node.threads, py::arg("bytes") = node.bytes,
+        py::arg("barrier") = node.barrier, py::arg("before") = before,
+        py::arg("body") = scheduleOf(node.body)));
+  }
+  return py::dict(
+      py::arg("nodes") = nodes, py::arg("branches") = schedule->branches,
+      py::arg("recorded_edges") = schedule->recordedEdges,
+      py::arg("edges") = schedule->edges, py::arg("kept") = schedule->kept);
+}
+
 static std::map<std::string, size_t> sizesOf(const LoadedGraph &self) {
   std::map<std::string, size_t> sizes;
   for (const std::string &name : self.names())
@@ -237,6 +258,10 @@ void python::bindGraph(py::module_ &m) {
           "traced",
           [](PyGraph &self) { return self.graph->trace() != nullptr; },
           "Whether it can be saved.")
+      .def(
+          "schedule",
+          [](PyGraph &self) { return scheduleOf(self.graph->schedule()); },
+          "The order of its nodes as dictionaries; None without.")
       .def("launch", &PyGraph::launch, py::arg("stream") = nullptr)
       .def(
           "write_dot",
@@ -245,9 +270,10 @@ void python::bindGraph(py::module_ &m) {
           },
           py::arg("path"), py::arg("verbose") = false);
   py::class_<PyCapture>(m, "Capture", "A recording in progress.")
-      .def(py::init<int, std::shared_ptr<Stream>, int, bool, bool>(),
+      .def(py::init<int, std::shared_ptr<Stream>, int, bool, bool, int>(),
            py::arg("device"), py::arg("stream") = nullptr, py::arg("mode") = 1,
-           py::arg("external") = false, py::arg("traced") = false)
+           py::arg("external") = false, py::arg("traced") = false,
+           py::arg("order") = 0)
       .def("end", &PyCapture::end, "The graph of what was recorded.")
       .def("abandon", &PyCapture::close)
       .def_readonly("held", &PyCapture::held,

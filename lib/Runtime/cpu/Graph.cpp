@@ -14,10 +14,14 @@
 
 #include "Device.h"
 #include "GraphImpl.h"
+#include "GraphOrder.h"
+#include "GraphVerify.h"
 #include "Kernel.h"
 
 #include <cstdio>
 #include <cstring>
+#include <map>
+#include <set>
 #include <variant>
 
 using namespace warp;
@@ -56,6 +60,14 @@ struct Step {
   std::string name;
 };
 
+/// The order of a list of steps. The nodes of the schedule are ranges of it.
+struct StepOrder {
+  std::vector<std::pair<size_t, size_t>> ranges;
+  std::shared_ptr<GraphSchedule> schedule;
+  /// The orders of the bodies among the steps.
+  std::map<size_t, StepOrder> bodies;
+};
+
 class HostGraph : public Graph {
 public:
   HostGraph() : Graph(hostDevice().index) {}
@@ -66,7 +78,10 @@ public:
     return flags == 0 && work < shortWork && bytes < shortBytes;
   }
   void writeDot(const std::string &path, bool verbose) const override;
+  std::shared_ptr<const GraphSchedule> schedule() const override;
+  void verify(char *values) const;
 
+  NodeOrder order = NodeOrder::Recorded;
   Steps steps;
   /// Parameter blocks of the entry steps.
   std::vector<std::unique_ptr<uint64_t[]>> blocks;
@@ -97,21 +112,29 @@ public:
 
   std::shared_ptr<Graph> end() override;
   Condition addCondition(const int32_t *value, bool negated) override {
+    GraphStep step = beginStep(nullptr);
     if (trace())
       trace()->addCondition(graph->flags, value, negated);
     setFlag(graph->flags, value, negated);
+    endStep(std::move(step), nullptr);
     return graph->flags++;
   }
   void updateCondition(Condition condition, const int32_t *value,
                        bool negated) override {
+    GraphStep step = beginStep(nullptr);
     if (trace())
       trace()->updateCondition(condition, value, negated);
     setFlag(static_cast<size_t>(condition), value, negated);
+    endStep(std::move(step), nullptr);
   }
   void beginBody(Condition condition, bool loop) override;
   void endBody() override;
   void addHost(std::function<void()> function,
                const std::string &name) override;
+  std::vector<NodeId> position(const Stream *) const override {
+    // The list of a body that has just begun is empty.
+    return {reinterpret_cast<NodeId>(open.back()->size() + 1)};
+  }
 
 private:
   void add(Step step) { open.back()->push_back(std::move(step)); }
@@ -127,6 +150,8 @@ private:
   std::shared_ptr<HostGraph> graph;
   /// The lists being written, from the graph's own inwards.
   std::vector<Steps *> open{&graph->steps};
+  /// The calls that the bodies which are open belong to.
+  std::vector<GraphStep> outer;
 };
 
 } // namespace
@@ -169,6 +194,7 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
 }
 
 void HostCapture::beginBody(Condition condition, bool loop) {
+  outer.push_back(beginStep(nullptr));
   if (trace())
     trace()->beginBody(condition, loop);
   add({BodyStep{static_cast<size_t>(condition), loop,
@@ -183,6 +209,8 @@ void HostCapture::endBody() {
   open.pop_back();
   if (trace())
     trace()->endBody();
+  endStep(std::move(outer.back()), nullptr);
+  outer.pop_back();
 }
 
 void HostCapture::addHost(std::function<void()> function,
@@ -201,6 +229,7 @@ std::shared_ptr<Graph> HostCapture::end() {
   bool complete = open.size() == 1;
   stop();
   handTrace(*graph);
+  graph->order = order;
   std::shared_ptr<Graph> result = std::move(graph);
   if (!complete)
     throw Error(Error::Kind::Runtime,
@@ -212,23 +241,28 @@ std::shared_ptr<Graph> HostCapture::end() {
 // Replay
 //===----------------------------------------------------------------------===//
 
-static void run(const Steps &steps, char *flags) {
-  for (const Step &step : steps) {
-    if (auto *entry = std::get_if<EntryStep>(&step.what)) {
-      runOnCpu(*entry->variant, entry->params, 0, entry->items);
-    } else if (auto *call = std::get_if<std::function<void()>>(&step.what)) {
-      (*call)();
-    } else if (auto *flag = std::get_if<FlagStep>(&step.what)) {
-      flags[flag->flag] = (*flag->value != 0) != flag->negated;
-    } else {
-      const auto &body = std::get<BodyStep>(step.what);
-      while (flags[body.flag]) {
-        run(*body.steps, flags);
-        if (!body.loop)
-          break;
-      }
+/// `runBody` runs the steps of a branch or loop once.
+template <typename Fn>
+static void runStep(const Step &step, char *flags, Fn &&runBody) {
+  if (auto *entry = std::get_if<EntryStep>(&step.what)) {
+    runOnCpu(*entry->variant, entry->params, 0, entry->items);
+  } else if (auto *call = std::get_if<std::function<void()>>(&step.what)) {
+    (*call)();
+  } else if (auto *flag = std::get_if<FlagStep>(&step.what)) {
+    flags[flag->flag] = (*flag->value != 0) != flag->negated;
+  } else {
+    const auto &body = std::get<BodyStep>(step.what);
+    while (flags[body.flag]) {
+      runBody(*body.steps);
+      if (!body.loop)
+        break;
     }
   }
+}
+
+static void run(const Steps &steps, char *flags) {
+  for (const Step &step : steps)
+    runStep(step, flags, [&](const Steps &body) { run(body, flags); });
 }
 
 void HostGraph::launch(const Stream *) {
@@ -239,7 +273,96 @@ void HostGraph::launch(const Stream *) {
   if (recordOnHost(bytes, [self] { self->launch(nullptr); }))
     return;
   std::vector<char> values(flags);
+  if (order == NodeOrder::Verified)
+    return verify(values.data());
   run(steps, values.data());
+}
+
+//===----------------------------------------------------------------------===//
+// Order
+//===----------------------------------------------------------------------===//
+
+static size_t placeOf(const std::vector<NodeId> &position) {
+  return reinterpret_cast<uintptr_t>(position.front()) - 1;
+}
+
+/// The order of a list: its steps by the calls that they belong to.
+static StepOrder orderOf(const Steps &list, const GraphTrace &trace,
+                         const std::vector<GraphStep> &calls) {
+  StepOrder order;
+  std::vector<NodeRecord> records;
+  auto addUnknown = [&](size_t end) {
+    size_t begin = order.ranges.empty() ? 0 : order.ranges.back().second;
+    for (; begin < end; ++begin) {
+      order.ranges.push_back({begin, begin + 1});
+      records.push_back(unknownNode(list[begin].name));
+    }
+  };
+  for (const GraphStep &call : calls) {
+    size_t begin = placeOf(call.before), end = placeOf(call.after);
+    addUnknown(begin);
+    order.ranges.push_back({begin, end});
+    records.push_back(recordOf(trace, call.first, call.last));
+    auto body = trace.bodies.find(call.first);
+    if (body != trace.bodies.end() && end == begin + 1)
+      order.bodies[records.size() - 1] = orderOf(
+          *std::get<BodyStep>(list[begin].what).steps, trace, body->second);
+  }
+  addUnknown(list.size());
+  std::vector<std::vector<int>> chain(records.size());
+  for (size_t i = 1; i < records.size(); ++i)
+    chain[i] = {int(i) - 1};
+  order.schedule = makeSchedule(records, chain, {});
+  for (const auto &[node, body] : order.bodies)
+    order.schedule->nodes[node].body = body.schedule;
+  return order;
+}
+
+std::shared_ptr<const GraphSchedule> HostGraph::schedule() const {
+  if (order == NodeOrder::Recorded)
+    return nullptr;
+  return orderOf(steps, *operations(), operations()->steps.front()).schedule;
+}
+
+/// Runs a list such that each node comes as late as its edges allow.
+static void runLate(const Steps &list, const StepOrder &order, char *flags) {
+  const auto &nodes = order.schedule->nodes;
+  // From the end: of the nodes that nothing left comes behind, the first one
+  // is the last to run.
+  std::vector<size_t> followers(nodes.size()), late;
+  for (const GraphSchedule::Node &node : nodes)
+    for (const GraphSchedule::Edge &edge : node.before)
+      ++followers[edge.from];
+  std::set<size_t> free;
+  for (size_t i = 0; i < nodes.size(); ++i)
+    if (followers[i] == 0)
+      free.insert(i);
+  while (!free.empty()) {
+    size_t node = *free.begin();
+    free.erase(free.begin());
+    late.push_back(node);
+    for (const GraphSchedule::Edge &edge : nodes[node].before)
+      if (--followers[edge.from] == 0)
+        free.insert(edge.from);
+  }
+  for (; !late.empty(); late.pop_back()) {
+    auto [begin, end] = order.ranges[late.back()];
+    auto body = order.bodies.find(late.back());
+    for (size_t i = begin; i < end; ++i)
+      runStep(list[i], flags, [&](const Steps &steps) {
+        if (body == order.bodies.end())
+          run(steps, flags);
+        else
+          runLate(steps, body->second, flags);
+      });
+  }
+}
+
+void HostGraph::verify(char *values) const {
+  StepOrder order = orderOf(steps, *operations(), operations()->steps.front());
+  runBothOrders(
+      device(), *operations(), [&] { run(steps, values); },
+      [&] { runLate(steps, order, values); });
 }
 
 //===----------------------------------------------------------------------===//

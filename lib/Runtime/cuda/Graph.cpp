@@ -19,6 +19,8 @@
 #include "Device.h"
 #include "GraphClone.h"
 #include "GraphImpl.h"
+#include "GraphRewrite.h"
+#include "GraphVerify.h"
 #include "warp/Forks.h"
 
 #include <map>
@@ -73,6 +75,9 @@ public:
   bool isShort() const override { return false; }
   void writeDot(const std::string &path, bool verbose) const override;
 
+  /// The same in the order of recording, to compare; null if nobody asks.
+  cuda::GraphExec recorded = nullptr;
+
 private:
   void checkOwned(const char *what) const;
   bool addToCapture(StreamHandle stream) const;
@@ -87,6 +92,8 @@ private:
 struct Paused {
   GraphHandle graph;
   GraphNode node;
+  GraphHandle body;
+  GraphStep step;
 };
 
 class CudaCapture final : public CaptureBase {
@@ -94,7 +101,7 @@ public:
   CudaCapture(int device, std::shared_ptr<Stream> stream, CaptureMode mode,
               bool external)
       : CaptureBase(device), stream(std::move(stream)),
-        mode(static_cast<int>(mode)), external(external) {}
+        mode(static_cast<int>(mode)), external(external), rewriter(device) {}
   ~CudaCapture() override;
 
   void start();
@@ -104,19 +111,27 @@ public:
                        bool negated) override;
   void beginBody(Condition condition, bool loop) override;
   void endBody() override;
+  bool records(const Stream *other) const override;
+  std::vector<NodeId> position(const Stream *other) const override;
 
 private:
   StreamHandle raw() const {
     return static_cast<StreamHandle>(stream->handle());
   }
   GraphHandle stop();
+  void noteGraph();
+  cuda::GraphExec instantiate(GraphHandle graph,
+                              std::shared_ptr<const GraphSchedule> &schedule);
   void setCondition(Condition condition, const int32_t *value, bool negated);
 
   std::shared_ptr<Stream> stream;
   int mode;
   bool external;
   bool running = false;
+  /// The one that is captured into now; null if the driver does not say.
+  GraphHandle current = nullptr;
   std::vector<Paused> paused;
+  cuda::GraphRewriter rewriter;
 };
 
 } // namespace
@@ -167,8 +182,9 @@ CudaGraph::~CudaGraph() {
     // Memory that the graph keeps must not go while it runs.
     if (exec && !kept->empty() && !isCapturing(device()))
       cuda::driver()->ctxSynchronize();
-    if (exec)
-      cuda::graphDriver().destroyExec(exec);
+    for (cuda::GraphExec one : {exec, recorded})
+      if (one)
+        cuda::graphDriver().destroyExec(one);
     if (graph)
       cuda::graphDriver().destroy(graph);
   } catch (const Error &) {
@@ -215,7 +231,14 @@ void CudaGraph::launch(const Stream *stream) {
   QueuedWork work(device(), stream);
   if (capturesInProgress && addToCapture(work.stream()))
     return;
-  WARP_CUDA_GRAPH(launch, exec, work.stream());
+  auto run = [&](cuda::GraphExec which) {
+    WARP_CUDA_GRAPH(launch, which, work.stream());
+  };
+  if (!recorded)
+    return run(exec);
+  synchronizeDevice(device());
+  runBothOrders(
+      device(), *operations(), [&] { run(recorded); }, [&] { run(exec); });
 }
 
 size_t CudaGraph::size() const {
@@ -264,6 +287,37 @@ void CudaCapture::start() {
     WARP_CUDA_GRAPH(beginCapture, raw(), mode);
   }
   running = true;
+  noteGraph();
+}
+
+void CudaCapture::noteGraph() {
+  current = nullptr;
+  if (!cuda::graphDriver().captureInfo)
+    return;
+  cuda::ContextScope scope(device());
+  current = Position(raw()).graph;
+}
+
+/// The stream that work is queued on where none is named.
+static StreamHandle handleOf(int device, const Stream *stream) {
+  return static_cast<StreamHandle>(stream ? stream->handle()
+                                          : currentStream(device)->handle());
+}
+
+bool CudaCapture::records(const Stream *other) const {
+  if (!current)
+    return true;
+  cuda::ContextScope scope(device());
+  return Position(handleOf(device(), other)).graph == current;
+}
+
+std::vector<NodeId> CudaCapture::position(const Stream *other) const {
+  if (!current)
+    return {};
+  cuda::ContextScope scope(device());
+  Position found(handleOf(device(), other));
+  return std::vector<NodeId>(found.dependencies,
+                             found.dependencies + found.count);
 }
 
 /// Ends the driver's capture and reports what went wrong.
@@ -334,16 +388,36 @@ std::shared_ptr<Graph> CudaCapture::end() {
   std::shared_ptr<Kept> kept = close();
   cuda::ContextScope scope(device());
   cuda::RelaxedCaptures relaxed;
+  std::shared_ptr<const GraphSchedule> schedule;
+  if (order != NodeOrder::Recorded)
+    schedule = rewriter.rewrite(graph, *trace(), trace()->steps.front());
+  cuda::GraphExec exec = instantiate(graph, schedule);
+  auto made =
+      std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
+  if (order == NodeOrder::Verified) {
+    rewriter.undo();
+    WARP_CUDA_GRAPH(instantiate, &made->recorded, graph, 0);
+  }
+  handTrace(*made);
+  handSchedule(*made, std::move(schedule));
+  return made;
+}
+
+cuda::GraphExec
+CudaCapture::instantiate(GraphHandle graph,
+                         std::shared_ptr<const GraphSchedule> &schedule) {
   cuda::GraphExec exec = nullptr;
   cuda::Result result = cuda::graphDriver().instantiate(&exec, graph, 0);
+  if (result != cuda::success && rewriter.hasChanges()) {
+    rewriter.undo();
+    schedule = cuda::keptSchedule("the CUDA driver refuses its edges");
+    result = cuda::graphDriver().instantiate(&exec, graph, 0);
+  }
   if (result != cuda::success) {
     cuda::graphDriver().destroy(graph);
     cuda::check(result, "cuGraphInstantiateWithFlags");
   }
-  auto made =
-      std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
-  handTrace(*made);
-  return made;
+  return exec;
 }
 
 //===----------------------------------------------------------------------===//
@@ -376,17 +450,21 @@ Capture::Condition CudaCapture::addCondition(const int32_t *value,
   cuda::ConditionHandle handle = 0;
   WARP_CUDA_GRAPH(createCondition, &handle, position.graph,
                   cuda::contextOf(device()), 0, 0);
+  GraphStep step = beginStep(stream.get());
   setCondition(handle, value, negated);
   if (trace())
     trace()->addCondition(handle, value, negated);
+  endStep(std::move(step), stream.get());
   return handle;
 }
 
 void CudaCapture::updateCondition(Condition condition, const int32_t *value,
                                   bool negated) {
+  GraphStep step = beginStep(stream.get());
   setCondition(condition, value, negated);
   if (trace())
     trace()->updateCondition(condition, value, negated);
+  endStep(std::move(step), stream.get());
 }
 
 void CudaCapture::setCondition(Condition condition, const int32_t *value,
@@ -402,13 +480,16 @@ void CudaCapture::beginBody(Condition condition, bool loop) {
   cuda::ContextScope scope(device());
   Position position(raw());
   cuda::Conditional made{condition, loop, nullptr};
-  Paused outer{position.graph, nullptr};
+  Paused outer{position.graph, nullptr, nullptr, beginStep(stream.get())};
   outer.node = cuda::addConditional(
       device(), position.graph, position.dependencies, position.count, made);
   position.set(raw(), outer.node);
   outer.graph = stop();
-  paused.push_back(outer);
+  outer.body = made.body;
+  outer.step.after = {outer.node};
+  paused.push_back(std::move(outer));
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), made.body, nullptr, nullptr, 0, mode);
+  noteGraph();
   if (trace())
     trace()->beginBody(condition, loop);
 }
@@ -417,11 +498,16 @@ void CudaCapture::endBody() {
   if (paused.empty())
     throw captureError(device(), "no body of a graph is open");
   stop();
-  Paused outer = paused.back();
+  Paused outer = std::move(paused.back());
   cuda::ContextScope scope(device());
+  if (order != NodeOrder::Recorded)
+    rewriter.addBody(outer.node, rewriter.rewrite(outer.body, *trace(),
+                                                  trace()->steps.back()));
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), outer.graph, &outer.node, nullptr, 1,
                   mode);
   paused.pop_back();
+  noteGraph();
   if (trace())
     trace()->endBody();
+  endStep(std::move(outer.step), stream.get());
 }

@@ -74,7 +74,7 @@ template <typename Query> static std::vector<GraphNode> allNodes(Query query) {
   return nodes;
 }
 
-static std::vector<GraphNode> nodesOf(GraphHandle graph) {
+std::vector<GraphNode> cuda::nodesOf(GraphHandle graph) {
   return allNodes([&](GraphNode *nodes, size_t *count) {
     WARP_CUDA_GRAPH(getNodes, graph, nodes, count);
   });
@@ -106,7 +106,7 @@ std::vector<GraphNode> cuda::lastNodes(GraphHandle graph) {
   return nodes;
 }
 
-static int typeOf(GraphNode node) {
+int cuda::typeOf(GraphNode node) {
   int type = 0;
   WARP_CUDA_GRAPH(nodeType, node, &type);
   return type;

@@ -31,6 +31,12 @@ GraphNode addConditional(int device, GraphHandle graph, const GraphNode *after,
 /// True if a graph has branches or loops.
 bool hasConditionals(GraphHandle graph);
 
+/// The nodes of a graph, in no particular order.
+std::vector<GraphNode> nodesOf(GraphHandle graph);
+
+/// CUgraphNodeType of a node.
+int typeOf(GraphNode node);
+
 /// The nodes of a graph that no other one waits for.
 std::vector<GraphNode> lastNodes(GraphHandle graph);
 

@@ -79,6 +79,10 @@ struct FillNode {
 /// CUgraphEdgeData.
 struct EdgeData {
   unsigned char bytes[8] = {};
+
+  bool operator==(const EdgeData &) const = default;
+  /// True if the second node may start before the first one has ended.
+  bool isProgrammatic() const { return bytes[2] == 1; }
 };
 
 #define WARP_CUDA_GRAPH_SYMBOLS(X)                                             \
@@ -134,6 +138,12 @@ struct EdgeData {
     (GraphNode *, GraphHandle, const GraphNode *, size_t, EventHandle))        \
   X(allEdges, cuGraphGetEdges_v2,                                              \
     (GraphHandle, GraphNode *, GraphNode *, EdgeData *, size_t *))             \
+  X(addEdges, cuGraphAddDependencies_v2,                                       \
+    (GraphHandle, const GraphNode *, const GraphNode *, const EdgeData *,      \
+     size_t))                                                                  \
+  X(removeEdges, cuGraphRemoveDependencies_v2,                                 \
+    (GraphHandle, const GraphNode *, const GraphNode *, const EdgeData *,      \
+     size_t))                                                                  \
   X(allDependencies, cuGraphNodeGetDependencies_v2,                            \
     (GraphNode, GraphNode *, EdgeData *, size_t *))                            \
   X(addNode, cuGraphAddNode,                                                   \

@@ -144,6 +144,19 @@ SETTINGS = {
         Setting("verify_fp", bool, False, "after each launch, reject infinite or NaN outputs"),
         Setting("enable_mempools_at_init", bool, True, "use the memory pools of CUDA devices"),
         Setting("track_memory", bool, False, "note where the memory of arrays is allocated"),
+        Setting(
+            "optimize_graphs",
+            bool,
+            False,
+            "operations of captured graphs come behind those alone that they depend on; in debug "
+            "mode they run as recorded",
+        ),
+        Setting(
+            "verify_graphs",
+            bool,
+            False,
+            "each launch of an optimized graph also runs it as recorded and compares the memory",
+        ),
         Setting("verify_cuda", bool, False, "wait for each CUDA launch and check for errors"),
         Setting(
             "mode",

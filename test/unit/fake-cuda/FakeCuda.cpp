@@ -305,6 +305,8 @@ EXPORT int cuModuleUnload(void *module) {
   delete static_cast<std::string *>(module);
   return success;
 }
+/// The launch that comes next may start before its predecessor has ended.
+static thread_local bool isProgrammatic = false;
 EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
                           unsigned bx, unsigned by, unsigned bz, unsigned,
                           void *stream, void **arguments, void **) {
@@ -321,7 +323,10 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
   std::snprintf(text, sizeof(text), "(%u, %u, %u) x (%u, %u, %u)", gx, gy, gz,
                 bx, by, bz);
   std::string launch = text;
-  RECORDED(stream, (lastLaunch = launch, fault))
+  if (fakeRecord(
+          stream, [=] { return lastLaunch = launch, fault; }, true,
+          isProgrammatic))
+    return success;
   lastLaunch = launch;
   std::memcpy(lastParams, arguments[0], 24);
   return fault ? fault : stream && current ? success : invalidValue;
@@ -341,7 +346,10 @@ EXPORT int cuLaunchKernelEx(const FakeConfig *config, void *function,
       config->attributes[2] != 1)
     return invalidValue;
   ++programmaticLaunches;
-  return cuLaunchKernel(function, grid[0], grid[1], grid[2], block[0], block[1],
-                        block[2], config->sharedBytes, config->stream,
-                        arguments, extra);
+  isProgrammatic = true;
+  int result = cuLaunchKernel(function, grid[0], grid[1], grid[2], block[0],
+                              block[1], block[2], config->sharedBytes,
+                              config->stream, arguments, extra);
+  isProgrammatic = false;
+  return result;
 }

@@ -2,21 +2,25 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A graph is a list of calls. Streams that are captured into it append to it;
-// a stream joins by waiting for an event that was recorded on one of them. A
-// capture ends in an error if the stream that it began on does not come behind
-// all nodes, on whatever way, or if something was done that the driver forbids
-// meanwhile.
+// A graph has calls and edges between them. Streams that are captured into it
+// append to it; a stream joins by waiting for an event that was recorded on one
+// of them. A capture ends in an error if the stream that it began on does not
+// come behind all nodes, on whatever way, or if something was done that the
+// driver forbids meanwhile. Nodes run one after the other, in the order of
+// their making or, so that a test finds an edge that is missing, in another one
+// that the edges allow.
 //
 //===----------------------------------------------------------------------===//
 
 #include "FakeGraphs.h"
 
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <random>
 #include <set>
 #include <utility>
 #include <vector>
@@ -38,12 +42,26 @@ struct Setting {
   void *arguments[3];
 };
 
+/// CUgraphEdgeData; a kernel that may start before its predecessor has ended.
+using EdgeData = std::array<unsigned char, 8>;
+constexpr EdgeData programmaticEdge = {1, 0, 1};
+
 /// Other records count as a copy of memory.
 struct Node {
   std::function<int()> call;
   int type = copyNode;
   Setting setting = {};
+  /// The nodes that it comes behind.
+  std::map<Node *, EdgeData> before = {};
+
+  void follow(Node *const *nodes, size_t count) {
+    for (size_t i = 0; i < count; ++i)
+      before[nodes[i]] = {};
+  }
 };
+
+/// The order of nodes that edges leave open: that of their making for 0.
+unsigned orderSeed = 0;
 
 struct Graph {
   std::vector<std::unique_ptr<Node>> nodes;
@@ -61,9 +79,25 @@ struct Graph {
     return node;
   }
   int run() const {
+    std::minstd_rand random(orderSeed);
+    std::set<Node *> done;
+    std::vector<Node *> left;
     for (const auto &node : nodes)
-      if (int result = node->call())
+      left.push_back(node.get());
+    while (!left.empty()) {
+      std::vector<size_t> ready;
+      for (size_t i = 0; i < left.size(); ++i)
+        if (std::all_of(left[i]->before.begin(), left[i]->before.end(),
+                        [&](auto &edge) { return done.count(edge.first); }))
+          ready.push_back(i);
+      if (ready.empty())
+        return invalidValue;
+      size_t next = ready[orderSeed ? random() % ready.size() : 0];
+      if (int result = left[next]->call())
         return result;
+      done.insert(left[next]);
+      left.erase(left.begin() + std::ptrdiff_t(next));
+    }
     return success;
   }
 };
@@ -72,14 +106,31 @@ struct Capture {
   void *origin;
   Graph *graph;
   bool invalid = false;
-  /// Nodes that each stream comes behind, and those that none comes behind.
+  /// Nodes that each stream comes behind.
   std::map<void *, std::set<Node *>> reached;
-  std::set<Node *> last;
+  std::vector<Node *> made;
+  std::vector<Node *> shown;
 
-  void follow(void *stream, Node *node) {
+  void follow(void *stream, Node *node, bool isProgrammatic = false) {
     for (Node *before : std::exchange(reached[stream], {node}))
-      last.erase(before);
-    last.insert(node);
+      node->before[before] = isProgrammatic && before->type == kernelNode
+                                 ? programmaticEdge
+                                 : EdgeData{};
+    made.push_back(node);
+  }
+  /// True if the stream that it began on comes behind all nodes.
+  bool isJoined() {
+    std::vector<Node *> left(reached[origin].begin(), reached[origin].end());
+    std::set<Node *> seen(left.begin(), left.end());
+    while (!left.empty()) {
+      Node *node = left.back();
+      left.pop_back();
+      for (const auto &edge : node->before)
+        if (seen.insert(edge.first).second)
+          left.push_back(edge.first);
+    }
+    return std::all_of(made.begin(), made.end(),
+                       [&](Node *node) { return seen.count(node) != 0; });
   }
 };
 
@@ -101,12 +152,15 @@ std::shared_ptr<Capture> captureOf(void *stream) {
 
 } // namespace
 
-bool fakeRecord(void *stream, std::function<int()> call) {
+bool fakeRecord(void *stream, std::function<int()> call, bool isKernel,
+                bool isProgrammatic) {
   Lock lock(mutex);
   std::shared_ptr<Capture> capture = captureOf(stream);
   if (!capture)
     return false;
-  capture->follow(stream, capture->graph->add(std::move(call)));
+  Node *node =
+      capture->graph->add(std::move(call), isKernel ? kernelNode : copyNode);
+  capture->follow(stream, node, isProgrammatic);
   return true;
 }
 
@@ -165,7 +219,8 @@ EXPORT int cuThreadExchangeStreamCaptureMode(int *wanted) {
   std::swap(mode, *wanted);
   return success;
 }
-static int begin(void *stream, Graph *graph) {
+static int begin(void *stream, Graph *graph, Node *const *after = nullptr,
+                 size_t count = 0) {
   Lock lock(mutex);
   if (!stream)
     return captureUnsupported;
@@ -174,6 +229,7 @@ static int begin(void *stream, Graph *graph) {
   auto capture = std::make_shared<Capture>();
   capture->origin = stream;
   capture->graph = graph;
+  capture->reached[stream] = {after, after + count};
   captures[stream] = capture;
   return success;
 }
@@ -181,9 +237,9 @@ EXPORT int cuStreamBeginCapture_v2(void *stream, int) {
   return begin(stream, new Graph);
 }
 EXPORT int cuStreamBeginCaptureToGraph(void *stream, Graph *graph,
-                                       void *const *, const void *, size_t,
-                                       int) {
-  return begin(stream, graph);
+                                       Node *const *after, const void *,
+                                       size_t count, int) {
+  return begin(stream, graph, after, count);
 }
 EXPORT int cuStreamEndCapture(void *stream, Graph **graph) {
   Lock lock(mutex);
@@ -195,15 +251,13 @@ EXPORT int cuStreamEndCapture(void *stream, Graph **graph) {
                 [&](const auto &entry) { return entry.second == capture; });
   if (capture->invalid)
     return captureInvalidated;
-  const std::set<Node *> &joined = capture->reached[stream];
-  if (!std::includes(joined.begin(), joined.end(), capture->last.begin(),
-                     capture->last.end()))
+  if (!capture->isJoined())
     return captureUnjoined;
   *graph = capture->graph;
   return success;
 }
 EXPORT int cuStreamGetCaptureInfo_v2(void *stream, int *status, uint64_t *,
-                                     Graph **graph, void *const **nodes,
+                                     Graph **graph, Node *const **nodes,
                                      size_t *count) {
   Lock lock(mutex);
   std::shared_ptr<Capture> capture = captureOf(stream);
@@ -211,31 +265,37 @@ EXPORT int cuStreamGetCaptureInfo_v2(void *stream, int *status, uint64_t *,
   *graph = capture ? capture->graph : nullptr;
   *nodes = nullptr;
   *count = 0;
+  if (!capture)
+    return success;
+  const std::set<Node *> &reached = capture->reached[stream];
+  capture->shown.assign(reached.begin(), reached.end());
+  *nodes = capture->shown.data();
+  *count = capture->shown.size();
   return success;
 }
-/// New nodes come behind those before them.
 EXPORT int cuStreamUpdateCaptureDependencies(void *stream, Node **nodes,
                                              size_t count, unsigned) {
   Lock lock(mutex);
   if (std::shared_ptr<Capture> capture = captureOf(stream))
-    capture->reached[stream].insert(nodes, nodes + count);
+    capture->reached[stream] = {nodes, nodes + count};
   return success;
 }
-EXPORT int cuGraphAddChildGraphNode(void **node, Graph *graph, void *const *,
-                                    size_t, Graph *child) {
+EXPORT int cuGraphAddChildGraphNode(Node **node, Graph *graph,
+                                    Node *const *after, size_t count,
+                                    Graph *child) {
   // The driver makes a copy.
-  std::vector<std::function<int()>> copy;
+  auto copy = std::make_shared<Graph>();
+  std::map<Node *, Node *> copies;
   for (const auto &one : child->nodes) {
     if (one->type == conditionalNode)
       return notSupported;
-    copy.push_back(one->call);
+    copies[one.get()] = copy->add(one->call, one->type);
   }
-  *node = graph->add([copy] {
-    for (const auto &call : copy)
-      if (int result = call())
-        return result;
-    return success;
-  });
+  for (const auto &one : child->nodes)
+    for (const auto &[before, data] : one->before)
+      copies[one.get()]->before[copies[before]] = data;
+  *node = graph->add([copy] { return copy->run(); });
+  (*node)->follow(after, count);
   return success;
 }
 EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
@@ -263,11 +323,51 @@ EXPORT int cuGraphNodeGetType(Node *node, int *type) {
   *type = node->type;
   return success;
 }
-/// All nodes of a graph run in order.
-EXPORT int cuGraphNodeGetDependencies(Node *, Node **, size_t *count) {
-  *count = 0;
+EXPORT int cuGraphNodeGetDependencies(Node *node, Node **nodes, size_t *count) {
+  *count = node->before.size();
+  for (const auto &edge : node->before)
+    if (nodes)
+      *nodes++ = edge.first;
   return success;
 }
+EXPORT int cuGraphGetEdges_v2(Graph *graph, Node **from, Node **to,
+                              EdgeData *data, size_t *count) {
+  *count = 0;
+  for (const auto &node : graph->nodes)
+    for (const auto &[before, how] : node->before) {
+      if (from) {
+        from[*count] = before;
+        to[*count] = node.get();
+        data[*count] = how;
+      }
+      ++*count;
+    }
+  return success;
+}
+EXPORT int cuGraphAddDependencies_v2(Graph *, Node *const *from,
+                                     Node *const *to, const EdgeData *data,
+                                     size_t count) {
+  for (size_t i = 0; i < count; ++i) {
+    // Only between kernels, and no edge twice.
+    if ((data[i] == programmaticEdge &&
+         (from[i]->type != kernelNode || to[i]->type != kernelNode)) ||
+        !to[i]->before.emplace(from[i], data[i]).second)
+      return invalidValue;
+  }
+  return success;
+}
+EXPORT int cuGraphRemoveDependencies_v2(Graph *, Node *const *from,
+                                        Node *const *to, const EdgeData *data,
+                                        size_t count) {
+  for (size_t i = 0; i < count; ++i) {
+    auto edge = to[i]->before.find(from[i]);
+    if (edge == to[i]->before.end() || edge->second != data[i])
+      return invalidValue;
+    to[i]->before.erase(edge);
+  }
+  return success;
+}
+EXPORT void fakeCudaSetGraphOrder(unsigned seed) { orderSeed = seed; }
 EXPORT int cuGraphDebugDotPrint(Graph *graph, const char *path, unsigned) {
   FILE *file = std::fopen(path, "w");
   if (!file)
@@ -297,8 +397,8 @@ struct NodeParams {
 };
 } // namespace
 
-EXPORT int cuGraphAddNode(void **node, Graph *graph, void *const *, size_t,
-                          NodeParams *params) {
+EXPORT int cuGraphAddNode(Node **node, Graph *graph, Node *const *after,
+                          size_t count, NodeParams *params) {
   if (params->type != 13 || params->size != 1 || !params->context)
     return invalidValue;
   graph->bodies.push_back(std::make_unique<Graph>());
@@ -318,6 +418,7 @@ EXPORT int cuGraphAddNode(void **node, Graph *graph, void *const *, size_t,
         return success;
       },
       conditionalNode);
+  (*node)->follow(after, count);
   return success;
 }
 
@@ -339,20 +440,31 @@ struct CopyParams {
 } // namespace
 
 EXPORT int cuGraphKernelNodeGetParams_v2(Node *node, KernelParams *params) {
+  Setting &setting = node->setting;
+  if (!setting.value) {
+    *params = {node, {}, nullptr, nullptr, nullptr, nullptr};
+    return success;
+  }
   *params = {fakeSetter, {1, 1, 1, 1, 1, 1, 0}, nullptr, nullptr, nullptr,
              nullptr};
-  Setting &setting = node->setting;
   void *arguments[] = {&setting.handle, &setting.value, &setting.negated};
   std::copy(arguments, arguments + 3, setting.arguments);
   params->arguments = setting.arguments;
   return success;
 }
-EXPORT int cuGraphAddKernelNode_v2(Node **node, Graph *graph, Node *const *,
-                                   size_t, const KernelParams *params) {
+EXPORT int cuGraphAddKernelNode_v2(Node **node, Graph *graph,
+                                   Node *const *after, size_t count,
+                                   const KernelParams *params) {
   void **arguments = params->arguments;
+  if (!arguments) {
+    *node = graph->add(static_cast<Node *>(params->function)->call, kernelNode);
+    (*node)->follow(after, count);
+    return success;
+  }
   *node = graph->addSetting(*static_cast<uint64_t *>(arguments[0]),
                             *static_cast<const int **>(arguments[1]),
                             *static_cast<unsigned *>(arguments[2]));
+  (*node)->follow(after, count);
   return success;
 }
 EXPORT int cuGraphKernelNodeCopyAttributes(Node *, Node *) { return success; }
@@ -360,12 +472,13 @@ EXPORT int cuGraphMemcpyNodeGetParams(Node *node, CopyParams *params) {
   params->node = node;
   return success;
 }
-EXPORT int cuGraphAddMemcpyNode(Node **node, Graph *graph, Node *const *,
-                                size_t, const CopyParams *params,
+EXPORT int cuGraphAddMemcpyNode(Node **node, Graph *graph, Node *const *after,
+                                size_t count, const CopyParams *params,
                                 void *context) {
   if (!context)
     return invalidValue;
   *node = graph->add(params->node->call);
+  (*node)->follow(after, count);
   return success;
 }
 EXPORT int cuGraphMemsetNodeGetParams(Node *, void *) { return invalidValue; }

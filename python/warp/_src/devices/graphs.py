@@ -22,6 +22,7 @@ from warp._src.arrays.observers import Observers
 from warp._src.derivatives import handles
 from warp._src.devices import devices
 from warp._src.devices.devices import get_device
+from warp._src.devices.graph_schedules import GraphSchedule
 from warp._src.kernels.captured_reads import check_settled
 from warp._src.kernels.modules import force_load
 from warp._src.types.dtypes import type_size_in_bytes
@@ -109,6 +110,30 @@ class Graph:
         self._check_loaded("get_param_ptr")
         return self.native.data(name) if name in self.native.sizes else None
 
+    def schedule(self) -> GraphSchedule:
+        """The order in which the operations run, and what keeps them from running side by side.
+
+        Raises:
+            WarpError: the graph keeps the order of its recording (`optimize=False`, debug mode, a
+                graph from a file, a capture of another library).
+        """
+        found = None if self.is_loaded else self.native.schedule()
+        if found is None:
+            raise errors.WarpError(
+                "the graph keeps the order of its recording: capture it with `optimize=True` to "
+                "have a schedule"
+            )
+        return GraphSchedule.of(found)
+
+    @checked()
+    def save_picture(self, path) -> None:
+        """Draws the schedule: an SVG, or Graphviz text if the name ends in `.dot`.
+
+        Raises:
+            WarpError: as `schedule`.
+        """
+        self.schedule().save_picture(path)
+
     def _check_loaded(self, method):
         if not self.is_loaded:
             raise errors.WarpError(
@@ -170,6 +195,7 @@ def capture_begin(
     external=False,
     apic=False,
     capture_mode=CaptureMode.THREAD_LOCAL,
+    optimize=None,
 ) -> None:
     """Begins to record a graph.
 
@@ -181,6 +207,9 @@ def capture_begin(
         external: somebody else is capturing the stream already and will end it.
         apic: note the operations, so that `capture_save` can save the graph.
         capture_mode: how strict the driver is with what a graph cannot hold.
+        optimize: let each operation come behind those alone whose memory it shares, so that others
+            run beside it; False keeps the order of recording. None is
+            `wp.config.optimize_graphs`; in debug mode graphs keep the order.
 
     Raises:
         WarpError: a graph is being recorded there already.
@@ -194,7 +223,16 @@ def capture_begin(
     if device.is_cuda and not external:
         # Gradients of geometry cannot change while kernels are recorded.
         handles.show_gradients()
-    _captures[key] = _native.Capture(device.index, stream, int(capture_mode), external, bool(apic))
+    _captures[key] = _native.Capture(
+        device.index, stream, int(capture_mode), external, bool(apic), _order(optimize)
+    )
+
+
+def _order(optimize) -> int:
+    """0: as recorded, 1: by dependencies, 2: both, compared."""
+    if config.mode == "debug" or not (config.optimize_graphs if optimize is None else optimize):
+        return 0
+    return 2 if config.verify_graphs else 1
 
 
 def _check_free(device, key) -> None:
@@ -293,9 +331,10 @@ class ScopedCapture(_native.Scope):
         external=False,
         apic=False,
         capture_mode=CaptureMode.THREAD_LOCAL,
+        optimize=None,
     ):
         self.device, self.stream = device, stream
-        self.options = (force_module_load, external, apic, capture_mode)
+        self.options = (force_module_load, external, apic, capture_mode, optimize)
         self.active = False
         self.graph = self._key = None
 

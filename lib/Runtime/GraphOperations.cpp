@@ -1,4 +1,4 @@
-//===- Operations.cpp - Operations of saved graphs ------------------------===//
+//===- GraphOperations.cpp - Arguments of captured operations -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -7,12 +7,11 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Operations.h"
+#include "GraphOperations.h"
 
-#include "Geometry.h"
-
+#include "warp/Bvh.h"
 #include "warp/Error.h"
-#include "warp/Memory.h"
+#include "warp/Handle.h"
 #include "warp/SparseProduct.h"
 #include "warp/TreeBuild.h"
 

@@ -1,0 +1,50 @@
+//===- GraphNodes.h - Access regions of a graph's nodes ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_GRAPHNODES_H
+#define WARP_LIB_RUNTIME_GRAPHNODES_H
+
+#include "GraphTrace.h"
+#include "warp/Regions.h"
+
+#include <string>
+#include <vector>
+
+namespace warp {
+
+/// From here on addresses stand for what has no memory: the output of kernels
+/// that print, then conditions by their number.
+inline constexpr uint64_t outputAddress = uint64_t(15) << 60;
+
+/// Memory that a node reads or writes. An atomic update counts as a write:
+/// within its launch it may be a plain read and write of one thread.
+struct NodeAccess {
+  Region region;
+  bool writes = false;
+  /// The parameter of a launch; empty for other operations.
+  std::string name;
+};
+
+/// The operations of one call, as far as the order of a graph depends on them.
+struct NodeRecord {
+  std::string name;
+  std::vector<NodeAccess> accesses;
+  /// Why the node keeps its order with all others: it may touch anything.
+  /// Empty if it does not.
+  std::string barrier;
+  /// Threads of all launches; bytes of all regions.
+  int64_t threads = 0, bytes = 0;
+};
+
+/// Operations [first, last) of a trace.
+NodeRecord recordOf(const GraphTrace &trace, size_t first, size_t last);
+
+/// A node of which nothing is known.
+NodeRecord unknownNode(std::string what);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_GRAPHNODES_H

@@ -1,0 +1,101 @@
+//===- GraphVerify.cpp - Two orders of a graph, compared ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "GraphVerify.h"
+
+#include "GraphNodes.h"
+#include "Overlap.h"
+#include "warp/Error.h"
+#include "warp/Memory.h"
+
+#include <algorithm>
+
+using namespace warp;
+
+/// The bytes from the first to the last one of each region, without overlaps.
+static std::vector<AddressRange> memoryOf(const NodeRecord &record) {
+  std::vector<AddressRange> ranges;
+  for (const NodeAccess &access : record.accesses)
+    for (const MemoryBlock &block : access.region.blocks)
+      if (block.start < outputAddress)
+        ranges.push_back({block.start, block.end()});
+  std::sort(ranges.begin(), ranges.end(),
+            [](const auto &a, const auto &b) { return a.begin < b.begin; });
+  std::vector<AddressRange> merged;
+  for (const AddressRange &range : ranges)
+    if (!merged.empty() && range.begin < merged.back().end)
+      merged.back().end = std::max(merged.back().end, range.end);
+    else
+      merged.push_back(range);
+  return merged;
+}
+
+namespace {
+/// Contents of memory.
+class Snapshot {
+public:
+  Snapshot(int device, const std::vector<AddressRange> &ranges)
+      : device(device), ranges(ranges) {
+    for (const AddressRange &range : ranges) {
+      contents.emplace_back(range.end - range.begin, '\0');
+      copyMemory(contents.back().data(), cpuDevice,
+                 reinterpret_cast<const void *>(range.begin), device,
+                 contents.back().size());
+    }
+    synchronizeDevice(device);
+  }
+  void restore() const {
+    for (size_t i = 0; i < ranges.size(); ++i)
+      copyMemory(reinterpret_cast<void *>(ranges[i].begin), device,
+                 contents[i].data(), cpuDevice, contents[i].size());
+    synchronizeDevice(device);
+  }
+
+  int device;
+  const std::vector<AddressRange> &ranges;
+  std::vector<std::string> contents;
+};
+} // namespace
+
+/// Names of the parameters that have a byte.
+static std::string namesAt(const NodeRecord &record, uint64_t address) {
+  std::string names;
+  for (const NodeAccess &access : record.accesses)
+    for (const MemoryBlock &block : access.region.blocks) {
+      std::string quoted = "'" + access.name + "'";
+      if (block.start <= address && address < block.end() &&
+          !access.name.empty() && names.find(quoted) == std::string::npos)
+        names += (names.empty() ? "" : ", ") + quoted;
+    }
+  return names.empty() ? "memory" : names;
+}
+
+void warp::runBothOrders(int device, const GraphTrace &trace,
+                         const std::function<void()> &recorded,
+                         const std::function<void()> &ordered) {
+  NodeRecord record = recordOf(trace, 0, trace.operations.size());
+  if (!record.barrier.empty())
+    return recorded();
+  std::vector<AddressRange> ranges = memoryOf(record);
+  Snapshot before(device, ranges);
+  recorded();
+  Snapshot expected(device, ranges);
+  before.restore();
+  ordered();
+  Snapshot found(device, ranges);
+  for (size_t i = 0; i < ranges.size(); ++i) {
+    const std::string &a = expected.contents[i], &b = found.contents[i];
+    size_t place =
+        std::mismatch(a.begin(), a.end(), b.begin()).first - a.begin();
+    if (place != a.size())
+      throw Error(Error::Kind::Runtime,
+                  "the optimized graph on '" + deviceInfo(device).alias +
+                      "' differs from its recording in " +
+                      namesAt(record, ranges[i].begin + place) + ", at byte " +
+                      std::to_string(place) + " of " +
+                      std::to_string(a.size()));
+  }
+}

@@ -1,0 +1,64 @@
+//===- GraphRewrite.h - Edges of captured graphs by access ------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
+#define WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
+
+#include "GraphDriver.h"
+#include "GraphTrace.h"
+#include "warp/Graph.h"
+
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace warp::cuda {
+
+struct GraphEdge {
+  GraphNode from, to;
+  EdgeData data;
+
+  bool operator==(const GraphEdge &) const = default;
+};
+
+/// Exchanges edges of graphs, and takes that back.
+class GraphRewriter {
+public:
+  explicit GraphRewriter(int device) : device(device) {}
+
+  /// Puts the nodes of a captured graph, where `steps` are, behind those alone
+  /// that they depend on. Throws nothing: a graph that cannot be changed keeps
+  /// its edges, and the schedule says why.
+  std::shared_ptr<const GraphSchedule>
+  rewrite(GraphHandle graph, const GraphTrace &trace,
+          const std::vector<GraphStep> &steps);
+  /// A branch or loop has been put in order.
+  void addBody(GraphNode node, std::shared_ptr<const GraphSchedule> body) {
+    bodies[node] = std::move(body);
+  }
+  /// True if edges were exchanged.
+  bool hasChanges() const { return !changes.empty(); }
+  /// All graphs get the edges of their recording back.
+  void undo();
+
+private:
+  struct Change {
+    GraphHandle graph;
+    std::vector<GraphEdge> removed, added;
+  };
+  void apply(const Change &change);
+
+  int device;
+  std::vector<Change> changes;
+  std::map<GraphNode, std::shared_ptr<const GraphSchedule>> bodies;
+};
+
+/// The schedule of a graph that keeps the order of its recording.
+std::shared_ptr<const GraphSchedule> keptSchedule(std::string why);
+
+} // namespace warp::cuda
+
+#endif // WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H

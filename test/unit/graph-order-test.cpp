@@ -1,0 +1,443 @@
+//===- graph-order-test.cpp - Dependency DAGs of captured graphs ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The edges are compared with those that sets of single bytes ask for. Captures
+// run against the fake driver, in several orders that the edges allow, and are
+// compared with the same calls without a capture.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Runtime/GraphOrder.h"
+#include "warp/Runtime.h"
+
+#include <algorithm>
+
+#include <cstdlib>
+#include <dlfcn.h>
+#include <functional>
+#include <gtest/gtest.h>
+#include <random>
+#include <set>
+
+using namespace warp;
+
+static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+
+namespace {
+using Random = std::minstd_rand;
+using Bytes = std::set<uint64_t>;
+using Lists = std::vector<std::vector<int>>;
+using Closure = std::vector<std::set<int>>;
+} // namespace
+
+static int below(Random &random, int count) { return int(random() % count); }
+
+//===----------------------------------------------------------------------===//
+// Edges
+//===----------------------------------------------------------------------===//
+
+static void collect(const MemoryBlock &block, Bytes &bytes, int dim = 0,
+                    uint64_t offset = 0) {
+  if (dim == block.rank) {
+    for (int64_t i = 0; i < block.item; ++i)
+      bytes.insert(block.start + offset + i);
+    return;
+  }
+  const MemoryBlock::Dim &d = block.dims[dim];
+  for (int64_t k = 0; k < d.count; ++k)
+    collect(block, bytes, dim + 1, offset + d.stride * d.step * k);
+}
+
+/// Bytes that a node reads and writes.
+static std::pair<Bytes, Bytes> bytesOf(const NodeRecord &record) {
+  std::pair<Bytes, Bytes> result;
+  for (const NodeAccess &access : record.accesses)
+    for (const MemoryBlock &block : access.region.blocks)
+      collect(block, access.writes ? result.second : result.first);
+  return result;
+}
+
+static bool meet(const Bytes &a, const Bytes &b) {
+  return std::any_of(a.begin(), a.end(),
+                     [&](uint64_t byte) { return b.count(byte) != 0; });
+}
+
+/// Rows, columns and single elements of 8 x 8 numbers of 4 bytes.
+static NodeAccess makeAccess(Random &random) {
+  MemoryBlock block;
+  block.item = 4;
+  block.start = 4 * below(random, 8) + 32 * below(random, 8);
+  int kind = below(random, 3);
+  if (kind == 1)
+    block.dims[block.rank++] = {32, 1 + below(random, 2), 2 + below(random, 2)};
+  if (kind == 2)
+    block.dims[block.rank++] = {4, 1 + below(random, 3), 2 + below(random, 2)};
+  return {{{block}}, below(random, 2) == 0, "x"};
+}
+
+static NodeRecord makeRecord(Random &random) {
+  NodeRecord record;
+  for (int i = below(random, 4); i >= 0; --i)
+    record.accesses.push_back(makeAccess(random));
+  if (below(random, 12) == 0)
+    record.barrier = "of somebody else";
+  return record;
+}
+
+/// Nodes of several streams that now and then wait for each other.
+static Lists makeStreams(Random &random, int count) {
+  Lists before(count);
+  std::vector<int> last(1 + below(random, 3), -1);
+  for (int node = 0; node < count; ++node) {
+    int stream = below(random, int(last.size()));
+    std::set<int> set;
+    if (last[stream] >= 0)
+      set.insert(last[stream]);
+    int other = below(random, int(last.size()));
+    if (below(random, 4) == 0 && last[other] >= 0)
+      set.insert(last[other]);
+    before[node].assign(set.begin(), set.end());
+    last[stream] = node;
+  }
+  return before;
+}
+
+static Closure closureOf(const Lists &before) {
+  Closure closure;
+  for (const std::vector<int> &list : before) {
+    std::set<int> &all = closure.emplace_back();
+    for (int from : list) {
+      all.insert(from);
+      all.insert(closure[from].begin(), closure[from].end());
+    }
+  }
+  return closure;
+}
+
+static Lists listsOf(const std::vector<std::vector<GraphSchedule::Edge>> &all) {
+  Lists lists;
+  for (const auto &edges : all) {
+    lists.emplace_back();
+    for (const GraphSchedule::Edge &edge : edges)
+      lists.back().push_back(edge.from);
+  }
+  return lists;
+}
+
+/// True if nodes must keep the order that they were recorded in.
+static bool conflict(const NodeRecord &a, const NodeRecord &b) {
+  if (!a.barrier.empty() || !b.barrier.empty())
+    return true;
+  auto [aRead, aWritten] = bytesOf(a);
+  auto [bRead, bWritten] = bytesOf(b);
+  return meet(aWritten, bWritten) || meet(aWritten, bRead) ||
+         meet(aRead, bWritten);
+}
+
+static void checkOrder(const std::vector<NodeRecord> &records,
+                       const Lists &recorded, const Lists &ordered) {
+  Closure old = closureOf(recorded), now = closureOf(ordered);
+  for (size_t node = 0; node < records.size(); ++node) {
+    for (int from : old[node])
+      if (conflict(records[from], records[node]))
+        ASSERT_TRUE(now[node].count(from)) << from << " -> " << node;
+    for (int from : ordered[node]) {
+      ASSERT_TRUE(old[node].count(from)) << from << " -> " << node;
+      for (int other : ordered[node])
+        ASSERT_FALSE(now[other].count(from)) << "superfluous " << from;
+    }
+  }
+}
+
+// Every pair of nodes that share a byte which one of them writes keeps its
+// order, if it had one; no other order comes in; and no edge is superfluous.
+TEST(GraphOrder, KeepsTheOrderOfWhatMeets) {
+  size_t fewer = 0;
+  for (int round = 0; round < 300; ++round) {
+    Random random(round + 1);
+    int count = 2 + below(random, 30);
+    Lists recorded = makeStreams(random, count);
+    std::vector<NodeRecord> records;
+    for (int i = 0; i < count; ++i)
+      records.push_back(makeRecord(random));
+    Lists ordered = listsOf(orderNodes(records, recorded, {}));
+    checkOrder(records, recorded, ordered);
+    size_t pairs = 0, before = 0;
+    for (const auto &set : closureOf(ordered))
+      pairs += set.size();
+    for (const auto &set : closureOf(recorded))
+      before += set.size();
+    fewer += pairs < before;
+  }
+  EXPECT_GT(fewer, 200u);
+}
+
+// Nodes that fill the device keep their order; those that do not have company,
+// up to the number of branches.
+TEST(GraphOrder, LimitsBranches) {
+  GraphCapacity capacity;
+  capacity.threads = 1000;
+  capacity.branches = 3;
+  std::vector<NodeRecord> records(8);
+  records[1].threads = records[4].threads = 1000;
+  Lists recorded(8);
+  for (int i = 1; i < 8; ++i)
+    recorded[i] = {i - 1};
+  Lists ordered = listsOf(orderNodes(records, recorded, capacity));
+  EXPECT_EQ(ordered[1], std::vector<int>{});
+  EXPECT_EQ(ordered[2], std::vector<int>{});
+  EXPECT_EQ(ordered[4], std::vector<int>{1});
+  std::set<int> tails;
+  for (int i = 0; i < 8; ++i) {
+    for (int from : ordered[i])
+      tails.erase(from);
+    tails.insert(i);
+    EXPECT_LE(tails.size(), 3u);
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Captures
+//===----------------------------------------------------------------------===//
+
+namespace {
+
+constexpr int rows = 6, columns = 5, cells = rows * columns;
+
+/// Two arrays, the first with room for another stream, and a condition.
+struct Arrays {
+  Buffer first{0, 4 * (cells + 4)}, second{0, 4 * cells}, flag{0, 4};
+
+  static int *numbers(Buffer &buffer) {
+    return static_cast<int *>(buffer.data());
+  }
+  void reset() {
+    for (int i = 0; i < cells + 4; ++i)
+      numbers(first)[i] = i;
+    std::fill_n(numbers(second), cells, 7);
+    *numbers(flag) = 0;
+  }
+  std::vector<int> contents() {
+    std::vector<int> all(numbers(first), numbers(first) + cells + 4);
+    all.insert(all.end(), numbers(second), numbers(second) + cells);
+    return all;
+  }
+};
+
+/// Random copies and fills of parts of the arrays, in bodies of branches and on
+/// other streams, too.
+class Program {
+public:
+  Program(unsigned seed, Arrays &arrays) : random(seed), arrays(arrays) {}
+
+  /// `capture` is null to run it at once.
+  void run(Capture *capture) {
+    for (int i = 0; i < 24; ++i) {
+      int kind = below(random, 12);
+      if (kind < 10)
+        makeCall()();
+      else if (kind == 10)
+        branch(capture);
+      else
+        fork();
+    }
+  }
+
+private:
+  ArrayDescriptor makeView() {
+    ArrayDescriptor array;
+    Buffer &buffer = below(random, 2) ? arrays.first : arrays.second;
+    int row = below(random, rows - 1), column = below(random, columns - 2);
+    array.data = Arrays::numbers(buffer) + row * columns + column;
+    array.ndim = 2;
+    array.shape[0] = array.shape[1] = 2;
+    array.strides[0] = columns * 4;
+    array.strides[1] = below(random, 2) ? 4 : 8;
+    return array;
+  }
+  std::function<void()> makeCall() {
+    int value = below(random, 1000), kind = below(random, 4);
+    ArrayDescriptor to = makeView(), from = makeView();
+    return [=] {
+      if (kind == 0)
+        fillArray({&to, 0}, &value, 4);
+      else if (kind == 1)
+        fillMemory(to.data, 0, &value, 4, 2);
+      else if (kind == 2 && std::abs(static_cast<char *>(to.data) -
+                                     static_cast<char *>(from.data)) >= 8)
+        copyMemory(to.data, 0, from.data, 0, 8);
+      else
+        copyArray({&to, 0}, {&from, 0}, 4);
+    };
+  }
+  void branch(Capture *capture) {
+    int value = below(random, 2);
+    bool negated = below(random, 2), runs = (value != 0) != negated;
+    int *flag = Arrays::numbers(arrays.flag);
+    fillMemory(flag, 0, &value, 4, 1);
+    if (capture)
+      capture->beginBody(capture->addCondition(flag, negated), false);
+    for (int i = 0; i < 4; ++i)
+      if (std::function<void()> call = makeCall(); capture || runs)
+        call();
+    if (capture)
+      capture->endBody();
+  }
+  void fork() {
+    Stream &side = *sides.emplace_back(std::make_unique<Stream>(0));
+    Event begin(0), end(0);
+    begin.record(*currentStream(0));
+    waitEvent(side, begin);
+    // Memory of its own, so that it does not matter who is first.
+    int value = below(random, 1000);
+    int *own = Arrays::numbers(arrays.first) + cells;
+    fillMemory(own, 0, &value, 4, 2, &side);
+    copyMemory(own + 2, 0, own, 0, 8, &side);
+    makeCall()();
+    end.record(side);
+    waitEvent(*currentStream(0), end);
+  }
+
+  Random random;
+  Arrays &arrays;
+  std::vector<std::unique_ptr<Stream>> sides;
+};
+
+class OrderedGraphs : public testing::Test {
+protected:
+  void SetUp() override {
+    ASSERT_EQ(chooseDriver, 0);
+    if (std::string(getenv("WARP_CUDA_DRIVER")) != WARP_FAKE_CUDA)
+      GTEST_SKIP() << "not the fake driver";
+    ASSERT_NE(cudaDeviceCount(), 0);
+    void *library = dlopen(WARP_FAKE_CUDA, RTLD_NOW | RTLD_LOCAL);
+    setOrder = reinterpret_cast<void (*)(unsigned)>(
+        dlsym(library, "fakeCudaSetGraphOrder"));
+    ASSERT_TRUE(setOrder);
+  }
+  void TearDown() override {
+    if (setOrder)
+      setOrder(0);
+  }
+
+  std::shared_ptr<Graph> record(const std::function<void(Capture &)> &fill,
+                                NodeOrder order = NodeOrder::Dependencies) {
+    auto capture = Capture::begin(0, nullptr, CaptureMode::ThreadLocal, false,
+                                  false, order);
+    fill(*capture);
+    return capture->end();
+  }
+
+  /// A graph leaves the memory that `expected` is, in whatever order its edges
+  /// allow.
+  void check(Graph &graph, Arrays &arrays, const std::vector<int> &expected,
+             const std::string &name) {
+    for (unsigned order = 0; order < 12; ++order) {
+      setOrder(order);
+      arrays.reset();
+      graph.launch();
+      ASSERT_EQ(arrays.contents(), expected) << name << ", order " << order;
+    }
+    setOrder(0);
+  }
+
+  void (*setOrder)(unsigned) = nullptr;
+};
+
+} // namespace
+
+TEST_F(OrderedGraphs, HaveTheBitsOfEagerCalls) {
+  size_t reordered = 0;
+  for (unsigned seed = 1; seed <= 60; ++seed) {
+    Arrays arrays;
+    arrays.reset();
+    Program(seed, arrays).run(nullptr);
+    std::vector<int> expected = arrays.contents();
+    Program program(seed, arrays);
+    std::shared_ptr<Graph> graph =
+        record([&](Capture &capture) { program.run(&capture); });
+    ASSERT_TRUE(graph->schedule());
+    EXPECT_EQ(graph->schedule()->kept, "");
+    reordered += graph->schedule()->branches > 1;
+    check(*graph, arrays, expected, "program " + std::to_string(seed));
+  }
+  EXPECT_GT(reordered, 50u);
+}
+
+// A graph that is launched in a capture is one node, or several with branches;
+// they come behind what they need alone.
+TEST_F(OrderedGraphs, HoldGraphs) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Arrays arrays;
+    Program inner(seed, arrays), first(seed + 100, arrays),
+        second(seed + 200, arrays);
+    std::shared_ptr<Graph> part =
+        record([&](Capture &capture) { inner.run(&capture); });
+    std::shared_ptr<Graph> graph = record([&](Capture &capture) {
+      first.run(&capture);
+      part->launch();
+      second.run(&capture);
+    });
+    arrays.reset();
+    for (unsigned offset : {100, 0, 200})
+      Program(seed + offset, arrays).run(nullptr);
+    std::vector<int> expected = arrays.contents();
+    check(*graph, arrays, expected, "program " + std::to_string(seed));
+  }
+}
+
+// Changes that the body of a loop makes are seen by what follows, and by its
+// next turn.
+TEST_F(OrderedGraphs, KeepLoops) {
+  Arrays arrays;
+  int *list = Arrays::numbers(arrays.first);
+  int *other = Arrays::numbers(arrays.second);
+  int one = 1, zero = 0;
+  auto fill = [&](Capture &capture) {
+    fillMemory(list, 0, &one, 4, 4);
+    fillMemory(list + 4, 0, &zero, 4, 1);
+    fillMemory(other, 0, &zero, 4, 20);
+    auto loop = capture.addCondition(list, false);
+    capture.beginBody(loop, true);
+    copyMemory(other + 1, 0, other, 0, 0);
+    copyMemory(other + 10, 0, list + 1, 0, 16);
+    copyMemory(list, 0, other + 10, 0, 16);
+    fillMemory(other, 0, &one, 4, 1);
+    capture.updateCondition(loop, list, false);
+    capture.endBody();
+    copyMemory(other + 5, 0, list, 0, 16);
+    copyMemory(other + 4, 0, other, 0, 4);
+  };
+  std::shared_ptr<Graph> graph = record(fill);
+  arrays.reset();
+  std::vector<int> expected = arrays.contents();
+  std::fill_n(expected.begin(), 5, 0);
+  auto second = expected.begin() + cells + 4;
+  std::fill_n(second, 20, 0);
+  second[0] = second[4] = 1;
+  check(*graph, arrays, expected, "loop");
+  std::shared_ptr<const GraphSchedule> body;
+  for (const GraphSchedule::Node &node : graph->schedule()->nodes)
+    if (node.body)
+      body = node.body;
+  ASSERT_TRUE(body);
+  // The copy of no bytes is none.
+  EXPECT_EQ(body->nodes.size(), 4u);
+  EXPECT_EQ(body->branches, 2);
+}
+
+// Without the option, and for captures of others, edges stay as they are.
+TEST_F(OrderedGraphs, AreChainsWithoutTheOption) {
+  Arrays arrays;
+  auto fill = [&](Capture &) {
+    setMemory(arrays.first.data(), 0, 1, 8);
+    setMemory(arrays.second.data(), 0, 1, 8);
+  };
+  EXPECT_FALSE(record(fill, NodeOrder::Recorded)->schedule());
+  std::shared_ptr<const GraphSchedule> schedule = record(fill)->schedule();
+  ASSERT_TRUE(schedule);
+  EXPECT_EQ(schedule->recordedEdges, 1u);
+  EXPECT_EQ(schedule->edges, 0u);
+  EXPECT_EQ(schedule->branches, 2);
+}
