@@ -19,6 +19,7 @@
 #include "Device.h"
 #include "GraphClone.h"
 #include "GraphOrder.h"
+#include "Support.h"
 
 #include <algorithm>
 #include <queue>
@@ -33,6 +34,16 @@ static constexpr size_t mostBranches = 8;
 /// Larger graphs keep the order of their recording: sets of nodes would take
 /// too much memory.
 static constexpr size_t mostNodes = 20000;
+
+/// Experiments on the limits: "branches,joins,threads" of the environment;
+/// `joins`: 1 lets the last of several predecessors have a programmatic edge, 2
+/// all; `threads`: percents of a device that half fill it.
+static int tuning(int place, int otherwise) {
+  std::string text = environment("WARP_GRAPH_TUNING");
+  for (; place > 0 && !text.empty(); --place)
+    text.erase(0, std::min(text.find(','), text.size() - 1) + 1);
+  return text.empty() ? otherwise : std::atoi(text.c_str());
+}
 
 namespace {
 
@@ -247,6 +258,7 @@ EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group,
 void Groups::exchange(const GraphSchedule &schedule,
                       std::vector<GraphEdge> &removed,
                       std::vector<GraphEdge> &added) const {
+  int joins = tuning(1, 0);
   for (size_t group = 0; group < members.size(); ++group) {
     const auto &list = schedule.nodes[group].before;
     if (list.empty())
@@ -256,7 +268,11 @@ void Groups::exchange(const GraphSchedule &schedule,
     for (const GraphSchedule::Edge &edge : list)
       for (GraphNode to : first)
         for (GraphNode from : lastOf(edge.from))
-          added.push_back({from, to, dataOf(to, edge.from, group, isOnly)});
+          added.push_back(
+              {from, to,
+               dataOf(to, edge.from, group,
+                      isOnly || joins == 2 ||
+                          (joins == 1 && edge.from == list.front().from))});
   }
   auto has = [](const std::vector<GraphEdge> &list, const GraphEdge &edge) {
     return std::find(list.begin(), list.end(), edge) != list.end();
@@ -309,9 +325,10 @@ static GraphCapacity capacityOf(int device) {
             cudaDevice(device).ordinal);
   GraphCapacity capacity;
   if (threads > 0)
-    capacity.threads = int64_t(threads) * deviceInfo(device).smCount / 2;
+    capacity.threads =
+        int64_t(threads) * deviceInfo(device).smCount * tuning(2, 50) / 100;
   capacity.bytes = manyBytes;
-  capacity.branches = mostBranches;
+  capacity.branches = tuning(0, mostBranches);
   return capacity;
 }
 
