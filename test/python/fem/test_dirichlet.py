@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+import fem_programs as programs
 import warp as wp
+from warp import fem
 from warp._src.fem import dirichlet
 from warp._src.fem.temporaries import TemporaryStore, borrow_temporary, borrow_temporary_like
 from warp.sparse import bsr_set_from_triplets, bsr_zeros
@@ -95,3 +97,26 @@ def test_a_tape_keeps_temporaries():
         a = borrow_temporary(store, shape=8, dtype=float, device="cpu", requires_grad=True)
         a.release()
         assert borrow_temporary(store, shape=8, dtype=float, device="cpu").ptr != a.ptr
+
+
+@pytest.mark.parametrize("name", ["grid2", "tri", "grid3", "tet", "hex"])
+@pytest.mark.parametrize("basis", ["NEDELEC_FIRST_KIND", "RAVIART_THOMAS"])
+def test_edges_and_faces_of_the_boundary_alone_are_fixed(name, basis):
+    """Edges that end on the boundary have values there, but no tangential ones."""
+    geo = programs.geometry(name, 3, wp.float64)
+    space = fem.make_polynomial_space(
+        geo,
+        degree=1,
+        element_basis=getattr(fem.ElementBasis, basis),
+        dtype=wp.types.vector(length=geo.dimension, dtype=wp.float64),
+    )
+    fixed = fem.dirichlet(space).nodes.numpy()
+    positions = space.node_positions().numpy()
+    expected = np.flatnonzero(programs.on_boundary(positions))
+    np.testing.assert_array_equal(np.sort(fixed), expected)
+    sides = geo.boundary_side_count()
+    # A closed surface of V vertices, E edges and F faces has V - E + F = 2.
+    if geo.dimension == 2 or basis == "RAVIART_THOMAS":
+        assert len(fixed) == sides
+    else:
+        assert len(fixed) == sides * (3 if name == "tet" else 4) // 2

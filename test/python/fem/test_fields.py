@@ -135,3 +135,18 @@ def test_fields_at_positions_that_are_looked_up(grid):
     rule = fem.RegularQuadrature(fem.Cells(grid), 6)
     found = fem.integrate(moved_load, quadrature=rule, fields=fields)
     assert found.numpy().sum() == pytest.approx(0.25 * 0.25, rel=1e-5)
+
+
+def test_values_stay_when_a_field_is_bound_to_another_grid():
+    """Simulations keep values of points from step to step, whose grid is another each time."""
+    spaces = [fem.make_polynomial_space(fem.Grid2D(wp.vec2i(n, 1)), degree=0) for n in (4, 2, 5, 5)]
+    field = spaces[0].make_field()
+    values = field.dof_values
+    values.assign([1.0, 2.0, 3.0, 4.0])
+    for space, expected in zip(
+        spaces, ([1, 2, 3, 4], [1, 2], [1, 2, 0, 0, 0], [1, 2, 0, 0, 0]), strict=True
+    ):
+        field.rebind(space, fem.make_space_partition(space_topology=space.topology))
+        assert field.space is space
+        np.testing.assert_array_equal(field.dof_values.numpy(), expected)
+    assert values.numpy().tolist() == [1.0, 2.0, 3.0, 4.0]

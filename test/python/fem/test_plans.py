@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import fem_programs as programs
 import warp as wp
 import warp.fem as fem
 
@@ -186,3 +187,31 @@ def test_kernel_of_a_mass_has_no_gradients():
     assert [slot.is_gradient for _, slot in form.plan.test.used_slots] == [False]
     assert "inverse" not in form.plan.blocks.ir("warp")
     assert form.plan.tensors.shape == (1, 9)
+
+
+@fem.integrand
+def squared_length(s: fem.Sample, u: fem.Field):
+    return wp.dot(u(s), u(s))
+
+
+@fem.integrand
+def moment(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return wp.dot(u(s), v(s)) + wp.ddot(fem.grad(u, s), fem.grad(v, s))
+
+
+@pytest.mark.parametrize(("name", "degree"), [("grid3", 7), ("tet", 8)])
+def test_elements_of_more_numbers_than_an_array_of_a_thread(name, degree):
+    """Sums and degrees of freedom of large elements are in arrays of the launch."""
+    geo = programs.geometry(name, 1, wp.float64)
+    space = fem.make_polynomial_space(geo, degree=degree, dtype=wp.vec3d)
+    assert 3 * space.topology.MAX_NODES_PER_ELEMENT > 450
+    x = space.node_positions().numpy()
+    u = programs.field_of(space, np.stack([x[:, 0] ** 2, x[:, 1] * x[:, 2], 0.0 * x[:, 0]], -1))
+    rule = fem.RegularQuadrature(fem.Cells(geo), order=8)
+    total = fem.integrate(squared_length, quadrature=rule, fields={"u": u})
+    assert total == pytest.approx(1.0 / 5.0 + 1.0 / 9.0, rel=1e-12)
+    test = fem.make_test(space)
+    r = fem.integrate(moment, quadrature=rule, fields={"u": u, "v": test}).numpy()
+    # With v = u: the squares of the values and of the gradients.
+    found = (r * u.dof_values.numpy()).sum()
+    assert found == pytest.approx(total + 4.0 / 3.0 + 2.0 / 3.0, rel=1e-11)

@@ -286,6 +286,9 @@ SENTENCES: dict[str, str | typing.Callable[..., str | None]] = {
         "Couldn't find function overload for '{name}': Input types must be {exactly}the same, "
         "got {types}"
     ),
+    "overload": (
+        "Couldn't find function overload for '{name}' that matched inputs with types: [{types}]"
+    ),
     "overload-ambiguous": "Ambiguous kernel lookup for '{name}'",
     "overload-return": "Return annotations are not allowed on @wp.overload stubs",
     "overwritten": (

@@ -10,7 +10,8 @@ import warp as wp
 from warp import extend
 from warp._src.fem.forms.integrand import integrand
 from warp._src.fem.linalg import array_axpy, symmetric_eigenvalues_qr
-from warp._src.fem.tags import Field
+from warp._src.fem.operators import normal
+from warp._src.fem.tags import Domain, Field
 from warp._src.fem.types import Sample
 from warp.sparse import bsr_assign, bsr_axpy, bsr_block_index, bsr_copy, bsr_mm, bsr_mv
 
@@ -215,7 +216,11 @@ def dirichlet(space, where=None, value=None, fields=None, values=None, device=No
 
 
 def _nodes_on(space, where, device):
-    """Numbers of the nodes whose basis functions do not vanish on a domain."""
+    """Numbers of the nodes that values on a domain depend on.
+
+    Tangential values alone are continuous in covariant spaces, normal ones in contravariant
+    spaces: edges that end on a side do not belong to it.
+    """
     import warp._src.fem.operator as operators
     from warp._src.fem.fields.virtual import make_test, make_trial
     from warp._src.fem.geometry.indices import masked_indices
@@ -225,6 +230,8 @@ def _nodes_on(space, where, device):
     form = _mass_of_vectors if extend.type_is_vector(space.dtype) else _mass
     if extend.type_is_matrix(space.dtype):
         form = _mass_of_matrices
+    if not where.is_cells and space.record.kind != "identity":
+        form = {"covariant": _tangential_mass, "contravariant": _normal_mass}[space.record.kind]
     diagonal = operators.operator(form, {"u": trial, "v": test}, device=device).diagonal()
     numbers = diagonal.numpy().reshape(diagonal.shape[0], -1).max(axis=1)
     # Basis functions of nodes elsewhere are zero up to rounding.
@@ -240,6 +247,18 @@ def _mass(s: Sample, u: Field, v: Field):
 @integrand
 def _mass_of_vectors(s: Sample, u: Field, v: Field):
     return wp.dot(u(s), v(s))
+
+
+@integrand
+def _tangential_mass(s: Sample, domain: Domain, u: Field, v: Field):
+    n = normal(domain, s)
+    return wp.dot(u(s), v(s)) - wp.dot(u(s), n) * wp.dot(v(s), n)
+
+
+@integrand
+def _normal_mass(s: Sample, domain: Domain, u: Field, v: Field):
+    n = normal(domain, s)
+    return wp.dot(u(s), n) * wp.dot(v(s), n)
 
 
 @integrand

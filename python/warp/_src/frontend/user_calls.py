@@ -58,7 +58,10 @@ class UserCalls(Part):
         else:
             message = f"no overload of '{function.key}' takes ({shown})"
             notes = tuple(reasons)
-        raise self.context.type_error(node, message, self.call_hint(overloads, arguments), notes)
+        raise self.context.type_error(
+            node, message, self.call_hint(overloads, arguments), notes,
+            code="overload", facts={"name": function.key, "types": shown.replace("'", "")},
+        )  # fmt: skip
 
     def no_references(self, overload, node):
         return self.context.type_error(

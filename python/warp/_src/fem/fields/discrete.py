@@ -130,8 +130,21 @@ class DiscreteField(SpaceField):
         return DiscreteField(self.space.trace(), self.space_partition, self._dof_values)
 
     def rebind(self, space, space_partition) -> None:
-        """Gives the field another space and partition of the same kind, and zeros as values."""
-        self.__init__(space, space_partition)
+        """Gives the field another space and partition of the same kind.
+
+        Values of as many nodes stay, in the same array or its first part; for more nodes there is
+        a new array, of zeros behind them.
+        """
+        before = self._dof_values
+        count = space_partition.node_count()
+        values = before[:count] if count < before.shape[0] else before
+        if count > before.shape[0]:
+            values = wp.zeros(
+                count, dtype=before.dtype, device=before.device, requires_grad=before.requires_grad
+            )
+            with extend.unrecorded():
+                wp.copy(values, before, count=before.shape[0])
+        self.__init__(space, space_partition, values)
 
 
 class FieldRestriction:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from warp import extend
-from warp._src.fem.forms.terms import components, dof_count
+from warp._src.fem.forms.terms import MOST_LOCAL, components, dof_count, fits_thread
 
-# Larger element matrices are accumulated in the array of blocks, not in the thread.
-_MOST_LOCAL = 1024
 # Numbers of a thread for coefficients at all points.
 _MOST_KEPT = 4096
 
@@ -21,7 +19,9 @@ def stored_vector_text(plan) -> str | None:
     if count is None or test.halves != 1 or not test.basis(plan.record.rule).is_tabulated:
         return None
     used, nodes = test.used_slots, test.nodes.node_count
-    if not used or count * len(used) > _MOST_LOCAL or nodes * count < _FEW_TERMS:
+    if not used or count * len(used) > MOST_LOCAL or nodes * count < _FEW_TERMS:
+        return None
+    if not all(fits_thread(count, slot.type) for _, slot in used):
         return None
     terms = plan.terms(test)
     names |= {"test_value": terms.value, "test_gradient": terms.gradient}
@@ -76,17 +76,26 @@ def linear_text(plan) -> str:
         "    local = wp.tid()",
         "    domain_element = first + local",
     ]
-    for half in range(test.halves):
-        lines.append(f"    sum_{half} = wp.zeros(shape=({count},), dtype=Block)")
+    # Larger vectors, as larger matrices, are summed in the array of blocks, not in the thread.
+    width, is_local = count * test.halves, fits_thread(count, plan.block_dtype)
+    if is_local:
+        memory = "sum_{}[i]"
+        lines += [
+            f"    sum_{half} = wp.zeros(shape=({count},), dtype=Block)"
+            for half in range(test.halves)
+        ]
+    else:
+        memory = f"blocks[local * {width} + {{}} * {count} + i]"
+        lines += [f"    for i in range({width}):", f"        blocks[local * {width} + i] = Block()"]
     plan._loop(lines)
     _coefficients(plan, test, lines)
     for half in range(test.halves):
         used = [(i, s) for i, s in test.used_slots if s.half == half]
         if used:
             lines.append(f"        for i in range({count}):")
-            lines.append(f"            sum_{half}[i] += {_sum(plan, test, used, 'c', 'i')}")
-    width = count * test.halves
-    for half in range(test.halves):
+            terms = _sum(plan, test, used, "c", "i")
+            lines.append(f"            {memory.format(half)} += {terms}")
+    for half in range(test.halves if is_local else 0):
         lines.append(f"    for i in range({count}):")
         lines.append(f"        blocks[local * {width} + {half * count} + i] = sum_{half}[i]")
     return "\n".join(lines) + "\n"
@@ -139,7 +148,7 @@ def stored_text(plan) -> str | None:
     found = {k: one for k, one in plan.structure.coefficients.items() if not one.is_zero}
     kept = len({one.number for one in found.values()})
     groups = {split_row(plan, key) for key in found}
-    if (kept + len(groups)) * count > _MOST_KEPT or count > _MOST_LOCAL or not found:
+    if (kept + len(groups)) * count > _MOST_KEPT or count > MOST_LOCAL or not found:
         return None
     names["Block"] = plan.block_dtype
     lines = [
@@ -197,7 +206,7 @@ def bilinear_text(plan) -> str:
     rows, columns = test.nodes.node_count, trial.nodes.node_count
     height, width = rows * test.halves, columns * trial.halves
     size = height * width * dof_count(test.nodes.dof_dtype) * dof_count(trial.nodes.dof_dtype)
-    is_local = size <= _MOST_LOCAL
+    is_local = size <= MOST_LOCAL
     lines = [
         f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
         "    local = wp.tid()",

@@ -19,7 +19,13 @@ from warp._src.fem.forms.basis import table_type, table_value
 from warp._src.fem.forms.descriptions import DomainDescription
 from warp._src.fem.forms.flow import UNKNOWN
 from warp._src.fem.forms.slots import NODE_OPERATORS, Role
-from warp._src.fem.forms.terms import components, dof_count, point_functions, term_functions
+from warp._src.fem.forms.terms import (
+    components,
+    dof_count,
+    fits_thread,
+    point_functions,
+    term_functions,
+)
 from warp._src.fem.types import sample_type
 
 
@@ -67,6 +73,8 @@ class PointsPlan:
             "measure": self.domain.element_measure,
             "element_index": self.domain.element_index,
         }
+        # Texts of degrees of freedom of node k, by name and half.
+        self.reads: dict = {}
         self._add_arguments()
         self.test = self._role("test", record.test)
         self.trial = self._role("trial", record.trial)
@@ -309,12 +317,17 @@ class PointsPlan:
                 at = locations(role.domain, half)
                 self.names[f"cell_arg_{half}"], self.names[f"cell_{half}"] = at.cell_arg, at.cell
                 memory = f"dofs_{name}_{half}"
+                read = (
+                    f"dof_at_{name}(fields.{name}, cell_arg_{half}(domain_arg.geo), "
+                    f"cell_{half}(domain_arg.geo, first_s), k)"
+                )
+                self.reads[name, half] = read
+                if not fits_thread(count, role.nodes.dof_dtype):
+                    continue
+                self.reads[name, half] = f"{memory}[k]"
                 lines.append(f"    {memory} = wp.zeros(shape=({count},), dtype=Dof_{name})")
                 lines.append(f"    for k in range({count}):")
-                lines.append(
-                    f"        {memory}[k] = dof_at_{name}(fields.{name}, cell_arg_{half}"
-                    f"(domain_arg.geo), cell_{half}(domain_arg.geo, first_s), k)"
-                )
+                lines.append(f"        {memory}[k] = {read}")
             if self.lines_of(name) is not None:
                 self.lines_of(name).before_points(lines, f"dofs_{name}_0")
 
@@ -349,7 +362,7 @@ class PointsPlan:
                         basis = self._basis_call(role, slot, "q", "k")
                         lines.append(
                             f"            {name}_{number} += of_{word}_{name}({basis}, "
-                            f"dofs_{name}_{half}[k])"
+                            f"{self.reads[name, half]})"
                         )
             tuples.append(self._slots(role))
         lines.append(f"        points = ({''.join(f'{one}, ' for one in tuples)})")

@@ -12,10 +12,10 @@ import functools
 import numpy as np
 
 from warp import extend
+from warp._src.fem.forms.terms import MOST_LOCAL
 
 # Nodes of a cell from which it pays.
 _FEWEST_NODES = {2: 9, 3: 27}
-_MOST_LOCAL = 1024
 
 
 @functools.cache
@@ -212,4 +212,4 @@ def lines_of(plan, role) -> Lines | None:
     if extend.type_is_matrix(role.nodes.dof_dtype) or role.nodes.space.mapper is not None:
         return None
     lines = Lines(plan, role)
-    return lines if lines.memory <= _MOST_LOCAL else None
+    return lines if lines.memory <= MOST_LOCAL else None

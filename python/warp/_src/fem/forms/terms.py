@@ -7,6 +7,9 @@ from typing import Any
 import warp as wp
 from warp import extend
 
+# Most numbers of an array in the memory of a thread.
+MOST_LOCAL = 1024
+
 
 def components(dtype) -> list[str]:
     """Subscripts of the components of a slot's type; an empty one for a number."""
@@ -21,6 +24,11 @@ def components(dtype) -> list[str]:
 def dof_count(dtype) -> int:
     """Number of components of a degree of freedom."""
     return extend.type_size(dtype)
+
+
+def fits_thread(count: int, dtype) -> bool:
+    """True if an array of `count` elements fits into the memory of a thread."""
+    return count * dof_count(dtype) <= MOST_LOCAL
 
 
 @functools.cache
