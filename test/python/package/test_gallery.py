@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
 def test_every_example_is_in_the_gallery():
     text = (ROOT / "docs" / "gallery.md").read_text()
     parts = {"particles_kernels", "particles_plots", "particles_precision", "integrate_kernels"}
-    parts |= {"movies"}
+    parts |= {"movies", "blocks"}
     names = {path.stem for path in (ROOT / "examples").rglob("*.py")} - parts
     assert names == set(re.findall(r"`examples/(?:\w+/)?(\w+)\.py`", text))
     for picture in re.findall(r"\]\((gallery/\w+\.png)\)", text):
@@ -32,6 +32,14 @@ def test_every_example_is_in_the_gallery():
         ("cloth", ("--size", "8", "--steps", "60"), {4: 1e-7, 5: 1e-3}),
         ("several_devices", ("--size", "129", "--steps", "50"), {6: 2e-5}),
         ("fem/twist", ("--cells", "2", "--turn", "0.25"), {5: 1e-7, 6: 1e-7}),
+        ("fem/diffusion", ("--cells", "6", "--steps", "8"), {4: 3e-4, 6: 1e-12}),
+        ("fem/transport", ("--cells", "6"), {4: 3e-4, 6: 1e-5}),
+        ("fem/channel", ("--cells", "1"), {4: 0.01, 6: 0.05, 8: 0.06}),
+        ("fem/elasticity", ("--cells", "2"), {4: 2e-3}),
+        ("fem/adaptive", ("--cells", "8", "--levels", "1"), {4: 5e-3}),
+        ("fem/shape", ("--rings", "4"), {5: 3e-3, 6: 1e-3, 7: 1e-6}),
+        ("fem/fluid", ("--cells", "16", "--turns", "0.25"), {2: 1e-12, 4: 0.1}),
+        ("fem/granular", ("--end", "3"), {3: 1e-5, 4: 5e-3, 7: 0.3}),
     ],
 )
 def test_examples_keep_their_errors(tmp_path, device, name, options, bounds):
