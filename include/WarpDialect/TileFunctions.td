@@ -101,16 +101,19 @@ def : TileFunction<"differentiate_factor_*",
     "(cotangent: address, row_step: i32, column_step: i32, factor: address, "
     "factor_row_step: i32, factor_column_step: i32, scratch: address, "
     "rows: i32, threads: i32) -> ()", [Assembled]>;
-def : TileFunction<"substitute_*",
+foreach f = ["substitute_*", "solve_columns_*"] in
+def : TileFunction<f,
     "(right_sides: address, matrix: address, row_step: i32, column_step: i32, "
     "rows: i32, columns: i32, backward: i32, threads: i32) -> ()",
     [Assembled]>;
 def : TileFunction<"transform_*",
     "(tile: address, scratch: address, rows: i32, length: i32, inverse: i32, "
     "threads: i32) -> ()", [Assembled]>;
+/// `subtracts`: the product is taken from the sums.
 def : TileFunction<"multiply_*",
     "(sums: address, a: address, b: address, rows: i32, columns: i32, "
-    "depth: i32, row_step_a: i32, row_step_b: i32) -> ()", [AssembledProduct]>;
+    "depth: i32, row_step_a: i32, row_step_b: i32, subtracts: i32) -> ()",
+    [AssembledProduct]>;
 /// Multi-buffered products. For either factor: place, tensor map, first row and
 /// column, steps of both, columns of a TMA tile.
 def : TileFunction<"stream_*",

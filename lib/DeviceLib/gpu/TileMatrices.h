@@ -14,7 +14,8 @@
 
 namespace {
 
-using Four = Vec<float, 4>;
+template <class T> using FourOf = Vec<T, 4>;
+using Four = FourOf<float>;
 
 /// Where a thread is in its block. Branches that all lanes of a warp take alike
 /// need no second version for lanes that are apart: the assembler sees that of
@@ -34,13 +35,19 @@ struct Position {
 
 /// 1 / x, to the last bit.
 WARP_INLINE float inverse(float x) { return reciprocal(x); }
+WARP_INLINE double inverse(double x) { return 1 / x; }
 
-struct Matrix {
+template <class T> WARP_INLINE T fma(T x, T y, T sum) {
+  return __builtin_elementwise_fma(x, y, sum);
+}
+
+template <class T> struct MatrixOf {
+  using Four = FourOf<T>;
   u64 place;
   i32 row, column;
 
-  WARP_INLINE Shared<float> *at(i32 i, i32 j) const {
-    return shared<float>(place) + (i * row + j * column);
+  WARP_INLINE Shared<T> *at(i32 i, i32 j) const {
+    return shared<T>(place) + (i * row + j * column);
   }
   /// Four elements of a row, the first at a multiple of four.
   WARP_INLINE Four four(i32 i, i32 j) const {
@@ -58,6 +65,7 @@ struct Matrix {
       *at(i, j + k) = values[k];
   }
 };
+using Matrix = MatrixOf<float>;
 
 /// A square matrix in panels of `width` columns, the last of which may have
 /// fewer.
@@ -68,7 +76,8 @@ template <int width> struct Panels {
   WARP_INLINE bool has(i32 i) const { return n % width == 0 || i < n; }
 
   /// Rows above the panel that begins at a column have zeros there.
-  WARP_INLINE void clearAbove(const Matrix &matrix, i32 first, i32 thread,
+  template <class T>
+  WARP_INLINE void clearAbove(const MatrixOf<T> &matrix, i32 first, i32 thread,
                               i32 threads) const {
 #pragma clang loop unroll(disable)
     for (i32 e = thread; e < first * width; e += threads) {

@@ -5,6 +5,7 @@
 // Columns of the right side are shared by the warps of a block; lanes have
 // every 32nd row of one. A row of a block is divided by its diagonal before the
 // block is solved, so that a step waits for nothing but the number before.
+// Where there are more right sides than warps, TileColumnSolves.cpp is faster.
 //
 //===----------------------------------------------------------------------===//
 
@@ -12,10 +13,10 @@
 
 namespace {
 
-template <int rows, bool backwards> struct Substitution {
-  Matrix matrix;
+template <class T, int rows, bool backwards> struct Substitution {
+  MatrixOf<T> matrix;
   i32 n, lane;
-  float over[rows];
+  T over[rows];
   /// Rows, or the first one where there is none.
   i32 own[rows];
 
@@ -34,26 +35,26 @@ template <int rows, bool backwards> struct Substitution {
   }
 
   /// Number j of a block, for the others.
-  WARP_INLINE void step(float (&x)[rows], const float (&m)[rows], int block,
+  WARP_INLINE void step(T (&x)[rows], const T (&m)[rows], int block,
                         i32 j) const {
-    float known = shuffle(x[block], j);
-    float next = __builtin_fmaf(m[block] * over[block], -known, x[block]);
+    T known = shuffle(x[block], j);
+    T next = fma(m[block] * over[block], T(-known), x[block]);
     x[block] = (backwards ? lane < j : lane > j) ? next : x[block];
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (counts(r, block))
-        x[r] = __builtin_fmaf(m[r], -known, x[r]);
+        x[r] = fma(m[r], T(-known), x[r]);
   }
-  WARP_INLINE void stepOne(float (&x)[rows], int block, i32 j) const {
-    float m[rows];
+  WARP_INLINE void stepOne(T (&x)[rows], int block, i32 j) const {
+    T m[rows];
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (r == block || counts(r, block))
         m[r] = *matrix.at(own[r], block * warpSize + j);
     step(x, m, block, j);
   }
-  WARP_INLINE void stepFour(float (&x)[rows], int block, i32 j) const {
-    Four fours[rows];
+  WARP_INLINE void stepFour(T (&x)[rows], int block, i32 j) const {
+    FourOf<T> fours[rows];
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       if (r == block || counts(r, block))
@@ -61,7 +62,7 @@ template <int rows, bool backwards> struct Substitution {
 #pragma unroll
     for (int step = 0; step < 4; ++step) {
       int q = backwards ? 3 - step : step;
-      float m[rows];
+      T m[rows];
 #pragma unroll
       for (int r = 0; r < rows; ++r)
         if (r == block || counts(r, block))
@@ -70,7 +71,7 @@ template <int rows, bool backwards> struct Substitution {
     }
   }
 
-  WARP_INLINE void solveBlock(float (&x)[rows], int block) const {
+  WARP_INLINE void solveBlock(T (&x)[rows], int block) const {
     i32 count =
             n - block * warpSize < warpSize ? n - block * warpSize : warpSize,
         fours = count / 4;
@@ -88,12 +89,12 @@ template <int rows, bool backwards> struct Substitution {
         stepOne(x, block, j);
   }
 
-  WARP_INLINE void solve(Shared<float> *side, i32 columns) const {
-    float x[rows];
+  WARP_INLINE void solve(Shared<T> *side, i32 columns) const {
+    T x[rows];
     // Where a lane has no row, another one writes the first.
 #pragma unroll
     for (int r = 0; r < rows; ++r)
-      x[r] = r * warpSize + lane < n ? side[own[r] * columns] : 0;
+      x[r] = r * warpSize + lane < n ? T(side[own[r] * columns]) : T(0);
 #pragma unroll
     for (int step = 0; step < rows; ++step)
       solveBlock(x, backwards ? rows - 1 - step : step);
@@ -103,30 +104,33 @@ template <int rows, bool backwards> struct Substitution {
         side[own[r] * columns] = x[r];
   }
 
-  WARP_INLINE static void run(u64 sides, const Matrix &matrix, i32 n,
+  WARP_INLINE static void run(u64 sides, const MatrixOf<T> &matrix, i32 n,
                               i32 columns, i32 threads) {
     auto [warp, lane, warps] = Position::of(threadNumber(), threads);
     Substitution own{matrix, n, lane, {}, {}};
     own.start();
 #pragma clang loop unroll(disable)
     for (i32 c = warp; c < columns; c += warps)
-      own.solve(shared<float>(sides) + c, columns);
+      own.solve(shared<T>(sides) + c, columns);
   }
 };
 
 } // namespace
 
-#define WARP_SUBSTITUTE(rows)                                                  \
-  WARP_TILES warp_tile_substitute_##rows(u64 sides, u64 matrix, i32 row,       \
-                                         i32 column, i32 n, i32 columns,       \
-                                         i32 backwards, i32 threads, void *) { \
+#define WARP_SUBSTITUTE(suffix, T, rows)                                       \
+  WARP_TILES warp_tile_substitute_##suffix##_##rows(                           \
+      u64 sides, u64 matrix, i32 row, i32 column, i32 n, i32 columns,          \
+      i32 backwards, i32 threads, void *) {                                    \
     if (backwards)                                                             \
-      Substitution<rows, true>::run(sides, {matrix, row, column}, n, columns,  \
-                                    threads);                                  \
+      Substitution<T, rows, true>::run(sides, {matrix, row, column}, n,        \
+                                       columns, threads);                      \
     else                                                                       \
-      Substitution<rows, false>::run(sides, {matrix, row, column}, n, columns, \
-                                     threads);                                 \
+      Substitution<T, rows, false>::run(sides, {matrix, row, column}, n,       \
+                                        columns, threads);                     \
   }
-WARP_SUBSTITUTE(1)
-WARP_SUBSTITUTE(2)
-WARP_SUBSTITUTE(4)
+WARP_SUBSTITUTE(f32, float, 1)
+WARP_SUBSTITUTE(f32, float, 2)
+WARP_SUBSTITUTE(f32, float, 4)
+WARP_SUBSTITUTE(f64, double, 1)
+WARP_SUBSTITUTE(f64, double, 2)
+WARP_SUBSTITUTE(f64, double, 4)

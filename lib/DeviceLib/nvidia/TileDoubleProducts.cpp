@@ -34,7 +34,8 @@ WARP_INLINE void read(double (&to)[n], u64 from, i32 pitch, i32 first, i32 k) {
 
 template <int R, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyDoubles(u64 sums, u64 a, u64 b, i32 m, i32 n,
-                                 i32 depth, i32 aPitch, i32 bPitch) {
+                                 i32 depth, i32 aPitch, i32 bPitch,
+                                 bool subtracts) {
   using Layout = Warps<R, C, double>;
   Layout layout(m, n, threadNumber());
   double sum[Layout::slots];
@@ -53,7 +54,7 @@ WARP_INLINE void multiplyDoubles(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
       for (int j = 0; j < C / 8; ++j)
         multiplyFragment(sum + (i * (C / 8) + j) * 4, x[2 * i], x[2 * i + 1],
-                         y[j]);
+                         subtracts ? -y[j] : y[j]);
   }
 #pragma unroll
   for (int i = 0; i < Layout::slots; ++i)

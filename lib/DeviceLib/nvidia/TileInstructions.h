@@ -35,6 +35,14 @@ WARP_INLINE float shuffle(float value, int lane) {
                : "f"(value), "r"(lane));
   return result;
 }
+WARP_INLINE double shuffle(double value, int lane) {
+  float halves[2];
+  __builtin_memcpy(halves, &value, sizeof value);
+  halves[0] = shuffle(halves[0], lane);
+  halves[1] = shuffle(halves[1], lane);
+  __builtin_memcpy(&value, halves, sizeof value);
+  return value;
+}
 /// The value of the lane whose number differs by the bits of `mask`.
 WARP_INLINE float shuffleXor(float value, int mask) {
   float other;

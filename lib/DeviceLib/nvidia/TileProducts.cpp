@@ -26,7 +26,8 @@ namespace {
 /// Threads that share the rows and columns of a tile.
 template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
   using Sum = float;
-  static constexpr int slots = R * C, run = bAlong ? 1 : 4;
+  static constexpr int slots = R * C, run = bAlong ? 1 : 4,
+                       rowRun = R < 4 ? R : 4;
   i32 y, x, rows, columns;
 
   WARP_INLINE Blocked(i32 m, i32 n, i32 thread) {
@@ -51,7 +52,8 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
     x = u32(warp) % u32(across) * wide + u32(lane) / 2 % u32(wide);
   }
   WARP_INLINE i32 row(int i) const {
-    return aAlong ? y + i * rows : (i / 4 * rows + y) * 4 + i % 4;
+    return aAlong ? y + i * rows
+                  : (i / rowRun * rows + y) * rowRun + i % rowRun;
   }
   WARP_INLINE i32 column(int j) const {
     return bAlong ? x + j * columns : (j / 4 * columns + x) * 4 + j % 4;
@@ -95,7 +97,7 @@ WARP_INLINE u32 secondHalf(u32 address) {
 template <bool along, int width, int n, class Place>
 WARP_INLINE void readRuns(float (&to)[n][width], u64 from, i32 rows, i32 pitch,
                           i32 k, Place place) {
-  constexpr int run = along ? width : 4;
+  constexpr int run = along ? width : n < 4 ? n : 4;
   using Run = Vec<float, run>;
   if constexpr (along) {
     Along factor{from, rows, pitch};
@@ -133,7 +135,8 @@ WARP_INLINE void readRuns(float (&to)[n][width], u64 from, i32 rows, i32 pitch,
 /// for 64 sums 1.08; turns of 32 take 0.98, for three times the code.)
 template <int R, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
-                                 i32 depth, i32 aPitch, i32 bPitch) {
+                                 i32 depth, i32 aPitch, i32 bPitch,
+                                 bool subtracts = false) {
   Blocked<R, C, aAlong, bAlong> layout(m, n, threadNumber());
   constexpr int turn = 8, run = R * C == 64 ? 2 : 4;
   constexpr int rowRun = aAlong ? run : 1, columnRun = bAlong ? run : 1;
@@ -160,7 +163,8 @@ WARP_INLINE void multiplyBlocked(u64 sums, u64 a, u64 b, i32 m, i32 n,
 #pragma unroll
         for (int j = 0; j < C; ++j)
           sum[i][j] =
-              __builtin_fmaf(x[i][q % rowRun], y[j][q % columnRun], sum[i][j]);
+              __builtin_fmaf(subtracts ? -x[i][q % rowRun] : x[i][q % rowRun],
+                             y[j][q % columnRun], sum[i][j]);
     }
   }
 #pragma unroll
@@ -199,7 +203,7 @@ WARP_INLINE void multiplyFragment(float *sum, const u32 (&x)[4], const u32 *y) {
 
 template <bool isBrain, int R, int C, bool aAlong, bool bAlong>
 WARP_INLINE void multiplyWarps(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
-                               i32 aPitch, i32 bPitch) {
+                               i32 aPitch, i32 bPitch, bool subtracts) {
   Warps<R, C> layout(m, n, threadNumber());
   constexpr int slots = Warps<R, C>::slots;
   float sum[slots];
@@ -220,6 +224,10 @@ WARP_INLINE void multiplyWarps(u64 sums, u64 a, u64 b, i32 m, i32 n, i32 depth,
     for (int i = 0; i < R / 16; ++i) {
       i32 place = aAlong ? i * 16 * aPitch + k : k * aPitch + i * 16;
       readMatrices<!aAlong>(x[i], fromA + place * 2);
+      constexpr u32 signs = 0x80008000;
+#pragma unroll
+      for (int q = 0; q < 4; ++q)
+        x[i][q] ^= subtracts ? signs : 0;
     }
 #pragma unroll
     for (int j = 0; j < C / 16; ++j) {
@@ -262,6 +270,8 @@ WARP_BLOCKED(4, 8)
 WARP_BLOCKED(4, 4)
 WARP_BLOCKED_AS(2, 4, kk, true, true)
 WARP_BLOCKED_AS(2, 4, kn, true, false)
+WARP_BLOCKED_AS(2, 4, mk, false, true)
+WARP_BLOCKED_AS(2, 4, mn, false, false)
 
 #define WARP_WARPS(R, C)                                                       \
   WARP_LAYOUT(mma_##R##x##C, Warps<R, C>)                                      \

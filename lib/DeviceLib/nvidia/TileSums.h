@@ -205,8 +205,9 @@ template <class Layout> WARP_INLINE void add(u64 sums, const Window &window) {
 #define WARP_PRODUCT(name, function, ...)                                      \
   WARP_TILES warp_tile_multiply_##name(u64 sums, u64 a, u64 b, i32 m, i32 n,   \
                                        i32 depth, i32 aPitch, i32 bPitch,      \
-                                       void *) {                               \
-    function<__VA_ARGS__>(sums, a, b, m, n, depth, aPitch, bPitch);            \
+                                       i32 subtracts, void *) {                \
+    function<__VA_ARGS__>(sums, a, b, m, n, depth, aPitch, bPitch,             \
+                          subtracts != 0);                                     \
   }
 
 /// For each order of the elements of both factors.

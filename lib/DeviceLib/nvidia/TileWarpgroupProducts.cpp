@@ -125,7 +125,8 @@ template <bool along> struct Factor {
 template <bool isBrain, int R, int C, bool aAlong, bool bAlong,
           bool awaits = isCalled>
 WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
-                                    i32 depth, i32, i32) {
+                                    i32 depth, i32, i32,
+                                    bool /*subtracts*/ = false) {
   using Layout = Warpgroups<R, C>;
   i32 across = n / C, group = u32(threadNumber()) / 128;
   i32 row = u32(group) / u32(across) * R, column = u32(group) % u32(across) * C;

@@ -110,7 +110,7 @@ void AccumulatorLowering::multiply(TileMatmulOp op, Value sums, Value stage) {
               {sums, addressOfStage(a.memory, stage),
                addressOfStage(b.memory, stage), number(type.getShape()[0]),
                number(type.getShape()[1]), number(depthOf(op)),
-               number(pitchOf(a)), number(pitchOf(b))});
+               number(pitchOf(a)), number(pitchOf(b)), number(subtracts(op))});
 }
 
 void AccumulatorLowering::multiply(TileMatmulOp op) {

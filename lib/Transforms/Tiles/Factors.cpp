@@ -4,7 +4,7 @@
 //
 // Functions of the device library: one body for blocks of any number of
 // threads, and faster ones for a CPU, where a block is one thread, and for
-// matrices of f32 that warps of a GPU can have in registers.
+// matrices that warps of a GPU can have in registers.
 //
 //===----------------------------------------------------------------------===//
 
@@ -35,17 +35,20 @@ static TileFunction getPanelFunction(Value matrix, int64_t registers) {
   if (!fitsWarp(matrix))
     return {};
   int64_t n = tileType(matrix).getShape()[0];
-  constexpr int64_t fewest = 72;
+  int64_t words = getByteSize(tileType(matrix).getElementType()) / 4;
+  constexpr int64_t fewest = 72, most = 128;
   TileFunction function;
   function.variant = n <= 8 ? 8 : 16;
   function.matrix = 0;
   function.rows = n;
-  function.registers = n > 16 ? registers : fewest;
+  function.registers =
+      std::min(n > 16 ? registers * words : fewest * words, most);
   return function;
 }
 
 static int64_t getPanelBytes(Operation *op) {
-  return 4 * getDeviceVariant(op) * (getDeviceVariant(op) + 1);
+  return getByteSize(tileType(op->getOperand(0)).getElementType()) *
+         getDeviceVariant(op) * (getDeviceVariant(op) + 1);
 }
 
 //===----------------------------------------------------------------------===//
@@ -90,8 +93,9 @@ Values FactorLowering::trianglesOf(Value result, const Strided &from,
 
 /// A panel of columns in scratch memory.
 Value FactorLowering::panelOf(Operation *op) {
-  return addressOf(
-      arrayAt(scratchOf(op), getPanelBytes(op) / 4, b.getF32Type()));
+  Type element = tileType(op->getOperand(0)).getElementType();
+  return addressOf(arrayAt(scratchOf(op),
+                           getPanelBytes(op) / getByteSize(element), element));
 }
 
 //===----------------------------------------------------------------------===//
@@ -124,7 +128,7 @@ void FactorLowering::adjointByBlock(TileCholeskyAdjointOp op) {
 }
 
 //===----------------------------------------------------------------------===//
-// By warps: f32 in registers (lib/DeviceLib/gpu/TileFactors.cpp and others)
+// By warps, in registers (lib/DeviceLib/gpu/TileFactors.cpp and others)
 //===----------------------------------------------------------------------===//
 
 void FactorLowering::factorByWarps(TileCholeskyOp op) {
@@ -132,7 +136,7 @@ void FactorLowering::factorByWarps(TileCholeskyOp op) {
   Values arguments = trianglesOf(
       op.getResult(), {memoryOf(from.memory), from.steps}, op.getUpper());
   arguments.append({panelOf(op), number(tileType(op.getTile()).getShape()[0])});
-  callVariant("factor", op, arguments);
+  callVariant(("factor_" + realName(op.getTile())).str(), op, arguments);
 }
 
 void FactorLowering::adjointByWarps(TileCholeskyAdjointOp op) {
@@ -239,7 +243,10 @@ struct CholeskyAdjointModel
     return {1};
   }
   TileFunction getDeviceFunction(Operation *op, int64_t) const {
-    return getPanelFunction(cast<TileCholeskyAdjointOp>(op).getFactor(), 128);
+    Value factor = cast<TileCholeskyAdjointOp>(op).getFactor();
+    return tileType(factor).getElementType().isF32()
+               ? getPanelFunction(factor, 128)
+               : TileFunction();
   }
   int64_t getScratchBytes(Operation *op, int64_t threads) const {
     if (op->hasAttr(warp::attr::function))

@@ -19,8 +19,12 @@ inline int64_t getCopyBytes(mlir::Value matrix) {
 /// True if lanes of one warp can have the rows of a matrix, four each.
 inline bool fitsWarp(mlir::Value matrix) {
   constexpr int64_t mostRows = 128;
-  return tileType(matrix).getElementType().isF32() &&
-         tileType(matrix).getShape()[0] <= mostRows && getStrided(matrix);
+  return tileType(matrix).getShape()[0] <= mostRows && getStrided(matrix);
+}
+
+/// The end of the names of functions for an element type.
+inline llvm::StringRef realName(mlir::Value tile) {
+  return tileType(tile).getElementType().isF32() ? "f32" : "f64";
 }
 
 } // namespace warp::tiles

@@ -187,8 +187,9 @@ static bool isDeepEnough(TileMatmulOp product) {
 void planLoads(FunctionOpInterface kernel, scf::ForOp loop,
                TileMatmulOp product) {
   bool byWarpgroups = getProductForm(product)->isByWarpgroups();
-  if (!byWarpgroups && (!getTarget(kernel).has(Feature::TensorMaps) ||
-                        !tileType(product.getA()).getElementType().isF32()))
+  if (!byWarpgroups &&
+      (!getTarget(kernel).has(Feature::TensorMaps) || subtracts(product) ||
+       !tileType(product.getA()).getElementType().isF32()))
     return;
   FactorLoads loads = loadsOf(product);
   // Threads read single numbers across the depth in runs, wherever they lie.

@@ -7,6 +7,9 @@
 #include "Accumulators.h"
 #include "Models.h"
 
+#include "KernelFunction.h"
+#include "Transforms/Launch/UnrollLoop.h"
+
 using namespace mlir;
 
 namespace warp::tiles {
@@ -69,6 +72,9 @@ ProductOperands::ProductOperands(TileMatmulOp op) {
     bytes += elements(op.getResult());
 }
 
+/// Factors that a thread loads at a time.
+constexpr int64_t mostCopies = 32;
+
 void ProductLowering::lower(TileMatmulOp op) {
   if (callsForTiles(kernel, threads))
     return call(op);
@@ -87,6 +93,10 @@ void ProductLowering::lower(TileMatmulOp op) {
                Value y = at(op.getB(), op.getTransposeB(), k, ij[1]);
                return {builtin("add", {sums[0], builtin("mul", {x, y})})};
              })[0];
+    // All factors of few sums are on their way before the first is needed.
+    if (depth <= mostCopies && type.getNumElements() <= threads &&
+        getTarget(kernel).isSimt())
+      setCopies(total.getDefiningOp<scf::ForOp>(), depth);
     if (op.getAlpha())
       total = builtin("mul", {total, cast(op.getAlpha(), sum)});
     if (op.getC()) {

@@ -17,6 +17,10 @@ namespace warp::tiles {
 // Code
 //===----------------------------------------------------------------------===//
 
+/// Rows that a thread has of each of its right sides at a time; smaller
+/// variants are how many rows a lane has.
+constexpr int64_t fewestPanelRows = 8;
+
 namespace {
 
 struct SolveLowering : TileLowering {
@@ -68,7 +72,9 @@ void SolveLowering::byBlock(TileSolveOp op) {
 }
 
 void SolveLowering::byWarps(TileSolveOp op) {
-  callVariant("substitute", op, argumentsOf(op));
+  StringRef verb =
+      getDeviceVariant(op) < fewestPanelRows ? "substitute_" : "solve_columns_";
+  callVariant((verb + realName(op.getMatrix())).str(), op, argumentsOf(op));
 }
 
 //===----------------------------------------------------------------------===//
@@ -200,14 +206,21 @@ struct SolveModel : TileModel<SolveModel, TileSolveOp> {
   SmallVector<unsigned> getReplaceableOperands(Operation *) const {
     return {1};
   }
-  /// By rows of a lane.
-  TileFunction getDeviceFunction(Operation *op, int64_t) const {
+  /// By right sides of a thread where there are more of them than warps, else
+  /// by rows of a lane.
+  TileFunction getDeviceFunction(Operation *op, int64_t threads) const {
     auto solve = cast<TileSolveOp>(op);
-    int64_t n = tileType(solve.getRhs()).getShape()[0];
+    TileType rhs = tileType(solve.getRhs());
+    int64_t n = rhs.getShape()[0], warps = threads / 32;
     TileFunction function;
-    if (!fitsWarp(solve.getMatrix()))
+    if (rhs.getNumElements() / n > warps && getStrided(solve.getMatrix())) {
+      function.variant = n <= fewestPanelRows ? fewestPanelRows : 16;
+      function.registers = 128;
+    } else if (fitsWarp(solve.getMatrix())) {
+      function.variant = n <= 32 ? 1 : n <= 64 ? 2 : 4;
+    } else {
       return function;
-    function.variant = n <= 32 ? 1 : n <= 64 ? 2 : 4;
+    }
     function.matrix = 0;
     return function;
   }

@@ -16,12 +16,16 @@ namespace warp::tiles {
 // Forms
 //===----------------------------------------------------------------------===//
 
-static bool isOne(Value factor) {
-  if (!factor)
-    return true;
+static bool isNumber(Value factor, double expected) {
   auto known = factor.getDefiningOp<ConstantOp>();
   auto number = known ? dyn_cast<FloatAttr>(known.getValue()) : FloatAttr();
-  return number && number.getValue().isExactlyValue(1.0);
+  return number && number.getValue().isExactlyValue(expected);
+}
+
+static bool isOne(Value factor) { return !factor || isNumber(factor, 1); }
+
+bool subtracts(TileMatmulOp op) {
+  return op.getAlpha() && isNumber(op.getAlpha(), -1);
 }
 
 std::optional<Factor> getFactor(Value tile, bool depthIsFirst) {
@@ -64,13 +68,12 @@ static std::optional<Patch> findPatch(ArrayRef<int64_t> shape, int64_t owners,
 constexpr int64_t fewestHolders = 16;
 
 static std::optional<Patch> findThreadPatch(ArrayRef<int64_t> shape,
-                                            int64_t threads, bool isAlong) {
+                                            int64_t threads) {
   auto patch = findPatch(shape, threads, {{8, 8}, {8, 4}, {4, 8}, {4, 4}});
   auto holders = [&] {
     return shape[0] * shape[1] / (patch->first * patch->second);
   };
-  // Runs of four rows are read across the depth.
-  if ((!patch || holders() < 32) && isAlong)
+  if (!patch || holders() < 32)
     if (auto less = findPatch(shape, threads, {{2, 4}}))
       patch = less;
   if (!patch || holders() < fewestHolders)
@@ -86,8 +89,9 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
   bool isDouble = type.isF64() && target.has(Feature::DoubleMma);
   if (!target.has(Feature::BlockTiles) ||
       (isNarrow && !target.has(Feature::Mma)) ||
-      !target.hasFullSubgroups(threads) || !isOne(op.getAlpha()) ||
-      !isOne(op.getBeta()) || tileType(op.getB()).getElementType() != type ||
+      !target.hasFullSubgroups(threads) ||
+      !(isOne(op.getAlpha()) || subtracts(op)) || !isOne(op.getBeta()) ||
+      tileType(op.getB()).getElementType() != type ||
       !(result == type || (isNarrow && result.isF32())) ||
       (op.getC() && op.getC().getType() != op.getResult().getType()) ||
       !(type.isF32() || isNarrow || isDouble))
@@ -104,7 +108,7 @@ std::optional<ProductForm> findProductForm(TileMatmulOp op, int64_t threads,
   ending += a->isAlong ? "k" : "m";
   ending += b->isAlong ? "k" : "n";
   if (type.isF32()) {
-    auto patch = findThreadPatch(shape, threads, a->isAlong);
+    auto patch = findThreadPatch(shape, threads);
     if (!patch)
       return std::nullopt;
     std::string name = "f32" + nameOf(*patch) + ending;

@@ -48,6 +48,8 @@ std::optional<ProductForm> getProductForm(TileMatmulOp op);
 /// Bytes of a factor's rows that come fastest from memory: as many are loaded
 /// together.
 constexpr int64_t fastBytes = 128;
+/// True if a product is taken from what it is added to.
+bool subtracts(TileMatmulOp op);
 /// How many elements a product sums over.
 inline int64_t depthOf(TileMatmulOp op) {
   return tileType(op.getA()).getShape()[!op.getTransposeA()];

@@ -44,7 +44,7 @@ std::optional<ProductForm> findWarpgroupForm(TileMatmulOp op, int64_t threads,
   Type type = tileType(op.getA()).getElementType();
   std::optional<Factor> a = getFactor(op.getA(), op.getTransposeA());
   std::optional<Factor> b = getFactor(op.getB(), !op.getTransposeB());
-  if (!target.has(Feature::Wgmma) || threads % 128 != 0 ||
+  if (!target.has(Feature::Wgmma) || threads % 128 != 0 || subtracts(op) ||
       !(type.isF16() || type.isBF16()) || !a || !b || !canSwizzle(*a) ||
       !canSwizzle(*b))
     return std::nullopt;
