@@ -9,7 +9,8 @@
 //   in place   an operation that replaces elements, if nobody reads what it
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
-//              piece of memory; what is not computed in it is copied there
+//              piece of memory; what is not computed in it is copied there.
+//              A tile that only one branch changes stays where it is
 //   registers  on a GPU, accumulators of products (PlanAccumulators.cpp) and
 //              elements of their owners (DistributeTiles.h)
 //
@@ -51,24 +52,43 @@ static bool readsMemoryOf(Value operand, Value tile) {
                       [&](Value v) { return readsMemoryOf(v, tile); });
 }
 
+/// True if `op` is in the block of a tile, or in branches there: in a loop it
+/// would be executed again.
+static bool isInBranchesOf(Operation *op, Value tile) {
+  while (op->getBlock() != tile.getParentBlock()) {
+    op = op->getParentOp();
+    if (!isa<scf::IfOp>(op))
+      return false;
+  }
+  return true;
+}
+
+/// True if a reader of a tile that `op` is in the branches of is done before
+/// `op`, or is in the other branch.
+static bool isDoneBefore(Operation *reader, Operation *op) {
+  while (true) {
+    Block *block = op->getBlock();
+    if (Operation *inBlock = block->findAncestorOpInBlock(*reader))
+      return inBlock->isBeforeInBlock(op) &&
+             !inBlock->hasTrait<OpTrait::IsTerminator>();
+    op = block->getParentOp();
+    if (op->isAncestor(reader))
+      return true;
+  }
+}
+
 static bool canReplace(Operation *op, unsigned number) {
   Value tile = op->getOperand(number);
   Operation *def = tile.getDefiningOp();
-  if (tile.getParentBlock() != op->getBlock() || (def && isInline(def)) ||
+  if (!isInBranchesOf(op, tile) || (def && isInline(def)) ||
       (def && isa<RegionBranchOpInterface>(def) && !isa<scf::ForOp>(def)))
     return false;
   for (auto [i, operand] : llvm::enumerate(op->getOperands()))
     if (i != number && isTile(operand) && readsMemoryOf(operand, tile))
       return false;
-  for (Operation *reader : getReaders(tile)) {
-    if (reader == op)
-      continue;
-    Operation *inBlock = op->getBlock()->findAncestorOpInBlock(*reader);
-    if (!inBlock || !inBlock->isBeforeInBlock(op) ||
-        inBlock->hasTrait<OpTrait::IsTerminator>())
-      return false;
-  }
-  return true;
+  return llvm::all_of(getReaders(tile), [&](Operation *reader) {
+    return reader == op || isDoneBefore(reader, op);
+  });
 }
 
 //===----------------------------------------------------------------------===//
@@ -92,15 +112,41 @@ static Value copy(OpBuilder &b, Location loc, Value tile, Value into = {}) {
   return map.getResult(0);
 }
 
-/// The tile whose memory a chain of changes in place began with.
+static Value sharedOrigin(scf::IfOp branch, unsigned result);
+
+/// The tile whose memory a chain of changes in place began with, through loops
+/// and branches that have been placed.
 static Value originOf(Value tile, Block *block) {
   while (Operation *def = tile.getDefiningOp()) {
-    auto operand = def->getAttrOfType<IntegerAttr>(tiles::attr::inPlace);
-    if (!operand || def->getBlock() != block)
+    if (def->getBlock() != block)
       return tile;
-    tile = def->getOperand(operand.getInt());
+    Value before;
+    if (auto branch = dyn_cast<scf::IfOp>(def))
+      before = sharedOrigin(branch, cast<OpResult>(tile).getResultNumber());
+    else if (auto loop = dyn_cast<scf::ForOp>(def))
+      before = loop.getInitArgs()[cast<OpResult>(tile).getResultNumber()];
+    else if (auto operand =
+                 def->getAttrOfType<IntegerAttr>(tiles::attr::inPlace))
+      before = def->getOperand(operand.getInt());
+    if (!before)
+      return tile;
+    tile = before;
   }
   return tile;
+}
+
+/// The tile of the surrounding block whose memory both branches give; null if
+/// there is none.
+static Value sharedOrigin(scf::IfOp branch, unsigned result) {
+  Value shared;
+  for (Block *block : {branch.thenBlock(), branch.elseBlock()}) {
+    Value origin = originOf(block->getTerminator()->getOperand(result), block);
+    if (origin.getParentBlock() != branch->getBlock() ||
+        (shared && origin != shared))
+      return Value();
+    shared = origin;
+  }
+  return shared;
 }
 
 static void copyInits(OpBuilder &b, Operation *loop,
@@ -138,11 +184,28 @@ static void placeFor(OpBuilder &b, scf::ForOp loop) {
     operand->set(copy(b, loc, operand->get(), argument));
 }
 
+/// True if a result can stay in the memory that both branches give: nobody
+/// reads the tile that began there afterwards.
+static bool staysInPlace(scf::IfOp branch, unsigned result) {
+  Value origin = sharedOrigin(branch, result);
+  Operation *def = origin ? origin.getDefiningOp() : nullptr;
+  if (!origin || (def && isInline(def)))
+    return false;
+  for (unsigned other = 0; other < branch.getNumResults(); ++other)
+    for (Block *block : {branch.thenBlock(), branch.elseBlock()})
+      if (Value end = block->getTerminator()->getOperand(other);
+          other != result && isTile(end) && originOf(end, block) == origin)
+        return false;
+  return llvm::all_of(getReaders(origin), [&](Operation *reader) {
+    return branch->isAncestor(reader) || isDoneBefore(reader, branch);
+  });
+}
+
 static void placeIf(OpBuilder &b, scf::IfOp branch) {
   Operation *ends[2] = {branch.thenBlock()->getTerminator(),
                         branch.elseBlock()->getTerminator()};
   for (auto [i, result] : llvm::enumerate(branch.getResults())) {
-    if (!isTile(result))
+    if (!isTile(result) || staysInPlace(branch, i))
       continue;
     b.setInsertionPoint(branch);
     Value into = TileEmptyOp::create(b, branch.getLoc(), result.getType());
