@@ -5,7 +5,9 @@
 // Maps the extents of a launch to a grid, as its code's schedule asks. The last
 // dimension lies on the x axis, the one before on y, the product of the rest on
 // z. Blocks are shaped to the launch: wide in x, where memory is contiguous,
-// and no wider than the launch is. Nothing here asks a driver.
+// and no wider than the launch is. Their extents are powers of two, or, where
+// that would leave threads without an index, whole rows of the launch. Nothing
+// here asks a driver.
 //
 //===----------------------------------------------------------------------===//
 
@@ -77,6 +79,33 @@ static Extent shapeBlock(const Extent &all, int64_t blockDim,
   return block;
 }
 
+/// Threads of warps that a launch takes by blocks of a shape.
+static int64_t threadsOfWarps(const Extent &all, const Extent &block) {
+  constexpr int64_t warp = 32;
+  int64_t blocks = ceilDivide(all.x, block.x) * ceilDivide(all.y, block.y) *
+                   ceilDivide(all.z, block.z);
+  return blocks * ceilDivide(block.count(), warp) * warp;
+}
+
+/// A block of whole rows, or whole planes, that has at most so many threads:
+/// those of a warp follow each other in the launch. As many of them as leave
+/// the fewest threads idle.
+static Extent rowsOfBlock(const Extent &all, int64_t blockDim,
+                          const DeviceLimits &limits) {
+  bool byPlanes = all.x * all.y * 2 <= blockDim && all.z > 1;
+  int64_t inner = byPlanes ? all.x * all.y : all.x;
+  int64_t most = std::min<int64_t>({blockDim / inner, byPlanes ? all.z : all.y,
+                                    byPlanes ? limits.blockZ : blockDim});
+  Extent best;
+  for (int64_t count = most; count >= std::max<int64_t>(1, most / 2); --count) {
+    Extent block =
+        byPlanes ? Extent{all.x, all.y, count} : Extent{all.x, count, 1};
+    if (count == most || threadsOfWarps(all, block) < threadsOfWarps(all, best))
+      best = block;
+  }
+  return best;
+}
+
 Grid warp::gridFor(const Schedule &schedule, const LaunchDim &dim, int blockDim,
                    bool flat, const DeviceLimits &limits) {
   if (schedule.singleBlock)
@@ -92,6 +121,15 @@ Grid warp::gridFor(const Schedule &schedule, const LaunchDim &dim, int blockDim,
     Extent all{left.extent[dim.rank - 1], left.extent[dim.rank - 2],
                product(left, dim.rank - 2)};
     grid.block = shapeBlock(all, threads, schedule.coarsening > 1, limits);
+    bool canTakeRows = !schedule.fixedBlock && schedule.coarsening == 1 &&
+                       schedule.splitReduction == 1 && all.count() > threads &&
+                       all.x <= threads;
+    if (canTakeRows) {
+      Extent rows = rowsOfBlock(all, threads, limits);
+      // An eighth fewer threads outweigh rows of 32.
+      if (8 * threadsOfWarps(all, rows) <= 7 * threadsOfWarps(all, grid.block))
+        grid.block = rows;
+    }
     grid.blocks = {ceilDivide(all.x, grid.block.x),
                    ceilDivide(all.y, grid.block.y),
                    ceilDivide(all.z, grid.block.z)};

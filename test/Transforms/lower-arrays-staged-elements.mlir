@@ -155,7 +155,10 @@ func.func @full(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !l>,
 // GRID: %[[REST:.*]] = llvm.and %{{.*}}, %{{.*}} : i32
 // GRID: %[[ROW:.*]] = llvm.icmp "eq" %[[REST]]
 // GRID: %[[ALL:.*]] = llvm.icmp "eq"
-// GRID: llvm.and %[[ALL]], %[[ROW]] : i1
+// GRID: %[[KNOWN:.*]] = llvm.and %[[ALL]], %[[ROW]] : i1
+// GRID: llvm.cond_br %[[KNOWN]]
+// GRID: nvvm.shfl.sync
+// GRID: "llvm.nvvm.vote.all.sync"
 // GRID-COUNT-2: "llvm.nvvm.bar.warp.sync"
 // GRID-NOT: "llvm.nvvm.bar.warp.sync"
 !m = !warp.mat<3x3 x f32>

@@ -52,13 +52,47 @@ TEST(Grid, OneThreadTakesOneIndex) {
 
 TEST(Grid, BlocksAreWideWhereTheLaunchIs) {
   EXPECT_EQ(gridOf({}, {64, 1024}), "(32, 8, 1) x (32, 8, 1)");
-  EXPECT_EQ(gridOf({}, {64, 33}), "(2, 8, 1) x (32, 8, 1)");
-  EXPECT_EQ(gridOf({}, {100000, 3}), "(1, 1563, 1) x (4, 64, 1)");
+  EXPECT_EQ(gridOf({}, {64, 40}), "(1, 16, 1) x (40, 4, 1)");
   EXPECT_EQ(gridOf({}, {2, 100000}), "(782, 1, 1) x (128, 2, 1)");
   EXPECT_EQ(gridOf({}, {5, 1, 1}), "(1, 1, 1) x (32, 1, 8)");
   EXPECT_EQ(gridOf({}, {0, 0}), "(0, 0, 1) x (256, 1, 1)");
   EXPECT_EQ(gridOf({}, {10, 10, 10, 10}, true), "(40, 1, 1) x (256, 1, 1)");
   EXPECT_EQ(gridOf({}, {10, 10, 10}, true, 64), "(16, 1, 1) x (64, 1, 1)");
+}
+
+/// Blocks by powers of two would have 17 of 32, or 3 of 4, threads at work.
+TEST(Grid, BlocksTakeWholeRowsWhereThreadsWouldBeIdle) {
+  EXPECT_EQ(gridOf({}, {8192, 17}), "(1, 547, 1) x (17, 15, 1)");
+  EXPECT_EQ(gridOf({}, {100000, 3}), "(1, 1563, 1) x (3, 64, 1)");
+  EXPECT_EQ(gridOf({}, {64, 33}), "(1, 11, 1) x (33, 6, 1)");
+  EXPECT_EQ(gridOf({}, {8192, 17, 3}), "(1, 1, 1639) x (3, 17, 5)");
+  EXPECT_EQ(gridOf({}, {9, 1000, 5}), "(1, 20, 9) x (5, 51, 1)");
+  // A power of two, a row that is almost one, and few indices.
+  EXPECT_EQ(gridOf({}, {8192, 16}), "(1, 512, 1) x (16, 16, 1)");
+  EXPECT_EQ(gridOf({}, {8192, 31}), "(1, 1024, 1) x (32, 8, 1)");
+  EXPECT_EQ(gridOf({}, {3, 17}), "(1, 1, 1) x (64, 4, 1)");
+  // Threads that wait for each other, or have several indices.
+  Schedule fixed, several;
+  fixed.fixedBlock = true;
+  several.coarsening = 4;
+  EXPECT_EQ(gridOf(fixed, {8192, 17}), "(1, 1024, 1) x (32, 8, 1)");
+  EXPECT_EQ(gridOf(several, {8192, 17}), "(1, 256, 1) x (32, 8, 1)");
+}
+
+/// No block has more threads than the launch asks for, all indices have one,
+/// and the grid keeps within what a driver takes.
+TEST(Grid, BlocksCoverLaunchesOfAnyExtents) {
+  for (int64_t x = 1; x < 300; x += 7)
+    for (int64_t y : {1, 2, 13, 1000})
+      for (int64_t z : {1, 3, 77})
+        for (int threads : {1, 32, 64, 96, 256, 1024}) {
+          Grid grid = gridFor({}, dims({z, y, x}), threads, /*flat=*/false);
+          EXPECT_LE(grid.block.count(), threads);
+          EXPECT_LE(grid.block.z, 64);
+          EXPECT_GE(grid.blocks.x * grid.block.x, x);
+          EXPECT_GE(grid.blocks.y * grid.block.y, y);
+          EXPECT_GE(grid.blocks.z * grid.block.z, z);
+        }
 }
 
 TEST(Grid, ThreadsTakeSeveralIndices) {

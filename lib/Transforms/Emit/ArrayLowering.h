@@ -142,7 +142,8 @@ private:
           llvm::function_ref<llvm::SmallVector<mlir::Value>()> body);
 
   // ElementStage.cpp: accesses of whole warps.
-  mlir::Value isWhole(mlir::Operation *access);
+  mlir::Value isWhole(mlir::Operation *access, mlir::ValueRange pointers,
+                      llvm::ArrayRef<mlir::Type> elements);
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
 

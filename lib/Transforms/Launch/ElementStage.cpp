@@ -34,6 +34,34 @@ Value warp::isWholeWarp(OpBuilder &b, Location loc,
   return whole;
 }
 
+Value warp::areStretches(OpBuilder &b, Location loc,
+                         const StagedAccesses &staged, ValueRange pointers,
+                         ArrayRef<int64_t> sizes) {
+  Type i1 = b.getI1Type(), i64 = b.getI64Type();
+  auto branch = scf::IfOp::create(b, loc, i1, isFullWarp(b, loc),
+                                  /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.elseBlock());
+  Value no = arith::ConstantOp::create(b, loc, b.getBoolAttr(false));
+  scf::YieldOp::create(b, loc, no);
+  b.setInsertionPointToStart(branch.thenBlock());
+  Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
+  Value lane = arith::ExtUIOp::create(b, loc, i64, staged.lane);
+  Value follow = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
+  for (auto [pointer, size] : llvm::zip_equal(pointers, sizes)) {
+    Value place = LLVM::PtrToIntOp::create(b, loc, i64, pointer);
+    Value bytes = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(size));
+    Value start = arith::SubIOp::create(
+        b, loc, place, arith::MulIOp::create(b, loc, lane, bytes));
+    Value first = shuffle(b, loc, ShuffleMode::index, start, zero);
+    Value same =
+        arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, start, first);
+    follow = arith::AndIOp::create(b, loc, follow, same);
+  }
+  scf::YieldOp::create(b, loc, holdsInWarp(b, loc, follow));
+  return branch.getResult(0);
+}
+
 warp::ElementStage::ElementStage(OpBuilder &b, Location loc,
                                  const StagedAccesses &staged, Type type,
                                  Value pointer)
@@ -111,11 +139,22 @@ SmallVector<Value> warp::ElementStage::elementToShare(ValueRange words) {
 // Lowering
 //===----------------------------------------------------------------------===//
 
-Value warp::ArrayLowering::isWhole(Operation *access) {
+Value warp::ArrayLowering::isWhole(Operation *access, ValueRange pointers,
+                                   ArrayRef<Type> elements) {
   Value &known = wholeWarps[access->getBlock()];
   if (!known)
     known = isWholeWarp(b, loc, staged);
-  return known;
+  if (!staged.inRow)
+    return known;
+  auto branch = scf::IfOp::create(b, loc, b.getI1Type(), known,
+                                  /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  scf::YieldOp::create(b, loc, known);
+  b.setInsertionPointToStart(branch.elseBlock());
+  SmallVector<int64_t> sizes(llvm::map_range(elements, getByteSize));
+  scf::YieldOp::create(b, loc, areStretches(b, loc, staged, pointers, sizes));
+  return branch.getResult(0);
 }
 
 static SmallVector<warp::Leaf> getLeaves(Type element) {
@@ -136,9 +175,10 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
     pointers.push_back(address(op.getArray(), op.getIndices()).pointer);
   }
   LoadComponentsOp first = group.front();
-  auto branch = scf::IfOp::create(b, loc, types, isWhole(first),
-                                  /*addThenBlock=*/true,
-                                  /*addElseBlock=*/true);
+  auto branch =
+      scf::IfOp::create(b, loc, types, isWhole(first, pointers, elements),
+                        /*addThenBlock=*/true,
+                        /*addElseBlock=*/true);
   OpBuilder::InsertionGuard insertion(b);
   b.setInsertionPointToStart(branch.thenBlock());
   synchronizeWarp(b, loc);
@@ -184,7 +224,8 @@ static bool isOneConstant(ValueRange components) {
 void warp::ArrayLowering::lowerStaged(StoreComponentsOp op) {
   Type type = elementType(op.getArray());
   Value pointer = address(op.getArray(), op.getIndices()).pointer;
-  auto branch = scf::IfOp::create(b, loc, isWhole(op), /*withElseRegion=*/true);
+  auto branch = scf::IfOp::create(b, loc, isWhole(op, pointer, type),
+                                  /*withElseRegion=*/true);
   OpBuilder::InsertionGuard insertion(b);
   b.setInsertionPointToStart(branch.thenBlock());
   synchronizeWarp(b, loc);

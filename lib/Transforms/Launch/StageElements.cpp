@@ -13,11 +13,13 @@
 //   load    memory -> share -> slab -> element
 //   store   element -> slab -> share -> memory
 //
-// This takes 32 threads whose elements follow each other. That indices do is
-// known here; that all threads are there is asked where the access is, and
-// otherwise (the last warp of a launch, a branch that some take) each accesses
-// its own element. The answer holds for the rest of a block of the IR. A loop
-// would access the same element again and again, which the cache is for.
+// This takes 32 threads whose elements follow each other. That indices do in a
+// row of the launch is known here; that all threads are there is asked where
+// the access is, and otherwise (the last warp of a launch, a branch that some
+// take) each accesses its own element. The answer holds for the rest of a block
+// of the IR. Where blocks have whole rows, a warp may have threads of several:
+// there it compares addresses. A loop would access the same element again and
+// again, which the cache is for.
 //
 // A thread's element is read and written by others, so barriers of the warp
 // keep the order of its accesses: there is one before every staged access,
@@ -255,7 +257,7 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
     staged.inRow = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, rest,
                                          constant(0));
   }
-  staged.lane = arith::AndIOp::create(b, loc, x, last);
+  staged.lane = arith::AndIOp::create(b, loc, thread, last);
   Value warp = subgroupOf(b, loc, thread);
   Value offset = arith::MulIOp::create(b, loc, warp, constant(slabSize));
   staged.slab = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(),

@@ -38,9 +38,16 @@ StagedAccesses findStagedAccesses(mlir::LLVM::LLVMFuncOp entry);
 /// `count` words.
 int64_t getSlabPeriod(int64_t count, int64_t warpSize);
 
-/// True if all threads of a warp come to the insertion point together.
+/// True if all threads of a warp come to the insertion point together, and lie
+/// in a row.
 mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
                         const StagedAccesses &staged);
+/// The same for threads of several rows, if the elements that `pointers` are of
+/// follow each other all the same.
+mlir::Value areStretches(mlir::OpBuilder &b, mlir::Location loc,
+                         const StagedAccesses &staged,
+                         mlir::ValueRange pointers,
+                         llvm::ArrayRef<int64_t> sizes);
 
 /// The elements of a whole warp, which lie side by side. A thread's share of
 /// them are words next to those of its neighbours.
