@@ -39,9 +39,25 @@ def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
     For forward mode they need not be complete: replays are dropped.
 
     ```mlir
-    %dx = warp.vjp @f(%x) of(%dy) : (f32), (f32) -> (f32)
+    func.func private @square(%x: f32) -> f32 {
+      %y = warp.mul(%x, %x) : (f32, f32) -> f32
+      return %y : f32
+    }
+    func.func @f(%x: f32, %dy: f32) -> f32 {
+      %dx = warp.vjp @square(%x) of (%dy) : (f32), (f32) -> (f32)
+      return %dx : f32
+    }
     // ==>
-    %dx = func.call @f_vjp(%x, %dy) : (f32, f32) -> f32
+    func.func @f(%x: f32, %dy: f32) -> f32 {
+      %dx = func.call @square_vjp(%x, %dy) : (f32, f32) -> f32
+      return %dx : f32
+    }
+    func.func private @square_vjp(%x: f32, %dy: f32) -> f32 {
+      %a = warp.mul(%dy, %x) : (f32, f32) -> f32
+      %b = warp.mul(%x, %dy) : (f32, f32) -> f32
+      %s = warp.add(%a, %b) : (f32, f32) -> f32
+      return %s : f32
+    }
     ```
   }];
   let options = [
@@ -63,7 +79,7 @@ def ExpandBuiltins : WarpPass<"warp-expand-builtins"> {
     whose counters are all that indices of composites are made of are written
     out before: a derivative has nothing to keep for them.
 
-    ```mlir
+    ```
     %r = warp.skew(%v) : (!warp.vec<3 x f32>) -> !warp.mat<3x3 x f32>
     // ==>
     %x = warp.extract %v[%c0] : !warp.vec<3 x f32>, si32 -> f32
@@ -85,7 +101,7 @@ def FlattenStructs : WarpPass<"warp-flatten-structs"> {
     Arguments stay structs; nothing else is one afterwards, and elements of
     arrays of structs are accessed field by field.
 
-    ```mlir
+    ```
     %p = warp.load %a[%i] : !warp.array<1 x !P>, si32 -> !P
     %m = warp.struct_get %p["m"] : !P -> f32
     // ==>
@@ -105,10 +121,10 @@ def ForwardStores : WarpPass<"warp-forward-stores"> {
     and a store where the element belongs to one thread.
 
     ```mlir
-    warp.store %x, %y[%i]
-    %v = warp.load %y[%i]
+    warp.store %x, %y[%i] : f32, !warp.array<1 x f32>, i32
+    %v = warp.load %y[%i] : !warp.array<1 x f32>, i32 -> f32
     // ==>
-    warp.store %x, %y[%i]      // and %x instead of %v
+    warp.store %x, %y[%i] : f32, !warp.array<1 x f32>, i32   // and %x, not %v
     ```
   }];
   let options = [
@@ -127,16 +143,16 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
     Structs must have been flattened and builtins without a rule expanded.
 
     ```mlir
-    %v = warp.load %x[%i]
-    %p = warp.sin(%v)
-    warp.store %p, %y[%i]
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %p = warp.sin(%v) : (f32) -> f32
+    warp.store %p, %y[%i] : f32, !warp.array<1 x f32>, si32
     // ==>
-    %v = warp.load %x[%i]
-    %g = warp.load %dy[%i]
-    warp.store %zero, %dy[%i]
-    %c = warp.cos(%v)
-    %h = warp.mul(%g, %c)
-    warp.accumulate %h, %dx[%i] {unique = 1}
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %g = warp.load %dy[%i] : !warp.array<1 x f32>, si32 -> f32
+    warp.store %zero, %dy[%i] : f32, !warp.array<1 x f32>, si32
+    %c = warp.cos(%v) : (f32) -> f32
+    %h = warp.mul(%g, %c) : (f32, f32) -> f32
+    warp.accumulate %h, %dx[%i] {unique = 1} : f32, !warp.array<1 x f32>, si32
     ```
   }];
   let options = [
@@ -169,11 +185,11 @@ def InlinePullbacks : WarpPass<"warp-inline-pullbacks"> {
     one without a gradient is erased.
 
     ```mlir
-    %row = warp.view %a[%i]
-    %g = warp.grad %row
+    %row = warp.view %a[%i] : !warp.array<2 x f32>, si32 -> !warp.array<1 x f32>
+    %g = warp.grad %row : !warp.array<1 x f32> -> !warp.array<1 x f32>
     // ==>
-    %ga = warp.grad %a
-    %g = warp.view %ga[%i]
+    %ga = warp.grad %a : !warp.array<2 x f32> -> !warp.array<2 x f32>
+    %g = warp.view %ga[%i] : !warp.array<2 x f32>, si32 -> !warp.array<1 x f32>
     ```
   }];
   let options = [
@@ -191,17 +207,17 @@ def SimplifyAdjoint : WarpPass<"warp-simplify-adjoint"> {
     Loop-invariant code must have been moved.
 
     ```mlir
-    scf.for %k = %zero to %n step %one {
-      warp.accumulate %v, %dx[%i]
+    scf.for %k = %zero to %n step %one : i32 {
+      warp.accumulate %v, %dx[%i] : f32, !warp.array<1 x f32>, si32
     }
     // ==>
-    %s = scf.for %k = %zero to %n step %one iter_args(%t = %none) {
-      %u = warp.add(%t, %v)
-      scf.yield %u
+    %s = scf.for %k = %zero to %n step %one iter_args(%t = %none) -> f32 : i32 {
+      %u = warp.add(%t, %v) : (f32, f32) -> f32
+      scf.yield %u : f32
     }
-    %any = arith.cmpi slt, %zero, %n
+    %any = arith.cmpi slt, %zero, %n : i32
     scf.if %any {
-      warp.accumulate %s, %dx[%i]
+      warp.accumulate %s, %dx[%i] : f32, !warp.array<1 x f32>, si32
     }
     ```
   }];
@@ -228,7 +244,7 @@ def GatherSums : WarpPass<"warp-gather-sums"> {
     has the extents of the adjoint's launch as further parameters. A module
     without such sums stays as it is.
 
-    ```mlir
+    ```
     func.func @k_adjoint(%x, %y) attributes {warp.kernel} {
       %v = warp.load %dy[%i]
       warp.accumulate %v, %dx[%i]
@@ -333,7 +349,7 @@ def FormLaunch : WarpPass<"warp-form-launch"> {
     Begins phase `launch`. The promises of the launch about arguments become
     attributes of them.
 
-    ```mlir
+    ```
     func.func @f(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
       %i = warp.tid : i32
       // body
@@ -371,10 +387,12 @@ def PlanUpdates : WarpPass<"warp-plan-updates"> {
     Short loops over elements that all threads share are unrolled.
 
     ```mlir
-    %old = warp.atomic_components add(%x), %sum[%c0] : ...
+    %old = warp.atomic_components add(%x), %sum[%c0]
+        : (f32), !warp.array<1 x f32>, i32 -> f32
     // ==>
     %old = warp.atomic_components add(%x), %sum[%c0]
-        {warp.update = #warp.update<scope = group>} : ...
+        {warp.update = #warp.update<scope = group>}
+        : (f32), !warp.array<1 x f32>, i32 -> f32
     ```
   }];
   let dependentDialects = [
@@ -387,7 +405,7 @@ def CombineOverGroups : WarpPass<"warp-combine-over-groups"> {
     An update of the scope `group` becomes a value that the threads yield, which
     is combined over the group and published once.
 
-    ```mlir
+    ```
     warp.threads {
       %old = warp.atomic_components add(%x), %sum[%c0] : ...
     }
@@ -412,7 +430,7 @@ def WidenThreads : WarpPass<"warp-widen-threads"> {
     does becomes masks. Threads stay scalar where lanes cannot be right or do
     not pay, and in a debugging launch.
 
-    ```mlir
+    ```
     ^bb0(%i: i32):
       %v = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
       %s = arith.addf %v, %v : f32
@@ -470,7 +488,7 @@ def CheckVariance : WarpPass<"warp-check-variance"> {
     claims about several threads. A debugging launch has these tests if the
     kernel has that argument.
 
-    ```mlir
+    ```
     %j = arith.addi %i, %c1 : i32
     ==>
     %j = arith.addi %i, %c1 : i32
@@ -496,7 +514,7 @@ def ApplySchedules : WarpPass<"warp-apply-schedules"> {
     `warp.threads` has no indices; `updates` and `loads` rewrite loops of the
     entry.
 
-    ```mlir
+    ```
     warp.threads {
     ^bb0(%i: i32):
       // body
@@ -534,7 +552,7 @@ def EmitEntry : WarpPass<"warp-emit-entry"> {
     the threads of a range of linear indices, row by row, with an inner loop
     over the last dimension; on the GPU it is one thread, mapped to the grid.
 
-    ```mlir
+    ```
     warp.group {
       warp.threads {
       ^bb0(%i: i32):
@@ -579,7 +597,7 @@ def CombineOverWarps : WarpPass<"warp-combine-over-warps"> {
     together. For an element with several components each lane gets a share,
     which the first of those that have the same one updates.
 
-    ```mlir
+    ```
     %old = warp.atomic_components add(%x), %row[%i] : ...
     // ==>
     scf.if %together {
@@ -605,12 +623,14 @@ def LowerSums : WarpPass<"warp-lower-sums"> {
     rounds after the launch.
 
     ```mlir
-    %old = warp.atomic_components add (%x), %sum[%j] 
-        {warp.update = #warp.update<sum = 192>} : ...
+    %old = warp.atomic_components add(%x), %sum[%j]
+        {warp.update = #warp.update<sum = 192>}
+        : (f32), !warp.array<1 x f32>, i32 -> f32
     // ==>
     %p = warp.address %sum[%j] : !warp.array<1 x f32>, i32
     // %number: of the element, by %p
     llvm.call @warp_add_exactly_f32(%digits, %touched, %count, %number, %x)
+        : (!llvm.ptr, !llvm.ptr, i64, i64, f32) -> ()
     ```
   }];
   let dependentDialects = [
@@ -625,7 +645,7 @@ def UnrollLoops : WarpPass<"warp-unroll-loops"> {
     In front of a loop with a condition, which computes only, goes one that runs
     several iterations and asks for all of their conditions at once.
 
-    ```mlir
+    ```
     %r = scf.while (%s = %init) {        // %c from %s
       scf.condition(%c) %s
     } do { ... }                         // f
@@ -651,15 +671,15 @@ def OrderAccesses : WarpPass<"warp-order-accesses"> {
     once.
 
     ```mlir
-    %g = warp.load_components %dy[%i] : ...
-    warp.store_components (%zero), %dy[%i] : ...
+    %g = warp.load_components %dy[%i] : !warp.array<1 x f32>, i32 -> f32
+    warp.store_components (%zero), %dy[%i] : (f32), !warp.array<1 x f32>, i32
     %s = math.cos %v : f32
-    %h = warp.load_components %dx[%i] : ...
+    %h = warp.load_components %dx[%i] : !warp.array<1 x f32>, i32 -> f32
     // ==> where arrays are disjoint
-    %g = warp.load_components %dy[%i] : ...
-    %h = warp.load_components %dx[%i] : ...
+    %g = warp.load_components %dy[%i] : !warp.array<1 x f32>, i32 -> f32
+    %h = warp.load_components %dx[%i] : !warp.array<1 x f32>, i32 -> f32
     %s = math.cos %v : f32
-    warp.store_components (%zero), %dy[%i] : ...
+    warp.store_components (%zero), %dy[%i] : (f32), !warp.array<1 x f32>, i32
     ```
   }];
 }
@@ -692,10 +712,11 @@ def ExpandRoots : WarpPass<"warp-expand-roots"> {
     Roots of f32 are correctly rounded, reciprocals of roots within 1 ulp.
 
     ```mlir
+    %one = arith.constant 1.0 : f32
     %s = math.sqrt %x : f32
     %r = arith.divf %one, %s : f32
     // ==>
-    %y = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"(%x)
+    %y = llvm.call_intrinsic "llvm.nvvm.rsqrt.approx.f"(%x) : (f32) -> f32
     // %r = %y + %y/2 (1 - %x %y %y), or %y
     ```
   }];
@@ -714,7 +735,7 @@ def LowerMath : WarpPass<"warp-lower-math"> {
 
     ```mlir
     %y = math.erf %x : f32
-    // ==> target=sm_90
+    // ==> on a GPU
     %y = llvm.call @__nv_erff(%x) : (f32) -> f32
     ```
   }];
@@ -729,7 +750,7 @@ def FormGpuModule : WarpPass<"warp-form-gpu-module"> {
     `gpu.func kernel`, and the variables of a block become workgroup buffers of
     the kernel. An entry for the CPU stays as it is.
 
-    ```mlir
+    ```
     llvm.mlir.global internal @sums_0() {addr_space = 3 : i32}
         : !llvm.array<32 x f32>
     llvm.func @f(%block: !llvm.ptr) {
@@ -765,7 +786,7 @@ def ConvertToLLVM : WarpPass<"warp-convert-to-llvm"> {
     A kernel of the `gpu` dialect becomes one of NVIDIA's on the way, and moves
     out of its `gpu.module`.
 
-    ```mlir
+    ```
     gpu.module @f {
       gpu.func @f(%block: !llvm.ptr) kernel {
         %i = gpu.thread_id x

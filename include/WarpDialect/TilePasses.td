@@ -22,7 +22,7 @@ def MaskThreads : WarpTilePass<"warp-mask-threads"> {
     block lacks threads (`warp.ragged`): they do nothing by themselves any more,
     and give zero to tiles.
 
-    ```mlir
+    ```
     scf.if %returns {
     } else {
       %x = warp.load %a[%i] : ...
@@ -57,7 +57,7 @@ def ScalarizeTiles : WarpTilePass<"warp-scalarize-tiles"> {
     without tiles for all operations of the kernel, its threads are independent
     from here on.
 
-    ```mlir
+    ```
     %t = warp.tile_from_threads %x : f32 -> !warp.tile<1 x f32>
     %s = warp.tile_reduce add %t : !warp.tile<1 x f32> -> !warp.tile<1 x f32>
     %old = warp.tile_atomic add %s, %a[%i] : ...
@@ -80,7 +80,7 @@ def FormLaneLoops : WarpTilePass<"warp-form-lane-loops"> {
     longer than such a loop tiles. The first thread of a block does it all, and
     blocks have one thread from here on.
 
-    ```mlir
+    ```
     %x = warp.load %a[%tid] : ...
     %t = warp.tile_from_threads %x : f32 -> !warp.tile<64 x f32>
     // ==>
@@ -100,7 +100,7 @@ def FuseTiles : WarpTilePass<"warp-fuse-tiles"> {
     A `tile_map` without effects whose results only one other `tile_map` of the
     same block uses becomes part of that, so that its elements are never stored.
 
-    ```mlir
+    ```
     %b = warp.tile_map(%a) { sin } : ...
     %c = warp.tile_map(%b, %a) { add } : ...
     // ==>
@@ -127,7 +127,7 @@ def PlaceTiles : WarpTilePass<"warp-place-tiles"> {
     get a `warp.function`, and loops that load factors of products are pipelined
     (`warp.stages`). `#warp.tile_layout` says all of it.
 
-    ```mlir
+    ```
     %b = warp.tile_map(%a) {...} : (!warp.tile<64 x f32>) -> !warp.tile<64 x f32>
     // ==>
     %b = warp.tile_map(%a) {...} {warp.layout = #warp.tile_layout<storage = inlined>} : ...
@@ -143,7 +143,7 @@ def PlanTileMemory : WarpTilePass<"warp-plan-tile-memory"> {
     the lowest place that is free for as long as it lives. More memory than the
     target's blocks have is an error that names the largest tiles.
 
-    ```mlir
+    ```
     %b = warp.tile_sort(%a) {...} : ...
     // ==>
     %b = warp.tile_sort(%a) {..., offset = 1024} : ...

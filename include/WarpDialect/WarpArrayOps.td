@@ -94,6 +94,7 @@ def Warp_AtomicOp
 
     ```mlir
     %old = warp.atomic add %v, %a[%i] : f32, !warp.array<1 x f32>, si32
+      -> f32
     ```
   }];
   let arguments = (ins Warp_AtomicKind:$kind, Warp_Element:$value,
