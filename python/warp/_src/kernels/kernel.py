@@ -8,6 +8,7 @@ setting or module option that matters to code drops the native kernel, not the P
 from __future__ import annotations
 
 import functools
+import sys
 import types as python_types
 
 from warp import _native
@@ -279,6 +280,10 @@ class Kernel:
 
                 return for_more_threads(self, problem, arguments, wished)
         shown.dump(self, native)
+        if "IPython" in sys.modules:
+            from warp._src.kernels import changed_globals
+
+            changed_globals.watch(self)
         name = self.key if arguments is None else f"{self.key}_{type_tag(arguments)}"
         self.use_saved(native, name)
         return native
