@@ -441,3 +441,54 @@ TEST_F(OrderedGraphs, AreChainsWithoutTheOption) {
   EXPECT_EQ(schedule->edges, 0u);
   EXPECT_EQ(schedule->branches, 2);
 }
+
+static const char *const addText = R"(
+func.func @add(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.arg_names = ["x", "y"]} {
+  %i = warp.tid : si32
+  %a = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %b = warp.load %y[%i] : !warp.array<1 x f32>, si32 -> f32
+  %c = warp.add(%a, %b) : (f32, f32) -> f32
+  warp.store %c, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+)";
+
+// A kernel may start while its only predecessor ends, also one that it was not
+// recorded behind; with several predecessors it comes after their ends.
+TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
+  auto *early = reinterpret_cast<int (*)()>(
+      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
+  ASSERT_TRUE(early);
+  Kernel kernel(Module::fromText(addText), "add");
+  Buffer memory(0, 5 * 256);
+  auto launch = [&](int from, int to) {
+    struct {
+      LaunchHeader header;
+      ArrayDescriptor x, y;
+    } block;
+    for (auto [array, place] : {std::pair(&block.x, from), {&block.y, to}}) {
+      array->data = static_cast<char *>(memory.data()) + 256 * place;
+      array->ndim = 1;
+      array->shape[0] = 64;
+      array->strides[0] = 4;
+    }
+    LaunchDim dim;
+    dim.extent[0] = 64;
+    kernel.launch(0, dim, &block);
+  };
+  auto fill = [&](Capture &) {
+    launch(0, 1);
+    launch(0, 2);
+    launch(1, 3);
+    launch(2, 4);
+    launch(3, 4);
+  };
+  record(fill, NodeOrder::Recorded);
+  EXPECT_EQ(early(), 4);
+  std::shared_ptr<Graph> graph = record(fill);
+  // 0 -> 2, 1 -> 3; 2 and 3 -> 4.
+  EXPECT_EQ(graph->schedule()->edges, 4u);
+  EXPECT_EQ(graph->schedule()->nodes[4].before.size(), 2u);
+  EXPECT_EQ(early(), 2);
+}

@@ -80,7 +80,7 @@ struct FillNode {
 struct EdgeData {
   unsigned char bytes[8] = {};
 
-  bool operator==(const EdgeData &) const = default;
+  auto operator<=>(const EdgeData &) const = default;
   /// True if the second node may start before the first one has ended.
   bool isProgrammatic() const { return bytes[2] == 1; }
 };

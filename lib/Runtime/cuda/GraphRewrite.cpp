@@ -22,6 +22,7 @@
 #include "Support.h"
 
 #include <algorithm>
+#include <iterator>
 #include <queue>
 
 using namespace warp;
@@ -33,7 +34,7 @@ static constexpr int64_t manyBytes = int64_t(4) << 20;
 static constexpr size_t mostBranches = 8;
 /// Larger graphs keep the order of their recording: sets of nodes would take
 /// too much memory.
-static constexpr size_t mostNodes = 20000;
+static constexpr size_t mostNodes = 8000;
 
 /// Experiments on the limits: "branches,joins,threads" of the environment;
 /// `joins`: 1 lets the last of several predecessors have a programmatic edge, 2
@@ -259,6 +260,7 @@ void Groups::exchange(const GraphSchedule &schedule,
                       std::vector<GraphEdge> &removed,
                       std::vector<GraphEdge> &added) const {
   int joins = tuning(1, 0);
+  std::vector<GraphEdge> wanted;
   for (size_t group = 0; group < members.size(); ++group) {
     const auto &list = schedule.nodes[group].before;
     if (list.empty())
@@ -268,22 +270,22 @@ void Groups::exchange(const GraphSchedule &schedule,
     for (const GraphSchedule::Edge &edge : list)
       for (GraphNode to : first)
         for (GraphNode from : lastOf(edge.from))
-          added.push_back(
+          wanted.push_back(
               {from, to,
                dataOf(to, edge.from, group,
                       isOnly || joins == 2 ||
                           (joins == 1 && edge.from == list.front().from))});
   }
-  auto has = [](const std::vector<GraphEdge> &list, const GraphEdge &edge) {
-    return std::find(list.begin(), list.end(), edge) != list.end();
-  };
+  std::vector<GraphEdge> old;
   for (const GraphEdge &edge : edges)
-    if (groupOf(edge.from) != groupOf(edge.to) && !has(added, edge))
-      removed.push_back(edge);
-  added.erase(
-      std::remove_if(added.begin(), added.end(),
-                     [&](const GraphEdge &edge) { return has(edges, edge); }),
-      added.end());
+    if (groupOf(edge.from) != groupOf(edge.to))
+      old.push_back(edge);
+  std::sort(old.begin(), old.end());
+  std::sort(wanted.begin(), wanted.end());
+  std::set_difference(old.begin(), old.end(), wanted.begin(), wanted.end(),
+                      std::back_inserter(removed));
+  std::set_difference(wanted.begin(), wanted.end(), old.begin(), old.end(),
+                      std::back_inserter(added));
 }
 
 //===----------------------------------------------------------------------===//

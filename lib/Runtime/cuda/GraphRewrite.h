@@ -21,7 +21,7 @@ struct GraphEdge {
   GraphNode from, to;
   EdgeData data;
 
-  bool operator==(const GraphEdge &) const = default;
+  auto operator<=>(const GraphEdge &) const = default;
 };
 
 /// Exchanges edges of graphs, and takes that back.
