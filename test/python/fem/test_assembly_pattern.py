@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from warp import fem
 from warp._src.fem import grids
 from warp._src.fem.assembly import pattern as patterns
 from warp._src.fem.assembly.gather import add_blocks, spread_adjoint
@@ -116,3 +117,61 @@ def test_a_batch_holds_at_most_64_mib_of_blocks():
 def test_tables_of_different_elements_are_named():
     with pytest.raises(ValueError, match="one number of elements, but got 2 and 3"):
         Pattern(array([[0], [1]]), array([[0], [1], [2]]), 2, 3)
+
+
+@fem.integrand
+def product(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return u(s) * v(s)
+
+
+@fem.integrand
+def one(s: fem.Sample, v: fem.Field):
+    return v(s)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_graph_finds_sparsity_that_is_not_known_yet(degree, device):
+    """The first assembly of a matrix and of a vector may be in a capture."""
+
+    def fields():
+        geo = fem.Grid2D(res=wp.vec2i(6, 5))
+        space = fem.make_polynomial_space(geo, degree=degree)
+        return {"u": fem.make_trial(space), "v": fem.make_test(space)}
+
+    with wp.ScopedDevice(device):
+        expected = fem.integrate(product, fields=fields())
+        known = fields()
+        with wp.ScopedCapture(device=device) as capture:
+            matrix = fem.integrate(product, fields=known)
+            vector = fem.integrate(one, fields={"v": known["v"]})
+        nnz = expected.nnz
+        # There is room for every pair of nodes of every cell.
+        assert matrix.nnz == 30 * (degree + 1) ** 4
+        for _ in range(2):
+            wp.capture_launch(capture.graph)
+            np.testing.assert_array_equal(matrix.offsets.numpy(), expected.offsets.numpy())
+            for name in ("columns", "values"):
+                found = getattr(matrix, name).numpy()[:nnz]
+                np.testing.assert_array_equal(found, getattr(expected, name).numpy()[:nnz])
+            assert vector.numpy().sum() == pytest.approx(1.0, rel=1e-6)
+            assert matrix.nnz_sync() == nnz
+        again = fem.integrate(product, fields=known)
+        assert again.nnz == nnz
+        np.testing.assert_array_equal(again.values.numpy(), expected.values.numpy())
+
+
+def test_a_graph_cannot_join_parts_of_unknown_sparsity(monkeypatch):
+    from warp._src.fem.assembly import pattern
+
+    monkeypatch.setattr(pattern, "ENTRIES", 64)
+    geo = fem.Grid2D(res=wp.vec2i(6, 5))
+    space = fem.make_polynomial_space(geo, degree=1)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    with wp.ScopedCapture(device="cpu"):
+        with pytest.raises(RuntimeError, match="call `integrate` once before it, or"):
+            fem.integrate(product, fields=fields)
+    fem.pattern(fields["v"], fields["u"])
+    with wp.ScopedCapture(device="cpu") as capture:
+        matrix = fem.integrate(product, fields=fields)
+    wp.capture_launch(capture.graph)
+    assert matrix.values.numpy().sum() == pytest.approx(1.0, rel=1e-6)

@@ -1,5 +1,7 @@
 """Bad input of geometries: errors that name the cell, reports by number, never a fault."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -169,3 +171,61 @@ def test_files(tmp_path):
     assert surface.cell_count() == 2
     with pytest.raises(ValueError, match="has no cells of triangle"):
         fem.read_mesh(tmp_path / "box.vtk", "triangle")
+
+
+@fem.integrand
+def mass(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return u(s) * v(s)
+
+
+def warnings_of(mesh):
+    """What two integrations over a mesh warn of."""
+    space = fem.make_polynomial_space(mesh, degree=1, dtype=mesh.scalar_type)
+    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for _ in range(2):
+            fem.integrate(mass, fields=fields)
+    return [str(one.message) for one in caught]
+
+
+@pytest.mark.parametrize("real", [wp.float32, wp.float64])
+@pytest.mark.parametrize("cell", MESHES)
+def test_the_first_integration_warns_of_bad_cells(cell, real):
+    """A warning names the kind of bad cells and the first of them, once for a mesh."""
+    cells, positions = box_mesh(cell, 3, 0.2, seed=2, shuffle=False)
+    assert warnings_of(make(cell, cells, positions, real)) == []
+    flipped = cells.copy()
+    k = cells.shape[1]
+    flipped[::2] = flipped[::2, [0, 2, 1] if k == 3 else list(range(k))]
+    assert warnings_of(make(cell, flipped, positions, real)) == []
+    dimension = positions.shape[1]
+    positions = np.vstack((positions, np.outer(np.arange(k), np.ones(dimension)) + 5.0))
+    cells[4] = np.arange(len(positions) - k, len(positions))
+    (found,) = warnings_of(make(cell, cells, positions, real))
+    assert "cells of measure 0 (1, the first is cell 4)" in found and "check()" in found
+    positions[-1] = np.nan
+    (found,) = warnings_of(make(cell, cells, positions, real))
+    assert "cells with NaN or infinite positions (1, the first is cell 4)" in found
+
+
+@pytest.mark.parametrize("real", [wp.float32, wp.float64])
+def test_slivers_lose_half_of_the_digits(real):
+    """Four vertices near a plane: reported where their height is below the root of rounding."""
+    root = 2.0**-11.5 if real is wp.float32 else 2.0**-26
+    cells = [(0, 1, 2, 3), (4, 5, 6, 7)]
+    for factor, expected in ((0.3, [1]), (3.0, [])):
+        corner = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], float)
+        flat = corner + [2.0, 0.0, 0.0]
+        flat[3] = (2.5, 0.5, factor * root * np.sqrt(0.5))
+        mesh = make("tet", cells, np.vstack((corner, flat)), real)
+        report = mesh.check()
+        assert report.slivers.tolist() == expected and report.is_fine == (not expected)
+        assert len(warnings_of(mesh)) == len(expected)
+
+
+def test_a_dart_is_named_where_the_form_is_integrated():
+    points = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)], float)
+    mesh = make("square", [(0, 1, 2, 3), (1, 4, 2, 5)], points)
+    (found,) = warnings_of(mesh)
+    assert "Quadmesh2D has cells that are not convex" in found and "first is cell 1)" in found

@@ -7,6 +7,8 @@ from warp import extend
 from warp._src.fem.forms.form import Form
 
 _ASSEMBLIES = (None, "dispatch", "generic", "nodal")
+# Kinds of geometries whose cells may be bad.
+_CHECKED = ("mesh", "deformed")
 
 
 def integrate(
@@ -67,6 +69,11 @@ def integrate(
         quadrature = default_quadrature(Form(*given))
         given = *given[:2], quadrature, *given[3:]
     form = Form(*given)
+    geometry = domain.geometry
+    if geometry.record.kind in _CHECKED and "_is_checked" not in vars(geometry):
+        from warp._src.fem.geometry.check import warn_of_bad_cells
+
+        warn_of_bad_cells(geometry, form.device)
     if form.trial is not None and form.test is None:
         raise ValueError(f"integrand '{integrand.name}' has a trial function, but no test function")
     if form.test is None:

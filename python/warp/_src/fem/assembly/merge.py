@@ -71,8 +71,19 @@ def _write_runs(
         begins[number] = at
 
 
+@wp.kernel(enable_backward=False)
+def _end_runs(numbers: wp.array(dtype=int), begins: wp.array(dtype=int)):
+    """Gives runs that there are not no origins."""
+    k = wp.tid()
+    count = numbers[numbers.shape[0] - 1]
+    if k > count:
+        begins[k] = begins[count]
+
+
 def find_runs(rows, columns, origins, size, first_row, row_count) -> Rows:
     """Nonzeros of sorted entries.
+
+    In a capture, where their number cannot be read, there is room for as many as entries.
 
     Args:
         rows, columns, origins: int32, of at least `size` entries; rows beyond the last are unused.
@@ -83,7 +94,8 @@ def find_runs(rows, columns, origins, size, first_row, row_count) -> Rows:
     numbers = wp.empty(size, dtype=int, device=device)
     wp.launch(_mark_runs, size, [rows, columns, first_row + row_count, numbers], device=device)
     wp.utils.array_scan(numbers, numbers)
-    nnz = int(numbers[size - 1 :].numpy()[0]) if size else 0
+    is_captured = device.is_capturing
+    nnz = size if is_captured or not size else int(numbers[size - 1 :].numpy()[0])
     offsets = wp.empty(row_count + 1, dtype=int, device=device)
     result = Rows(
         offsets,
@@ -94,6 +106,8 @@ def find_runs(rows, columns, origins, size, first_row, row_count) -> Rows:
     outputs = [offsets, result.columns, result.begins]
     inputs = [rows, columns, numbers, size, first_row]
     wp.launch(_write_runs, size + 1, [*inputs, *outputs], device=device)
+    if is_captured and size:
+        wp.launch(_end_runs, size + 1, [numbers, result.begins], device=device)
     return result
 
 

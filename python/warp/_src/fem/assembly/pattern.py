@@ -160,6 +160,12 @@ class Pattern:
         targets = [None] * len(found)
         rows = found[0]
         if len(found) > 1:
+            if self.device.is_capturing:
+                raise RuntimeError(
+                    f"the sparsity of {elements} elements is found in {len(found)} parts, whose "
+                    "sizes a capture cannot read; call `integrate` once before it, or "
+                    "`fem.pattern(test, trial)`"
+                )
             rows, targets = self._union(found)
         self.batches = [
             Batch(*r, t, f.begins, f.origins)

@@ -34,7 +34,10 @@ def node_pattern_of(form) -> NodePattern:
             table = form.test_table(form.device)
             batches = node_batches(table, rows.node_count(), size)
         pattern = NodePattern(batches, table.shape[1], rows.node_count())
-        found = kept[key] = (revision, pattern)
+        found = (revision, pattern)
+        # What a graph finds belongs to the graph.
+        if not form.device.is_capturing:
+            kept[key] = found
     return found[1]
 
 

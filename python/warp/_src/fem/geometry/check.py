@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+import warnings
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -16,6 +17,7 @@ _WORDS = {
     "not_finite": "cells with NaN or infinite positions",
     "repeated_vertices": "cells that name a vertex twice",
     "flat": "cells of measure 0",
+    "slivers": "cells so nearly flat that half of the digits are lost",
     "inverted": "cells of negative orientation",
     "folded": "cells that are not convex or cross themselves, whose orientation changes inside",
     "duplicates": "cells with the vertices of a cell before them",
@@ -35,6 +37,8 @@ class GeometryReport:
         not_finite: cells with NaN or infinite positions.
         repeated_vertices: cells that name a vertex twice.
         flat: cells of measure 0.
+        slivers: cells whose measure is below the product of their edges' lengths by more than the
+            root of the unit of rounding: derivatives lose half of their digits.
         inverted: cells of negative orientation; legal, `measure` is positive.
         folded: cells whose orientation changes inside: not convex, or crossing themselves.
         duplicates: cells with the same vertices as one before them.
@@ -44,6 +48,7 @@ class GeometryReport:
     not_finite: np.ndarray = field(default_factory=_none)
     repeated_vertices: np.ndarray = field(default_factory=_none)
     flat: np.ndarray = field(default_factory=_none)
+    slivers: np.ndarray = field(default_factory=_none)
     inverted: np.ndarray = field(default_factory=_none)
     folded: np.ndarray = field(default_factory=_none)
     duplicates: np.ndarray = field(default_factory=_none)
@@ -78,16 +83,25 @@ def _sample_points(cell: str) -> np.ndarray:
     return np.pad(points, ((0, 0), (0, 3 - k)))
 
 
+# Products of differences are exact to a few units in the last place.
+_FLAT = {wp.float32: 2.0**-19, wp.float64: 2.0**-46}
+_SLIVER = {wp.float32: 2.0**-11.5, wp.float64: 2.0**-26}
+# Kinds of cells that a warning names.
+_WARNED = ("not_finite", "flat", "folded", "slivers")
+
+
 @functools.cache
-def _orientation_kernel(record):
-    """Kernel that writes the least and largest orientation of each cell, from -1 to 1."""
+def _orientation_kernels(record):
+    """Two kernels, or None for curves: one writes the least and largest orientation of each cell,
+    from -1 to 1; the other counts bad cells of each kind, and finds the first."""
     functions, real, cell = record.functions, record.scalar, record.cell
     k, d = DIMENSIONS[cell], record.dimension
     points = _sample_points(cell)
     n, Coords, CellArg = len(points), coords_type(real), functions.CellArg
-    gradient, is_solid, is_curve = functions.cell_deformation_gradient, k == d, k == 1
-    normal_of = of_gradient(k, d)[1]
-    is_surface = not is_solid and normal_of is not None
+    gradient, is_solid = functions.cell_deformation_gradient, k == d
+    if k == 1 or (not is_solid and of_gradient(k, d)[1] is None):
+        return None
+    flat, sliver = _FLAT[real], _SLIVER[real]
 
     @wp.func
     def size_of(arg: CellArg, cell: int, q: int):
@@ -105,6 +119,17 @@ def _orientation_kernel(record):
         else:
             return wp.length(wp.cross(Ft[0], Ft[1])) / product
 
+    @wp.func
+    def extremes(arg: CellArg, cell: int):
+        least = size_of(arg, cell, 0)
+        most = least
+        for q in range(1, n):
+            size = size_of(arg, cell, q)
+            # A NaN stays.
+            least = wp.where(size >= least, least, size)
+            most = wp.where(size <= most, most, size)
+        return wp.float64(least), wp.float64(most)
+
     @wp.kernel(enable_backward=False)
     def orient(
         arg: CellArg,
@@ -112,17 +137,51 @@ def _orientation_kernel(record):
         high: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
-        least = size_of(arg, i, 0)
-        most = least
-        for q in range(1, n):
-            size = size_of(arg, i, q)
-            # A NaN stays.
-            least = wp.where(size >= least, least, size)
-            most = wp.where(size <= most, most, size)
-        low[i] = wp.float64(least)
-        high[i] = wp.float64(most)
+        low[i], high[i] = extremes(arg, i)
 
-    return None if is_curve or not (is_solid or is_surface) else orient
+    @wp.kernel(enable_backward=False)
+    def count_bad(arg: CellArg, counts: wp.array(dtype=int), first: wp.array(dtype=int)):
+        i = wp.tid()
+        low, high = extremes(arg, i)
+        kind = int(-1)
+        if not wp.isfinite(low) or not wp.isfinite(high):
+            kind = 0
+        elif wp.max(wp.abs(low), wp.abs(high)) <= wp.float64(flat):
+            kind = 1
+        elif low <= wp.float64(flat) and high >= wp.float64(-flat):
+            kind = 2
+        elif wp.min(wp.abs(low), wp.abs(high)) <= wp.float64(sliver):
+            kind = 3
+        if kind >= 0:
+            wp.atomic_add(counts, kind, 1)
+            wp.atomic_min(first, kind, i)
+
+    return orient, count_bad
+
+
+def warn_of_bad_cells(geometry, device) -> None:
+    """Warns of cells that forms cannot be integrated on, once for a mesh."""
+    kept = vars(geometry)
+    if "_is_checked" in kept or device.is_capturing:
+        return
+    kept["_is_checked"] = True
+    kernels, n = _orientation_kernels(geometry.record), geometry.cell_count()
+    if kernels is None or not n:
+        return
+    with extend.unrecorded():
+        counts = wp.zeros(len(_WARNED), dtype=int, device=device)
+        first = wp.full(len(_WARNED), n, dtype=int, device=device)
+        inputs = [geometry.cell_arg_value(device)]
+        wp.launch(kernels[1], n, inputs, [counts, first], device=device)
+        counts = counts.numpy()
+    if counts.any():
+        found = [
+            f"{_WORDS[kind]} ({count}, the first is cell {cell})"
+            for kind, count, cell in zip(_WARNED, counts, first.numpy(), strict=True)
+            if count
+        ]
+        message = f"{geometry.name} has {'; '.join(found)}; `geometry.check()` lists all"
+        warnings.warn(message, stacklevel=3)
 
 
 def _of_tables(geometry) -> dict:
@@ -149,26 +208,28 @@ def _of_tables(geometry) -> dict:
 def check_geometry(geometry, device=None) -> GeometryReport:
     """Looks for cells that forms cannot be integrated on; see `GeometryReport`."""
     found = _of_tables(geometry)
-    kernel = _orientation_kernel(geometry.record)
+    kernels = _orientation_kernels(geometry.record)
     n = geometry.cell_count()
-    if kernel is None or not n:
+    if kernels is None or not n:
         return GeometryReport(**found)
     device = wp.get_device(device)
     with extend.unrecorded():
         low, high = (wp.zeros(n, dtype=wp.float64, device=device) for _ in range(2))
-        wp.launch(kernel, n, [geometry.cell_arg_value(device)], [low, high], device=device)
+        wp.launch(kernels[0], n, [geometry.cell_arg_value(device)], [low, high], device=device)
         low, high = low.numpy(), high.numpy()
-    # Products of differences are exact to a few units in the last place.
-    tolerance = 2.0**-19 if geometry.scalar_type is wp.float32 else 2.0**-46
+    tolerance, sliver = _FLAT[geometry.scalar_type], _SLIVER[geometry.scalar_type]
     is_nan = np.isnan(low) | np.isnan(high)
     flat = (np.maximum(np.abs(low), np.abs(high)) <= tolerance) | is_nan
     bad = found.get("not_finite", _none())
     flat[bad] = False
     folded = ~flat & ~is_nan & (low < -tolerance) & (high > tolerance)
     touching = ~flat & ~is_nan & ~folded & (np.minimum(np.abs(low), np.abs(high)) <= tolerance)
+    bad = flat | is_nan | folded | touching
+    slivers = ~bad & (np.minimum(np.abs(low), np.abs(high)) <= sliver)
     return GeometryReport(
         **found,
         flat=np.flatnonzero(flat),
+        slivers=np.flatnonzero(slivers),
         inverted=np.flatnonzero(~flat & ~is_nan & (high < -tolerance)),
         folded=np.flatnonzero(folded | touching),
     )
