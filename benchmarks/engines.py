@@ -2,7 +2,7 @@
 """Physics engines written for the peer, on the peer and on this package.
 
     engines.py --python PYTHON --package FOLDER [--steps N] [--device DEVICE]
-               [--save FILE | --expected FILE]
+               [--profile --scene SCENE... --worlds N] [--save FILE | --expected FILE]
 
 PYTHON has `mujoco-warp`, `newton` and `warp-lang` installed; FOLDER holds this package and is put
 in front of the peer's for its turns. Each engine runs one scene in a process of its own, first
@@ -11,6 +11,13 @@ import and to make the first step, the same in seconds of processors (which hard
 else the machine does), and milliseconds per step after it; the last column is the largest
 difference of the coordinates to the peer's, of which the peer's own are the scale. `--save` keeps
 the peer's coordinates in a file; `--expected` takes them from it where the peer is not installed.
+
+With `--profile` a table for each scene says where a step's time goes: launches, microseconds of
+either package and their ratio by kernel, the slowest first, and the megabytes of the arrays that a
+launch gets; `slower` marks kernels that take more than 1.05 times the peer's. `--save` and
+`--expected` keep the peer's times likewise, so that one run on a machine with both gives the
+figures that later runs are compared with. Scenes (benchmarks/_engine_profile.py) are those of
+mujoco_warp's and Newton's own packages; on a GPU a step is a captured graph, as in training.
 """
 
 from __future__ import annotations
@@ -105,6 +112,53 @@ def run(options: argparse.Namespace, engine: str, package: Path | None, cache: s
     raise SystemExit(f"{engine} failed:\n" + "\n".join(done.stderr.splitlines()[-8:]))
 
 
+def profile(options: argparse.Namespace, scene: str, package: Path | None) -> dict:
+    """The report of _engine_profile.py in a process of its own; raises with its last lines."""
+    environment = os.environ | {"PYTHONPATH": str(package or "")}
+    script = Path(__file__).with_name("_engine_profile.py")
+    command = [options.python, str(script), scene, str(options.worlds), str(options.steps)]
+    command.append(options.device)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    for line in done.stdout.splitlines():
+        if line.startswith("RESULT"):
+            return json.loads(line.removeprefix("RESULT"))
+    raise SystemExit(f"{scene} failed:\n" + "\n".join(done.stderr.splitlines()[-8:]))
+
+
+def show(scene: str, worlds: int, ours: dict, peer: dict | None) -> None:
+    """Prints the table of a scene."""
+    other = peer or {"step_us": float("nan"), "launches": float("nan"), "kernels": {}}
+    rate = worlds / ours["step_us"]
+    print(
+        f"{scene}, {worlds} worlds: a step {ours['step_us']:.1f} us (peer {other['step_us']:.1f}), "
+        f"{rate:.3f} M steps/s, {ours['launches']:.0f} launches (peer {other['launches']:.0f}), "
+        f"first step {ours['first_s']:.2f} s"
+    )
+    print(f"{'us':>10}{'peer us':>10}{'ratio':>8}{'launches':>10}{'MB':>9}  kernel")
+    kernels = sorted(ours["kernels"].items(), key=lambda item: -item[1][1])
+    for name, (count, microseconds, size) in kernels:
+        theirs = other["kernels"].get(name)
+        known = theirs is not None and theirs[1] > 0
+        ratio = microseconds / theirs[1] if known else float("nan")
+        row = f"{microseconds:10.1f}{theirs[1] if known else float('nan'):10.1f}{ratio:8.2f}"
+        row += f"{count:10.0f}{size / max(count, 1):9.2f}  {name[:60]}"
+        print(row + (" slower" if ratio > 1.05 else ""))
+    for name in sorted(set(other["kernels"]) - set(ours["kernels"])):
+        print(f"{'':>10}{other['kernels'][name][1]:10.1f}{'':>27}  {name[:60]}, the peer's alone")
+
+
+def profile_all(options: argparse.Namespace) -> None:
+    """Profiles each scene with both packages, or with this one beside known times."""
+    known = json.loads(options.expected.read_text()) if options.expected else {}
+    for scene in options.scene or ("humanoid", "n_humanoid"):
+        key = f"{scene}:{options.worlds}:{options.device}"
+        if not options.expected:
+            known[key] = profile(options, scene, None)
+        show(scene, options.worlds, profile(options, scene, options.package), known.get(key))
+    if options.save:
+        options.save.write_text(json.dumps(known, indent=1))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--python", required=True)
@@ -112,9 +166,15 @@ def main() -> None:
     parser.add_argument("--engine", action="append", choices=("mujoco-warp", "newton"))
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--steps", type=int, default=50)
+    parser.add_argument("--profile", action="store_true")
+    parser.add_argument("--scene", action="append")
+    parser.add_argument("--worlds", type=int, default=1024)
     parser.add_argument("--save", type=Path)
     parser.add_argument("--expected", type=Path)
     options = parser.parse_args()
+    if options.profile:
+        profile_all(options)
+        return
     known = json.loads(options.expected.read_text()) if options.expected else {}
     packages = [("this", options.package)]
     if not options.expected:
