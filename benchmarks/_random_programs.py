@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import _program_parts as parts
 
 # Operations of a launch, at most, by kind of device.
-MOST = {"cpu": 4e7, "cuda": 4e9}
+MOST = {"cpu": 4e7, "cuda": 2e8}
 SIZES = {"cpu": (0, 20), "cuda": (8, 24)}
 
 
