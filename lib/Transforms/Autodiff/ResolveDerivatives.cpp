@@ -368,6 +368,9 @@ FailureOr<func::FuncOp> ResolveDerivatives::derive(func::FuncOp function,
   func::FuncOp &found = made[keyOf(function, what)];
   if (found)
     return found;
+  if (!function.isPrivate())
+    return function.emitError("expects a private function to differentiate, ")
+           << "but '" << function.getName() << "' is public";
   OwningOpRef<ModuleOp> copy = copyFunctions();
   auto inner = copy->lookupSymbol<func::FuncOp>(function.getName());
   inner->removeAttr(warp::attr::replay);
