@@ -11,9 +11,11 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "JitListeners.h"
 #include "LibmNames.h"
 #include "warp/Compile.h"
 #include "warp/Forks.h"
+#include "warp/JitListener.h"
 
 #include "Targets/Cpu/LibraryObject.h"
 
@@ -26,6 +28,7 @@
 #include "llvm/ExecutionEngine/Orc/SelfExecutorProcessControl.h"
 #include "llvm/Support/MemoryBuffer.h"
 
+#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -207,12 +210,20 @@ private:
 };
 } // namespace
 
+static std::atomic<warp::JitListener> wanted = warp::JitListener::None;
+static std::atomic<bool> isMade = false;
+
 struct warp::Jit::Impl {
   Impl()
       : session(cantFail(orc::SelfExecutorProcessControl::Create())),
         layer(session), runtime(session.createBareJITDylib("runtime")),
         device(session.createBareJITDylib("device library")) {
+    isMade = true;
     layer.addPlugin(std::make_shared<FixupCheck>());
+    if (wanted == warp::JitListener::Perf)
+      layer.addPlugin(warp::makePerfMap());
+    if (wanted == warp::JitListener::Debugger)
+      layer.addPlugin(cantFail(warp::makeDebuggerListener(session)));
     session.setErrorReporter([this](llvm::Error error) {
       reported += llvm::toString(std::move(error));
     });
@@ -263,6 +274,16 @@ warp::Jit &warp::Jit::get() {
   // Never destroyed: kernels may run while the process exits.
   static auto *jit = new Jit;
   return *jit;
+}
+
+void warp::setJitListener(JitListener listener) {
+  if (listener == wanted)
+    return;
+  if (isMade)
+    throw Error(Error::Kind::Runtime,
+                "profilers and debuggers are chosen before the first kernel "
+                "for the CPU is loaded, which has happened");
+  wanted = listener;
 }
 
 void *warp::Jit::load(const Code &code) {

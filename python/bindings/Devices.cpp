@@ -9,6 +9,7 @@
 
 #include "warp/Device.h"
 #include "warp/Graph.h"
+#include "warp/JitListener.h"
 #include "warp/KernelCache.h"
 #include "warp/ThreadPool.h"
 
@@ -237,6 +238,14 @@ static void bindCache(py::module_ &m) {
       "set_cache_enabled",
       [](bool enabled) { KernelCache::get().setEnabled(enabled); },
       py::arg("enabled"));
+  m.def(
+      "set_profile",
+      [](const std::string &name) {
+        setJitListener(name == "perf"  ? JitListener::Perf
+                       : name == "gdb" ? JitListener::Debugger
+                                       : JitListener::None);
+      },
+      py::arg("name"), "Who is told of loaded code: 'perf', 'gdb' or ''.");
   m.def(
       "clear_cache", [] { return KernelCache::get().clear(); },
       "Removes every entry; returns how many there were.");

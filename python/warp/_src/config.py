@@ -172,6 +172,14 @@ SETTINGS = {
             "0 to 3; None is 2, but first launches may begin with code that is there sooner",
         ),
         Setting("fast_math", bool, False, "allow reassociation and approximate functions"),
+        Setting(
+            "profile",
+            str,
+            "",
+            "who is told of code that is loaded for the CPU: `perf` (by `/tmp/perf-PID.map`) or "
+            "`gdb` (by its interface for JIT compilers); set before the first launch",
+            choices=("", "perf", "gdb"),
+        ),
         Setting("lineinfo", bool, False, "keep source lines in compiled code, for profilers"),
         Setting("max_unroll", int, 16, "constant loops up to this many iterations are unrolled"),
         Setting(

@@ -62,5 +62,8 @@ def connect() -> None:
     settings.on_change("cache_kernels", _native.set_cache_enabled)
     if config.kernel_cache_dir:
         _set_cache_directory(config.kernel_cache_dir)
+    settings.on_change("profile", _native.set_profile)
+    if config.profile:
+        _native.set_profile(config.profile)
     if not config.cache_kernels:
         _native.set_cache_enabled(False)
