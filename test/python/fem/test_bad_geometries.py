@@ -179,7 +179,7 @@ def mass(s: fem.Sample, u: fem.Field, v: fem.Field):
 
 
 def warnings_of(mesh):
-    """What two integrations over a mesh warn of."""
+    """Warnings of two integrations over a mesh."""
     space = fem.make_polynomial_space(mesh, degree=1, dtype=mesh.scalar_type)
     fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
     with warnings.catch_warnings(record=True) as caught:

@@ -103,7 +103,10 @@ def test_interrupted_and_full_disk_keep_what_was_found(tmp_path, capsys, monkeyp
     assert said.err.count("No space left") == 2 and "2 pass" in said.out
 
 
-@pytest.mark.parametrize("name", ["N1", "N6", "N9", "N11", "R2", "R7", "R15", "G1", "G3", "D1"])
+NAMES = ["N1", "N6", "N9", "N11", "R2", "R7", "R15", "G1", "G3", "D1", "F13", "F14", "F15"]
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_cases_of_the_catalogue(name):
     for record in run_case(name, "cpu"):
         assert record["verdict"] in ("pass", "diagnosed"), reproducer(record)

@@ -23,7 +23,7 @@ MODULES = (
     "rotations",
     "matrices",
 )
-MODULES += ("floats", "sums", "structures", "horizons", "kinetics", "fields")
+MODULES += ("floats", "sums", "structures", "horizons", "kinetics", "fields", "forms")
 
 
 def prepare(device):

@@ -104,7 +104,7 @@ def pattern_of(form) -> Pattern:
             tables = form.test_table(form.device), form.trial_table(form.device)
             pattern = Pattern(*tables, rows.node_count(), columns.node_count(), size)
         found = (revisions, pattern)
-        # What a graph finds belongs to the graph.
+        # A pattern that a graph finds belongs to the graph.
         if not form.device.is_capturing:
             kept[key] = found
     return found[1]

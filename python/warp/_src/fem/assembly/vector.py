@@ -35,7 +35,7 @@ def node_pattern_of(form) -> NodePattern:
             batches = node_batches(table, rows.node_count(), size)
         pattern = NodePattern(batches, table.shape[1], rows.node_count())
         found = (revision, pattern)
-        # What a graph finds belongs to the graph.
+        # A pattern that a graph finds belongs to the graph.
         if not form.device.is_capturing:
             kept[key] = found
     return found[1]
