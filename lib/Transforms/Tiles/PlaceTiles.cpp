@@ -2,8 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Four decisions, in this order:
+// Five decisions, in this order:
 //
+//   carried    on a GPU, tiles of one element per thread pass through loops and
+//              branches as values of threads (CarryTiles.h)
 //   inlined    views of other tiles; what has one use and reads nothing that is
 //              overwritten before that use (TileInlining.h)
 //   in place   an operation that replaces elements, if nobody reads what it
@@ -19,6 +21,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "CarryTiles.h"
 #include "DistributeTiles.h"
 #include "EarlyLoads.h"
 #include "KernelFunction.h"
@@ -242,6 +245,7 @@ static void placeWhile(OpBuilder &b, scf::WhileOp loop) {
 //===----------------------------------------------------------------------===//
 
 static void placeTiles(FunctionOpInterface kernel, int64_t threads) {
+  carryTiles(kernel, threads);
   OpBuilder b(kernel.getContext());
   SmallVector<Operation *> ops, carriers;
   kernel->walk([&](Operation *op) {

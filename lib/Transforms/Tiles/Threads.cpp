@@ -6,6 +6,8 @@
 
 #include "Models.h"
 
+#include "KernelFunction.h"
+
 using namespace mlir;
 
 namespace warp::tiles {
@@ -45,6 +47,8 @@ void ThreadLowering::toThreads(TileToThreadsOp op) {
   if (thread && extent < threads)
     exists = less(thread, number(extent));
   Type result = op.getType();
+  // Registers of a thread that has one element of the tile.
+  state.round = number(0);
   Value value = ifHolds(exists, result, [&]() -> Value {
     Values parts;
     for (auto &component : componentsOf(type)) {
@@ -78,6 +82,18 @@ struct FromThreadsModel : TileModel<FromThreadsModel, TileFromThreadsOp> {
 };
 
 struct ToThreadsModel : TileModel<ToThreadsModel, TileToThreadsOp> {
+  /// A thread has the element of its number.
+  static bool isOwn(Operation *op) {
+    auto kernel = op->getParentOfType<FunctionOpInterface>();
+    TileType type = tileType(cast<TileToThreadsOp>(op).getTile());
+    return type.getRank() == 1 &&
+           type.getNumElements() == getBlockThreads(kernel) &&
+           getTarget(kernel).isSimt();
+  }
+  bool isByOwners(Operation *op) const { return isOwn(op); }
+  TileRead getRead(Operation *op, OpOperand &) const {
+    return isOwn(op) ? TileRead::Own : TileRead::Any;
+  }
   void lower(Operation *op, TileLowering &lowering) const {
     ThreadLowering(lowering.state).toThreads(cast<TileToThreadsOp>(op));
   }
