@@ -8,12 +8,14 @@ from __future__ import annotations
 import functools
 import sys
 
+from warp import _native
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import clone, copy
 from warp._src.arrays.gradients import make_gradient
 from warp._src.arrays.indexed import indexedarray
-from warp._src.arrays.observers import Observing
+from warp._src.arrays.observers import Observers, Observing
+from warp._src.derivatives.handles import handles_alive
 from warp._src.devices.devices import by_index
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.interop.torch import from_torch
@@ -109,6 +111,46 @@ class AdjointLaunch(LaunchParameters):
             f"launch('{self.kernel.key}', adjoint=True): the gradient of argument '{name}' is a "
             "read-only array, but the derivative adds to it, use a copy"
         )
+
+
+def launch_plain(kernel, native, dim, values, gradients, place) -> bool:
+    """Runs the derivative of an ordinary launch with few calls; False if it takes more.
+
+    Ordinary are arrays of this package with the gradients that the launch names, of which no two
+    share memory, and a derivative that takes no arguments of its own.
+    """
+    index, stream, block_dim = place
+    signature = kernel.signatures.get(native)
+    if signature is None or not signature.flat or stream is not None or handles_alive():
+        return False
+    if len(values) != len(signature.parameters) or not dim or Observers.active:
+        return False
+    if len(gradients) > len(values):
+        return False
+    arrays = [values[i] for i, _ in signature.arrays]
+    memory = list(arrays)
+    for value, gradient in zip(values, gradients, strict=False):
+        if gradient is not None and (type(value) is not array or value.grad is not gradient):
+            return False
+    for one in arrays:
+        if type(one) is not array:
+            return False
+        gradient = one.grad_in_use
+        if gradient is not None:
+            if gradient.read_only:
+                return False
+            memory.append(gradient)
+        elif one.requires_grad:
+            return False
+    made = kernel.derivatives.plain(native, arrays)
+    if made is None or _native.shares_elements(memory):
+        return False
+    if made.gathered is not None and made.gathered.fits(dim):
+        call = Call(kernel, native, dim, values, index, None, block_dim)
+        made.gathered.launch(call, values, [])
+    else:
+        made.native.launch(dim, values, (), index, None, block_dim)
+    return True
 
 
 def with_gradients(values, adjoints, key, parameters, late) -> tuple:

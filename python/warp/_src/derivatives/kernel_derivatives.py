@@ -20,7 +20,7 @@ from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.handles import show_gradients
 from warp._src.derivatives.same_arrays import check_overlap
 from warp._src.derivatives.singular import count_singular
-from warp._src.derivatives.wide_gradients import WideGradients
+from warp._src.derivatives.wide_gradients import WideGradients, is_narrow
 from warp._src.devices.devices import by_index, get_stream
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
@@ -38,6 +38,7 @@ class KernelDerivatives:
     def __init__(self, kernel):
         self.kernel = kernel
         self._made: dict = {}
+        self._plain: dict = {}
         self._epoch = None
         # Lines that were printed.
         self._noticed: set = set()
@@ -45,6 +46,7 @@ class KernelDerivatives:
     def clear(self) -> None:
         """Forgets all."""
         self._made.clear()
+        self._plain.clear()
 
     def adjoint(
         self, native, active, unique=True, tape=None, apart=(), same=()
@@ -64,11 +66,18 @@ class KernelDerivatives:
         Raises:
             WarpCodegenError: something active has no derivative.
         """
-        tape = tape or self.kernel.option("tape")
-        options = {"tape": tape, "apart": apart}
+        return self._find(native, active, False, unique, **self._options(tape, apart, same))
+
+    def _options(self, tape=None, apart=(), same=()) -> dict:
+        """The options of `differentiate` in reverse mode."""
+        options = {"tape": tape or self.kernel.option("tape"), "apart": apart}
         if same:
             options["same"] = same
-        return self._find(native, active, False, unique, **options)
+        return options
+
+    @staticmethod
+    def _key(native, active, forward, unique, options) -> tuple:
+        return (native, tuple(active), forward, unique, config.singular, *options.items())
 
     def tangent(
         self, native, active, unique=True, width=1, winners=False, same=()
@@ -103,9 +112,9 @@ class KernelDerivatives:
 
     def _find(self, native, active, forward, unique, **options):
         if self._epoch is not Epoch.current:
-            self._made.clear()
+            self.clear()
             self._epoch = Epoch.current
-        key = (native, tuple(active), forward, unique, config.singular, *options.items())
+        key = self._key(native, active, forward, unique, options)
         found = self._made.get(key)
         if found is None:
             name, made = kept_derivatives.find(self.kernel, native, key[1:])
@@ -153,6 +162,24 @@ class KernelDerivatives:
             wide.load()
             self.run_adjoint(call, wide.values, same=same)
             wide.store()
+
+    def plain(self, native, arrays) -> KernelDerivative | None:
+        """The adjoint of a launch of these arrays if nothing but its arguments takes part.
+
+        It is one that `launch` has made before; without arguments of its own, for launches of any
+        extents, and none of the gradients has elements of 16 bits. The arrays and gradients are
+        those of all arguments, and no two share memory.
+        """
+        if self._epoch is not Epoch.current:
+            return None
+        key = native, config.singular, tuple([one.requires_grad for one in arrays])
+        if key not in self._plain:
+            made = self._made.get(self._key(native, key[2], False, True, self._options()))
+            if made is None:
+                return None
+            narrow = any(one.requires_grad and is_narrow(one) for one in arrays)
+            self._plain[key] = None if narrow or not made.is_plain else made
+        return self._plain[key]
 
     def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=(), same=()) -> None:
         """Runs the adjoint of a launch.
@@ -238,6 +265,12 @@ class KernelDerivative:
         if self.gathered is None:
             return self._metrics
         return {**self._metrics, "atomics": self.gathered.atomics}
+
+    @property
+    def is_plain(self) -> bool:
+        """True if it takes a launch's own arguments alone, and is right for all extents."""
+        alone = not self.hidden and self.counting is None and self.recording is None
+        return alone and not self.one_thread and self.max_rank == 4
 
     @property
     def counts(self) -> bool:

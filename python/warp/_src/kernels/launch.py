@@ -18,7 +18,7 @@ from warp._src.argument_kinds import DIM, FLAG, INTEGER, KERNEL, LIST, NONE, STR
 from warp._src.arguments import explained, misfit
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, launch_ordinary, observed_launch
-from warp._src.derivatives.adjoint_launch import AdjointLaunch
+from warp._src.derivatives.adjoint_launch import AdjointLaunch, launch_plain
 from warp._src.devices.devices import by_index, index_of, resolve_index
 from warp._src.kernels.block_sizes import block_threads
 from warp._src.kernels.call import Call
@@ -214,9 +214,10 @@ def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, reco
             f"but got {len(first)}"
         )
     missing = [None] * (len(inputs) - len(first))
-    recorded = AdjointLaunch(
-        kernel, native, dim, (*inputs, *outputs), (*first, *missing, *second), place
-    )
+    values, named = (*inputs, *outputs), (*first, *missing, *second)
+    if not record_cmd and launch_plain(kernel, native, dim, values, named, place):
+        return None
+    recorded = AdjointLaunch(kernel, native, dim, values, named, place)
     if record_cmd:
         return recorded
     recorded.launch()

@@ -1,0 +1,152 @@
+"""`wp.launch(..., adjoint=True)` again and again: what a launch differs in from the one before."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+@wp.kernel
+def product(x: wp.array(dtype=float), y: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = x[i] * y[i] * y[i]
+
+
+@wp.kernel
+def spread(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    wp.atomic_add(out, i // 2, x[i] * x[i])
+
+
+def arrays(device, *gradients):
+    values = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [0.0, 0.0, 0.0]], np.float32)
+    return [
+        wp.array(one, dtype=float, device=device, requires_grad=has)
+        for one, has in zip(values, gradients, strict=True)
+    ]
+
+
+def run(x, y, out, **changes):
+    # The derivative takes the gradient of what the launch overwrites, and leaves zeros.
+    out.grad.fill_(1.0)
+    given = {"adj_inputs": [x.grad, y.grad], "adj_outputs": [out.grad], "adjoint": True}
+    wp.launch(product, x.size, [x, y], [out], device=x.device, **(given | changes))
+
+
+def expected(x, y, times):
+    y = y.numpy()
+    return times * y * y, times * 2.0 * x.numpy() * y
+
+
+def test_sums_grow_with_each_launch(device):
+    x, y, out = arrays(device, True, True, True)
+    for times in range(1, 5):
+        run(x, y, out)
+        for found, right in zip((x.grad, y.grad), expected(x, y, times), strict=True):
+            np.testing.assert_array_equal(found.numpy(), right)
+
+
+def test_gradients_come_and_go_between_launches(device):
+    x, y, out = arrays(device, True, True, True)
+    run(x, y, out)
+    run(x, y, out)
+    constant = wp.array(y.numpy(), dtype=float, device=device)
+    run(x, constant, out)
+    np.testing.assert_array_equal(x.grad.numpy(), expected(x, y, 3)[0])
+    np.testing.assert_array_equal(y.grad.numpy(), expected(x, y, 2)[1])
+    other = wp.zeros(3, dtype=float, device=device)
+    run(x, y, out, adj_inputs=[other, None])
+    np.testing.assert_array_equal(other.numpy(), expected(x, y, 1)[0])
+    np.testing.assert_array_equal(x.grad.numpy(), expected(x, y, 3)[0])
+    np.testing.assert_array_equal(y.grad.numpy(), expected(x, y, 3)[1])
+
+
+def test_one_array_in_two_places(device):
+    x, y, out = arrays(device, True, True, True)
+    for _ in range(2):
+        run(x, y, out)
+    x.grad.zero_()
+    # d/dx of x * x * x.
+    run(x, x, out)
+    np.testing.assert_array_equal(x.grad.numpy(), 3.0 * x.numpy() ** 2)
+
+
+def test_views_that_overlap(device):
+    both = wp.array([1.0, 2.0, 3.0, 4.0], dtype=float, device=device, requires_grad=True)
+    out = wp.zeros(3, dtype=float, device=device, requires_grad=True)
+    for _ in range(3):
+        both.grad.zero_()
+        run(both[:3], both[1:], out)
+    # y^2 to x, 2 x y to y, at neighbouring places.
+    v = np.array([1.0, 2.0, 3.0, 4.0])
+    right = np.zeros(4)
+    right[:3] += v[1:] ** 2
+    right[1:] += 2.0 * v[:3] * v[1:]
+    np.testing.assert_array_equal(both.grad.numpy(), right)
+
+
+def test_sizes_and_no_threads(device):
+    x, y, out = arrays(device, True, True, True)
+    run(x, y, out)
+    run(x, y, out)
+    wp.launch(
+        product,
+        *(0, [x, y], [out]),
+        adj_inputs=[x.grad, y.grad],
+        adj_outputs=[out.grad],
+        adjoint=True,
+        device=device,
+    )
+    np.testing.assert_array_equal(x.grad.numpy(), expected(x, y, 2)[0])
+    with pytest.raises(Exception, match="3 arguments"):
+        wp.launch(product, 3, [x, y], adj_inputs=[x.grad], adjoint=True, device=device)
+
+
+def test_sums_that_are_gathered(device):
+    n = 1000
+    x = wp.array(np.arange(n), dtype=float, device=device, requires_grad=True)
+    out = wp.zeros(n // 2, dtype=float, device=device, requires_grad=True)
+    out.grad.fill_(1.0)
+    for times in range(1, 4):
+        wp.launch(
+            *(spread, n, [x], [out]),
+            adj_inputs=[x.grad],
+            adj_outputs=[out.grad],
+            adjoint=True,
+            device=device,
+        )
+        np.testing.assert_array_equal(x.grad.numpy(), times * 2.0 * np.arange(n))
+
+
+def test_a_tape_does_not_record_it(device):
+    x, y, out = arrays(device, True, True, True)
+    run(x, y, out)
+    with wp.Tape() as tape:
+        run(x, y, out)
+        wp.launch(product, 3, [x, y], [out], device=device)
+    x.grad.zero_()
+    tape.backward(grads={out: wp.full(3, 1.0, dtype=float, device=device)})
+    np.testing.assert_array_equal(x.grad.numpy(), expected(x, y, 1)[0])
+
+
+def test_a_policy_for_singular_points_counts(device):
+    @wp.kernel(module="unique")
+    def root(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+        i = wp.tid()
+        out[i] = wp.sqrt(x[i])
+
+    x = wp.array([0.0, 4.0], dtype=float, device=device, requires_grad=True)
+    out = wp.zeros(2, dtype=float, device=device, requires_grad=True)
+    out.grad.fill_(1.0)
+    given = {"adj_inputs": [x.grad], "adj_outputs": [out.grad], "adjoint": True, "device": device}
+    before = wp.config.singular
+    try:
+        for policy, at_zero in (("pinned", 0.0), ("strict", np.inf), ("pinned", 0.0)):
+            wp.config.singular = policy
+            for _ in range(2):
+                x.grad.zero_()
+                out.grad.fill_(1.0)
+                wp.launch(root, 2, [x], [out], **given)
+                np.testing.assert_array_equal(x.grad.numpy(), [at_zero, 0.25])
+    finally:
+        wp.config.singular = before
