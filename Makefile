@@ -11,7 +11,7 @@
 # make wheel   an optimised wheel in dist/, of 25 MB at most, for glibc 2.28 and later
 # make wheels PYTHONS="python3.10 python3.12"  and one for each of these interpreters
 # make shim    a wheel in dist/ that stands for `warp-lang`, for clients that require it
-# make check-wheel  installs it in an empty environment and runs programs from there
+# make check-wheel  installs each in an empty environment and runs programs from there
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
@@ -82,7 +82,7 @@ shim: environment
 	@$(PYTHON) scripts/make_shim.py
 
 check-wheel: wheel
-	@$(PYTHON) scripts/check_wheel.py $$(ls -t dist/*.whl | head -1) $(CHECK_ARGS)
+	@$(PYTHON) scripts/check_wheel.py dist/warp_mlir-*-manylinux*.whl --pythons $(PYTHONS) $(CHECK_ARGS)
 
 device-bundle: release
 	@scripts/make_device_bundle.sh build/release

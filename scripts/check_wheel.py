@@ -1,9 +1,10 @@
-"""Install a wheel where nothing else is, and run programs from it.
+"""Install wheels where nothing else is, and run programs from them.
 
-    python scripts/check_wheel.py dist/warp_mlir-1.19.0-cp311-cp311-linux_x86_64.whl [--no-index]
+    python scripts/check_wheel.py dist/*.whl [--pythons /usr/bin/python3.10 ...] [--no-index]
 
-Makes an empty environment in a temporary folder, lets pip install the wheel with what it asks for
-(`--no-index`: with the NumPy of the running interpreter, where there is no network), and runs there
+Makes an empty environment of the interpreter that a wheel is for (this one, or one of `--pythons`)
+in a temporary folder, lets pip install the wheel with what it asks for (`--no-index`: with NumPy
+of the running interpreter, where there is no network), and runs there
 the program of README.md, an example, and a look at which libraries the machine has to have. Asks
 auditwheel which systems it is for, at least all with glibc 2.28. Prints the size of the wheel, what
 its files take, and how long each step took. The exit status is 1 if a step fails or the wheel has
@@ -19,7 +20,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import venv
 import zipfile
 from pathlib import Path
 
@@ -44,9 +44,9 @@ def readme_program() -> str:
 class Environment:
     """An empty environment, and what runs in it."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, python: str):
         self.folder = folder
-        venv.create(folder / "venv", with_pip=True)
+        subprocess.run([python, "-m", "venv", folder / "venv"], check=True)
         self.python = folder / "venv" / "bin" / "python"
         # Nothing of the caller's: no modules, no kernels compiled before.
         self.variables = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
@@ -108,23 +108,32 @@ def oldest_platform(wheel: Path) -> str:
     return found[1]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("wheel", type=Path)
-    parser.add_argument("--no-index", action="store_true", help="no network: NumPy from here")
-    options = parser.parse_args()
-    size = options.wheel.stat().st_size
-    with zipfile.ZipFile(options.wheel) as archive:
+def tag_of(python: str) -> str:
+    """The tag of an interpreter, `cp311` for one."""
+    ask = "import sys; print('cp%d%d' % sys.version_info[:2])"
+    return subprocess.run(
+        [python, "-c", ask], check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
+def check(wheel: Path, python: str, no_index: bool) -> None:
+    """Installs a wheel for an interpreter and runs programs.
+
+    Raises:
+        SystemExit: one fails, or the wheel is too large or needs more than systems have.
+    """
+    size = wheel.stat().st_size
+    with zipfile.ZipFile(wheel) as archive:
         plain = sum(entry.file_size for entry in archive.infolist())
-    print(f"{options.wheel.name}: {size:,} bytes, {plain:,} unpacked")
-    print(f"auditwheel: {oldest_platform(options.wheel)}")
+    print(f"{wheel.name}: {size:,} bytes, {plain:,} unpacked")
+    print(f"auditwheel: {oldest_platform(wheel)}")
     with tempfile.TemporaryDirectory() as name:
-        there = Environment(Path(name))
+        there = Environment(Path(name), python)
         install = ["-m", "pip", "install", "-q", "--disable-pip-version-check"]
-        if options.no_index:
+        if no_index:
             install += ["--no-deps", "--no-index"]
             there.lend_numpy()
-        there.run("pip install", *install, options.wheel.resolve())
+        there.run("pip install", *install, wheel.resolve())
         place = Path(there.run("import", "-c", ORIGIN).splitlines()[-1])
         program = there.folder / "first_kernel.py"
         program.write_text(readme_program())
@@ -136,6 +145,20 @@ def main() -> None:
         raise SystemExit(f"needs libraries that it does not bring: {', '.join(foreign)}")
     if size > MOST:
         raise SystemExit(f"{size:,} bytes are more than {MOST:,}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("wheels", type=Path, nargs="+")
+    parser.add_argument("--pythons", nargs="*", default=[], help="interpreters for other wheels")
+    parser.add_argument("--no-index", action="store_true", help="no network: NumPy from here")
+    options = parser.parse_args()
+    pythons = {tag_of(python): python for python in [*options.pythons, sys.executable]}
+    for wheel in options.wheels:
+        tag = re.search(r"-(cp\d+)-", wheel.name)[1]
+        if tag not in pythons:
+            raise SystemExit(f"{wheel.name}: no interpreter for it, name one by --pythons")
+        check(wheel, pythons[tag], options.no_index)
     print("ok")
 
 

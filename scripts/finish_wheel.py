@@ -50,6 +50,8 @@ def module_commands(include: str, suffix: str, folder: Path) -> tuple[list[list[
     own = next((RELEASE / "python" / "warp").glob("_native*.so")).relative_to(RELEASE)
     for line in commands(str(own)):
         words = shlex.split(line.replace(": && ", "").replace(" && :", ""))
+        # Between double quotes a shell takes the backslash of `\\$ORIGIN` away, shlex does not.
+        words = [word.replace("\\$", "$") for word in words]
         if "python/CMakeFiles/_native.dir/" not in line or "clang" not in line:
             continue
         words = words[next(i for i, word in enumerate(words) if "clang" in word) :]
