@@ -293,7 +293,7 @@ TEST_F(Cuda, BlocksAreShapedToTheLaunch) {
   };
   EXPECT_EQ(shape(1, {1000, 1, 1, 1}), "(4, 1, 1) x (256, 1, 1)");
   EXPECT_EQ(shape(2, {64, 1024, 1, 1}), "(32, 8, 1) x (32, 8, 1)");
-  EXPECT_EQ(shape(2, {100000, 3, 1, 1}), "(1, 1563, 1) x (4, 64, 1)");
+  EXPECT_EQ(shape(2, {100000, 3, 1, 1}), "(1, 1563, 1) x (3, 64, 1)");
   EXPECT_EQ(shape(2, {2, 100000, 1, 1}), "(782, 1, 1) x (128, 2, 1)");
   EXPECT_EQ(shape(3, {5, 1, 1, 1}), "(1, 1, 1) x (32, 1, 8)");
   EXPECT_EQ(shape(4, {10, 10, 10, 10}, true), "(40, 1, 1) x (256, 1, 1)");
