@@ -7,6 +7,9 @@ from typing import Any
 
 import warp as wp
 from warp import extend
+from warp._src.fem.algebra import skew_part as skew_part
+from warp._src.fem.algebra import spherical_part as spherical_part
+from warp._src.fem.algebra import symmetric_part as symmetric_part
 
 
 @wp.func
@@ -144,39 +147,6 @@ def generalized_inner(
 ):
     """Sum of products of all elements."""
     return wp.ddot(x, y)
-
-
-@wp.func
-def symmetric_part(x: Any):
-    """(x + x^T) / 2."""
-    return x.dtype(0.5) * (x + wp.transpose(x))
-
-
-@wp.func
-def spherical_part(x: wp.types.matrix((2, 2), wp.Scalar)):
-    """The identity times the mean of the diagonal."""
-    return x.dtype(0.5) * wp.trace(x) * wp.identity(n=2, dtype=x.dtype)
-
-
-@wp.func
-def spherical_part(x: wp.types.matrix((3, 3), wp.Scalar)):
-    """The identity times the mean of the diagonal."""
-    return wp.trace(x) / x.dtype(3.0) * wp.identity(n=3, dtype=x.dtype)
-
-
-@wp.func
-def skew_part(x: wp.types.matrix((2, 2), wp.Scalar)):
-    """The angle of the rotation that (x - x^T) / 2 is the rate of."""
-    return x.dtype(0.5) * (x[1, 0] - x[0, 1])
-
-
-@wp.func
-def skew_part(x: wp.types.matrix((3, 3), wp.Scalar)):
-    """The vector of the rotation that (x - x^T) / 2 is the rate of."""
-    half = x.dtype(0.5)
-    return type(x[0])(
-        half * (x[2, 1] - x[1, 2]), half * (x[0, 2] - x[2, 0]), half * (x[1, 0] - x[0, 1])
-    )
 
 
 @wp.func

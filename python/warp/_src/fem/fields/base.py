@@ -105,6 +105,20 @@ class FieldDescription(extend.Description, Field):
         return SimpleNamespace()
 
 
+class NodesDescription(FieldDescription):
+    """The compile-time part of a field whose values are of `nodes`."""
+
+    @property
+    def values(self):
+        """Kinds of values."""
+        return self.nodes.values
+
+    @property
+    def degree(self):
+        """Polynomial degree."""
+        return self.nodes.space.degree
+
+
 @functools.cache
 def field_functions(description, one_node: bool = False) -> SimpleNamespace:
     """The operators of a field that give values: functions of its parts and a sample."""

@@ -7,13 +7,13 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.fields.base import FieldDescription, References
+from warp._src.fem.fields.base import NodesDescription, References
 from warp._src.fem.fields.node_operators import discrete_node_functions
 from warp._src.fem.fields.nodes import locations, signed_weights
 
 
 @dataclass(frozen=True)
-class NodeDescription(FieldDescription):
+class NodeDescription(NodesDescription):
     """A test or trial function at the node and component of a sample's degree of freedom.
 
     Its parts are (0, node argument, geometry). It is 0 at samples that name no node.
@@ -22,16 +22,6 @@ class NodeDescription(FieldDescription):
     nodes: object
     domain: object
     role: str
-
-    @property
-    def values(self):
-        """Kinds of values."""
-        return self.nodes.values
-
-    @property
-    def degree(self):
-        """Polynomial degree."""
-        return self.nodes.space.degree
 
     def reference(self, one_node=False):
         """Functions of reference values."""

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
-from warp._src.fem.fields.base import FieldDescription, References, Values
+from warp._src.fem.fields.base import NodesDescription, References, Values
 from warp._src.fem.fields.nodes import memory_reference
 from warp._src.fem.forms.facts import note_operation
 from warp._src.fem.kept import hashed
@@ -103,21 +103,11 @@ def node_arg_value(space, partition, values, device):
 
 @hashed
 @dataclass(frozen=True)
-class SpaceDescription(FieldDescription):
+class SpaceDescription(NodesDescription):
     """A discrete field whose values are in memory; its parts are (slots, argument, geometry)."""
 
     nodes: NodeSpace
     domain: object
-
-    @property
-    def values(self):
-        """Kinds of values."""
-        return self.nodes.values
-
-    @property
-    def degree(self):
-        """Polynomial degree."""
-        return self.nodes.space.degree
 
     def reference(self, one_node=False):
         """Functions of reference values."""
@@ -147,7 +137,7 @@ class SpaceDescription(FieldDescription):
 
 @hashed
 @dataclass(frozen=True)
-class PointDescription(FieldDescription):
+class PointDescription(NodesDescription):
     """A field whose reference values at the point of the plan are known: slots.
 
     base: the field at other samples; None for a test or trial function, which is 0 there.
@@ -159,16 +149,6 @@ class PointDescription(FieldDescription):
     role: str
     moves: bool = False
     base: object = None
-
-    @property
-    def values(self):
-        """Kinds of values."""
-        return self.nodes.values
-
-    @property
-    def degree(self):
-        """Polynomial degree."""
-        return self.nodes.space.degree
 
     def operation(self, name, count):
         """As for other fields; recordings are told."""

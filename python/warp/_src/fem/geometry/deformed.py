@@ -6,7 +6,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.domains import Cells
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
-from warp._src.fem.geometry.hierarchy import CellHierarchy
+from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 
 
 def _functions(record):
@@ -18,7 +18,7 @@ def _functions(record):
 MAKERS["deformed"] = _functions
 
 
-class DeformedGeometry(Geometry):
+class DeformedGeometry(HasHierarchy, Geometry):
     """The cells of a geometry at other positions.
 
     Args:
@@ -140,23 +140,3 @@ class DeformedGeometry(Geometry):
         """Fills an argument of the functions of sides."""
         self.fill_cell_arg(arg.cell_arg, device)
         arg.base = self._base.side_arg_value(device)
-
-    def supports_cell_lookup(self, device=None) -> bool:
-        """`lookup` works on a device: `build_bvh` was called for it."""
-        return self._hierarchy.has(device)
-
-    def build_bvh(self, device=None) -> None:
-        """Builds the hierarchy of boxes of cells that `lookup` needs."""
-        self._hierarchy.build(device)
-
-    def update_bvh(self, device=None) -> None:
-        """Fits the hierarchy of boxes to new positions, or builds it."""
-        self._hierarchy.update(device)
-
-    def cell_bvh_groups(self, device=None):
-        """Groups of the hierarchy: environments of cells, None if there is one."""
-        return self._hierarchy.groups(wp.get_device(device))
-
-    def bvh_id(self, device=None):
-        """Handle of the hierarchy of boxes, 0 if there is none."""
-        return self._hierarchy.id(device)

@@ -90,3 +90,29 @@ class CellHierarchy:
         inputs, kernel = [geometry.cell_arg_value(device)], _groups_kernel(geometry.record)
         wp.launch(kernel, geometry.cell_count(), inputs, [groups], device=device)
         return groups
+
+
+class HasHierarchy:
+    """Look-up of geometries with a `CellHierarchy` as `_hierarchy`."""
+
+    _hierarchy: CellHierarchy
+
+    def supports_cell_lookup(self, device=None) -> bool:
+        """`lookup` works on a device: `build_bvh` was called for it."""
+        return self._hierarchy.has(device)
+
+    def build_bvh(self, device=None) -> None:
+        """Builds the hierarchy of boxes of cells that `lookup` needs."""
+        self._hierarchy.build(device)
+
+    def update_bvh(self, device=None) -> None:
+        """Fits the hierarchy of boxes to new positions, or builds it."""
+        self._hierarchy.update(device)
+
+    def cell_bvh_groups(self, device=None):
+        """Groups of the hierarchy: environments of cells, None if there is one."""
+        return self._hierarchy.groups(wp.get_device(device))
+
+    def bvh_id(self, device=None):
+        """Handle of the hierarchy of boxes, 0 if there is none."""
+        return self._hierarchy.id(device)

@@ -10,7 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget, per_device
 from warp._src.fem.geometry.entities import make_entities
-from warp._src.fem.geometry.hierarchy import CellHierarchy
+from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 from warp._src.fem.geometry.shapes import VERTICES
 from warp._src.fem.geometry.sides import make_sides
 
@@ -114,7 +114,7 @@ def _checked_positions(positions, cells, dimensions: tuple) -> None:
         )
 
 
-class Mesh(Geometry):
+class Mesh(HasHierarchy, Geometry):
     """Base of meshes: a table of vertices of cells, and positions of vertices."""
 
     _shape = ""
@@ -278,23 +278,3 @@ class Mesh(Geometry):
     def side_index_arg_value(self, device):
         """Argument of `boundary_side_index`."""
         return self.side_arg_value(device)
-
-    def supports_cell_lookup(self, device=None) -> bool:
-        """`lookup` works on a device: `build_bvh` was called for it."""
-        return self._hierarchy.has(device)
-
-    def build_bvh(self, device=None) -> None:
-        """Builds the hierarchy of boxes of cells that `lookup` needs."""
-        self._hierarchy.build(device)
-
-    def update_bvh(self, device=None) -> None:
-        """Fits the hierarchy of boxes to new positions, or builds it."""
-        self._hierarchy.update(device)
-
-    def cell_bvh_groups(self, device=None):
-        """Groups of the hierarchy: environments of cells, None if there is one."""
-        return self._hierarchy.groups(wp.get_device(device))
-
-    def bvh_id(self, device=None):
-        """Handle of the hierarchy of boxes, 0 if there is none."""
-        return self._hierarchy.id(device)
