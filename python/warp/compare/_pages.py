@@ -62,7 +62,9 @@ def _table(head, rows):
 
 
 def _figure(value, scale=1.0):
-    return "-" if value is None else f"{scale * value:.3g}"
+    if value is None:
+        return "-"
+    return f"{scale * value:.0f}" if scale * value >= 1000.0 else f"{scale * value:.3g}"
 
 
 def _row(program, packages, at, key):

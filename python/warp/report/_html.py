@@ -101,4 +101,5 @@ def _tint(cell):
 def _inline(text):
     text = html.escape(text, quote=False).replace("\\|", "|")
     text = re.sub(r"\*\*(.+?)\*\*", r"<strong>\1</strong>", text)
+    text = re.sub(r"(?<![\w*])\*(\w[^*]*)\*(?![\w*])", r"<em>\1</em>", text)
     return re.sub(r"`(.+?)`", r"<code>\1</code>", text)

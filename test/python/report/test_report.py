@@ -252,3 +252,11 @@ def test_pages_have_heads_contents_and_fit_phones():
     assert '<a href="#a-b">' in text and '<h2 id="a-b">' in text
     assert 'name="viewport"' in text and "aria-sort" in text
     assert "http" not in text
+
+
+def test_emphasis_is_not_taken_from_products():
+    from warp.report._html import make_page
+
+    text = make_page("T", ["*run* is **one** of `a*b*c`", "2 * x * y and x*y*z"])
+    assert "<em>run</em> is <strong>one</strong> of <code>a*b*c</code>" in text
+    assert "2 * x * y and x*y*z" in text
