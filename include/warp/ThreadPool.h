@@ -46,6 +46,17 @@ public:
   static void parallelFor(int64_t begin, int64_t end, int64_t grain, Body body,
                           void *context, LoopHistory *history = nullptr);
 
+  /// Calls a function on up to so many threads, the caller among them, at the
+  /// same time or one after the other; the caller alone if others are at work.
+  template <typename Fn> static void runTogether(int threads, Fn &&fn) {
+    auto call = [](void *context, int64_t, int64_t) {
+      (*static_cast<std::remove_reference_t<Fn> *>(context))();
+    };
+    runTogether(threads, static_cast<Body>(call),
+                const_cast<void *>(static_cast<const void *>(&fn)));
+  }
+  static void runTogether(int threads, Body body, void *context);
+
   template <typename Fn>
   static void parallelFor(int64_t begin, int64_t end, int64_t grain, Fn &&fn,
                           LoopHistory *history = nullptr) {

@@ -108,6 +108,12 @@ void Recorder::addLaunch(const GraphOperation &operation) {
     std::memcpy(&array, operation.arguments.data() + accesses[i].offset,
                 sizeof(array));
     addGradient(accesses[i], array, name);
+    // Sums are rounded wherever the array has elements.
+    if (accesses[i].combined && array.data &&
+        !operation.plan.variant->code.schedule.sums.empty()) {
+      AddressRange all = rangeOf(array.data, array, accesses[i].elementSize, 1);
+      touch(all.begin, all.end, true, name);
+    }
   }
 }
 
@@ -141,9 +147,14 @@ static bool isReadOnly(Kind kind, size_t slot) {
 }
 
 void Recorder::addPointers(const GraphOperation &operation) {
-  for (const graphs::Pointer &pointer : graphs::pointersOf(operation, {}))
-    touch(pointer.range.begin, pointer.range.end,
-          !isReadOnly(operation.kind, pointer.slot));
+  for (const graphs::Pointer &pointer : graphs::pointersOf(operation, {})) {
+    bool writes = !isReadOnly(operation.kind, pointer.slot);
+    size_t before = record.accesses.size();
+    touch(pointer.range.begin, pointer.range.end, writes);
+    if (record.accesses.size() > before)
+      record.accesses.back().isOnHost =
+          writes ? operation.toHost : operation.fromHost;
+  }
 }
 
 void Recorder::add(const GraphOperation &operation) {

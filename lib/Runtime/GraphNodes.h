@@ -26,6 +26,7 @@ struct NodeAccess {
   bool writes = false;
   /// The parameter of a launch; empty for other operations.
   std::string name;
+  bool isOnHost = false;
 };
 
 /// The operations of one call, as far as the order of a graph depends on them.

@@ -72,6 +72,7 @@ void GraphTrace::addUpload(void *dst, const void *src, size_t bytes) {
     return add(Kind::Upload, graphs::Upload{dst},
                std::string(static_cast<const char *>(src), bytes));
   add(Kind::CopyBytes, graphs::CopyBytes{dst, src, bytes});
+  operations.back().fromHost = true;
 }
 
 //===----------------------------------------------------------------------===//

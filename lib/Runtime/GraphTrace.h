@@ -74,6 +74,8 @@ struct GraphOperation {
   std::string arguments;
   /// Bytes that an upload or a fill writes.
   std::string constant;
+  /// Copies of bytes that are not to be saved: where the host has them.
+  bool fromHost = false, toHost = false;
   /// Launches.
   Kernel *kernel = nullptr;
   Kernel::Plan plan;
@@ -187,7 +189,8 @@ public:
   /// The calls in each body that is open, from the graph's own inwards.
   std::vector<std::vector<GraphStep>> steps =
       std::vector<std::vector<GraphStep>>(1);
-  /// The calls in bodies that have ended, by the operation that begins the body.
+  /// The calls in bodies that have ended, by the operation that begins the
+  /// body.
   std::map<size_t, std::vector<GraphStep>> bodies;
 
 private:

@@ -15,17 +15,24 @@
 
 using namespace warp;
 
+namespace {
+struct Memory : AddressRange {
+  int device;
+};
+} // namespace
+
 /// The bytes from the first to the last one of each region, without overlaps.
-static std::vector<AddressRange> memoryOf(const NodeRecord &record) {
-  std::vector<AddressRange> ranges;
+static std::vector<Memory> memoryOf(const NodeRecord &record, int device) {
+  std::vector<Memory> ranges;
   for (const NodeAccess &access : record.accesses)
     for (const MemoryBlock &block : access.region.blocks)
       if (block.start < outputAddress)
-        ranges.push_back({block.start, block.end()});
+        ranges.push_back(
+            {{block.start, block.end()}, access.isOnHost ? cpuDevice : device});
   std::sort(ranges.begin(), ranges.end(),
             [](const auto &a, const auto &b) { return a.begin < b.begin; });
-  std::vector<AddressRange> merged;
-  for (const AddressRange &range : ranges)
+  std::vector<Memory> merged;
+  for (const Memory &range : ranges)
     if (!merged.empty() && range.begin < merged.back().end)
       merged.back().end = std::max(merged.back().end, range.end);
     else
@@ -37,25 +44,27 @@ namespace {
 /// Contents of memory.
 class Snapshot {
 public:
-  Snapshot(int device, const std::vector<AddressRange> &ranges)
+  /// Waits for a device before and after.
+  Snapshot(int device, const std::vector<Memory> &ranges)
       : device(device), ranges(ranges) {
-    for (const AddressRange &range : ranges) {
+    synchronizeDevice(device);
+    for (const Memory &range : ranges) {
       contents.emplace_back(range.end - range.begin, '\0');
       copyMemory(contents.back().data(), cpuDevice,
-                 reinterpret_cast<const void *>(range.begin), device,
+                 reinterpret_cast<const void *>(range.begin), range.device,
                  contents.back().size());
     }
     synchronizeDevice(device);
   }
   void restore() const {
     for (size_t i = 0; i < ranges.size(); ++i)
-      copyMemory(reinterpret_cast<void *>(ranges[i].begin), device,
+      copyMemory(reinterpret_cast<void *>(ranges[i].begin), ranges[i].device,
                  contents[i].data(), cpuDevice, contents[i].size());
     synchronizeDevice(device);
   }
 
   int device;
-  const std::vector<AddressRange> &ranges;
+  const std::vector<Memory> &ranges;
   std::vector<std::string> contents;
 };
 } // namespace
@@ -79,7 +88,7 @@ void warp::runBothOrders(int device, const GraphTrace &trace,
   NodeRecord record = recordOf(trace, 0, trace.operations.size());
   if (!record.barrier.empty())
     return recorded();
-  std::vector<AddressRange> ranges = memoryOf(record);
+  std::vector<Memory> ranges = memoryOf(record, device);
   Snapshot before(device, ranges);
   recorded();
   Snapshot expected(device, ranges);

@@ -88,9 +88,12 @@ static void traceCopy(GraphTrace &trace, void *dst, const Device &to,
                      graphs::CopyBytes{dst, src, bytes});
   if (from.isHost())
     return trace.addUpload(dst, src, bytes);
-  if (to.isHost() && !trace.isSaved)
-    return trace.add(GraphOperation::Kind::CopyBytes,
-                     graphs::CopyBytes{dst, src, bytes});
+  if (to.isHost() && !trace.isSaved) {
+    trace.add(GraphOperation::Kind::CopyBytes,
+              graphs::CopyBytes{dst, src, bytes});
+    trace.operations.back().toHost = true;
+    return;
+  }
   trace.addOther(to.isHost() ? "a copy to the host" : "a copy between devices");
 }
 

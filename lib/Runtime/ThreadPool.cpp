@@ -135,6 +135,17 @@ int ThreadPool::size() { return getPool().size(); }
 
 int ThreadPool::worker() { return std::max(numberInLoop, 0); }
 
+void ThreadPool::runTogether(int threads, Body body, void *context) {
+  if (numberInLoop != outside || threads < 2)
+    return body(context, 0, 1);
+  Pool &shared = getPool();
+  std::unique_lock<std::mutex> lock(shared.busy, std::try_to_lock);
+  threads = std::min(threads, shared.size());
+  if (!lock || threads == 1)
+    return body(context, 0, 1);
+  shared.run(0, threads, {threads, 1}, body, context);
+}
+
 void ThreadPool::parallelFor(int64_t begin, int64_t end, int64_t grain,
                              Body body, void *context, LoopHistory *history) {
   if (begin >= end)

@@ -9,9 +9,12 @@
 //===----------------------------------------------------------------------===//
 
 #include "Runtime/GraphOrder.h"
+#include "Runtime/GraphVerify.h"
+#include "Runtime/cpu/GraphBranches.h"
 #include "warp/Runtime.h"
 
 #include <algorithm>
+#include <atomic>
 
 #include <cstdlib>
 #include <dlfcn.h>
@@ -19,6 +22,7 @@
 #include <gtest/gtest.h>
 #include <random>
 #include <set>
+#include <stdexcept>
 
 using namespace warp;
 
@@ -195,6 +199,43 @@ TEST(GraphOrder, LimitsBranches) {
     tails.insert(i);
     EXPECT_LE(tails.size(), 3u);
   }
+}
+
+// Threads run each node once, behind those that it comes behind; an exception
+// of a node is that of the run.
+TEST(GraphBranches, RunNodesBehindTheirPredecessors) {
+  int wide = 0;
+  for (int round = 0; round < 200; ++round) {
+    Random random(round + 1);
+    int count = 2 + below(random, 100), first = below(random, count / 2);
+    Lists recorded(count);
+    std::vector<NodeRecord> records;
+    for (int i = 0; i < count; ++i) {
+      records.push_back(makeRecord(random));
+      if (i)
+        recorded[i] = {i - 1};
+    }
+    auto schedule = makeSchedule(records, recorded, {});
+    GraphBranches branches(*schedule, first, count);
+    wide += branches.width() > 1;
+    std::vector<std::atomic<int>> done(count);
+    std::atomic<int> early{0};
+    branches.run([&](size_t node) {
+      for (const GraphSchedule::Edge &edge : schedule->nodes[node].before)
+        early += edge.from >= first && !done[edge.from];
+      ++done[node];
+    });
+    EXPECT_EQ(early, 0);
+    for (int i = 0; i < count; ++i)
+      ASSERT_EQ(done[i], i >= first);
+    int failing = first + below(random, count - first);
+    EXPECT_THROW(branches.run([&](size_t node) {
+      if (int(node) == failing)
+        throw std::runtime_error("stop");
+    }),
+                 std::runtime_error);
+  }
+  EXPECT_GT(wide, 150);
 }
 
 //===----------------------------------------------------------------------===//
@@ -491,4 +532,48 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
   EXPECT_EQ(graph->schedule()->edges, 4u);
   EXPECT_EQ(graph->schedule()->nodes[4].before.size(), 2u);
   EXPECT_EQ(early(), 2);
+}
+
+// Verified graphs run both orders, each from the memory that was there; copies
+// from the host and to it count, too.
+TEST_F(OrderedGraphs, AreVerified) {
+  for (unsigned seed = 1; seed <= 10; ++seed) {
+    Arrays arrays;
+    arrays.reset();
+    Program(seed, arrays).run(nullptr);
+    std::vector<int> expected = arrays.contents(), source(4, 3), target(4);
+    Program program(seed, arrays);
+    std::shared_ptr<Graph> graph = record(
+        [&](Capture &capture) {
+          program.run(&capture);
+          int *room = Arrays::numbers(arrays.first) + cells;
+          copyMemory(target.data(), cpuDevice, room, 0, 16);
+          copyMemory(room, 0, source.data(), cpuDevice, 16);
+        },
+        NodeOrder::Verified);
+    std::vector<int> before(expected.begin() + cells,
+                            expected.begin() + cells + 4);
+    std::fill_n(expected.begin() + cells, 4, 3);
+    check(*graph, arrays, expected, "program " + std::to_string(seed));
+    EXPECT_EQ(target, before);
+  }
+}
+
+TEST(GraphVerify, NamesTheFirstDifference) {
+  std::vector<int> numbers(4, 1);
+  GraphTrace trace;
+  trace.add(GraphOperation::Kind::FillBytes,
+            graphs::FillBytes{numbers.data(), 4}, std::string(4, '\0'));
+  auto set = [&](int place, int value) {
+    return [&numbers, place, value] { numbers[place] += value; };
+  };
+  runBothOrders(cpuDevice, trace, set(1, 5), set(1, 5));
+  EXPECT_EQ(numbers, (std::vector<int>{1, 6, 1, 1}));
+  try {
+    runBothOrders(cpuDevice, trace, set(1, 5), set(2, 5));
+    FAIL();
+  } catch (const Error &error) {
+    EXPECT_EQ(error.message, "the optimized graph on 'cpu' differs from its "
+                             "recording in memory, at byte 4 of 16");
+  }
 }

@@ -10,14 +10,21 @@
 // too, and belong to one replay, so that a graph may run on two threads at
 // once.
 //
+// A graph that is ordered by dependencies may run its nodes on several threads
+// (GraphBranches.cpp), if that turns out to be faster.
+//
 //===----------------------------------------------------------------------===//
 
 #include "Device.h"
+#include "GraphBranches.h"
 #include "GraphImpl.h"
 #include "GraphOrder.h"
 #include "GraphVerify.h"
 #include "Kernel.h"
+#include "Pool.h"
 
+#include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <cstring>
 #include <map>
@@ -30,6 +37,8 @@ using namespace warp;
 /// would run.
 static constexpr size_t shortBytes = 64 << 10;
 static constexpr double shortWork = 32768;
+/// Bytes of a copy or fill that is worth several threads.
+static constexpr size_t wideBytes = 256 << 10;
 
 namespace {
 
@@ -58,6 +67,8 @@ struct Step {
   std::variant<EntryStep, std::function<void()>, FlagStep, BodyStep> what;
   /// For pictures.
   std::string name;
+  /// It has work for several threads, or is for the one that replays.
+  bool isWide = false;
 };
 
 /// The order of a list of steps. The nodes of the schedule are ranges of it.
@@ -66,6 +77,28 @@ struct StepOrder {
   std::shared_ptr<GraphSchedule> schedule;
   /// The orders of the bodies among the steps.
   std::map<size_t, StepOrder> bodies;
+  /// Runs of nodes that are worth several threads.
+  std::vector<GraphBranches> branches;
+};
+
+/// Times of replays with branches and without, until one is chosen.
+struct BranchTrial {
+  static constexpr int trials = 16;
+  std::atomic<int> replays{0};
+  std::atomic<int64_t> best[2] = {INT64_MAX, INT64_MAX};
+
+  /// True if the replay of a number uses branches.
+  bool uses(int number) const {
+    if (number < trials)
+      return number % 2 == 1;
+    return best[1].load(std::memory_order_relaxed) <
+           best[0].load(std::memory_order_relaxed) / 20 * 19;
+  }
+  void record(int number, int64_t nanoseconds) {
+    std::atomic<int64_t> &least = best[number % 2];
+    if (nanoseconds < least.load(std::memory_order_relaxed))
+      least.store(nanoseconds, std::memory_order_relaxed);
+  }
 };
 
 class HostGraph : public Graph {
@@ -80,8 +113,12 @@ public:
   void writeDot(const std::string &path, bool verbose) const override;
   std::shared_ptr<const GraphSchedule> schedule() const override;
   void verify(char *values) const;
+  void runBranches(char *values) const;
+  void setOrder(NodeOrder wanted);
 
   NodeOrder order = NodeOrder::Recorded;
+  StepOrder stepOrder;
+  BranchTrial trial;
   Steps steps;
   /// Parameter blocks of the entry steps.
   std::vector<std::unique_ptr<uint64_t[]>> blocks;
@@ -107,7 +144,7 @@ public:
     if (trace() && !TraceScope::active())
       trace()->addOther("work of a library on the host");
     graph->bytes += bytes;
-    add({std::move(function), "copy or fill"});
+    add({std::move(function), "copy or fill", bytes >= wideBytes});
   }
 
   std::shared_ptr<Graph> end() override;
@@ -190,7 +227,7 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
       kernel.run(plan, own.data());
     };
   }
-  add({std::move(run), kernel.name()});
+  add({std::move(run), kernel.name(), !Kernel::isShort(plan)});
 }
 
 void HostCapture::beginBody(Condition condition, bool loop) {
@@ -219,7 +256,7 @@ void HostCapture::addHost(std::function<void()> function,
     trace()->addOther("a call of the host, '" + name + "'");
   // It may wait for other processes.
   graph->work += shortWork;
-  add({std::move(function), name});
+  add({std::move(function), name, true});
 }
 
 std::shared_ptr<Graph> HostCapture::end() {
@@ -229,7 +266,7 @@ std::shared_ptr<Graph> HostCapture::end() {
   bool complete = open.size() == 1;
   stop();
   handTrace(*graph);
-  graph->order = order;
+  graph->setOrder(order);
   std::shared_ptr<Graph> result = std::move(graph);
   if (!complete)
     throw Error(Error::Kind::Runtime,
@@ -275,7 +312,19 @@ void HostGraph::launch(const Stream *) {
   std::vector<char> values(flags);
   if (order == NodeOrder::Verified)
     return verify(values.data());
-  run(steps, values.data());
+  if (stepOrder.branches.empty())
+    return run(steps, values.data());
+  int number = trial.replays.load(std::memory_order_relaxed);
+  bool isTrial = number < BranchTrial::trials;
+  if (isTrial)
+    number = trial.replays.fetch_add(1, std::memory_order_relaxed);
+  int64_t start = isTrial ? wallTime() : 0;
+  if (trial.uses(number))
+    runBranches(values.data());
+  else
+    run(steps, values.data());
+  if (isTrial)
+    trial.record(number, wallTime() - start);
 }
 
 //===----------------------------------------------------------------------===//
@@ -318,10 +367,64 @@ static StepOrder orderOf(const Steps &list, const GraphTrace &trace,
   return order;
 }
 
+/// True if a step is for the thread that replays, or all of them.
+static bool isWide(const Step &step) {
+  if (auto *body = std::get_if<BodyStep>(&step.what))
+    return std::any_of(body->steps->begin(), body->steps->end(), isWide);
+  return step.isWide;
+}
+
+/// Collects runs of nodes between those that keep their thread.
+static void findBranches(const Steps &list, StepOrder &order) {
+  const auto &nodes = order.schedule->nodes;
+  auto isApart = [&](size_t node) {
+    auto [begin, end] = order.ranges[node];
+    return !nodes[node].barrier.empty() ||
+           std::any_of(list.begin() + std::ptrdiff_t(begin),
+                       list.begin() + std::ptrdiff_t(end), isWide);
+  };
+  for (size_t first = 0; first < nodes.size(); ++first) {
+    size_t last = first;
+    while (last < nodes.size() && !isApart(last))
+      ++last;
+    if (last > first + 1) {
+      GraphBranches branches(*order.schedule, first, last);
+      if (branches.width() > 1)
+        order.branches.push_back(std::move(branches));
+    }
+    first = last;
+  }
+}
+
 std::shared_ptr<const GraphSchedule> HostGraph::schedule() const {
+  return stepOrder.schedule;
+}
+
+void HostGraph::setOrder(NodeOrder wanted) {
+  order = wanted;
   if (order == NodeOrder::Recorded)
-    return nullptr;
-  return orderOf(steps, *operations(), operations()->steps.front()).schedule;
+    return;
+  stepOrder = orderOf(steps, *operations(), operations()->steps.front());
+  if (!isShort())
+    findBranches(steps, stepOrder);
+}
+
+/// Runs the nodes in the order of their recording, but for those on branches.
+void HostGraph::runBranches(char *values) const {
+  auto runNode = [&](size_t node) {
+    auto [begin, end] = stepOrder.ranges[node];
+    for (size_t i = begin; i < end; ++i)
+      runStep(steps[i], values, [&](const Steps &body) { run(body, values); });
+  };
+  size_t next = 0;
+  for (const GraphBranches &branches : stepOrder.branches) {
+    for (; next < branches.first(); ++next)
+      runNode(next);
+    branches.run(runNode);
+    next = branches.last();
+  }
+  for (; next < stepOrder.ranges.size(); ++next)
+    runNode(next);
 }
 
 /// Runs a list such that each node comes as late as its edges allow.
@@ -359,10 +462,9 @@ static void runLate(const Steps &list, const StepOrder &order, char *flags) {
 }
 
 void HostGraph::verify(char *values) const {
-  StepOrder order = orderOf(steps, *operations(), operations()->steps.front());
   runBothOrders(
       device(), *operations(), [&] { run(steps, values); },
-      [&] { runLate(steps, order, values); });
+      [&] { runLate(steps, stepOrder, values); });
 }
 
 //===----------------------------------------------------------------------===//
