@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[3]
 def test_every_example_is_in_the_gallery():
     text = (ROOT / "docs" / "gallery.md").read_text()
     parts = {"particles_kernels", "particles_plots", "particles_precision", "integrate_kernels"}
-    parts |= {"movies", "blocks"}
+    parts |= {"movies", "blocks", "saxpy_kernels"}
     names = {path.stem for path in (ROOT / "examples").rglob("*.py")} - parts
     assert names == set(re.findall(r"`examples/(?:\w+/)?(\w+)\.py`", text))
     for picture in re.findall(r"\]\((gallery/\w+\.png)\)", text):
