@@ -3,7 +3,8 @@
     python examples/scenes/dusty_rocks.py [--device cpu] [--frames 1] [--samples 32]
 
 The distances of eroded rocks are computed by a kernel, saved, and loaded again. The error is how
-far the places where rays stop are from the zero of the distance, over a voxel.
+far the places where rays stop in the file's volume are from the surface of the formula, which the
+file only samples: its value there over its slope, in voxels.
 """
 
 import time
@@ -30,13 +31,9 @@ def ridges(x: wp.vec3, seed: wp.uint32):
     return total
 
 
-@wp.kernel
-def carve(
-    places: wp.array[wp.vec4], low: wp.vec3, voxel: float, rough: float, out: wp.array3d[float]
-):
-    """Signed distances of boulders and of the ground between them, eroded by noise."""
-    i, j, k = wp.tid()
-    x = low + voxel * wp.vec3(float(i), float(j), float(k))
+@wp.func
+def distance(places: wp.array[wp.vec4], x: wp.vec3, rough: float):
+    """Signed distance of boulders and of the ground between them, eroded by noise."""
     d = float(10.0)
     for n in range(places.shape[0]):
         s = places[n]
@@ -49,7 +46,16 @@ def carve(
     ground = x[1] - 0.06 * wp.noise(wp.uint32(5), 1.1 * x)
     mix = wp.clamp(0.5 + 0.5 * (ground - d) / 0.12, 0.0, 1.0)
     d = ground * (1.0 - mix) + d * mix - 0.12 * mix * (1.0 - mix)
-    out[i, j, k] = 0.75 * (d - rough * ridges(3.1 * x, wp.uint32(11)))
+    return 0.75 * (d - rough * ridges(3.1 * x, wp.uint32(11)))
+
+
+@wp.kernel
+def carve(
+    places: wp.array[wp.vec4], low: wp.vec3, voxel: float, rough: float, out: wp.array3d[float]
+):
+    """The distance at the middle of each voxel."""
+    i, j, k = wp.tid()
+    out[i, j, k] = distance(places, low + voxel * wp.vec3(float(i), float(j), float(k)), rough)
 
 
 @wp.kernel
@@ -70,33 +76,55 @@ def look(
     start: wp.array[wp.vec3],
     dir: wp.array[wp.vec3],
     reach: float,
-    found: wp.array[float],
+    stops: wp.array[wp.vec3],
+    found: wp.array[int],
 ):
-    """The volume's values where rays find its surface."""
+    """The places where rays find the surface of a volume."""
     n = wp.tid()
     t = float(0.0)
-    found[n] = 1.0e9
     for _ in range(400):
-        d = wp.volume_sample_world(id, start[n] + t * dir[n], wp.Volume.LINEAR)
+        x = start[n] + t * dir[n]
+        d = wp.volume_sample_world(id, x, wp.Volume.LINEAR)
         if d < 0.02 * reach:
-            found[n] = d
+            stops[n] = x
+            found[n] = 1
             break
         t += wp.max(0.8 * d, 0.02 * reach)
         if t > 6.0:
             break
 
 
-def surface_error(volume, device, count=4000):
-    """The largest distance from the surface where rays from above stop, over a voxel."""
+@wp.kernel
+def judge(places: wp.array[wp.vec4], stops: wp.array[wp.vec3], rough: float, out: wp.array[float]):
+    """How far places are from the surface of the formula: its value over its slope."""
+    n = wp.tid()
+    x = stops[n]
+    step = 0.002
+    slope = wp.vec3()
+    for axis in range(3):
+        shift = wp.vec3()
+        shift[axis] = step
+        ends = distance(places, x + shift, rough) - distance(places, x - shift, rough)
+        slope[axis] = ends / (2.0 * step)
+    out[n] = wp.abs(distance(places, x, rough)) / wp.length(slope)
+
+
+def surface_error(volume, places, device, count=4000):
+    """Distances from the formula's surface where rays from above stop, over a voxel: 95 % of them.
+
+    The others are at creases, which a grid rounds.
+    """
     rng = np.random.default_rng(2)
     start = rng.uniform((-1.8, 1.25, -1.3), (1.8, 1.3, 1.0), (count, 3))
     down = rng.normal(0.0, 0.2, (count, 3)) - [0, 1, 0]
     down /= np.linalg.norm(down, axis=1, keepdims=True)
-    found = wp.zeros(count, dtype=float, device=device)
     rays = [wp.array(values, dtype=wp.vec3, device=device) for values in (start, down)]
-    wp.launch(look, count, [volume.id, *rays, VOXEL], [found], device=device)
-    values = found.numpy()
-    return np.abs(values[values < 1.0e8]).max() / VOXEL
+    stops = wp.zeros(count, dtype=wp.vec3, device=device)
+    found = wp.zeros(count, dtype=int, device=device)
+    away = wp.zeros(count, dtype=float, device=device)
+    wp.launch(look, count, [volume.id, *rays, VOXEL], [stops, found], device=device)
+    wp.launch(judge, count, [places, stops, ROUGH], [away], device=device)
+    return np.quantile(away.numpy()[found.numpy() == 1], 0.95) / VOXEL
 
 
 def main():
@@ -142,7 +170,9 @@ def main():
         if frame:
             scene.replace_volume(medium, clouds(frame / 15.0))
         movie.add()
-    movie.finish(rate, "M voxels a second", surface_error(rocks, device), "off the surface, voxels")
+    movie.finish(
+        rate, "M voxels a second", surface_error(rocks, boulders, device), "off the surface, voxels"
+    )
 
 
 if __name__ == "__main__":
