@@ -19,7 +19,6 @@
 #include "Device.h"
 #include "GraphClone.h"
 #include "GraphOrder.h"
-#include "Support.h"
 
 #include <algorithm>
 #include <iterator>
@@ -31,20 +30,10 @@ using namespace warp::cuda;
 /// Bytes that a copy or fill moves in the time of a few launches.
 static constexpr int64_t manyBytes = int64_t(4) << 20;
 /// More branches cost more to start than they save.
-static constexpr size_t mostBranches = 8;
+static constexpr size_t mostBranches = 16;
 /// Larger graphs keep the order of their recording: sets of nodes would take
 /// too much memory.
 static constexpr size_t mostNodes = 8000;
-
-/// Experiments on the limits: "branches,joins,threads" of the environment;
-/// `joins`: 1 lets the last of several predecessors have a programmatic edge, 2
-/// all; `threads`: percents of a device that half fill it.
-static int tuning(int place, int otherwise) {
-  std::string text = environment("WARP_GRAPH_TUNING");
-  for (; place > 0 && !text.empty(); --place)
-    text.erase(0, std::min(text.find(','), text.size() - 1) + 1);
-  return text.empty() ? otherwise : std::atoi(text.c_str());
-}
 
 namespace {
 
@@ -259,7 +248,6 @@ EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group,
 void Groups::exchange(const GraphSchedule &schedule,
                       std::vector<GraphEdge> &removed,
                       std::vector<GraphEdge> &added) const {
-  int joins = tuning(1, 0);
   std::vector<GraphEdge> wanted;
   for (size_t group = 0; group < members.size(); ++group) {
     const auto &list = schedule.nodes[group].before;
@@ -270,11 +258,7 @@ void Groups::exchange(const GraphSchedule &schedule,
     for (const GraphSchedule::Edge &edge : list)
       for (GraphNode to : first)
         for (GraphNode from : lastOf(edge.from))
-          wanted.push_back(
-              {from, to,
-               dataOf(to, edge.from, group,
-                      isOnly || joins == 2 ||
-                          (joins == 1 && edge.from == list.front().from))});
+          wanted.push_back({from, to, dataOf(to, edge.from, group, isOnly)});
   }
   std::vector<GraphEdge> old;
   for (const GraphEdge &edge : edges)
@@ -327,10 +311,9 @@ static GraphCapacity capacityOf(int device) {
             cudaDevice(device).ordinal);
   GraphCapacity capacity;
   if (threads > 0)
-    capacity.threads =
-        int64_t(threads) * deviceInfo(device).smCount * tuning(2, 50) / 100;
+    capacity.threads = int64_t(threads) * deviceInfo(device).smCount;
   capacity.bytes = manyBytes;
-  capacity.branches = tuning(0, mostBranches);
+  capacity.branches = mostBranches;
   return capacity;
 }
 
