@@ -247,18 +247,30 @@ def scenes(options):
         yield f"humanoid {worlds}", lambda worlds=worlds: humanoid(int(worlds))
 
 
-def seconds_per_step(step, seconds):
-    for _ in range(3):
-        step()
-    wp.synchronize_device()
-    times, end = [], time.perf_counter() + seconds
-    while time.perf_counter() < end:
-        begin = time.perf_counter()
-        for _ in range(10):
-            step()
-        wp.synchronize_device()
-        times.append((time.perf_counter() - begin) / 10)
-    return statistics.median(times)
+def restore(arrays, start):
+    for array, values in zip(arrays, start):
+        array.assign(values)
+
+
+def seconds_per_step(ways, arrays, start, seconds):
+    """Median times of several ways to make a step, in turn and each from the same state."""
+    times, count = [[] for _ in ways], 1
+    end = time.perf_counter() + seconds
+    while time.perf_counter() < end or len(times[-1]) < 3:
+        for way, mine in zip(ways, times):
+            restore(arrays, start)
+            way()
+            wp.synchronize_device()
+            begin = time.perf_counter()
+            for _ in range(count):
+                way()
+            wp.synchronize_device()
+            mine.append((time.perf_counter() - begin) / count)
+        # The first round shows how many steps are worth a look at the clock.
+        if count == 1:
+            count = max(10, min(100, int(0.02 / times[-1].pop())))
+            times = [[] for _ in ways]
+    return [statistics.median(mine) for mine in times]
 
 
 def captured(step, optimize):
@@ -269,8 +281,7 @@ def captured(step, optimize):
 
 
 def run(step, arrays, start, steps=5):
-    for array, values in zip(arrays, start):
-        array.assign(values)
+    restore(arrays, start)
     for _ in range(steps):
         step()
     return [array.numpy() for array in arrays]
@@ -295,17 +306,14 @@ def measure(name, make, options):
         apart = max(float(np.abs(x - y).max()) for x, y in zip(by_order, eager))
         other = max(float(np.abs(x - y).max()) for x, y in zip(by_chain, eager))
         bits = f"eager runs differ; {apart:.1e}, chain {other:.1e}"
-    times = [
-        seconds_per_step(one, options.seconds)
-        for one in (step, lambda: wp.capture_launch(chain), lambda: wp.capture_launch(graph))
-    ]
-    # Once more, so that a drift of the clock shows.
-    again = seconds_per_step(lambda: wp.capture_launch(chain), options.seconds)
-    chained = min(times[1], again)
+    launches = (lambda: wp.capture_launch(chain), lambda: wp.capture_launch(graph))
+    eager_time, chained, ordered = seconds_per_step(
+        (step, *launches), arrays, start, options.seconds
+    )
     schedule = graph.schedule()
     print(
-        f"{name:16} {1e6 * times[0]:9.1f} {1e6 * chained:9.1f} {1e6 * times[2]:9.1f} "
-        f"{chained / times[2]:6.2f}x {len(schedule.nodes):5} {schedule.depth:5} "
+        f"{name:16} {1e6 * eager_time:9.1f} {1e6 * chained:9.1f} {1e6 * ordered:9.1f} "
+        f"{chained / ordered:6.2f}x {len(schedule.nodes):5} {schedule.depth:5} "
         f"{schedule.branches:5} {schedule.edges:5} {milliseconds:8.1f}  {bits}",
         flush=True,
     )
