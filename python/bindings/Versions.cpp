@@ -195,6 +195,20 @@ static void bindPlace(py::module_ &m) {
 // Writes
 //===----------------------------------------------------------------------===//
 
+/// The object that a weak reference is to, null if it is gone.
+static py::object targetOf(PyObject *reference) {
+#if PY_VERSION_HEX >= 0x030d0000
+  PyObject *target = nullptr;
+  if (PyWeakref_GetRef(reference, &target) < 0)
+    throw py::error_already_set();
+  return py::reinterpret_steal<py::object>(target);
+#else
+  auto target =
+      py::reinterpret_borrow<py::object>(PyWeakref_GetObject(reference));
+  return target.is_none() ? py::object() : target;
+#endif
+}
+
 static bool needs(PyObject *reader, VersionObject *version) {
   py::handle self(reinterpret_cast<PyObject *>(version));
   return py::handle(reader).attr("needs")(self).cast<bool>();
@@ -205,10 +219,9 @@ static bool needs(PyObject *reader, VersionObject *version) {
 static py::object findNeed(VersionObject *version) {
   for (size_t i = 0; version->readers && i < version->readers->size(); ++i) {
     const Reader &known = (*version->readers)[i];
-    auto reader = py::reinterpret_borrow<py::object>(
-        PyWeakref_GetObject(known.reference));
+    py::object reader = targetOf(known.reference);
     auto budget = py::reinterpret_borrow<py::object>(known.budget);
-    if (!reader.is_none() && needs(reader.ptr(), version))
+    if (reader && needs(reader.ptr(), version))
       return budget;
   }
   for (size_t i = 0; version->records && i < version->records->size(); ++i) {
@@ -235,9 +248,7 @@ static py::object findWish(VersionObject *version) {
       return budget;
     if (!one->predecessor || one->predecessor == Py_None)
       return py::object();
-    auto before = py::reinterpret_borrow<py::object>(
-        PyWeakref_GetObject(one->predecessor));
-    step = before.is_none() ? py::object() : before;
+    step = targetOf(one->predecessor);
   }
   return py::object();
 }
