@@ -9,8 +9,8 @@ import pkgutil
 import types
 from collections.abc import Iterator
 
-# Modules whose contents are data of a program: scenes and cases of reports.
-DATA = ("warp.report.scenes.", "warp.report.stability.")
+# Modules whose contents are data of a program: scenes and cases of reports, programs by packages.
+DATA = ("warp.report.scenes.", "warp.report.stability.", "warp.compare.packages")
 # Not Python.
 SKIPPED = ("warp.libwarp", "warp.libwarp_eigen", "warp.libwarp_openvdb")
 
