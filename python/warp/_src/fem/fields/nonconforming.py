@@ -110,7 +110,7 @@ class NonconformingField(GeometryField):
         mine, others = domain.geometry.environment_count(), field.geometry.environment_count()
         if mine > 1 and others > 1 and mine != others:
             raise ValueError(
-                f"expects geometries of as many environments, but got {mine} and {others}"
+                f"expects geometries of matching environment counts, but got {mine} and {others}"
             )
         self.domain, self.geometry, self.field = domain, domain.geometry, field
         self.kind = "cells" if domain.is_cells else "sides"
