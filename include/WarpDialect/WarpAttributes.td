@@ -143,11 +143,12 @@ def Warp_CopiedArrayAttr : Warp_Attr<"CopiedArray", "copied_array"> {
   }];
   let parameters = (ins "int64_t":$descriptor, Warp_Flag<>:$gradient,
                         "int64_t":$element_size, Warp_Number<"1">:$numbers,
-                        Warp_Number<"32">:$width, Warp_Flag<"true">:$floating);
+                        Warp_Number<"32">:$width, Warp_Flag<"true">:$floating,
+                        Warp_Flag<>:$is_unsigned, Warp_Number<"0">:$kind);
 }
 
 def Warp_CopiedAttr : Warp_Attr<"Copied", "copied"> {
-  let summary = "the arrays that an exclusive launch may add to in copies";
+  let summary = "the arrays that an exclusive launch may update in copies";
   let description = [{
     With copies of these for each worker, the code may run on several.
     `plain_time`, `atomic_time`: picoseconds that a launch index is estimated to

@@ -1,13 +1,14 @@
-//===- PrivateCopies.h - Arrays that each worker sums by itself -*- C++ -*-===//
+//===- PrivateCopies.h - Arrays that each worker updates alone -*- C++ -*--===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Code whose threads add to elements that other threads add to runs on several
+// Code whose threads update elements that other threads update runs on several
 // workers without atomic instructions if each has an array of its own: all but
-// the first get a copy of zeros, and what the copies have received is added to
-// the arrays after the launch. The compiler lists the arrays
-// (lib/Transforms/Updates/CopiedArrays.h), the runtime decides launch by launch
-// whether copies pay (lib/Runtime/PrivateCopies.h).
+// the first get a copy of values that change nothing, zeros for sums, and what
+// the copies have received is combined with the arrays after the launch. The
+// compiler lists the arrays (lib/Transforms/Updates/CopiedArrays.h), the
+// runtime decides launch by launch whether copies pay
+// (lib/Runtime/PrivateCopies.h).
 //
 //===----------------------------------------------------------------------===//
 
@@ -19,7 +20,10 @@
 
 namespace warp {
 
-/// An array, or the gradients of one, that a kernel only adds numbers to.
+/// The way in which a kernel updates the numbers of an array.
+enum class CopyKind : int64_t { sum, min, max };
+
+/// An array, or the gradients of one, that a kernel only updates in one way.
 struct CopiedArray {
   /// Where the array's descriptor lies in the parameter block; whether it is
   /// about the gradient there.
@@ -28,10 +32,12 @@ struct CopiedArray {
   /// Bytes of an element of the array itself.
   int64_t elementSize = 0;
   /// Numbers of one element, or of its gradient; their bits, 32 or 64, and
-  /// whether they are floats.
+  /// whether they are floats, or else integers without a sign.
   int64_t numbers = 1;
   int64_t width = 32;
   int64_t floating = 1;
+  int64_t isUnsigned = 0;
+  CopyKind kind = CopyKind::sum;
 };
 
 /// The compiler's facts about copies for a kernel.

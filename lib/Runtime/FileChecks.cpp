@@ -68,6 +68,8 @@ std::string warp::problemOf(const std::vector<Param> &params,
 
 static bool isPossible(const CopiedArray &array) {
   return isOneOf(array.gradient, {0, 1}) && isOneOf(array.floating, {0, 1}) &&
+         isOneOf(array.isUnsigned, {0, 1}) &&
+         isOneOf(int64_t(array.kind), {0, 1, 2}) &&
          isOneOf(array.width, {32, 64}) && array.elementSize > 0 &&
          isWithin(array.numbers, 1, array.elementSize);
 }

@@ -15,13 +15,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cstring>
+#include <limits>
 #include <sys/mman.h>
 
 using namespace warp;
 
 /// Nanoseconds for a number of a copy: to add it, to clear it, and what the
-/// caches lose to it. In memory that is new to the process, for its pages too.
+/// caches lose to it; for one that a minimum or maximum is kept in, to fill it
+/// as well. In memory that is new to the process, for its pages too.
 static constexpr double mergeTime = 0.13;
+static constexpr double fillTime = 0.1;
 static constexpr double pageTime = 0.25;
 /// Nanoseconds of two more loops of the pool.
 static constexpr double startTime = 5e3;
@@ -59,7 +62,7 @@ UpdateMode warp::chooseUpdates(const CopiedArrays &copied, const void *params,
   double width = ThreadPool::size();
   double alone = copied.plainTime * static_cast<double>(items);
   double atomic = copied.atomicTime * static_cast<double>(items) / width;
-  double numbers = 0, bytes = 0;
+  double merging = 0, numbers = 0, bytes = 0;
   bool packed = true;
   for (const CopiedArray &array : copied.list) {
     ArrayDescriptor descriptor = descriptorOf(array, params);
@@ -67,10 +70,12 @@ UpdateMode warp::chooseUpdates(const CopiedArrays &copied, const void *params,
     int64_t count = countElements(descriptor) * array.numbers;
     double of = static_cast<double>(count) * (width - 1);
     numbers += of;
+    merging +=
+        of * (array.kind == CopyKind::sum ? mergeTime : mergeTime + fillTime);
     bytes += of * static_cast<double>(array.width / 8);
   }
-  double perNumber = bytes > keptBytes ? mergeTime + pageTime : mergeTime;
-  double copies = alone / width + startTime + numbers * perNumber;
+  double paging = bytes > keptBytes ? numbers * pageTime : 0;
+  double copies = alone / width + startTime + merging + paging;
   if (packed && bytes <= mostBytes && copies < std::min(alone, atomic))
     return UpdateMode::Copies;
   return alone <= atomic ? UpdateMode::Alone : UpdateMode::Atomic;
@@ -138,7 +143,8 @@ PrivateCopies::PrivateCopies(const CopiedArrays &copied, const void *params,
     ArrayDescriptor descriptor = descriptorOf(array, params);
     void *data = array.gradient ? descriptor.grad : descriptor.data;
     int64_t numbers = data ? countElements(descriptor) * array.numbers : 0;
-    arrays.push_back({data, numbers, array.width, array.floating, bytes});
+    arrays.push_back({data, numbers, array.width, array.floating,
+                      array.isUnsigned, array.kind, bytes});
     bytes = alignUp(bytes + numbers * (array.width / 8), alignment);
   }
   size_t others = workers.size() - 1;
@@ -165,9 +171,65 @@ PrivateCopies::~PrivateCopies() {
 const void *PrivateCopies::paramsOf(int worker) {
   if (worker == 0)
     return params;
-  if (!workers[worker].isUsed)
+  if (!workers[worker].isUsed) {
     workers[worker].isUsed = true;
+    fillCopies(worker);
+  }
   return reinterpret_cast<char *>(blocks.data()) + (worker - 1) * paramSize;
+}
+
+/// Calls a function with a number of the type of an array's numbers, where it
+/// matters signed.
+template <typename Function>
+static void withType(bool isFloating, bool isSigned, int64_t width,
+                     Function function) {
+  bool isWide = width == 64;
+  if (isFloating)
+    isWide ? function(double()) : function(float());
+  else if (isSigned)
+    isWide ? function(int64_t()) : function(int32_t());
+  else
+    isWide ? function(uint64_t()) : function(uint32_t());
+}
+
+/// The number that no minimum or maximum is changed by: that of NaN and a
+/// number is the number.
+template <typename T> static T neutral(CopyKind kind) {
+  if constexpr (std::numeric_limits<T>::has_quiet_NaN)
+    return std::numeric_limits<T>::quiet_NaN();
+  return kind == CopyKind::min ? std::numeric_limits<T>::max()
+                               : std::numeric_limits<T>::lowest();
+}
+
+/// Puts what changes nothing into a worker's copies; for sums it is there.
+void PrivateCopies::fillCopies(int worker) {
+  for (const Array &array : arrays) {
+    if (array.kind == CopyKind::sum)
+      continue;
+    char *copy = memory + (worker - 1) * bytes + array.offset;
+    withType(array.floating, !array.isUnsigned, array.width, [&](auto type) {
+      using T = decltype(type);
+      std::fill_n(reinterpret_cast<T *>(copy), array.numbers,
+                  neutral<T>(array.kind));
+    });
+  }
+}
+
+/// Takes the minima, or maxima, of an array's numbers and those of a copy,
+/// which it clears. NaN stands for no number, as in kernels.
+template <typename T>
+static void keepExtremes(T *array, T *copy, int64_t count, bool isMinimum) {
+  auto keep = [&](auto isBetter) {
+    for (int64_t i = 0; i < count; ++i) {
+      T value = copy[i], old = array[i];
+      array[i] = isBetter(value, old) || old != old ? value : old;
+    }
+  };
+  if (isMinimum)
+    keep([](T value, T old) { return value < old; });
+  else
+    keep([](T value, T old) { return value > old; });
+  std::memset(copy, 0, size_t(count) * sizeof(T));
 }
 
 /// Adds numbers of a copy to those of an array and clears them; a line that the
@@ -204,15 +266,19 @@ template <typename T>
 void PrivateCopies::mergeArray(const Array &array,
                                const std::vector<char *> &copies) {
   T *data = static_cast<T *>(array.data);
-  auto add = [&](int64_t begin, int64_t end) {
-    // Pieces that stay in the first cache while all copies are added.
+  auto combine = [&](int64_t begin, int64_t end) {
+    // Pieces that stay in the first cache while all copies are combined.
     for (int64_t from = begin; from < end; from += 2048)
-      for (char *copy : copies)
-        addAndClear(data + from,
-                    reinterpret_cast<T *>(copy + array.offset) + from,
-                    std::min<int64_t>(end - from, 2048));
+      for (char *copy : copies) {
+        T *part = reinterpret_cast<T *>(copy + array.offset) + from;
+        int64_t count = std::min<int64_t>(end - from, 2048);
+        if (array.kind == CopyKind::sum)
+          addAndClear(data + from, part, count);
+        else
+          keepExtremes(data + from, part, count, array.kind == CopyKind::min);
+      }
   };
-  ThreadPool::parallelFor(0, array.numbers, mergeGrain, add);
+  ThreadPool::parallelFor(0, array.numbers, mergeGrain, combine);
 }
 
 void PrivateCopies::merge() {
@@ -223,13 +289,10 @@ void PrivateCopies::merge() {
   for (const Array &array : arrays) {
     if (copies.empty())
       break;
-    // Integers wrap as they do in kernels.
-    if (array.floating)
-      array.width == 32 ? mergeArray<float>(array, copies)
-                        : mergeArray<double>(array, copies);
-    else
-      array.width == 32 ? mergeArray<uint32_t>(array, copies)
-                        : mergeArray<uint64_t>(array, copies);
+    // Integers wrap as they do in kernels, where they are added.
+    bool isSigned = array.kind != CopyKind::sum && !array.isUnsigned;
+    withType(array.floating, isSigned, array.width,
+             [&](auto type) { mergeArray<decltype(type)>(array, copies); });
   }
   isClear = true;
 }

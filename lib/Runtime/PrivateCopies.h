@@ -2,14 +2,16 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// How a launch that adds to arrays without atomic instructions is shared: each
+// How a launch that updates arrays without atomic instructions is shared: each
 // worker but the first gets a parameter block whose pointers lead to copies of
-// its own, of zeros, and the copies are added to the arrays afterwards. Which
-// sums a float ends up in then depends on who took which chunk.
+// its own, and the copies are combined with the arrays afterwards. Which sums a
+// float ends up in then depends on who took which chunk.
 //
 // Whoever is in here holds the update gate alone (cpu/Kernel.cpp), so there is
 // one piece of memory for the copies of all kernels. Between launches it holds
-// zeros: adding a copy to its array clears it, and only where it was touched.
+// zeros: adding a copy to its array clears it, and only where it was touched. A
+// worker fills copies for minima and maxima with what changes nothing when its
+// first chunk comes; they are cleared as a whole.
 //
 //===----------------------------------------------------------------------===//
 
@@ -48,13 +50,14 @@ public:
 
   /// The parameter block of a worker of the pool, which calls this.
   const void *paramsOf(int worker);
-  /// Adds the copies to the arrays, once no worker is inside.
+  /// Combines the copies with the arrays, once no worker is inside.
   void merge();
 
 private:
   struct Array {
     void *data;
-    int64_t numbers, width, floating;
+    int64_t numbers, width, floating, isUnsigned;
+    CopyKind kind;
     /// Where it begins in the memory of a worker.
     size_t offset;
   };
@@ -64,6 +67,7 @@ private:
 
   template <typename T>
   void mergeArray(const Array &array, const std::vector<char *> &copies);
+  void fillCopies(int worker);
 
   const void *params;
   size_t paramSize;

@@ -80,9 +80,10 @@ static void assign(warp::CopiedArrays &copied, warp::CopiedAttr found) {
   if (!found)
     return;
   for (auto array : found.getArrays().getAsRange<warp::CopiedArrayAttr>())
-    copied.list.push_back({array.getDescriptor(), array.getGradient(),
-                           array.getElementSize(), array.getNumbers(),
-                           array.getWidth(), array.getFloating()});
+    copied.list.push_back(
+        {array.getDescriptor(), array.getGradient(), array.getElementSize(),
+         array.getNumbers(), array.getWidth(), array.getFloating(),
+         array.getIsUnsigned(), warp::CopyKind(array.getKind())});
   copied.plainTime = double(found.getPlainTime()) / 1e3;
   copied.atomicTime = double(found.getAtomicTime()) / 1e3;
 }

@@ -9,6 +9,7 @@
 #include "warp/KernelCache.h"
 #include "warp/ThreadPool.h"
 
+#include <cmath>
 #include <cstring>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
@@ -195,4 +196,66 @@ TEST(PrivateCopies, LeavesNullPointersAlone) {
   copies.merge();
   for (int i = 0; i < 4; ++i)
     EXPECT_EQ(numbers[i], i + 1 + (ThreadPool::size() - 1) * 10 * i);
+}
+
+// least[at[i]] = min(.., value), most of unsigned numbers and of floats alike.
+static const char *const extremesText = R"(
+module @extremes {
+  func.func @extremes(%at: !warp.array<1 x si32>, %value: !warp.array<1 x f32>,
+                      %number: !warp.array<1 x ui64>,
+                      %least: !warp.array<1 x f32>,
+                      %most: !warp.array<1 x ui64>)
+      attributes {warp.kernel} {
+    %i = warp.tid : si32
+    %j = warp.load %at[%i] : !warp.array<1 x si32>, si32 -> si32
+    %v = warp.load %value[%i] : !warp.array<1 x f32>, si32 -> f32
+    %n = warp.load %number[%i] : !warp.array<1 x ui64>, si32 -> ui64
+    %a = warp.atomic min %v, %least[%j]
+        : f32, !warp.array<1 x f32>, si32 -> f32
+    %b = warp.atomic max %n, %most[%j]
+        : ui64, !warp.array<1 x ui64>, si32 -> ui64
+    return
+  }
+})";
+
+// Copies keep minima and maxima apart from each other and from no number at
+// all.
+TEST(PrivateCopies, KeepExtremes) {
+  KernelCache::get().setEnabled(false);
+  struct {
+    LaunchHeader header;
+    ArrayDescriptor at, value, number, least, most;
+  } params;
+  constexpr int items = 400000, bins = 1000;
+  std::vector<int> at(items);
+  std::vector<float> value(items), least(bins, NAN), expectedLeast(bins, NAN);
+  std::vector<uint64_t> number(items), most(bins), expectedMost(bins);
+  for (int i = 0; i < items; ++i) {
+    // No thread comes to the last element; one in seven has no number.
+    at[i] = static_cast<int>(int64_t(i) * 7919 % (bins - 1));
+    value[i] = i % 7 ? float(i * 31 % 10007 - 5000) : NAN;
+    number[i] = (uint64_t(1) << 63) + uint64_t(i) * 2654435761u % 100003;
+    expectedLeast[at[i]] = std::fmin(expectedLeast[at[i]], value[i]);
+    expectedMost[at[i]] = std::max(expectedMost[at[i]], number[i]);
+  }
+  params.at = arrayOf(at.data(), items, 4);
+  params.value = arrayOf(value.data(), items, 4);
+  params.number = arrayOf(number.data(), items, 8);
+  params.least = arrayOf(least.data(), bins, 4);
+  params.most = arrayOf(most.data(), bins, 8);
+  LaunchDim dim;
+  dim.extent[0] = items;
+  Kernel kernel(Module::fromText(extremesText), "extremes");
+  for (int launch = 0; launch < 3; ++launch) {
+    Kernel::Plan plan = kernel.prepare(cpuDevice, dim, &params);
+    if (ThreadPool::size() > 1)
+      EXPECT_EQ(modeOf(plan, &params), UpdateMode::Copies);
+    kernel.run(plan, &params);
+    for (int i = 0; i < bins - 1; ++i) {
+      ASSERT_EQ(least[i], expectedLeast[i]) << i;
+      ASSERT_EQ(most[i], expectedMost[i]) << i;
+    }
+    EXPECT_TRUE(std::isnan(least[bins - 1]));
+    EXPECT_EQ(most[bins - 1], 0u);
+  }
 }

@@ -2,13 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A worker may add to a copy in place of an array if nothing but sums happens
-// to the array in the launch: then nobody sees before the end of it which of
-// the two a number went to. Every access of the kernel is asked for the memory
-// it may mean (Analysis/ArrayOrigins.h), so views and fields of structs count.
-// One access of unknown memory is enough to give up, since it may mean a copied
-// array; so is one atomic update that copies cannot take over, since all
-// updates of the code lose their atomic instructions together.
+// A worker may update a copy in place of an array if nothing but sums, minima
+// or maxima happen to the array in the launch: then nobody sees before the end
+// of it which of the two a number went to. Every access of the kernel is asked
+// for the memory it may mean (Analysis/ArrayOrigins.h), so views and fields of
+// structs count. One access of unknown memory is enough to give up, since it
+// may mean a copied array; so is one atomic update that copies cannot take
+// over, since all updates of the code lose their atomic instructions together.
 //
 //===----------------------------------------------------------------------===//
 
@@ -29,12 +29,26 @@
 
 using namespace mlir;
 
-/// The type of the numbers that an update adds; null if it does anything else.
-static Type typeOfSum(warp::AccessOp op) {
+/// The way in which an update changes numbers if a copy can receive it.
+static std::optional<warp::CopyKind> kindOf(warp::AccessOp op) {
   auto kind = op.getCombination();
   if (!op.isUpdate() || !op->use_empty() || warp::getUpdate(op).isExact() ||
-      (kind != warp::AtomicKind::add && kind != warp::AtomicKind::sub))
-    return {};
+      !kind)
+    return std::nullopt;
+  switch (warp::combiningKind(*kind)) {
+  case warp::AtomicKind::add:
+    return warp::CopyKind::sum;
+  case warp::AtomicKind::min:
+    return warp::CopyKind::min;
+  case warp::AtomicKind::max:
+    return warp::CopyKind::max;
+  default:
+    return std::nullopt;
+  }
+}
+
+/// The type of all its numbers; null if they differ, or have another width.
+static Type typeOf(warp::AccessOp op) {
   auto types = op.getWritten().getTypes();
   Type type = types.front();
   if (!llvm::all_equal(types) || !(type.isF32() || type.isF64() ||
@@ -47,8 +61,9 @@ namespace {
 
 /// The effects of a kernel on one memory.
 struct Uses {
-  /// The bytes of all its sums.
+  /// The numbers of all its updates, and what those do.
   Type number;
+  warp::CopyKind kind = warp::CopyKind::sum;
   bool isAtomic = false, others = false;
 };
 
@@ -58,7 +73,7 @@ public:
       : kernel(kernel), origins(kernel, /*disjoint=*/true) {}
 
   /// The arrays that a kernel in phase `launch` updates atomically, if all of
-  /// these updates add numbers and nothing else happens to the arrays, provided
+  /// these updates do the same and nothing else happens to the arrays, provided
   /// that those of a launch are disjoint. None otherwise.
   std::vector<warp::CopiedArray> run();
 
@@ -66,7 +81,7 @@ private:
   bool visit(Operation *op);
   void locate();
   std::optional<warp::CopiedArray> describe(warp::ArrayMemory memory,
-                                            Type number);
+                                            const Uses &use);
 
   FunctionOpInterface kernel;
   warp::ArrayOrigins origins;
@@ -88,14 +103,17 @@ bool Finder::visit(Operation *op) {
   warp::ArrayOrigin origin = origins.of(access.getArray());
   if (!origin.isComplete)
     return false;
-  Type number = typeOfSum(access);
+  std::optional<warp::CopyKind> kind = kindOf(access);
+  Type number = kind ? typeOf(access) : Type();
   bool isAtomic = access.isUpdate() && access.isAtomic();
   if (isAtomic && !number)
     return false;
   for (warp::ArrayMemory memory : origin.memories) {
     Uses &use = uses[memory];
-    use.others |= !number || (use.number && use.number != number);
+    use.others |=
+        !number || (use.number && (use.number != number || use.kind != *kind));
     use.number = number;
+    use.kind = kind.value_or(use.kind);
     use.isAtomic |= isAtomic;
   }
   return true;
@@ -116,9 +134,10 @@ void Finder::locate() {
       arrays.push_back(leaf);
 }
 
-/// None if an element is more than numbers of that type.
+/// None if an element is more than numbers of one type.
 std::optional<warp::CopiedArray> Finder::describe(warp::ArrayMemory memory,
-                                                  Type number) {
+                                                  const Uses &use) {
+  Type number = use.number;
   warp::Leaf leaf = arrays[memory.leaf];
   Type element = cast<warp::ArrayType>(leaf.type).getElementType();
   int64_t size = warp::getByteSize(element);
@@ -127,15 +146,18 @@ std::optional<warp::CopiedArray> Finder::describe(warp::ArrayMemory memory,
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(element, 0, leaves);
   int64_t width = number.getIntOrFloatBitWidth(), count = leaves.size();
+  bool isUnsigned = leaves.front().type.isUnsignedInteger();
   bool fits = llvm::all_of(leaves, [&](warp::Leaf part) {
     return part.type.isIntOrFloat() &&
+           part.type.isUnsignedInteger() == isUnsigned &&
            int64_t(part.type.getIntOrFloatBitWidth()) == width &&
            isa<FloatType>(part.type) == isa<FloatType>(number);
   });
   if (!fits || count * width / 8 != warp::getByteSize(element))
     return std::nullopt;
-  return warp::CopiedArray{leaf.offset, memory.isGradient,     size, count,
-                           width,       isa<FloatType>(number)};
+  return warp::CopiedArray{
+      leaf.offset, memory.isGradient,      size,       count,
+      width,       isa<FloatType>(number), isUnsigned, use.kind};
 }
 
 std::vector<warp::CopiedArray> Finder::run() {
@@ -152,7 +174,7 @@ std::vector<warp::CopiedArray> Finder::run() {
   for (auto &[memory, use] : uses) {
     if (!use.isAtomic)
       continue;
-    auto array = use.others ? std::nullopt : describe(memory, use.number);
+    auto array = use.others ? std::nullopt : describe(memory, use);
     if (!array)
       return {};
     found.push_back(*array);
@@ -171,7 +193,8 @@ bool warp::offerCopies(FunctionOpInterface kernel, const UpdateCosts &costs) {
   for (const CopiedArray &array : Finder(kernel).run())
     list.push_back(CopiedArrayAttr::get(
         context, array.descriptor, array.gradient, array.elementSize,
-        array.numbers, array.width, array.floating));
+        array.numbers, array.width, array.floating, array.isUnsigned,
+        int64_t(array.kind)));
   if (list.empty())
     return false;
   auto copied = CopiedAttr::get(context, ArrayAttr::get(context, list),
