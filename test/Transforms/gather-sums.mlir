@@ -223,3 +223,40 @@ func.func @mixed(%x: !warp.array<2 x f32>, %v: f32)
   warp.accumulate %v, %gx[%j, %i] : f32, !warp.array<2 x f32>, si32, si32
   return
 }
+
+// -----
+
+// An index that is the same in all threads, such as that of a channel, stays;
+// gradients of each are gathered apart. Threads inside of the launch have one
+// branch for terms at the same distance in the last dimension.
+// CHECK-LABEL: func.func @channels_sums
+// CHECK-SAME: warp.halo = array<i64: 1, 1>
+// CHECK: %[[T:.*]]:2 = warp.tid
+// CHECK: scf.if %{{.*}} {
+// CHECK: warp.accumulate %{{.*}}, %{{.*}}[%{{.*}}, %[[T]]#0, %[[T]]#1] {unique = 2 : i64}
+// CHECK: warp.accumulate %{{.*}}, %{{.*}}[%{{.*}}, %[[T]]#0, %[[T]]#1] {unique = 2 : i64}
+// CHECK: } else {
+// CHECK: warp.accumulate %{{.*}}, %{{.*}}[%{{.*}}, %[[T]]#0, %[[T]]#1] {unique = 2 : i64}
+// CHECK: warp.accumulate %{{.*}}, %{{.*}}[%{{.*}}, %[[T]]#0, %[[T]]#1] {unique = 2 : i64}
+// CHECK-LABEL: func.func @channels
+// CHECK-NOT: warp.accumulate
+func.func @channels(%x: !warp.array<3 x f32>, %y: !warp.array<3 x f32>)
+    attributes {warp.kernel} {
+  %first = warp.constant 0 : si32
+  %one = warp.constant 1 : si32
+  %zero = warp.constant 0.0 : f32
+  %i, %j = warp.tid : si32, si32
+  %below = warp.add(%i, %one) : (si32, si32) -> si32
+  %right = warp.add(%j, %one) : (si32, si32) -> si32
+  %gx = warp.grad %x : !warp.array<3 x f32> -> !warp.array<3 x f32>
+  %gy = warp.grad %y : !warp.array<3 x f32> -> !warp.array<3 x f32>
+  %v = warp.load %gy[%first, %i, %j] : !warp.array<3 x f32>, si32, si32, si32 -> f32
+  warp.store %zero, %gy[%first, %i, %j] : f32, !warp.array<3 x f32>, si32, si32, si32
+  %w = warp.load %gy[%one, %i, %j] : !warp.array<3 x f32>, si32, si32, si32 -> f32
+  warp.store %zero, %gy[%one, %i, %j] : f32, !warp.array<3 x f32>, si32, si32, si32
+  warp.accumulate %v, %gx[%first, %below, %j] : f32, !warp.array<3 x f32>, si32, si32, si32
+  warp.accumulate %w, %gx[%first, %i, %j] : f32, !warp.array<3 x f32>, si32, si32, si32
+  warp.accumulate %w, %gx[%one, %i, %right] : f32, !warp.array<3 x f32>, si32, si32, si32
+  warp.accumulate %v, %gx[%one, %i, %j] : f32, !warp.array<3 x f32>, si32, si32, si32
+  return
+}

@@ -92,6 +92,28 @@ def kernel(x: A1, v: A1, y: A1, n: int):
         else:
             y[i] = v[i] * (x[i + 1] - x[i])
 """
+CHANNELS = """
+@wp.kernel
+def kernel(x: A4, y: A4, n: int):
+    i, j, k = wp.tid()
+    if i < 1 or j < 1 or k < 1:
+        return
+    if i >= x.shape[1] - 1 or j >= x.shape[2] - 1 or k >= x.shape[3] - 1:
+        return
+    y[0, i, j, k] = x[0, i + 1, j, k] - x[0, i - 1, j, k] + x[1, i, j, k + 1] * x[n, i, j, k]
+    y[1, i, j, k] = x[1, i, j + 1, k] + R(2.0) * x[0, i, j - 1, k] - x[n, i, j, k - 1]
+"""
+LAST = """
+@wp.kernel
+def kernel(x: A3, y: A2):
+    i, j = wp.tid()
+    if i < 1 or j < 2 or i >= x.shape[0] - 1:
+        return
+    s = R(0.0)
+    for c in range(3):
+        s += R(c + 1) * (x[i - 1, j, c] + x[i + 1, j, c] * x[i, j - 2, 2 - c])
+    y[i, j] = s
+"""
 TRANSPOSED = """
 @wp.kernel
 def kernel(x: A2, y: A2):
@@ -156,6 +178,19 @@ def test_block_of_seven_points(device):
 def test_block_of_27_points(device):
     x = RNG.normal(size=(4, 3, 5))
     check(CUBE, (2, 1, 3), [x, np.zeros((2, 1, 3))], [], device)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, -1])
+@pytest.mark.parametrize("dims", [(4, 3, 5), (3, 2, 4)])
+def test_fixed_first_index(device, n, dims):
+    x = RNG.normal(size=(3, 4, 3, 5))
+    check(CHANNELS, dims, [x, *zeros_like(x)], [n], device)
+
+
+@pytest.mark.parametrize("dims", [(5, 4), (2, 3)])
+def test_fixed_last_index(device, dims):
+    x = RNG.normal(size=(5, 4, 3))
+    check(LAST, dims, [x, np.zeros((5, 4))], [], device)
 
 
 @pytest.mark.parametrize("dims", [(5, 4), (5, 2), (2, 4)])

@@ -40,7 +40,7 @@ def jacobian(source, dims, arrays, scalars):
             held[index] = Dual(values[index], np.eye(total)[first + place])
         first += values.size
         duals.append(held)
-    kernel = define(source, wp=Grid, A1=None, A2=None, A3=None, R=Dual)["kernel"]
+    kernel = define(source, wp=Grid, A1=None, A2=None, A3=None, A4=None, R=Dual)["kernel"]
     scalars = [Dual(s) if isinstance(s, float) else s for s in scalars]
     for Grid.index in itertools.product(*map(range, dims)):
         kernel(*duals, *scalars)
@@ -49,7 +49,7 @@ def jacobian(source, dims, arrays, scalars):
 
 def compiled(source):
     """The kernel of the same source."""
-    names = {f"A{n}": wp.array(dtype=REAL, ndim=n) for n in (1, 2, 3)}
+    names = {f"A{n}": wp.array(dtype=REAL, ndim=n) for n in (1, 2, 3, 4)}
     return define(source, R=REAL, **names)["kernel"]
 
 

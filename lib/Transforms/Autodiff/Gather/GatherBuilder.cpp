@@ -14,6 +14,13 @@
 // second condition is there because an element that no thread adds to may not
 // even exist.
 //
+// Most threads are not at a border of the launch: all their terms are there, as
+// far as it is about the dimensions before the last, in which the threads of a
+// row agree. For them a short kernel has the terms once more, with a branch for
+// all that are at the same distance in the last dimension:
+//
+//   inside:  s = (c1 ? v1 + v4 : 0) + (c2 ? v2 + v3 : 0)      else:  as above
+//
 //===----------------------------------------------------------------------===//
 
 #include "GatherBuilder.h"
@@ -42,7 +49,8 @@ class GatherBuilder : GatherEmitter {
 public:
   GatherBuilder(func::FuncOp adjoint, ArrayRef<NeighborSums> gathers,
                 const SumsByOffset &sums, unsigned rank)
-      : GatherEmitter{OpBuilder(adjoint.getContext()), adjoint.getLoc(), {}},
+      : GatherEmitter{
+            OpBuilder(adjoint.getContext()), adjoint.getLoc(), {}, {}, {}},
         adjoint(adjoint), gathers(gathers), sums(sums), rank(rank) {}
 
   void build();
@@ -56,13 +64,29 @@ private:
   void simplify(Operation *op);
   void addPartial(Partial &to, const Partial &from);
   using Group = ArrayRef<std::pair<unsigned, Operation *>>;
+  void addValues(Group sums, IRMapping map, MutableArrayRef<Partial> partials);
+  /// Sums of a block, which threads add where a guard holds.
+  struct Term {
+    Guard guard;
+    Offsets back;
+    IRMapping map;
+    SmallVector<std::pair<unsigned, Operation *>> sums;
+  };
+  IRMapping mapAt(const Offsets &offsets);
+  bool collect(Block &block, const Guard &guard, Group group, IRMapping map,
+               std::vector<Term> &terms);
+  bool isShort() const;
+  Value isInside(ArrayRef<Term> terms);
+  void addInside(ArrayRef<Term> terms);
+  void addAnywhere();
   void addBlock(Block &block, const Guard &guard, Group group, IRMapping map,
                 MutableArrayRef<Partial> partials);
   void addBranch(scf::IfOp branch, const Guard &guard, Group group,
                  IRMapping map, MutableArrayRef<Partial> partials);
-  void addGuarded(const Guard &conditions, MutableArrayRef<Partial> partials,
+  void addGuarded(Value guard, MutableArrayRef<Partial> partials,
                   function_ref<void(MutableArrayRef<Partial>)> body);
   void store(const NeighborSums &all, const Partial &partial);
+  void store(ArrayRef<Partial> partials);
 
   func::FuncOp adjoint;
   ArrayRef<NeighborSums> gathers;
@@ -77,7 +101,13 @@ private:
   std::map<std::pair<unsigned, int64_t>, Value> shifts;
   SmallVector<Value> extents;
   SmallVector<Operation *> clones;
+  /// The end of what is the same in all threads.
+  Operation *uniformEnd = nullptr;
+  IRMapping uniform;
 };
+
+/// Operations of an adjoint whose terms a kernel may have twice.
+constexpr int64_t mostTwice = 400;
 
 } // namespace
 
@@ -92,6 +122,14 @@ void GatherBuilder::createFunction() {
   b.setInsertionPointToStart(body);
   llvm::append_range(extents, body->getArguments().take_back(rank));
   tid = warp::TidOp::create(b, loc, SmallVector<Type>(rank, index));
+  uniformEnd = number(0).getDefiningOp();
+  uniform.map(adjoint.getArguments(),
+              function.getArguments().take_front(adjoint.getNumArguments()));
+  makeUniform = [this](Value value) {
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPoint(uniformEnd);
+    return clone(value, uniform);
+  };
   b.setInsertionPoint(func::ReturnOp::create(b, loc));
 }
 
@@ -199,9 +237,8 @@ void GatherBuilder::addPartial(Partial &to, const Partial &from) {
 
 /// Adds what `body` adds where a guard holds.
 void GatherBuilder::addGuarded(
-    const Guard &conditions, MutableArrayRef<Partial> partials,
+    Value guard, MutableArrayRef<Partial> partials,
     function_ref<void(MutableArrayRef<Partial>)> body) {
-  Value guard = conditions.build(*this, back, halo);
   if (!guard)
     return body(partials);
   auto branch = scf::IfOp::create(b, loc, guard, /*withElseRegion=*/true);
@@ -256,9 +293,18 @@ void GatherBuilder::addBranch(scf::IfOp branch, const Guard &guard, Group group,
   };
   if (isSpeculatable(branch.getCondition()))
     return addSides(guard, partials);
-  addGuarded(guard, partials, [&](MutableArrayRef<Partial> inner) {
-    addSides(Guard(rank), inner);
-  });
+  addGuarded(
+      guard.build(*this, back, halo), partials,
+      [&](MutableArrayRef<Partial> inner) { addSides(Guard(rank), inner); });
+}
+
+/// Adds what a thread sends.
+void GatherBuilder::addValues(Group sums, IRMapping map,
+                              MutableArrayRef<Partial> partials) {
+  for (auto [number, op] : sums) {
+    Value value = cast<warp::AccumulateOp>(op).getValue();
+    addPartial(partials[number], {clone(value, map), nullptr});
+  }
 }
 
 /// Adds the sums of a group that are in a block or in branches in it.
@@ -274,13 +320,9 @@ void GatherBuilder::addBlock(Block &block, const Guard &guard, Group group,
       branches.insert(ancestor);
   }
   if (!own.empty())
-    addGuarded(guard, partials, [&](MutableArrayRef<Partial> inner) {
-      IRMapping values = map;
-      for (auto [number, op] : own) {
-        Value value = cast<warp::AccumulateOp>(op).getValue();
-        addPartial(inner[number], {clone(value, values), nullptr});
-      }
-    });
+    addGuarded(
+        guard.build(*this, back, halo), partials,
+        [&](MutableArrayRef<Partial> inner) { addValues(own, map, inner); });
   for (Operation *branch : branches)
     addBranch(cast<scf::IfOp>(branch), guard, group, map, partials);
 }
@@ -296,10 +338,113 @@ void GatherBuilder::store(const NeighborSums &all, const Partial &partial) {
   map.map(adjoint.getArguments(),
           function.getArguments().take_front(adjoint.getNumArguments()));
   SmallVector<Value> indices;
-  for (unsigned dimension : all.dimensions)
-    indices.push_back(tid.getResult(dimension));
+  for (const NeighborIndex &index : all.indices)
+    indices.push_back(index.fixed ? clone(index.fixed, map)
+                                  : Value(tid.getResult(index.dimension)));
   warp::AccumulateOp::create(b, loc, partial.sum, clone(all.gradients, map),
                              indices, b.getI64IntegerAttr(rank));
+}
+
+void GatherBuilder::store(ArrayRef<Partial> partials) {
+  for (auto [all, partial] : llvm::zip_equal(gathers, partials))
+    store(all, partial);
+}
+
+//===----------------------------------------------------------------------===//
+// Inside
+//===----------------------------------------------------------------------===//
+
+/// The values of the adjoint before all others, for the thread that adds to
+/// this one's element at an offset.
+IRMapping GatherBuilder::mapAt(const Offsets &offsets) {
+  IRMapping map;
+  map.map(adjoint.getArguments(),
+          function.getArguments().take_front(adjoint.getNumArguments()));
+  adjoint.walk([&](warp::TidOp op) {
+    for (unsigned i = 0; i < rank; ++i)
+      map.map(op.getResult(i), shifted(i, -offsets[i]));
+  });
+  return map;
+}
+
+/// Lists the sums of a group that are in a block or in branches in it. False if
+/// whether they are made depends on more than where the thread is.
+bool GatherBuilder::collect(Block &block, const Guard &guard, Group group,
+                            IRMapping map, std::vector<Term> &terms) {
+  SmallVector<std::pair<unsigned, Operation *>> own;
+  llvm::SetVector<Operation *> branches;
+  for (auto [number, op] : group) {
+    Operation *ancestor = block.findAncestorOpInBlock(*op);
+    if (ancestor == op)
+      own.emplace_back(number, op);
+    else if (ancestor)
+      branches.insert(ancestor);
+  }
+  if (!own.empty())
+    terms.push_back({guard, back, map, own});
+  for (Operation *op : branches) {
+    auto branch = cast<scf::IfOp>(op);
+    if (!isSpeculatable(branch.getCondition()))
+      return false;
+    for (Block *side : {branch.thenBlock(), branch.elseBlock()}) {
+      if (!side)
+        continue;
+      Guard inner = guard;
+      inner.add(*this, branch.getCondition(), side == branch.thenBlock(),
+                [&](Value value) { return clone(value, map); });
+      if (!inner.isAboutIndices() || !collect(*side, inner, group, map, terms))
+        return false;
+    }
+  }
+  return true;
+}
+
+bool GatherBuilder::isShort() const {
+  int64_t count = 0;
+  for (auto &[offsets, group] : sums)
+    for (auto [number, op] : group)
+      count += getSlice(op).size();
+  return count <= mostTwice;
+}
+
+/// True if this thread has all terms, as far as it is about the dimensions
+/// before the last.
+Value GatherBuilder::isInside(ArrayRef<Term> terms) {
+  Value all;
+  for (const Term &term : terms)
+    all = both(all, term.guard.build(*this, term.back, halo, 0, rank - 1));
+  return all;
+}
+
+void GatherBuilder::addInside(ArrayRef<Term> terms) {
+  SmallVector<Partial> partials(gathers.size());
+  std::vector<bool> isAdded(terms.size());
+  unsigned last = rank - 1;
+  for (auto [i, first] : llvm::enumerate(terms)) {
+    if (isAdded[i])
+      continue;
+    Value guard = first.guard.build(*this, first.back, halo, last, rank);
+    addGuarded(guard, partials, [&](MutableArrayRef<Partial> inner) {
+      for (auto [j, term] : llvm::enumerate(terms)) {
+        if (isAdded[j] || term.back[last] != first.back[last] ||
+            !term.guard.agrees(first.guard, last))
+          continue;
+        isAdded[j] = true;
+        addValues(term.sums, term.map, inner);
+      }
+    });
+  }
+  store(partials);
+}
+
+void GatherBuilder::addAnywhere() {
+  SmallVector<Partial> partials(gathers.size());
+  for (auto &[offsets, group] : sums) {
+    back = offsets;
+    addBlock(adjoint.getBody().front(), Guard(extents), group, mapAt(offsets),
+             partials);
+  }
+  store(partials);
 }
 
 void GatherBuilder::build() {
@@ -309,20 +454,24 @@ void GatherBuilder::build() {
     for (unsigned i = 0; i < rank; ++i)
       halo[i] = std::max(halo[i], offsets[i]);
   setAttributes();
-  SmallVector<Partial> partials(gathers.size());
+  std::vector<Term> terms;
+  bool isPlain = rank > 1 && sums.size() > 1 && isShort();
   for (auto &[offsets, group] : sums) {
     back = offsets;
-    IRMapping map;
-    map.map(adjoint.getArguments(),
-            function.getArguments().take_front(adjoint.getNumArguments()));
-    adjoint.walk([&](warp::TidOp op) {
-      for (unsigned i = 0; i < rank; ++i)
-        map.map(op.getResult(i), shifted(i, -back[i]));
-    });
-    addBlock(adjoint.getBody().front(), Guard(extents), group, map, partials);
+    isPlain = isPlain && collect(adjoint.getBody().front(), Guard(extents),
+                                 group, mapAt(offsets), terms);
   }
-  for (auto [all, partial] : llvm::zip_equal(gathers, partials))
-    store(all, partial);
+  Value inside = isPlain ? isInside(terms) : nullptr;
+  if (inside) {
+    auto branch = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/true);
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPointToStart(branch.thenBlock());
+    addInside(terms);
+    b.setInsertionPointToStart(branch.elseBlock());
+    addAnywhere();
+  } else {
+    addAnywhere();
+  }
   for (Operation *copy : clones)
     copy->walk([&](Operation *op) { simplify(op); });
 }

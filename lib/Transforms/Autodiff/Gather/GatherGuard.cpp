@@ -34,6 +34,21 @@ Value GatherEmitter::both(Value left, Value right) {
   return make<BitAndOp>(b.getI1Type(), {left, right});
 }
 
+Value GatherEmitter::limitOf(Value bound, int64_t distance) {
+  Value &limit = limits[{bound.getAsOpaquePointer(), distance}];
+  if (limit)
+    return limit;
+  Value found = makeUniform(bound);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointAfterValue(found);
+  if (isa<BlockArgument>(found))
+    b.setInsertionPointAfter(tid);
+  Type type = bound.getType();
+  found = make<MaxOp>(type, {found, number(distance)});
+  found = make<MinOp>(type, {found, number(1 << 30)});
+  return limit = make<SubOp>(type, {found, number(distance)});
+}
+
 bool isSpeculatable(Value value) {
   Operation *op = value.getDefiningOp();
   if (!op)
@@ -77,18 +92,9 @@ static std::optional<int64_t> getLeast(Operation *compare, bool truth,
   return bound + (truth == isStrict);
 }
 
-/// True if a value is the same in all threads of the launch.
-static bool isUniform(Value value) {
-  auto adjoint =
-      value.getParentRegion()->getParentOfType<FunctionOpInterface>();
-  return ThreadVariance(adjoint, /*disjoint=*/true)
-      .isUniform(value, Scope::Launch);
-}
-
 /// Adds a comparison of a thread index with a value that is the same in all
 /// threads; false if it is not of that form.
-bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds,
-                          Clone clone) {
+bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds) {
   std::optional<Shift> shift = getShift(op->getOperand(0));
   bool isSwapped = !shift;
   if (isSwapped)
@@ -109,12 +115,9 @@ bool Guard::addComparison(GatherEmitter &emitter, Operation *op, bool holds,
     return false;
   // index + offset < bound, or <=; no launch reaches the larger limit.
   bool isStrict = isa<LtOp, GtOp>(op) == holds;
-  int64_t distance = shift->offset - !isStrict;
-  Value limit =
-      emitter.make<MaxOp>(type, {clone(bound), emitter.number(distance)});
-  limit = emitter.make<MinOp>(type, {limit, emitter.number(1 << 30)});
-  limit = emitter.make<SubOp>(type, {limit, emitter.number(distance)});
-  bounds[dimension].push_back(limit);
+  Value limit = emitter.limitOf(bound, shift->offset - !isStrict);
+  if (!llvm::is_contained(bounds[dimension], limit))
+    bounds[dimension].push_back(limit);
   return true;
 }
 
@@ -140,7 +143,7 @@ void Guard::add(GatherEmitter &emitter, Value condition, bool holds,
     }
   }
   if (op && isa<EqOp, NeOp, LtOp, LeOp, GtOp, GeOp>(op) &&
-      addComparison(emitter, op, holds, clone))
+      addComparison(emitter, op, holds))
     return;
   Value value = clone(condition);
   if (!holds)
@@ -150,8 +153,14 @@ void Guard::add(GatherEmitter &emitter, Value condition, bool holds,
 
 Value Guard::build(GatherEmitter &emitter, ArrayRef<int64_t> back,
                    ArrayRef<int64_t> halo) const {
+  return emitter.both(build(emitter, back, halo, 0, least.size()), rest);
+}
+
+Value Guard::build(GatherEmitter &emitter, ArrayRef<int64_t> back,
+                   ArrayRef<int64_t> halo, unsigned first,
+                   unsigned dimensionsEnd) const {
   Value all;
-  for (unsigned i = 0; i < least.size(); ++i) {
+  for (unsigned i = first; i < dimensionsEnd; ++i) {
     if (int64_t from = least[i] + back[i]; from > 0)
       all = emitter.both(all, emitter.isAtLeast(i, from));
     SmallVector<Value, 2> ends = bounds[i];
@@ -167,7 +176,7 @@ Value Guard::build(GatherEmitter &emitter, ArrayRef<int64_t> back,
     all = emitter.both(all,
                        emitter.make<LtOp>(emitter.b.getI1Type(), {index, end}));
   }
-  return emitter.both(all, rest);
+  return all;
 }
 
 } // namespace warp::autodiff

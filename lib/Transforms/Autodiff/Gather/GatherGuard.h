@@ -17,6 +17,8 @@
 
 #include "mlir/IR/Builders.h"
 
+#include <functional>
+
 namespace warp::autodiff {
 
 /// Writes operations of the kernel that gathers.
@@ -24,11 +26,18 @@ struct GatherEmitter {
   mlir::OpBuilder b;
   mlir::Location loc;
   TidOp tid;
+  /// Computes a value of the adjoint that is the same in all threads, before
+  /// all that differs. Asked again it gives the same.
+  std::function<mlir::Value(mlir::Value)> makeUniform;
+  /// The index from which on a comparison with a bound does not hold, by the
+  /// bound and what is added to the index.
+  std::map<std::pair<void *, int64_t>, mlir::Value> limits;
 
   template <typename Builtin>
   mlir::Value make(mlir::Type type, llvm::ArrayRef<mlir::Value> args) {
     return Builtin::create(b, loc, mlir::TypeRange(type), args)->getResult(0);
   }
+  mlir::Value limitOf(mlir::Value bound, int64_t distance);
   /// A number of the type of thread indices.
   mlir::Value number(int64_t value);
   mlir::Value truth(bool value);
@@ -61,10 +70,21 @@ public:
   /// if it always is. This one is at most `halo` steps beyond the extents.
   mlir::Value build(GatherEmitter &emitter, llvm::ArrayRef<int64_t> back,
                     llvm::ArrayRef<int64_t> halo) const;
+  /// The part of that which is about some dimensions.
+  mlir::Value build(GatherEmitter &emitter, llvm::ArrayRef<int64_t> back,
+                    llvm::ArrayRef<int64_t> halo, unsigned first,
+                    unsigned end) const;
+  /// True if there is nothing but that.
+  bool isAboutIndices() const { return !rest; }
+  /// True if another guard says the same of a dimension.
+  bool agrees(const Guard &other, unsigned dimension) const {
+    return least[dimension] == other.least[dimension] &&
+           bounds[dimension] == other.bounds[dimension] &&
+           extents == other.extents;
+  }
 
 private:
-  bool addComparison(GatherEmitter &emitter, mlir::Operation *op, bool holds,
-                     Clone clone);
+  bool addComparison(GatherEmitter &emitter, mlir::Operation *op, bool holds);
 
   Offsets least;
   /// By dimension: the index is less than each of these values.

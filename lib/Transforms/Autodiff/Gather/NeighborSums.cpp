@@ -5,10 +5,12 @@
 // Finds the sums of an adjoint that can be turned round, from "my value goes to
 // my neighbours" to "my sum comes from my neighbours". For one gradient array:
 //
-//   index    every access is an addition at `thread index + constant` in each
-//            dimension, and the dimensions of the launch and of the array
-//            correspond one to one. A negative index would count from the end,
-//            so the branches around have to exclude that.
+//   index    every access is an addition at `thread index + constant`, where
+//   the
+//            dimensions of the launch and of the array correspond one to one. A
+//            negative index would count from the end, so the branches around
+//            have to exclude that. In other dimensions of the array, such as
+//            that of a channel, the index is the same in all threads.
 //   value    it and the conditions of the branches depend on thread indices,
 //            arguments, and on elements that hold, before the launch, what the
 //            thread is going to read: elements of arrays that the launch does
@@ -24,7 +26,9 @@
 #include "Analysis/Effects.h"
 #include "Analysis/Forms.h"
 #include "Analysis/Ranges.h"
+#include "Analysis/ThreadVariance.h"
 #include "Autodiff/DeadValues.h"
+#include "GatherGuard.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
@@ -49,6 +53,22 @@ std::optional<Shift> getShift(Value value) {
   return Shift{symbol.number, form.constant};
 }
 
+bool isUniform(Value value) {
+  if (getConstantInteger(value))
+    return true;
+  auto adjoint =
+      value.getParentRegion()->getParentOfType<FunctionOpInterface>();
+  return ThreadVariance(adjoint, /*disjoint=*/true)
+      .isUniform(value, Scope::Launch);
+}
+
+bool NeighborIndex::operator==(const NeighborIndex &other) const {
+  if (!fixed || !other.fixed || fixed == other.fixed)
+    return fixed == other.fixed && dimension == other.dimension;
+  std::optional<int64_t> number = getConstantInteger(fixed);
+  return number && number == getConstantInteger(other.fixed);
+}
+
 //===----------------------------------------------------------------------===//
 // Memory
 //===----------------------------------------------------------------------===//
@@ -71,7 +91,9 @@ private:
   bool readsInitialValue(AccessOp load);
   bool isRecomputable(Operation *op);
   bool areBranchesAround(Operation *op) const;
-  std::optional<NeighborSum> parse(AccumulateOp op, NeighborSums &all);
+  std::optional<NeighborSum> parse(AccumulateOp op,
+                                   SmallVector<NeighborIndex, 4> &indices);
+  bool add(AccumulateOp op, SmallVectorImpl<NeighborSums> &groups);
 
   func::FuncOp adjoint;
   ArrayLeaves leaves;
@@ -171,6 +193,17 @@ bool Finder::mayComeBefore(Operation *write, Operation *read) const {
   return true;
 }
 
+/// True if two accesses of an array differ in an index that is a constant.
+static bool areApart(AccessOp one, AccessOp other) {
+  return llvm::any_of(llvm::zip(one.getIndices(), other.getIndices()),
+                      [](auto indices) {
+                        auto [a, b] = indices;
+                        std::optional<int64_t> x = getConstantInteger(a);
+                        std::optional<int64_t> y = getConstantInteger(b);
+                        return x && y && *x >= 0 && *y >= 0 && *x != *y;
+                      });
+}
+
 /// True if a load gives what is there before the launch.
 bool Finder::readsInitialValue(AccessOp load) {
   std::optional<ArrayMemory> memory = getMemory(load.getArray());
@@ -184,7 +217,8 @@ bool Finder::readsInitialValue(AccessOp load) {
   auto element = getElement(load);
   return llvm::all_of(changes, [&](Operation *write) {
     return getElement(write) == element && isOwn(write) &&
-           !mayComeBefore(write, load);
+           (areApart(cast<AccessOp>(write), load) ||
+            !mayComeBefore(write, load));
   });
 }
 
@@ -245,29 +279,54 @@ llvm::SetVector<Operation *> getSlice(Operation *op) {
 // Sums
 //===----------------------------------------------------------------------===//
 
-/// The sum if it is of that form and agrees with those found before.
-std::optional<NeighborSum> Finder::parse(AccumulateOp op, NeighborSums &all) {
+/// The sum if it is of that form, and the indices of the element.
+std::optional<NeighborSum>
+Finder::parse(AccumulateOp op, SmallVector<NeighborIndex, 4> &indices) {
   auto element = getElement(op);
-  if (!element || element->size() != rank || !areBranchesAround(op))
+  if (!element || !areBranchesAround(op))
     return std::nullopt;
   NeighborSum sum{op, SmallVector<int64_t, 3>(rank)};
-  SmallVector<unsigned, 3> dimensions;
   SmallVector<bool> isThere(rank);
-  for (const std::optional<Shift> &shift : *element) {
-    if (!shift || isThere[shift->dimension])
+  for (auto [shift, index] : llvm::zip_equal(*element, op.getIndices())) {
+    if (!shift) {
+      if (!isUniform(index) || !isSpeculatable(index))
+        return std::nullopt;
+      indices.push_back({0, index});
+      continue;
+    }
+    if (isThere[shift->dimension])
       return std::nullopt;
     isThere[shift->dimension] = true;
-    dimensions.push_back(shift->dimension);
+    indices.push_back({shift->dimension, nullptr});
     sum.offsets[shift->dimension] = shift->offset;
   }
-  if (all.sums.empty())
-    all.dimensions = dimensions;
-  if (all.dimensions != dimensions)
+  if (!llvm::all_of(isThere, [](bool there) { return there; }))
     return std::nullopt;
   for (Operation *needed : getSlice(op))
     if (!isRecomputable(needed))
       return std::nullopt;
   return sum;
+}
+
+/// Adds a sum to those with the same fixed indices; false if it is of another
+/// form than they are: dimensions correspond in one way.
+bool Finder::add(AccumulateOp op, SmallVectorImpl<NeighborSums> &groups) {
+  SmallVector<NeighborIndex, 4> indices;
+  std::optional<NeighborSum> sum = parse(op, indices);
+  if (!sum)
+    return false;
+  NeighborSums *own = nullptr;
+  for (NeighborSums &group : groups) {
+    for (auto [one, other] : llvm::zip_equal(group.indices, indices))
+      if (!one.fixed != !other.fixed || one.dimension != other.dimension)
+        return false;
+    if (group.indices == indices)
+      own = &group;
+  }
+  if (!own)
+    own = &groups.emplace_back(NeighborSums{op.getArray(), indices, {}});
+  own->sums.push_back(std::move(*sum));
+  return true;
 }
 
 SmallVector<NeighborSums> Finder::find(unsigned &launchRank) {
@@ -278,23 +337,15 @@ SmallVector<NeighborSums> Finder::find(unsigned &launchRank) {
   for (auto &[memory, operations] : writes) {
     if (!memory.isGradient || reads.count(memory))
       continue;
-    NeighborSums all;
+    SmallVector<NeighborSums> groups;
     bool isAtomic = false;
-    for (Operation *operation : operations) {
+    bool areAll = llvm::all_of(operations, [&](Operation *operation) {
       auto op = dyn_cast<AccumulateOp>(operation);
-      std::optional<NeighborSum> sum;
-      if (op)
-        sum = parse(op, all);
-      if (!sum) {
-        all.sums.clear();
-        break;
-      }
-      isAtomic |= op.getUnique().value_or(0) < rank;
-      all.gradients = op.getArray();
-      all.sums.push_back(std::move(*sum));
-    }
-    if (isAtomic && !all.sums.empty())
-      result.push_back(std::move(all));
+      isAtomic |= op && op.getUnique().value_or(0) < rank;
+      return op && add(op, groups);
+    });
+    if (areAll && isAtomic)
+      llvm::append_range(result, groups);
   }
   return result;
 }

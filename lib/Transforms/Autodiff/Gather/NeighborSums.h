@@ -34,21 +34,34 @@ struct NeighborSum {
   llvm::SmallVector<int64_t, 3> offsets;
 };
 
-/// All that a kernel does to the gradients of one array.
+/// An index of an element near the thread's own: it follows a dimension of the
+/// launch, or is `fixed`, the same in all threads.
+struct NeighborIndex {
+  unsigned dimension = 0;
+  mlir::Value fixed;
+  bool operator==(const NeighborIndex &other) const;
+};
+
+/// All that a kernel does to the gradients of one array that have the same fixed
+/// indices.
 struct NeighborSums {
   /// The array of gradients.
   mlir::Value gradients;
-  /// The dimension of the launch that indexes each dimension of the array.
-  llvm::SmallVector<unsigned, 3> dimensions;
+  /// One per dimension of the array.
+  llvm::SmallVector<NeighborIndex, 4> indices;
   llvm::SmallVector<NeighborSum> sums;
 };
 
 /// The gradients of an adjoint to which threads add around their own element
 /// only, atomically as it is, and what can be computed for another thread,
 /// before the launch, as well as by that thread itself. `rank` becomes the
-/// number of thread indices.
+/// number of thread indices. An array is there once for each choice of indices
+/// that are the same in all threads.
 llvm::SmallVector<NeighborSums> findNeighborSums(mlir::func::FuncOp adjoint,
                                                  unsigned &rank);
+
+/// True if a value is the same in all threads of the launch.
+bool isUniform(mlir::Value value);
 
 /// The operations that compute the operands of an operation, the
 /// conditions of the branches around it included.
