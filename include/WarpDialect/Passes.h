@@ -43,6 +43,8 @@ constexpr llvm::StringLiteral packed = "warp.packed";
 constexpr llvm::StringLiteral name = "warp.name";
 /// On a sum of floats of an adjoint: its terms may be added in any order.
 constexpr llvm::StringLiteral anyOrder = "warp.any_order";
+/// On a comparison: true for a thread that is not in step with others.
+constexpr llvm::StringLiteral inStep = "warp.in_step";
 /// The function that a launch calls, once warp-emit-entry has made it.
 constexpr llvm::StringLiteral entry = "warp.entry";
 /// On an atomic update: how it is to be made, a `#warp.update`.

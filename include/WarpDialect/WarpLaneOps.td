@@ -30,4 +30,21 @@ def Warp_AgreeOp : Warp_Op<"agree", [Warp_ThreadPhase,
   let assemblyFormat = "$own `,` $hint attr-dict `:` type($result)";
 }
 
+def Warp_MostTripsOp : Warp_Op<"most_trips",
+    [Warp_ThreadPhase, NoMemoryEffect, SameOperandsAndResultType]> {
+  let summary = "the most trips of the lanes that are here";
+  let description = [{
+    A reversed loop that runs for so many iterations, and skips those that a
+    thread did not make, has all lanes in the same iteration. A thread alone
+    gets its own number.
+
+    ```mlir
+    %n = warp.most_trips %trips : i64
+    ```
+  }];
+  let arguments = (ins AnySignlessInteger:$own);
+  let results = (outs AnySignlessInteger:$result);
+  let assemblyFormat = "$own attr-dict `:` type($result)";
+}
+
 #endif // WARP_LANE_OPS_TD

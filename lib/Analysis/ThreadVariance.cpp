@@ -16,6 +16,9 @@
 // A load of an array that the kernel writes may give other threads, which come
 // earlier or later, another value: it depends on the moment.
 //
+// The quotient of the last index and 16, say, is the same for 16 threads if the
+// index of the first is a multiple of 16: for lanes of groups that begin so.
+//
 //===----------------------------------------------------------------------===//
 
 #include "ThreadVariance.h"
@@ -32,6 +35,8 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/Matchers.h"
+
+#include <numeric>
 
 using namespace mlir;
 using warp::ThreadVariance;
@@ -75,8 +80,8 @@ bool ThreadVariance::isWritten(Value array) const {
 //===----------------------------------------------------------------------===//
 
 ThreadVariance::ThreadVariance(FunctionOpInterface function,
-                               std::optional<bool> disjoint)
-    : function(function) {
+                               std::optional<bool> disjoint, int64_t lanes)
+    : function(function), lanes(lanes) {
   collectWrites();
   unsigned rank = 1;
   function->walk([&](Operation *op) {
@@ -131,7 +136,7 @@ void ThreadVariance::visit(Region &region) {
 /// True if an operation does nothing but say which thread this is.
 bool ThreadVariance::visitIndices(Operation *op) {
   auto index = [&](unsigned d) {
-    return State{uint8_t(1 << d), lastIndex == 1 << d};
+    return State{uint16_t(1 << d), lastIndex == 1 << d};
   };
   if (auto tid = dyn_cast<warp::TidOp>(op)) {
     for (OpResult result : tid->getResults())
@@ -164,7 +169,7 @@ bool ThreadVariance::visitIndices(Operation *op) {
 void ThreadVariance::visit(Operation *op) {
   if (auto threads = dyn_cast<warp::ThreadsOp>(op)) {
     for (auto [d, index] : llvm::enumerate(threads.getIndices()))
-      join(index, {uint8_t(1 << d), lastIndex == 1 << d});
+      join(index, {uint16_t(1 << d), lastIndex == 1 << d});
     return visit(threads.getBody());
   }
   if (isa<scf::IfOp>(op))
@@ -175,7 +180,7 @@ void ThreadVariance::visit(Operation *op) {
     return visitWhile(op);
   if (visitIndices(op))
     return;
-  if (isa<warp::AgreeOp>(op))
+  if (isa<warp::AgreeOp, warp::MostTripsOp>(op))
     return join(op->getResult(0), {Moment, 0});
   if (isa<warp::ScratchOp, warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
     return visitScratch(op);
@@ -187,7 +192,7 @@ void ThreadVariance::visit(Operation *op) {
 }
 
 /// The dependences of the results of an operation without regions.
-ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
+ThreadVariance::State ThreadVariance::transfer(Operation *op) {
   State state;
   for (Value operand : op->getOperands())
     state.sources |= get(operand).sources;
@@ -203,8 +208,49 @@ ThreadVariance::State ThreadVariance::transfer(Operation *op) const {
   else if (auto call = dyn_cast<warp::LibraryCallOp>(op);
            call && call.getCallee() == warp::threadMemory)
     state.sources |= Own;
+  if (int64_t run = runOf(op); run > 1 && !(state.sources & Own)) {
+    longestRun = std::max(longestRun, run);
+    if (lanes > 1 && run % lanes == 0)
+      state.sources = (state.sources & ~lastIndex) | Run;
+  }
   state.step = varies(state) ? stepOf(op) : 0;
   return state;
+}
+
+/// For a quotient of the last index plus what all lanes share, or for its bits
+/// from some place on: the power of two of threads that have the same if the
+/// index of the first is a multiple of that. 1 for all else.
+int64_t ThreadVariance::runOf(Operation *op) const {
+  APInt number;
+  if (!isa<arith::DivSIOp, arith::DivUIOp, arith::ShRSIOp, arith::ShRUIOp,
+           arith::AndIOp>(op) ||
+      !matchPattern(op->getOperand(1), m_ConstantInt(&number)) ||
+      !varies(get(op->getOperand(0))) || number.getSignificantBits() > 32)
+    return 1;
+  Value value = op->getOperand(0);
+  int64_t by = number.getSExtValue();
+  if (isa<arith::ShRSIOp, arith::ShRUIOp>(op))
+    by = by >= 0 && by < 31 ? int64_t(1) << by : 1;
+  // The bits below the lowest that is kept.
+  if (isa<arith::AndIOp>(op))
+    by = by & -by;
+  // Quotients round towards zero.
+  if (by < 2 || (isa<arith::DivSIOp>(op) && !isNonNegative(value, nullptr)))
+    return 1;
+  Symbol last = Symbol::thread(llvm::Log2_32(lastIndex));
+  const Form &sum = form(value);
+  std::optional<Form> own = sum.coefficientOf(last);
+  std::optional<int64_t> factor = own ? own->getConstant() : std::nullopt;
+  if (!factor || *factor < 1 || !llvm::isPowerOf2_64(*factor))
+    return 1;
+  Form rest = sum.without(last);
+  uint64_t shared = std::gcd(uint64_t(by), rest.getDivisor());
+  for (const Term &term : rest.terms)
+    for (Symbol symbol : term.product)
+      if (agreement(symbol, Scope::Lanes) == Agreement::No)
+        return 1;
+  int64_t run = int64_t(shared & -shared) / *factor;
+  return std::max<int64_t>(run, 1);
 }
 
 /// Memory of the thread has the state of everything that is stored there:
@@ -317,7 +363,7 @@ void ThreadVariance::visitIf(Operation *op) {
 void ThreadVariance::visitFor(Operation *op) {
   auto loop = cast<scf::ForOp>(op);
   State lower = get(loop.getLowerBound()), step = get(loop.getStep());
-  State counter{uint8_t(lower.sources | step.sources | Moment), noStep};
+  State counter{uint16_t(lower.sources | step.sources | Moment), noStep};
   if (!varies(counter))
     counter.step = 0;
   else if (!varies(step))
@@ -331,7 +377,7 @@ void ThreadVariance::visitFor(Operation *op) {
        llvm::zip_equal(loop.getRegionIterArgs(), loop.getInitArgs()))
     join(argument, moment(get(init)));
   visit(loop.getRegion());
-  uint8_t end =
+  uint16_t end =
       lower.sources | step.sources | get(loop.getUpperBound()).sources;
   for (auto [argument, yielded, result] :
        llvm::zip_equal(loop.getRegionIterArgs(), loop.getYieldedValues(),

@@ -49,9 +49,16 @@ enum class Agreement {
 class ThreadVariance {
 public:
   /// `disjoint`: no array that the kernel writes overlaps another one; by
-  /// default what the launch says.
+  /// default what the launch says. `lanes`: the first lane of so many has an
+  /// index in the last dimension that is a multiple of that; 0 if it may have
+  /// any.
   explicit ThreadVariance(mlir::FunctionOpInterface function,
-                          std::optional<bool> disjoint = std::nullopt);
+                          std::optional<bool> disjoint = std::nullopt,
+                          int64_t lanes = 0);
+
+  /// The largest number of lanes that would share a quotient of the thread
+  /// index if the first lane had such an index; 1 if no quotient is shared.
+  int64_t getLongestRun() const { return longestRun; }
 
   Agreement agreement(mlir::Value value, Scope scope) const;
   /// Trips agree if the threads are in the same iteration.
@@ -122,7 +129,7 @@ public:
 
 private:
   /// On what a value depends.
-  enum : uint8_t {
+  enum : uint16_t {
     /// Bits 0 to 3: a thread index.
     AnyIndex = 15,
     /// A value that only this thread knows.
@@ -133,10 +140,12 @@ private:
     Place = 64,
     /// A value that other threads may have written; it is also time-varying.
     Written = 128,
+    /// The last index without what tells the lanes of a vector apart.
+    Run = 256,
   };
   static constexpr int64_t noStep = INT64_MIN;
   struct State {
-    uint8_t sources = 0;
+    uint16_t sources = 0;
     /// The step of the last dimension's index; `noStep` if unknown or not
     /// constant.
     int64_t step = 0;
@@ -155,11 +164,12 @@ private:
   void visitScratch(mlir::Operation *op);
   /// The value that decides if, or how often, the regions of an operation run.
   static llvm::SmallVector<mlir::Value, 3> decisionsOf(mlir::Operation *op);
-  State transfer(mlir::Operation *op) const;
+  State transfer(mlir::Operation *op);
   int64_t stepOf(mlir::Operation *op) const;
   int64_t stepOfCast(mlir::Operation *op) const;
   State get(mlir::Value value) const;
-  Agreement agreement(uint8_t sources, Scope scope) const;
+  Agreement agreement(uint16_t sources, Scope scope) const;
+  int64_t runOf(mlir::Operation *op) const;
   /// Joins; a value that has no state yet takes it over.
   void join(mlir::Value value, State state);
   bool varies(State state) const { return state.sources & (lastIndex | Own); }
@@ -171,7 +181,9 @@ private:
   bool writesUnknown = false;
   /// Arguments may overlap, so that a write to one is one to all.
   bool mayOverlap = true;
-  uint8_t lastIndex = 1;
+  uint16_t lastIndex = 1;
+  int64_t lanes;
+  int64_t longestRun = 1;
   bool changed = false;
   mutable Forms forms;
   mutable Ranges ranges{forms};

@@ -16,10 +16,10 @@ using warp::Agreement;
 using warp::Scope;
 using warp::ThreadVariance;
 
-Agreement ThreadVariance::agreement(uint8_t sources, Scope scope) const {
-  uint8_t differing = AnyIndex | Own | Place;
+Agreement ThreadVariance::agreement(uint16_t sources, Scope scope) const {
+  uint16_t differing = AnyIndex | Own | Place | Run;
   if (scope == Scope::Group)
-    differing = AnyIndex | Own;
+    differing = AnyIndex | Own | Run;
   if (scope == Scope::Lanes)
     differing = lastIndex | Own;
   if (sources & differing)
@@ -34,7 +34,7 @@ Agreement ThreadVariance::agreement(Value value, Scope scope) const {
 Agreement ThreadVariance::agreement(Symbol symbol, Scope scope) const {
   switch (symbol.kind) {
   case Symbol::Kind::Thread:
-    return agreement(uint8_t(1 << symbol.number), scope);
+    return agreement(uint16_t(1 << symbol.number), scope);
   case Symbol::Kind::Trip:
     return Agreement::InStep;
   case Symbol::Kind::Extent:

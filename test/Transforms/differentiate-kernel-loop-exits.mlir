@@ -53,15 +53,21 @@ func.func @left(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: ui32)
 
 // The values that the condition's region passes on need not be those that the
 // loop carries: the last evaluation, which ends the loop, is reversed before
-// the iterations.
+// the iterations, which all threads that are in step are reversed for: each
+// skips those that it has not made.
 // CHECK-LABEL: func.func @passed_adjoint
 // CHECK: %[[COUNTED:.*]]:3 = scf.while
 // CHECK: %[[LAST:.*]] = warp.cos(%[[COUNTED]]#2)
 // CHECK: %[[G:.*]] = warp.mul(%{{.*}}, %[[LAST]])
-// CHECK: scf.while (%{{.*}} = %[[COUNTED]]#1, %{{.*}} = %{{.*}}, %{{.*}} = %[[G]])
-// CHECK: scf.for
+// CHECK: %[[MOST:.*]] = warp.most_trips %[[COUNTED]]#1
+// CHECK: scf.while (%{{.*}} = %[[MOST]], %{{.*}} = %{{.*}}, %{{.*}} = %[[G]])
+// CHECK: scf.for unsigned %[[K:[a-z0-9]+]] =
+// CHECK: %[[MADE:.*]] = arith.cmpi ult, %[[K]], %[[COUNTED]]#1 {warp.in_step}
+// CHECK: scf.if %[[MADE]]
 // CHECK: warp.sin
 // CHECK: scf.for
+// CHECK: %[[MADE:.*]] = arith.cmpi ult, %{{.*}}, %[[COUNTED]]#1 {warp.in_step}
+// CHECK: scf.if %[[MADE]]
 // CHECK: warp.cos
 func.func @passed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel} {
@@ -84,12 +90,14 @@ func.func @passed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // -----
 
 // How often a loop with a condition runs is counted where it runs forward; a
-// factor that is the same each time needs no more than that.
+// factor that is the same each time needs no more than that, and the trips of
+// the threads that are in step.
 // CHECK-LABEL: func.func @halved_adjoint
 // CHECK: %[[COUNTED:.*]]:2 = scf.while
 // CHECK: warp.gt
 // CHECK: arith.addi
-// CHECK: scf.for unsigned %{{.*}} = %{{.*}} to %[[COUNTED]]#1
+// CHECK: %[[MOST:.*]] = warp.most_trips %[[COUNTED]]#1
+// CHECK: scf.for unsigned %{{.*}} = %{{.*}} to %[[MOST]]
 // CHECK-NOT: warp.scratch
 // CHECK: warp.mul
 // CHECK: warp.accumulate

@@ -99,3 +99,33 @@ func.func @circle(%x: !warp.array<1 x f32>, %v: f32, %i: si32, %n: i32,
   warp.store %s#0, %x[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+// A sum in branches in one another, in either arm, moves out as well; the loop
+// carries whether an iteration came to it.
+// CHECK-LABEL: func.func @nested
+// CHECK-NOT: warp.accumulate
+// CHECK: %[[S:.*]]:2 = scf.for {{.*}} -> (f32, i1)
+// CHECK-NOT: warp.accumulate
+// CHECK: scf.if %[[S]]#1 {
+// CHECK-NEXT: warp.accumulate %[[S]]#0
+func.func @nested(%x: !warp.array<1 x f32>, %v: f32, %i: si32, %n: i32, %m: i32)
+    attributes {warp.kernel} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %g = warp.grad %x : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  scf.for %k = %c0 to %n step %c1 : i32 {
+    %made = arith.cmpi ult, %k, %m : i32
+    scf.if %made {
+      %h = warp.load %x[%k] : !warp.array<1 x f32>, i32 -> f32
+      %last = warp.gt(%h, %v) : (f32, f32) -> i1
+      scf.if %last {
+      } else {
+        %w = warp.mul(%h, %v) : (f32, f32) -> f32
+        warp.accumulate %w, %g[%i] : f32, !warp.array<1 x f32>, si32
+      }
+    }
+  }
+  return
+}

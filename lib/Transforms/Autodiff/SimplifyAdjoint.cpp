@@ -10,10 +10,10 @@
 //     accumulate v, g[i]        ==>       s + v
 //                                       if any iteration: accumulate s, g[i]
 //
-// where the loop does nothing else to gradients of that array. A sum under a
-// condition in the loop counts, too: the condition chooses between the value
-// and zero, and the loop carries whether it ever held. That is the form that
-// the step above leaves behind, so sums move out of nested loops as well.
+// where the loop does nothing else to gradients of that array. A sum under
+// conditions in the loop counts, too: they choose between the value and zero,
+// and the loop carries whether they ever held. That is the form that the step
+// above leaves behind, so sums move out of nested loops as well.
 //
 // The condition after the loop is there because an element that no iteration
 // touched may not even exist.
@@ -64,24 +64,23 @@ static bool onlyAdds(scf::ForOp loop, Value array) {
 }
 
 namespace {
-/// A sum to move: directly in the loop, or in a branch that does only that.
+/// A sum to move: directly in the loop, or in branches in it.
 struct LoopSum {
   scf::ForOp loop;
-  scf::IfOp branch;
+  /// The innermost first, and whether the sum is in the `then` arm.
+  SmallVector<std::pair<scf::IfOp, bool>, 2> branches;
   warp::AccumulateOp op;
 };
 } // namespace
 
 static std::optional<LoopSum> findSum(warp::AccumulateOp op) {
-  LoopSum sum{nullptr, nullptr, op};
-  Operation *parent = op->getParentOp();
-  if (auto branch = dyn_cast<scf::IfOp>(parent)) {
-    if (op->getBlock() != branch.thenBlock())
-      return std::nullopt;
-    sum.branch = branch;
-    parent = branch->getParentOp();
+  LoopSum sum{nullptr, {}, op};
+  Operation *inner = op;
+  while (auto branch = dyn_cast<scf::IfOp>(inner->getParentOp())) {
+    sum.branches.emplace_back(branch, inner->getBlock() == branch.thenBlock());
+    inner = branch;
   }
-  sum.loop = dyn_cast<scf::ForOp>(parent);
+  sum.loop = dyn_cast<scf::ForOp>(inner->getParentOp());
   if (!sum.loop || !sum.loop.isDefinedOutsideOfLoop(op.getArray()) ||
       !llvm::all_of(op.getIndices(), [&](Value index) {
         return sum.loop.isDefinedOutsideOfLoop(index);
@@ -114,38 +113,69 @@ static scf::ForOp carry(scf::ForOp loop, Value init,
   return extended;
 }
 
-/// Takes the sum out of its branch; returns the value that the branch adds, or
-/// zero, as a further result of it.
-static Value takeFromBranch(LoopSum &sum) {
-  OpBuilder b(sum.branch);
-  Location loc = sum.op.getLoc();
-  Value value = sum.op.getValue();
-  SmallVector<Type> types(sum.branch.getResultTypes());
-  types.push_back(value.getType());
-  auto extended = scf::IfOp::create(b, sum.branch.getLoc(), types,
-                                    sum.branch.getCondition(),
-                                    /*addThenBlock=*/false,
-                                    /*addElseBlock=*/false);
+/// Has a branch result in values of one of its arms as well, and in zeros where
+/// it takes the other; returns the new branch, which has them last.
+static scf::IfOp yieldMore(scf::IfOp branch, bool inThen, ValueRange values,
+                           Location loc) {
+  OpBuilder b(branch);
+  SmallVector<Type> types(branch.getResultTypes());
+  llvm::append_range(types, values.getTypes());
+  auto extended =
+      scf::IfOp::create(b, branch.getLoc(), types, branch.getCondition(),
+                        /*addThenBlock=*/false, /*addElseBlock=*/false);
   for (auto [to, from] :
-       llvm::zip_equal(extended->getRegions(), sum.branch->getRegions()))
+       llvm::zip_equal(extended->getRegions(), branch->getRegions()))
     to.takeBody(from);
   Region &otherwise = extended.getElseRegion();
   if (otherwise.empty()) {
     b.createBlock(&otherwise);
     scf::YieldOp::create(b, loc);
   }
-  auto append = [&](scf::YieldOp yield, Value more) {
+  for (bool isThen : {true, false}) {
+    scf::YieldOp yield = isThen ? extended.thenYield() : extended.elseYield();
+    b.setInsertionPoint(yield);
     SmallVector<Value> yields(yield.getOperands());
-    yields.push_back(more);
+    for (Value value : values) {
+      if (isThen == inThen)
+        yields.push_back(value);
+      else if (value.getType().isInteger(1))
+        yields.push_back(
+            arith::ConstantOp::create(b, loc, b.getBoolAttr(false)));
+      else
+        yields.push_back(zero(b, loc, value.getType()));
+    }
     yield->setOperands(yields);
-  };
-  append(extended.thenYield(), value);
-  b.setInsertionPoint(extended.elseYield());
-  append(extended.elseYield(), zero(b, loc, value.getType()));
-  sum.branch.replaceAllUsesWith(extended.getResults().drop_back());
-  sum.branch.erase();
-  sum.branch = extended;
-  return extended.getResults().back();
+  }
+  branch.replaceAllUsesWith(
+      extended.getResults().take_front(branch.getNumResults()));
+  branch.erase();
+  return extended;
+}
+
+/// Takes the sum out of its branches; returns the value that they add, or zero,
+/// and whether they come to it.
+static std::pair<Value, Value> takeFromBranches(LoopSum &sum) {
+  Location loc = sum.op.getLoc();
+  Value value = sum.op.getValue(), condition;
+  for (auto [branch, inThen] : sum.branches) {
+    SmallVector<Value, 2> values{value};
+    if (condition)
+      values.push_back(condition);
+    scf::IfOp extended = yieldMore(branch, inThen, values, loc);
+    ResultRange more = extended.getResults().take_back(values.size());
+    value = more.front();
+    if (condition) {
+      condition = more.back();
+      continue;
+    }
+    condition = extended.getCondition();
+    if (!inThen) {
+      OpBuilder b(extended);
+      Value yes = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
+      condition = arith::XOrIOp::create(b, loc, condition, yes);
+    }
+  }
+  return {value, condition};
 }
 
 /// True if the loop has an iteration.
@@ -161,17 +191,19 @@ static void moveOut(LoopSum sum) {
   OpBuilder b(sum.loop);
   Value none = zero(b, loc, sum.op.getValue().getType());
   Value never = arith::ConstantOp::create(b, loc, b.getBoolAttr(false));
-  Value value = sum.branch ? takeFromBranch(sum) : sum.op.getValue();
-  scf::ForOp loop = carry(sum.loop, none, [&](OpBuilder &b, Value before) {
-    return addInAnyOrder(b, loc, before, value);
-  });
+  auto [value, condition] = takeFromBranches(sum);
+  scf::ForOp loop =
+      carry(sum.loop, none, [&, value = value](OpBuilder &b, Value before) {
+        return addInAnyOrder(b, loc, before, value);
+      });
   Value total = loop.getResults().back(), any;
-  if (sum.branch) {
-    Value condition = sum.branch.getCondition();
+  if (condition) {
     unsigned place = loop.getNumResults() - 1;
-    loop = carry(loop, never, [&](OpBuilder &b, Value before) -> Value {
-      return arith::OrIOp::create(b, loc, before, condition);
-    });
+    loop =
+        carry(loop, never,
+              [&, condition = condition](OpBuilder &b, Value before) -> Value {
+                return arith::OrIOp::create(b, loc, before, condition);
+              });
     total = loop.getResult(place);
     any = loop.getResults().back();
   }

@@ -22,6 +22,7 @@
 #include "LowerComposites.h"
 
 #include "Lowerings/Lowerings.h"
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpTypes.h"
 
@@ -180,7 +181,7 @@ LogicalResult CompositeLowering::lower(Operation *op) {
     return lowerControlFlow(op);
   if (auto select = dyn_cast<arith::SelectOp>(op))
     return lowerSelect(select);
-  if (dialect != "warp") {
+  if (dialect != "warp" || isa<MostTripsOp>(op)) {
     op->setOperands(lookup(op->getOperands()));
     return success();
   }

@@ -117,6 +117,38 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance,
 // Worth it
 //===----------------------------------------------------------------------===//
 
+/// How much longer vectors with fewer lanes than there is room for take.
+static double emptyShare(int64_t lanes, int64_t all) {
+  return lanes < all ? double(all) / double(lanes) : 1;
+}
+
+/// Has groups of lanes begin at multiples of their size, with as many lanes as
+/// share a quotient of the thread index, if that gains more than it costs:
+/// lists by tile are then read once for all lanes.
+static void alignLanes(LanePlan &plan, FunctionOpInterface kernel,
+                       warp::ThreadsOp threads, const ThreadVariance &variance,
+                       const warp::LaneCost &cost, int64_t all) {
+  constexpr double gain = 1.3;
+  constexpr int64_t fewest = 4;
+  int64_t lanes = std::min(variance.getLongestRun(), all);
+  if (plan.lanes > 1 && plan.lanes < all)
+    lanes = std::min(lanes, plan.lanes);
+  if (lanes < fewest)
+    return;
+  ThreadVariance aligned(kernel, std::nullopt, lanes);
+  warp::LaneCost shared = warp::costOfLanes(
+      threads, aligned, warp::getSchedule(kernel).getExclusive());
+  int64_t bits = warp::getVariant(kernel).getTarget().getBits();
+  int64_t room = std::min(bits / (shared.wide > shared.narrow ? 64 : 32), all);
+  double before = plan.lanes > 1 ? cost.vector * emptyShare(plan.lanes, room)
+                                 : cost.scalar / 1.2;
+  if (shared.vector * emptyShare(lanes, room) * gain > before)
+    return;
+  plan.lanes = lanes;
+  plan.isAligned = true;
+  plan.reason = "worth it, in groups that share a quotient of the index";
+}
+
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
                          const ThreadVariance &variance) {
   LanePlan plan;
@@ -144,12 +176,14 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   plan.dependsOnFarRows = cost.hasRows && all > lines;
   if (plan.dependsOnFarRows && variant.getFarRows())
     lanes = all = std::min(lanes, lines);
-  if (!cost.isWorthIt(lanes, all)) {
+  if (cost.isWorthIt(lanes, all)) {
+    plan.lanes = lanes;
+    plan.reason = "worth it";
+  } else {
     plan.reason = "most is done lane by lane";
-    return plan;
   }
-  plan.lanes = lanes;
-  plan.reason = "worth it";
+  if (variant.getInnerExtent() == 0)
+    alignLanes(plan, kernel, threads, variance, cost, all);
   return plan;
 }
 

@@ -18,11 +18,17 @@ struct LanePlan {
   int64_t lanes = 1;
   /// The reason of that choice.
   std::string reason;
+  /// True if the first lane has to have an index in the last dimension that is
+  /// a multiple of the lanes: they share values then.
+  bool isAligned = false;
   /// True if another length of the launch's rows may decide otherwise.
   bool dependsOnRows = false;
   /// True if it matters how far apart the rows are that lanes go through.
   bool dependsOnFarRows = false;
 };
+
+/// On `warp.threads` with lanes: the index of the first is a multiple of them.
+constexpr llvm::StringLiteral alignedAttr = "warp.aligned";
 
 /// As many lanes as the variant asks for, if it does and they are possible at
 /// all.

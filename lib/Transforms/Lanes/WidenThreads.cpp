@@ -25,6 +25,7 @@
 
 #include "Analysis/Effects.h"
 #include "Choices.h"
+#include "InStep.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "ShareRuns.h"
@@ -167,6 +168,8 @@ void Widening::widen(Operation *op) {
     return widenUpdate(update);
   if (auto agree = dyn_cast<warp::AgreeOp>(op))
     return widenAgree(agree);
+  if (auto trips = dyn_cast<warp::MostTripsOp>(op))
+    return widenMostTrips(trips);
   bool isConversion = warp::isConversion(op);
   if (!isConversion && !isMemoryEffectFree(op))
     return eachLane(op);
@@ -262,6 +265,18 @@ void Widening::widenAgree(warp::AgreeOp op) {
   scf::YieldOp::create(b, loc, least);
 }
 
+/// Unsigned; lanes that are not here have made no trips.
+void Widening::widenMostTrips(warp::MostTripsOp op) {
+  if (!isVarying(op.getOwn()))
+    return setScalar(op.getResult(), scalar(op.getOwn()));
+  Type type = op.getType();
+  Value none = arith::ConstantOp::create(b, loc, b.getZeroAttr(lanesOf(type)));
+  Value most = warp::CombineLanesOp::create(
+      b, loc, type, int32_t(warp::AtomicKind::max), type,
+      choose(mask, vector(op.getOwn()), none));
+  setScalar(op.getResult(), most);
+}
+
 /// Floats to integers, saturated and NaN to zero. LLVM has the intrinsics for
 /// scalars of x86 alone and would take vectors apart.
 void Widening::widenConversion(Operation *op) {
@@ -331,6 +346,8 @@ void Widening::run() {
   for (BlockArgument index : threads.getIndices())
     types.push_back(index.getType());
   types.push_back(lanesOf(b.getI1Type()));
+  if (Attribute aligned = threads->getAttr(warp::alignedAttr))
+    made->setAttr(warp::alignedAttr, aligned);
   body = b.createBlock(&made.getBody(), {}, types,
                        SmallVector<Location>(types.size(), loc));
   mask = body->getArguments().back();
@@ -360,8 +377,10 @@ static void combineWhereLanesMeet(FunctionOpInterface kernel,
     return variance.isUniform(value, warp::Scope::Lanes);
   };
   kernel->walk([&](warp::AtomicComponentsOp op) {
-    if (warp::getUpdate(op).getScope() == warp::UpdateScope::thread &&
-        !warp::getUpdate(op).isExact() && isShared(op.getArray()) &&
+    warp::UpdateScope scope = warp::getUpdate(op).getScope();
+    bool isOpen =
+        scope == warp::UpdateScope::thread || scope == warp::UpdateScope::lanes;
+    if (isOpen && !warp::getUpdate(op).isExact() && isShared(op.getArray()) &&
         llvm::all_of(op.getIndices(), isShared) && warp::canCombine(op))
       warp::setUpdate(op, warp::UpdateScope::lanes);
   });
@@ -390,9 +409,12 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (facts)
       warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(facts));
     if (plan.lanes == 1)
-      return;
-    if (warp::shareRuns(kernel, variance)) {
-      warp::ThreadVariance together(kernel);
+      return warp::leaveStep(kernel);
+    if (plan.isAligned)
+      threads->setAttr(warp::alignedAttr, UnitAttr::get(kernel->getContext()));
+    if (warp::shareRuns(kernel, variance) || plan.isAligned) {
+      warp::ThreadVariance together(kernel, std::nullopt,
+                                    plan.isAligned ? plan.lanes : 0);
       combineWhereLanesMeet(kernel, together);
       Widening(kernel, threads, together, plan.lanes).run();
     } else {

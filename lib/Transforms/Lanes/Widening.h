@@ -22,6 +22,7 @@
 namespace warp {
 class AgreeOp;
 class LibraryCallOp;
+class MostTripsOp;
 
 /// True if a kernel's threads can be lanes; otherwise why they cannot.
 std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
@@ -74,6 +75,7 @@ private:
   void widenConversion(mlir::Operation *op);
   void cloneBase(mlir::Operation *op);
   void widenAgree(AgreeOp op);
+  void widenMostTrips(MostTripsOp op);
   Values contributions();
 
   // WidenDivisions.cpp

@@ -6,12 +6,14 @@
 // is a loop over full vectors, whose mask is a constant, and one vector more
 // for the threads that are left. Stores want a constant mask (a variable one
 // was three times slower in a stream), but a long body is not worth two copies:
-// there the mask is always a variable.
+// there the mask is always a variable. Where vectors have to begin at multiples
+// of their width, there may be a vector with a mask at the beginning, too.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Batches.h"
 #include "EntryBuilder.h"
+#include "Lanes/LanePlan.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/LibraryOps.h"
 
@@ -120,6 +122,8 @@ EntryBuilder::Values EntryBuilder::buildRange(Value begin, Value end,
                                               ValueRange sums) {
   if (!threads.getLanes())
     return buildScalarLoop(begin, end, outer, sums);
+  if (threads->hasAttr(warp::alignedAttr))
+    return buildAlignedLanes(begin, end, outer, sums);
   if (countOperations(threads.getBody()) > longestOf(threads.getBody()))
     return buildMaskedLanes(begin, end, outer, sums);
   Value whole = arith::AndIOp::create(
@@ -179,21 +183,8 @@ EntryBuilder::Values EntryBuilder::buildLastLanes(Value begin, Value end,
                                                   ValueRange outer,
                                                   ValueRange sums) {
   Value any = cmp(arith::CmpIPredicate::slt, begin, end);
-  auto branch = scf::IfOp::create(b, loc, TypeRange(sums), any,
-                                  /*withElseRegion=*/!sums.empty());
-  OpBuilder::InsertionGuard guard(b);
-  if (!sums.empty()) {
-    b.setInsertionPointToStart(branch.elseBlock());
-    scf::YieldOp::create(b, loc, sums);
-  }
-  b.setInsertionPointToStart(branch.thenBlock());
-  Values indices(outer);
-  indices.push_back(begin);
-  Values terms = cloneThread(indices, liveLanes(sub(end, begin)));
-  Values next = combine(sums, terms);
-  if (!sums.empty())
-    scf::YieldOp::create(b, loc, next);
-  return Values(branch.getResults());
+  return buildPart(any, begin, outer, sums,
+                   [&] { return liveLanes(sub(end, begin)); });
 }
 
 EntryBuilder::Values EntryBuilder::buildMaskedLanes(Value begin, Value end,
@@ -205,4 +196,67 @@ EntryBuilder::Values EntryBuilder::buildMaskedLanes(Value begin, Value end,
     Value count = arith::MinSIOp::create(b, loc, left, width);
     return cloneThread(indices, liveLanes(count));
   });
+}
+
+/// One vector of threads if there are any, from `first` on.
+EntryBuilder::Values
+EntryBuilder::buildPart(Value any, Value first, ValueRange outer,
+                        ValueRange sums, llvm::function_ref<Value()> findLive) {
+  auto branch = scf::IfOp::create(b, loc, TypeRange(sums), any,
+                                  /*withElseRegion=*/!sums.empty());
+  OpBuilder::InsertionGuard guard(b);
+  if (!sums.empty()) {
+    b.setInsertionPointToStart(branch.elseBlock());
+    scf::YieldOp::create(b, loc, sums);
+  }
+  b.setInsertionPointToStart(branch.thenBlock());
+  Values indices(outer);
+  indices.push_back(first);
+  Values next = combine(sums, cloneThread(indices, findLive()));
+  if (!sums.empty())
+    scf::YieldOp::create(b, loc, next);
+  return Values(branch.getResults());
+}
+
+/// Vectors begin at multiples of the width: what comes before the first full
+/// one is the end of a vector, what comes after the last the beginning of one.
+EntryBuilder::Values EntryBuilder::buildAlignedLanes(Value begin, Value end,
+                                                     ValueRange outer,
+                                                     ValueRange sums) {
+  Type i64 = b.getI64Type();
+  Value width = constant(i64, threads.getWidth());
+  Value down = constant(i64, -threads.getWidth());
+  Value first = arith::AndIOp::create(b, loc, begin, down);
+  auto liveBetween = [&](Value from, Value to) {
+    Value before = arith::XOrIOp::create(
+        b, loc, liveLanes(from),
+        arith::ConstantOp::create(
+            b, loc,
+            DenseElementsAttr::get(
+                cast<ShapedType>(threads.getLive().getType()),
+                b.getBoolAttr(true))));
+    return both(before, liveLanes(to));
+  };
+  if (countOperations(threads.getBody()) > longestOf(threads.getBody()))
+    return buildLoop(first, end, width, outer, sums,
+                     [&](const Values &indices) {
+                       Value zero = constant(i64, 0);
+                       Value from = sub(begin, indices.back());
+                       Value to = sub(end, indices.back());
+                       from = arith::MaxSIOp::create(b, loc, from, zero);
+                       to = arith::MinSIOp::create(b, loc, to, width);
+                       return cloneThread(indices, liveBetween(from, to));
+                     });
+  Value isPart = cmp(arith::CmpIPredicate::slt, first, begin);
+  Value isAny = cmp(arith::CmpIPredicate::slt, begin, end);
+  Value to = arith::MinSIOp::create(b, loc, sub(end, first), width);
+  Values next = buildPart(both(isPart, isAny), first, outer, sums,
+                          [&] { return liveBetween(sub(begin, first), to); });
+  Value from =
+      arith::SelectOp::create(b, loc, isPart, add(first, width), first);
+  from = arith::MinSIOp::create(b, loc, from, end);
+  Value whole = arith::AndIOp::create(b, loc, sub(end, from), down);
+  Value last = add(from, whole);
+  next = buildFullLanes(from, last, outer, next);
+  return buildLastLanes(last, end, outer, next);
 }

@@ -53,6 +53,11 @@ private:
                         mlir::ValueRange outer, mlir::ValueRange sums);
   Values buildMaskedLanes(mlir::Value begin, mlir::Value end,
                           mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildAlignedLanes(mlir::Value begin, mlir::Value end,
+                           mlir::ValueRange outer, mlir::ValueRange sums);
+  Values buildPart(mlir::Value any, mlir::Value first, mlir::ValueRange outer,
+                   mlir::ValueRange sums,
+                   llvm::function_ref<mlir::Value()> findLive);
   mlir::Value liveLanes(mlir::Value count);
 
   // EmitEntryBatches.cpp

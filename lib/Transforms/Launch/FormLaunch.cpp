@@ -11,7 +11,9 @@
 
 #include "HoistHandles.h"
 #include "KernelFunction.h"
+#include "Lanes/InStep.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -139,6 +141,12 @@ struct FormLaunch : warp::impl::FormLaunchBase<FormLaunch> {
       return signalPassFailure();
     describeArguments(kernel, types);
     warp::hoistHandles(kernel);
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    bool mayHaveLanes = !warp::getTarget(kernel).isSimt() &&
+                        !variant.getDebug() &&
+                        !kernel->hasAttr(warp::attr::blockThreads);
+    if (!mayHaveLanes)
+      warp::leaveStep(kernel);
     formThreads(kernel);
   }
 };

@@ -128,6 +128,7 @@ LogicalResult LoopReversal::fillSegments(scf::ForOp reversed,
     b.setInsertionPointAfterValue(count);
     loadNeeded(memory.needed, memory.ring, slotOf(count));
   }
+  skipOthers(reversed, count);
   Value rest = c.sub(end, trips);
   Value isEmpty = c.equal(rest, start);
   Value below = c.choose(isEmpty, c.sub(top, c.number(1)), top);

@@ -27,6 +27,12 @@
 //   rank 7   instead of that, if asked for: all of them, in memory that the
 //            runtime allocates
 //
+// Threads that began a loop together may leave it at different times. Its
+// iterations are then reversed in step, from the last one that any of them
+// made: a thread skips those that it did not make itself (`skipOthers`). So
+// lanes are at the same iteration, read the same element, and add to it
+// together.
+//
 // Ranks 5 to 7 run the loop forward again, but only the part of the state from
 // which the needed part follows (`closure`).
 //
@@ -39,6 +45,7 @@
 
 #include "Analysis/Effects.h"
 #include "Autodiff/DeadValues.h"
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -220,15 +227,23 @@ LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
   LogicalResult done = checkKept(closure(kept));
   if (failed(done))
     return failure();
+  Value steps = trips;
+  if (mayEndApart() && !(!kept.empty() && fitsGlobalTape(kept))) {
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPoint(reversed);
+    ownTrips = trips;
+    steps = MostTripsOp::create(b, loc, trips);
+    reversed.setUpperBound(steps);
+  }
   if (kept.empty()) {
     startBackwards(reversed, {}, {});
-    bindNumber(reversed, trips);
+    skipOthers(reversed, bindNumber(reversed, steps));
   } else if (fitsTape(trips, kept)) {
     done = recoverFromTape(reversed, trips, kept);
   } else {
     keepTapesOut();
     if (!fitsGlobalTape(kept))
-      return recoverFromCheckpoints(reversed, trips, kept);
+      return recoverFromCheckpoints(reversed, steps, kept);
     done = recoverFromGlobalTape(reversed, trips, kept);
   }
   if (failed(done))

@@ -60,6 +60,9 @@ protected:
   /// Reverses a replayed iteration; `getNexts` have their cotangents.
   virtual mlir::LogicalResult reverseIteration() = 0;
 
+  /// True if threads may make different numbers of trips of loops that began
+  /// together, so that they are better reversed in step.
+  virtual bool mayEndApart() { return false; }
   /// True if the reverse loop, whose iterations have no order, can be one of
   /// the primal loop's kind, which needs no number of trips.
   virtual bool mayRunAlong(mlir::scf::ForOp reversed) { return false; }
@@ -157,6 +160,8 @@ private:
   mlir::LogicalResult recoverFromTape(mlir::scf::ForOp loop, mlir::Value trips,
                                       llvm::ArrayRef<unsigned> needed);
   mlir::Value bindNumber(mlir::scf::ForOp loop, mlir::Value end);
+  mlir::Value isMade(mlir::Value number);
+  void skipOthers(mlir::scf::ForOp loop, mlir::Value number);
   int64_t bytesOf(llvm::ArrayRef<unsigned> states);
   llvm::SmallVector<mlir::Value> makeScratch(llvm::ArrayRef<unsigned> states,
                                              int64_t slots);
@@ -192,6 +197,9 @@ private:
   mlir::Value number;
   llvm::SmallVector<mlir::Value> placeholders;
   ReverseBuilder::Captures captures;
+  /// The trips of the thread, where loops run for those of all that are in step
+  /// with it; else null.
+  mlir::Value ownTrips;
 };
 
 } // namespace warp::autodiff

@@ -77,12 +77,25 @@ LoopReversal::advance(Value from, Value to, ArrayRef<unsigned> states,
   recoverStates(count, states, forward.getRegionIterArgs());
   recoverIteration(count);
   visit(count);
+  scf::IfOp made;
+  if (ownTrips) {
+    ValueRange unchanged = forward.getRegionIterArgs();
+    made = scf::IfOp::create(b, loc, unchanged.getTypes(), isMade(count),
+                             /*withElseRegion=*/true);
+    b.setInsertionPointToStart(made.elseBlock());
+    scf::YieldOp::create(b, loc, unchanged);
+    b.setInsertionPointToStart(made.thenBlock());
+  }
   if (failed(replayIteration()))
     return failure();
   SmallVector<Value> next;
   for (unsigned state : states)
     next.push_back(reverse.recover(getNexts()[state]));
   scf::YieldOp::create(b, loc, next);
+  if (made) {
+    b.setInsertionPointToEnd(body);
+    scf::YieldOp::create(b, loc, made.getResults());
+  }
   eraseDead(forward.getRegion());
   ++reverse.metrics.replayLoops;
   return SmallVector<Value>(forward.getResults());
@@ -156,6 +169,43 @@ Value LoopReversal::bindNumber(scf::ForOp reversed, Value end) {
   count->setAttr(attr::nonNegative, b.getUnitAttr());
   number.replaceAllUsesWith(count);
   return count;
+}
+
+//===----------------------------------------------------------------------===//
+// In step
+//===----------------------------------------------------------------------===//
+
+/// True if the thread has made an iteration; always, for a thread alone.
+Value LoopReversal::isMade(Value number) {
+  auto compare = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ult,
+                                       number, ownTrips);
+  compare->setAttr(attr::inStep, b.getUnitAttr());
+  return compare;
+}
+
+/// Has a reverse loop do nothing in iterations that the thread has not made.
+void LoopReversal::skipOthers(scf::ForOp reversed, Value number) {
+  if (!ownTrips)
+    return;
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointAfterValue(number);
+  ValueRange unchanged = reversed.getRegionIterArgs();
+  auto made = scf::IfOp::create(b, loc, unchanged.getTypes(), isMade(number),
+                                /*withElseRegion=*/true);
+  Operation *yield = reversed.getBody()->getTerminator();
+  Block *then = made.thenBlock();
+  if (unchanged.empty()) {
+    then->getTerminator()->erase();
+    made.elseBlock()->getTerminator()->erase();
+  }
+  then->getOperations().splice(then->end(), reversed.getBody()->getOperations(),
+                               std::next(made->getIterator()),
+                               yield->getIterator());
+  b.setInsertionPointToEnd(then);
+  scf::YieldOp::create(b, loc, yield->getOperands());
+  b.setInsertionPointToEnd(made.elseBlock());
+  scf::YieldOp::create(b, loc, unchanged);
+  yield->setOperands(made.getResults());
 }
 
 //===----------------------------------------------------------------------===//

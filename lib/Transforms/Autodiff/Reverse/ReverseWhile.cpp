@@ -44,6 +44,7 @@ private:
   LogicalResult replayIteration() override;
   LogicalResult reverseIteration() override;
   LogicalResult completeDraft() override;
+  bool mayEndApart() override { return true; }
   bool mayRunAlong(scf::ForOp reversed) override;
   FailureOr<SmallVector<Value>> runAlong(scf::ForOp reversed) override;
 
