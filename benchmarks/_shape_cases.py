@@ -25,6 +25,7 @@ import _shape_borders  # noqa: F401
 import _shape_bytes  # noqa: F401
 import _shape_chains  # noqa: F401
 import _shape_fields  # noqa: F401
+import _shape_groups  # noqa: F401
 import _shape_images  # noqa: F401
 import _shape_light  # noqa: F401
 import _shape_locals  # noqa: F401

@@ -38,7 +38,7 @@ using namespace warp;
 namespace {
 
 constexpr char magic[] = {'W', 'A', 'R', 'P', 'C', 'O', 'D', 'E'};
-constexpr uint32_t formatVersion = 10;
+constexpr uint32_t formatVersion = 11;
 constexpr const char *suffix = ".code";
 constexpr const char *temporaryPrefix = ".writing-";
 /// Leftovers of killed writers are removed after this many seconds.
@@ -269,7 +269,8 @@ int KernelCache::clear() {
   int count = 0;
   forEachFile(where, [&](const std::string &name) {
     bool entry = endsWith(name, suffix);
-    if (endsWith(name, ".kernel") || endsWith(name, claimSuffix))
+    if (endsWith(name, ".kernel") || endsWith(name, ".lanes") ||
+        endsWith(name, claimSuffix))
       unlink((where + "/" + name).c_str());
     if (!entry && name.rfind(temporaryPrefix, 0) != 0)
       return;

@@ -126,6 +126,9 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   }
   if (!variant->current)
     load(*variant);
+  CompileOptions wanted = compileOptions(key, arch);
+  if (mayTry(wanted, *variant))
+    startTrial(wanted, *variant);
   // Who finds the variant knows what it needs.
   noteNeeds(variant->code.schedule);
   variant->next = variants.load(std::memory_order_relaxed);

@@ -9,6 +9,7 @@
 
 #include "Device.h"
 #include "ErrorRecords.h"
+#include "LaneTrial.h"
 #include "WidthPolicy.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
@@ -82,6 +83,10 @@ struct Kernel::Variant {
   std::atomic<bool> isQuick{false};
   /// Stays when better code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
+  /// The check of the lanes, if there is one, and the code that they are
+  /// checked against until it is over.
+  std::unique_ptr<LaneTrial> trial;
+  std::unique_ptr<DeviceCode> scalar;
   /// Loop times that the thread pool learned from its launches.
   mutable LoopHistory history;
   /// True if the code counts threads along one axis.
@@ -246,6 +251,15 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   std::unique_ptr<QuickCode> makeQuick(const CompileOptions &wanted,
                                        Variant &variant);
   void load(Variant &variant);
+
+  // KernelTrial.cpp
+  /// True if the lanes of a variant are checked.
+  bool mayTry(const CompileOptions &wanted, const Variant &variant) const;
+  void startTrial(const CompileOptions &wanted, Variant &variant);
+  /// Loads code without lanes that launches can run in the same way, or null.
+  const DeviceCode *loadScalar(const CompileOptions &wanted, Variant &variant);
+  /// Launches run the code without lanes from now on.
+  void finishTrial(Variant &variant);
 };
 
 /// True if a launch of so many threads had better wait for tier-1 code: one

@@ -11,6 +11,7 @@
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
+#include <cstdio>
 
 using namespace warp;
 
@@ -27,6 +28,15 @@ static std::string describeKind(const VariantKey &key, int arch) {
   text += ", " + std::to_string(key.rank) +
           (key.rank == 1 ? " dimension" : " dimensions");
   return text + phrasesOf(key);
+}
+
+/// The times that lanes were checked by, and what came of it.
+static Choice describeTrial(const LaneTimes &times) {
+  char text[120];
+  std::snprintf(text, sizeof(text),
+                "lanes took %.3g ns an index in a launch, scalar code %.3g",
+                times.lanes, times.scalar);
+  return {"measured", times.prefersScalar() ? "scalar" : "lanes", text};
 }
 
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
@@ -54,6 +64,9 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
     std::string threads = std::to_string(ThreadPool::size());
     result.choices.push_back(
         {"threads", "at most " + threads, "as many as a launch has work for"});
+    if (variant && variant->trial)
+      if (std::optional<LaneTimes> times = variant->trial->result())
+        result.choices.push_back(describeTrial(*times));
     return result;
   }
   std::string ptx = emitText(source(), compiled, "ptx");

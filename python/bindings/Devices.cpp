@@ -11,6 +11,7 @@
 #include "warp/Graph.h"
 #include "warp/JitListener.h"
 #include "warp/KernelCache.h"
+#include "warp/LaneTrials.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -267,6 +268,9 @@ void python::bindDevices(py::module_ &m) {
   m.def("synchronize_device", &synchronizeDevice, py::arg("device"),
         WithoutLock());
   m.def("synchronize_all", &synchronizeAll, WithoutLock());
+  m.def("set_lane_trials", &setLaneTrials, py::arg("enabled"),
+        "Compare lanes of a CPU with scalar code once they have run for a "
+        "while, in kernels that are compiled from now on.");
   m.def("num_threads", &ThreadPool::size, "Threads that CPU launches use.");
   bindStreams(m);
   bindCache(m);

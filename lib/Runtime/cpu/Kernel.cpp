@@ -75,6 +75,23 @@ void warp::runOnCpu(const Kernel::Variant &variant, const void *params,
   variant.quick->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
+/// Runs the first indices of a launch by lanes and scalar code in turn while
+/// the variant's lanes are checked; returns how many.
+static int64_t tryLanes(const Kernel::Variant &variant, const void *params,
+                        int64_t items) {
+  if (!variant.trial || !variant.trial->isOpen() || variant.isQuick)
+    return 0;
+  auto *scalar = static_cast<const CpuCode *>(variant.trial->scalarCode());
+  if (!scalar)
+    return 0;
+  auto *lanes = static_cast<const CpuCode *>(
+      variant.current.load(std::memory_order_acquire));
+  return variant.trial->measure(
+      items, [&](bool byLanes, int64_t begin, int64_t end) {
+        (byLanes ? lanes : scalar)->entry(params, begin, end);
+      });
+}
+
 static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
   PrivateCopies copies(variant.code.schedule.copied, params, paramSize);
@@ -106,13 +123,28 @@ static void launch(const Kernel::Variant &variant, const void *params,
   std::shared_lock<std::shared_mutex> shared;
   if (variant.code.schedule.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
+  int64_t first = tryLanes(variant, params, items);
   if (serial)
-    return runOnCpu(variant, params, 0, items);
+    return runOnCpu(variant, params, first, items);
   auto run = [&](int64_t begin, int64_t end) {
     runOnCpu(variant, params, begin, end);
   };
-  ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
+  ThreadPool::parallelFor(first, items, grainOf(variant.code), run,
                           &variant.history);
+}
+
+/// The same; adds its time to those after which the variant's lanes are
+/// checked.
+static void launchTimed(const Kernel::Variant &variant, const void *params,
+                        size_t paramSize, int64_t items, bool serial) {
+  bool isTimed =
+      variant.trial && variant.trial->isOpen() && !variant.trial->scalarCode();
+  if (!isTimed)
+    return launch(variant, params, paramSize, items, serial);
+  using namespace std::chrono;
+  steady_clock::time_point start = steady_clock::now();
+  launch(variant, params, paramSize, items, serial);
+  variant.trial->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
 void CpuCode::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
@@ -121,7 +153,7 @@ void CpuCode::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
   bool serial = Kernel::isShort(plan) ||
                 (variant.code.schedule.atomics && plan.work < orderedWork);
   if (variant.code.sites.empty()) {
-    ::launch(variant, params, paramSize, plan.items, serial);
+    launchTimed(variant, params, paramSize, plan.items, serial);
   } else {
     ErrorRecord record;
     setErrorRecord(params, reinterpret_cast<uint64_t>(&record));

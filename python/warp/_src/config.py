@@ -222,6 +222,14 @@ SETTINGS = {
             None,
             "threads of a CPU launch, set before the first; None uses all cores",
         ),
+        Setting(
+            "check_lanes",
+            bool,
+            True,
+            "compare the lanes of a CPU kernel with scalar code in a few launches, once it has run "
+            "for a while, and keep the quicker; never of kernels with atomics, whose sums would "
+            "round in another way",
+        ),
         Setting("load_module_max_workers", _MAYBE_INT, 0, "threads that compile; 0 is serial"),
         Setting(
             "deterministic",

@@ -11,7 +11,7 @@ import functools
 import sys
 import types as python_types
 
-from warp import _native
+from warp import _native, config
 from warp._src import config as settings
 from warp._src import errors
 from warp._src.argument_kinds import (
@@ -312,6 +312,7 @@ class Kernel:
         """
         level = self.option("optimization_level")
         bounds = self.options.get("launch_bounds", (0, 0))
+        _native.set_lane_trials(config.check_lanes)
         return _native.Kernel(
             module,
             self.key,

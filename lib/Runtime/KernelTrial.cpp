@@ -1,0 +1,107 @@
+//===- KernelTrial.cpp - The code that lanes are checked against ----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A variant whose lanes the cost model chose has a trial (LaneTrial.h). Its times
+// are kept in the cache under the name of the code with lanes, so another process
+// begins with the quicker code.
+//
+//===----------------------------------------------------------------------===//
+
+#include "BackgroundThread.h"
+#include "Compiler/Abandon.h"
+#include "KernelImpl.h"
+#include "warp/KernelCache.h"
+
+using namespace warp;
+
+/// The file of a trial.
+static std::string fileOf(const std::string &key) { return key + ".lanes"; }
+
+/// True if launches of `one` are made as those of `other`, whose facts about
+/// the size of launches are enough for it.
+static bool areAlike(const Code &one, const Code &other) {
+  const Schedule &a = one.schedule, &b = other.schedule;
+  return a.exclusive == b.exclusive && a.atomics == b.atomics &&
+         a.usesPrintf == b.usesPrintf && a.sums.size() == b.sums.size() &&
+         a.copied.list.size() == b.copied.list.size() &&
+         (a.sizeFacts & ~b.sizeFacts) == 0 && one.sites.empty() &&
+         other.sites.empty();
+}
+
+static CompileOptions scalarOptions(CompileOptions options) {
+  options.lanes = 1;
+  return options;
+}
+
+/// Code that updates elements would add floats in another order from the launch
+/// on that it is exchanged at; all else has the same bits.
+bool Kernel::Impl::mayTry(const CompileOptions &wanted,
+                          const Variant &variant) const {
+  const Schedule &schedule = variant.code.schedule;
+  return hasLaneTrials() && isHost(variant.key.device) && saved.empty() &&
+         wanted.lanes == 0 && !wanted.debug && !wanted.deterministic &&
+         schedule.lanes > 1 && !schedule.exclusive && !schedule.atomics &&
+         variant.code.sites.empty();
+}
+
+void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
+  std::string key = fingerprint(hashes(), wanted);
+  std::optional<std::string> text = KernelCache::get().read(fileOf(key));
+  std::optional<LaneTimes> known =
+      text ? LaneTimes::fromText(*text) : std::nullopt;
+  if (known && !known->prefersScalar()) {
+    variant.trial = std::make_unique<LaneTrial>(*known);
+    return;
+  }
+  auto inBackground = [this, &variant](auto task) {
+    return [self = weak_from_this(), &variant, task] {
+      background::add([self, &variant, task] {
+        if (std::shared_ptr<Impl> impl = self.lock())
+          task(*impl, variant);
+      });
+    };
+  };
+  if (known) {
+    // The quicker code takes over as soon as it is loaded.
+    variant.trial = std::make_unique<LaneTrial>(*known);
+    inBackground([wanted](Impl &impl, Variant &variant) {
+      impl.loadScalar(wanted, variant);
+      impl.finishTrial(variant);
+    })();
+    return;
+  }
+  auto compile = inBackground([wanted](Impl &impl, Variant &variant) {
+    variant.trial->begin(impl.loadScalar(wanted, variant));
+  });
+  auto finish = [this, key, &variant](const LaneTimes &times) {
+    KernelCache::get().write(fileOf(key), times.toText());
+    if (times.prefersScalar())
+      finishTrial(variant);
+  };
+  variant.trial = std::make_unique<LaneTrial>(compile, finish);
+}
+
+const DeviceCode *Kernel::Impl::loadScalar(const CompileOptions &wanted,
+                                           Variant &variant) {
+  if (variant.quick)
+    improve(variant);
+  std::map<std::string, double> spent;
+  try {
+    Code code = obtain(scalarOptions(wanted), spent);
+    if (isAbandoned() || !areAlike(code, variant.code))
+      return nullptr;
+    code.schedule.cost = variant.code.schedule.cost;
+    variant.scalar = deviceAt(variant.key.device).load(variant, code);
+  } catch (...) {
+    // Lanes do the same.
+    return nullptr;
+  }
+  return variant.scalar.get();
+}
+
+void Kernel::Impl::finishTrial(Variant &variant) {
+  std::lock_guard lock(mutex);
+  if (variant.scalar)
+    variant.place(std::move(variant.scalar));
+}

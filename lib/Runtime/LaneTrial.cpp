@@ -1,0 +1,125 @@
+//===- LaneTrial.cpp - Lanes against scalar threads, live -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LaneTrial.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+
+using namespace warp;
+
+/// Launches of a trial.
+static constexpr size_t launchesOfTrial = 7;
+/// Four pieces are an eighth of a launch, half of a small one, and have at most
+/// so many indices each; fewer than the least are not worth a look at the
+/// clock.
+static constexpr int64_t partOfLaunch = 8, partOfSmall = 2, leastPiece = 64,
+                         mostPiece = 1 << 14;
+
+static std::atomic<bool> enabled{true};
+void warp::setLaneTrials(bool value) { enabled = value; }
+bool warp::hasLaneTrials() { return enabled; }
+
+//===----------------------------------------------------------------------===//
+// Times
+//===----------------------------------------------------------------------===//
+
+std::string LaneTimes::toText() const {
+  char text[80];
+  std::snprintf(text, sizeof(text), "lanes %.6g scalar %.6g\n", lanes, scalar);
+  return text;
+}
+
+std::optional<LaneTimes> LaneTimes::fromText(const std::string &text) {
+  LaneTimes times;
+  int end = 0;
+  bool isRead = std::sscanf(text.c_str(), "lanes %lf scalar %lf%n",
+                            &times.lanes, &times.scalar, &end) == 2;
+  bool isWhole = isRead && text.compare(end, std::string::npos, "\n") == 0;
+  if (!isWhole || !std::isfinite(times.lanes) || !(times.lanes > 0) ||
+      !std::isfinite(times.scalar) || !(times.scalar > 0))
+    return std::nullopt;
+  return times;
+}
+
+int64_t LaneRatios::pieceOf(int64_t items) const {
+  if (items < 4 * partOfSmall * leastPiece)
+    return 0;
+  int64_t piece = std::min(items / (4 * partOfLaunch), mostPiece);
+  return std::max(piece / leastPiece, int64_t(1)) * leastPiece;
+}
+
+void LaneRatios::record(int64_t piece, double lanesTime, double scalarTime) {
+  double count = 2 * static_cast<double>(piece);
+  launches.push_back(
+      {std::max(lanesTime, 1e-3) / count, std::max(scalarTime, 1e-3) / count});
+}
+
+std::optional<LaneTimes> LaneRatios::result() const {
+  if (launches.size() < launchesOfTrial)
+    return std::nullopt;
+  std::vector<LaneTimes> sorted = launches;
+  auto middle = sorted.begin() + sorted.size() / 2;
+  std::nth_element(sorted.begin(), middle, sorted.end(),
+                   [](const LaneTimes &x, const LaneTimes &y) {
+                     return x.scalar * y.lanes < y.scalar * x.lanes;
+                   });
+  return *middle;
+}
+
+//===----------------------------------------------------------------------===//
+// Trials
+//===----------------------------------------------------------------------===//
+
+void LaneTrial::begin(const DeviceCode *code) {
+  if (code)
+    scalar.store(code, std::memory_order_release);
+  else
+    open = false;
+}
+
+void LaneTrial::spend(int64_t nanoseconds) {
+  int64_t left = patience.fetch_sub(nanoseconds, std::memory_order_relaxed);
+  if (left > 0 && left <= nanoseconds)
+    compile();
+}
+
+int64_t
+LaneTrial::measure(int64_t items,
+                   const std::function<void(bool, int64_t, int64_t)> &run) {
+  using namespace std::chrono;
+  int64_t piece = ratios.pieceOf(items);
+  if (piece == 0)
+    return 0;
+  double spent[2] = {0, 0};
+  int64_t at = 0;
+  for (bool byLanes : {true, false, false, true}) {
+    steady_clock::time_point start = steady_clock::now();
+    run(byLanes, at, at + piece);
+    spent[byLanes] += double(nanoseconds(steady_clock::now() - start).count());
+    at += piece;
+  }
+  std::optional<LaneTimes> found;
+  {
+    std::lock_guard lock(mutex);
+    if (times)
+      return at;
+    ratios.record(piece, spent[true], spent[false]);
+    found = times = ratios.result();
+  }
+  if (found) {
+    finish(*found);
+    open = false;
+  }
+  return at;
+}
+
+std::optional<LaneTimes> LaneTrial::result() const {
+  std::lock_guard lock(mutex);
+  return times;
+}

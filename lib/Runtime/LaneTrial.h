@@ -1,0 +1,103 @@
+//===- LaneTrial.h - Lanes against scalar threads, live ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// The compiler gives a kernel lanes where its cost model says that they gain.
+// Once launches of a variant have run for a while, the choice is checked: the
+// code without lanes is compiled in the background, and a few launches begin
+// with short pieces in turn, lanes, scalar, scalar, lanes. Work differs from
+// index to index and other processes come in between, so the ratio of a launch
+// counts once, and their median decides. The quicker code stays, and the cache
+// remembers the times beside the code.
+//
+// `LaneRatios` are the rules, without a clock and without threads.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_LANETRIAL_H
+#define WARP_LIB_RUNTIME_LANETRIAL_H
+
+#include "warp/Forks.h"
+#include "warp/LaneTrials.h"
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace warp {
+
+class DeviceCode;
+
+/// Nanoseconds of an index, by lanes and by scalar code.
+struct LaneTimes {
+  double lanes = 0, scalar = 0;
+
+  /// True if scalar code is quicker by more than what is never certain.
+  bool prefersScalar() const { return scalar * 1.05 < lanes; }
+  std::string toText() const;
+  /// Reads what `toText` gave; nothing of other texts.
+  static std::optional<LaneTimes> fromText(const std::string &text);
+};
+
+/// The rules of a trial.
+class LaneRatios {
+public:
+  /// Indices of a piece of a launch with that many; 0 if it is too small.
+  int64_t pieceOf(int64_t items) const;
+  /// Notes a launch whose pieces had so many indices.
+  void record(int64_t piece, double lanesTime, double scalarTime);
+  /// The times of the launch with the median ratio, after enough launches.
+  std::optional<LaneTimes> result() const;
+
+private:
+  std::vector<LaneTimes> launches;
+};
+
+/// A variant's trial.
+class LaneTrial {
+public:
+  /// `compile` is called once, when launches have run for a while; it has
+  /// `begin` called on another thread. `finish` is called with the times.
+  LaneTrial(std::function<void()> compile,
+            std::function<void(const LaneTimes &)> finish)
+      : compile(std::move(compile)), finish(std::move(finish)) {}
+  /// A trial that has been made, with times of the cache.
+  explicit LaneTrial(const LaneTimes &times) : times(times), open(false) {}
+
+  /// False once it is over: launches need not ask again.
+  bool isOpen() const { return open.load(std::memory_order_relaxed); }
+  /// The code without lanes, which belongs to somebody else; null if there is
+  /// none to compare.
+  void begin(const DeviceCode *code);
+  const DeviceCode *scalarCode() const {
+    return scalar.load(std::memory_order_acquire);
+  }
+  /// Adds the time of a launch before `begin`.
+  void spend(int64_t nanoseconds);
+
+  /// Has some indices run by both codes in turn, from the first on; `run` gets
+  /// true for lanes. Returns how many were run.
+  int64_t measure(int64_t items,
+                  const std::function<void(bool, int64_t, int64_t)> &run);
+  /// The times, once it is over.
+  std::optional<LaneTimes> result() const;
+
+private:
+  std::function<void()> compile;
+  std::function<void(const LaneTimes &)> finish;
+  /// Nanoseconds that launches run for before anything is compiled.
+  std::atomic<int64_t> patience{20'000'000};
+  std::atomic<const DeviceCode *> scalar{nullptr};
+  mutable ForkMutex mutex;
+  LaneRatios ratios;
+  std::optional<LaneTimes> times;
+  std::atomic<bool> open{true};
+};
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_LANETRIAL_H

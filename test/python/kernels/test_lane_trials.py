@@ -1,0 +1,63 @@
+"""Lanes of the CPU are compared with scalar code while a kernel runs."""
+
+import time
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+def make(**options):
+    @wp.kernel(module="unique", module_options=options)
+    def roots(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        s = float(0.0)
+        for k in range(8):
+            s += wp.sqrt(x[i] + float(k))
+        y[i] = s
+
+    return roots
+
+
+def measured(kernel):
+    """The line about it, or nothing."""
+    lines = str(kernel.schedule("cpu")).splitlines()
+    return [line for line in lines if line.strip().startswith("measured")]
+
+
+def launch(kernel, seconds, until=lambda: False):
+    """Launches for some time; the results of each launch are the same."""
+    x = np.linspace(0.0, 9.0, 1 << 16, dtype=np.float32)
+    given = wp.array(x, dtype=float, device="cpu")
+    result = wp.zeros(len(x), dtype=float, device="cpu")
+    wanted = sum(np.sqrt(x.astype(np.float64) + k) for k in range(8))
+    end = time.monotonic() + seconds
+    while time.monotonic() < end and not until():
+        for _ in range(50):
+            result.zero_()
+            wp.launch(kernel, len(x), [given, result], device="cpu")
+            np.testing.assert_allclose(result.numpy(), wanted, rtol=1e-6)
+
+
+def test_both_times_are_told():
+    """Compilation in the background has as much time as it needs."""
+    kernel = make()
+    launch(kernel, 120, lambda: measured(kernel))
+    (line,) = measured(kernel)
+    assert "lanes took" in line and "scalar code" in line
+
+
+@pytest.mark.parametrize("options", [{"deterministic": True}, {"cpu_lanes": 8}])
+def test_lanes_that_are_settled_stay(options):
+    """Deterministic kernels keep their bits, and lanes that are asked for are there."""
+    kernel = make(**options)
+    launch(kernel, 1.0)
+    assert not measured(kernel)
+
+
+def test_setting_turns_it_off(monkeypatch):
+    monkeypatch.setattr(wp.config, "check_lanes", False)
+    kernel = make()
+    launch(kernel, 1.0)
+    assert not measured(kernel)

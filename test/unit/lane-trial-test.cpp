@@ -1,0 +1,107 @@
+//===- lane-trial-test.cpp - Lanes against scalar threads -----------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Runtime/KernelImpl.h"
+#include "Runtime/LaneTrial.h"
+
+#include <gtest/gtest.h>
+
+using namespace warp;
+
+TEST(LaneRatios, PiecesAreAPartOfALaunch) {
+  LaneRatios ratios;
+  EXPECT_EQ(ratios.pieceOf(511), 0);
+  for (int64_t items : {512, 2047, 2048, 5000, 100000, 1 << 30}) {
+    int64_t piece = ratios.pieceOf(items);
+    EXPECT_GT(piece, 0);
+    EXPECT_EQ(piece % 64, 0);
+    EXPECT_LE(4 * piece, items < 2048 ? items / 2 : items / 8);
+    EXPECT_LE(piece, 1 << 14);
+  }
+}
+
+// Launches that something else came into count no more than others.
+TEST(LaneRatios, TheMedianDecides) {
+  LaneRatios ratios;
+  double scalarTimes[] = {900, 800, 1e6, 850, 870, 2000, 860};
+  for (double scalar : scalarTimes) {
+    EXPECT_FALSE(ratios.result());
+    ratios.record(64, 1280, scalar);
+  }
+  ASSERT_TRUE(ratios.result());
+  EXPECT_DOUBLE_EQ(ratios.result()->lanes, 10);
+  EXPECT_DOUBLE_EQ(ratios.result()->scalar, 870 / 128.0);
+  EXPECT_TRUE(ratios.result()->prefersScalar());
+}
+
+TEST(LaneTimes, LanesStayWhereNothingIsCertain) {
+  EXPECT_FALSE((LaneTimes{10, 9.7}).prefersScalar());
+  EXPECT_FALSE((LaneTimes{10, 20}).prefersScalar());
+  EXPECT_TRUE((LaneTimes{10, 9}).prefersScalar());
+}
+
+TEST(LaneTimes, TextThatIsNotWholeIsNothing) {
+  std::string text = LaneTimes{1.25, 0.5}.toText();
+  std::optional<LaneTimes> times = LaneTimes::fromText(text);
+  ASSERT_TRUE(times);
+  EXPECT_EQ(times->lanes, 1.25);
+  EXPECT_EQ(times->scalar, 0.5);
+  for (size_t length = 0; length < text.size(); ++length)
+    EXPECT_FALSE(LaneTimes::fromText(text.substr(0, length))) << length;
+  for (const char *wrong :
+       {"lanes -1 scalar 2\n", "lanes 0 scalar 2\n", "lanes nan scalar 2\n",
+        "lanes 1 scalar inf\n", "lanes 1 scalar 2\nmore"})
+    EXPECT_FALSE(LaneTimes::fromText(wrong)) << wrong;
+}
+
+namespace {
+/// Stands for code; nobody runs it.
+struct NoCode : DeviceCode {
+  void launch(const Kernel::Plan &, void *, size_t,
+              const Stream *) const override {}
+};
+} // namespace
+
+TEST(LaneTrial, RunsEachIndexOnce) {
+  int compiled = 0, finished = 0;
+  LaneTrial trial([&] { ++compiled; },
+                  [&](const LaneTimes &times) {
+                    ++finished;
+                    EXPECT_GT(times.lanes, 0);
+                    EXPECT_GT(times.scalar, 0);
+                  });
+  trial.spend(19'000'000);
+  EXPECT_EQ(compiled, 0);
+  trial.spend(2'000'000);
+  trial.spend(1'000'000);
+  EXPECT_EQ(compiled, 1);
+  EXPECT_EQ(trial.scalarCode(), nullptr);
+  NoCode code;
+  trial.begin(&code);
+  EXPECT_EQ(trial.scalarCode(), &code);
+  for (int launch = 0; launch < 7; ++launch) {
+    EXPECT_TRUE(trial.isOpen());
+    EXPECT_FALSE(trial.result());
+    int64_t next = 0, byLanes = 0;
+    int64_t done =
+        trial.measure(10000, [&](bool lanes, int64_t begin, int64_t end) {
+          EXPECT_EQ(begin, next);
+          byLanes += lanes ? end - begin : 0;
+          next = end;
+        });
+    EXPECT_EQ(done, next);
+    EXPECT_EQ(2 * byLanes, done);
+  }
+  EXPECT_EQ(finished, 1);
+  EXPECT_FALSE(trial.isOpen());
+  EXPECT_TRUE(trial.result());
+}
+
+TEST(LaneTrial, EndsWithoutCodeToCompareWith) {
+  LaneTrial trial([] {}, [](const LaneTimes &) { FAIL(); });
+  trial.begin(nullptr);
+  EXPECT_FALSE(trial.isOpen());
+}
