@@ -166,15 +166,27 @@ int64_t getStagedBytes(Value tile) {
   return layout.getStages() * (getStageBytes(tile) + barriers);
 }
 
+/// Steps of a tile whose elements follow each other row by row.
+static SmallVector<int64_t> packedSteps(TileType type) {
+  SmallVector<int64_t> steps(type.getRank(), 1);
+  for (size_t d = steps.size(); d-- > 1;)
+    steps[d - 1] = steps[d] * type.getShape()[d];
+  return steps;
+}
+
 std::optional<Strided> getStrided(Value tile) {
   Operation *def = tile.getDefiningOp();
   if (!def || !isInline(def)) {
-    SmallVector<int64_t> steps(tileType(tile).getRank(), 1);
-    for (size_t d = steps.size(); d-- > 1;)
-      steps[d - 1] = steps[d] * tileType(tile).getShape()[d];
+    SmallVector<int64_t> steps = packedSteps(tileType(tile));
     if (std::optional<int64_t> pitch = getPitch(tile))
       steps[0] = *pitch;
     return Strided{tile, steps};
+  }
+  if (auto reshape = dyn_cast<TileReshapeOp>(def)) {
+    std::optional<Strided> source = getStrided(reshape.getTile());
+    if (!source || source->steps != packedSteps(tileType(reshape.getTile())))
+      return std::nullopt;
+    return Strided{source->memory, packedSteps(tileType(tile))};
   }
   auto view = dyn_cast<TileTransposeOp>(def);
   std::optional<Strided> source;

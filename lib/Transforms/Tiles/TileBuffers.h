@@ -90,7 +90,8 @@ struct Strided {
   mlir::Value memory;
   llvm::SmallVector<int64_t> steps;
 };
-/// None for what is computed where it is used, but for transposed memory.
+/// None for what is computed where it is used, but for transposed memory, and
+/// for reshaped memory without gaps.
 std::optional<Strided> getStrided(mlir::Value tile);
 
 /// Tiles in memory, in classes that share it: what loops and branches carry,
