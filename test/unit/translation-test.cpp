@@ -40,6 +40,25 @@ const std::string name(64, 'a');
 
 } // namespace
 
+// Whatever looks like a location in a string is none.
+TEST(Translation, HashIsOfTheTextWithoutLocations) {
+  const char *const printing = R"mlir(
+#first = loc("a \"b\" (c.py":3:4)
+module @print {
+  func.func @print(%x: f32 loc("y.py":1:2)) attributes {warp.kernel} {
+    warp.printf "%f loc(#loc1) \"\n#loc = loc(unknown)"(%x) : f32 loc(#first)
+    %c = warp.constant 1 : si32 loc(callsite("f"("g.py":1:1) at #first))
+    return loc(fused["h.py":2:2, #first])
+  } loc("k":5:6)
+}
+)mlir";
+  for (const char *source : {text, printing}) {
+    Module module = Module::fromText(source);
+    EXPECT_EQ(sourceHashes(module).plain, sourceHash(module));
+    EXPECT_NE(sourceHashes(module).located, sourceHash(module));
+  }
+}
+
 TEST(Translation, IsReadAsItWasWritten) {
   Translation made = sample();
   std::optional<Translation> read =

@@ -173,14 +173,14 @@ class Expressions(Part):
 
     def operator(self, node, name, *operands):
         """Applies an operator; functions of that name go before it, and extend it to structs."""
-        if any(operand.type.kind == "tile" for operand in operands):
+        kinds = [operand.type.kind for operand in operands]
+        if "tile" in kinds:
             return self.context.tiles.elements.operator(node, name, operands)
         own = self.own_operator(name, operands, node)
         if own is not None:
             return self.context.user_calls.call_function(own, list(operands), {}, node)
-        for operand in operands:
-            if operand.type.kind == "struct":
-                return self.user_operator(node, name, operands)
+        if "struct" in kinds:
+            return self.user_operator(node, name, operands)
         self.context.at(node)
         if name in ("eq", "ne") and operands[0].type.shape and operands[0].type.element == BOOL:
             # The registry compares composites of numbers.

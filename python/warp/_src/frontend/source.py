@@ -20,7 +20,10 @@ from warp._src.kernels import texts
 class Source:
     """Tree of one function and the place it comes from."""
 
-    __slots__ = ("_words", "encoded_file", "file", "line_offset", "name", "plan", "tree")
+    __slots__ = (
+        *("_words", "encoded_file", "file", "line_offset", "name", "outside", "plan"),
+        "tree",
+    )
 
     def __init__(self, tree: ast.FunctionDef, file: str, line_offset: int, name: str, words=None):
         self.tree = tree
@@ -30,6 +33,8 @@ class Source:
         self.line_offset = line_offset
         self.name = name
         self.plan = None
+        # Words that `kernels.statics` has found in it.
+        self.outside = None
         self._words = words
 
     def words(self):

@@ -122,21 +122,32 @@ def _evaluate(text, local, function) -> tuple:
     return value, *of_value(value)
 
 
-def words_outside(tree, function) -> tuple[set, set]:
-    """Names, and attributes, that a function's body uses outside of static expressions."""
+def words_outside(source, function) -> tuple[set, set]:
+    """Names, and attributes, that a function's body uses outside of static expressions; found once
+    for a source."""
+    known = source.outside
+    if known is None or known[0] is not function.__globals__:
+        words = _words_outside(source.tree, function)
+        known = source.outside = function.__globals__, *words
+    return known[1:]
+
+
+def _words_outside(tree, function) -> tuple[set, set]:
     import ast
 
     words, attributes = set(), set()
     pending = list(tree.body)
     while pending:
         node = pending.pop()
-        if isinstance(node, ast.Call) and _is_static(node.func, function):
+        kind = type(node)
+        if kind is ast.Name:
+            words.add(node.id)
+            continue
+        if kind is ast.Attribute:
+            attributes.add(node.attr)
+        elif kind is ast.Call and _is_static(node.func, function):
             pending.append(node.func)
             continue
-        if isinstance(node, ast.Name):
-            words.add(node.id)
-        elif isinstance(node, ast.Attribute):
-            attributes.add(node.attr)
         pending += texts.children(node)
     return words, attributes
 

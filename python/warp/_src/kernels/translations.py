@@ -13,7 +13,7 @@ from _blake2 import blake2b
 
 from warp import _native, config
 from warp._src import errors
-from warp._src.kernels import identity, statics
+from warp._src.kernels import identity, statics, texts
 
 # Translations of one kernel that are looked at, for other values of its static expressions.
 _MOST_STATICS = 8
@@ -124,13 +124,14 @@ def _is_named(found) -> bool:
     from warp._src.frontend.source import source_of
 
     for function, unnamed in zip(found.functions, found.unnamed, strict=True):
-        if not unnamed and not found.unnamed_attributes:
+        words = texts.block_of(function).words
+        if not unnamed and found.unnamed_attributes.isdisjoint(words):
             continue
         try:
-            tree = source_of(function).tree
+            source = source_of(function)
         except errors.WarpError:
             return False
-        words, attributes = statics.words_outside(tree, function)
+        words, attributes = statics.words_outside(source, function)
         if words & unnamed or attributes & found.unnamed_attributes:
             return False
     return True
