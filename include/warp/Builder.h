@@ -151,6 +151,9 @@ public:
                        const std::vector<std::string> &argNames,
                        const std::vector<Type> &argTypes, bool isKernel);
   void endFunction(const Values &results);
+  /// Scalar operations of the open kernel beyond which large functions with
+  /// several calls stay functions.
+  void setInlineBudget(int64_t operations);
   /// Result types of a finished function.
   std::vector<Type> resultTypes(const std::string &name) const;
 

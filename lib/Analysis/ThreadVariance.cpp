@@ -27,6 +27,7 @@
 #include "Effects.h"
 #include "GeometryMemory.h"
 #include "GridReads.h"
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/LaneOps.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
@@ -58,6 +59,8 @@ static Value getKnownRoot(Value array) {
 }
 
 void ThreadVariance::collectWrites() {
+  // Writes of functions that are called are not looked at.
+  writesUnknown = function->hasAttr(warp::attr::keepsCalls);
   function->walk([&](Operation *op) {
     auto access = dyn_cast<warp::AccessOp>(op);
     if (!access || !access.mayWrite())
@@ -69,7 +72,7 @@ void ThreadVariance::collectWrites() {
 }
 
 bool ThreadVariance::isWritten(Value array) const {
-  if (written.empty() || warp::isGeometryMemory(array))
+  if ((written.empty() && !writesUnknown) || warp::isGeometryMemory(array))
     return false;
   Value root = getKnownRoot(array);
   return mayOverlap || writesUnknown || !root || written.contains(root);

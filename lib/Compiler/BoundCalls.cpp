@@ -3,14 +3,21 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Every call becomes a copy of the function, so in a tree of functions that
-// call the one before twice, code doubles at each level. Where copies make most
+// call the one before twice, code doubles at each level. In code for a launch,
+// the largest functions with several calls therefore stay calls once the kernel
+// is longer than its budget (KeptCalls.h). Where copies of the others make most
 // of a kernel, functions are simplified from the innermost outward before they
 // are copied: what copies compute alike is there once. Code that is too long
 // even so is an error before it is made.
 //
 //===----------------------------------------------------------------------===//
 
+#include "KeptCalls.h"
 #include "Pipelines.h"
+
+#include "WarpDialect/CallAttributes.h"
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Pass/PassManager.h"
@@ -35,6 +42,9 @@ namespace {
 struct Function {
   /// Operations of its own, and with copies of all that it calls.
   double own = 0, whole = 0;
+  warp::CallNode node;
+  /// It is a function of the target if it is large.
+  bool mayStay = false;
   /// Calls, which are gone once they are inlined, with what they call.
   SmallVector<std::pair<func::CallOp, func::FuncOp>> calls;
 };
@@ -43,7 +53,7 @@ class BoundCalls : public PassWrapper<BoundCalls, OperationPass<ModuleOp>> {
 public:
   MLIR_DEFINE_EXPLICIT_INTERNAL_INLINE_TYPE_ID(BoundCalls)
 
-  explicit BoundCalls(bool all) : all(all) {}
+  BoundCalls(bool all, bool mayKeep) : all(all), mayKeep(mayKeep) {}
 
   StringRef getArgument() const override { return "warp-bound-calls"; }
 
@@ -55,6 +65,8 @@ private:
   func::FuncOp calleeOf(func::CallOp call, const SymbolTable &symbols) const;
   void count(func::FuncOp function, Functions &functions,
              const SymbolTable &symbols);
+  bool chooseKept(Functions &functions);
+  void settle(func::FuncOp function, bool mayStay);
   LogicalResult inlineInto(func::FuncOp caller, Functions &functions,
                            OpPassManager &pm);
   LogicalResult tooLong(func::CallOp call, double operations,
@@ -62,9 +74,13 @@ private:
 
   /// Functions that are kept as such so far are about to be inlined, too.
   bool all;
+  /// Functions may become functions of the target.
+  bool mayKeep;
   /// Functions that are being counted: one that calls one of them is recursive.
   llvm::DenseSet<Operation *> open;
   bool isRecursive = false;
+  /// Scalar operations from which functions stay; 0 if none does.
+  double least = 0;
 };
 
 } // namespace
@@ -90,6 +106,8 @@ void BoundCalls::count(func::FuncOp function, Functions &functions,
   Function found;
   function.walk([&](Operation *op) {
     ++found.own;
+    if (mayKeep)
+      found.node.own += warp::scalarOperations(op);
     if (auto call = dyn_cast<func::CallOp>(op))
       if (func::FuncOp callee = calleeOf(call, symbols))
         found.calls.push_back({call, callee});
@@ -112,13 +130,17 @@ void BoundCalls::runOnOperation() {
   double own = 0, whole = 0;
   open.clear();
   isRecursive = false;
+  least = 0;
   for (auto function : module.getOps<func::FuncOp>()) {
     count(function, functions, symbols);
     own += functions[function].own;
     whole = std::max(whole, functions[function].whole);
   }
   // Recursion is the inliner's error.
-  if (isRecursive || whole <= fewOperations || whole <= mostlyCopies * own)
+  if (isRecursive)
+    return;
+  bool keeps = mayKeep && chooseKept(functions);
+  if (!keeps && (whole <= fewOperations || whole <= mostlyCopies * own))
     return;
   if (all)
     for (auto &[op, _] : functions)
@@ -130,7 +152,54 @@ void BoundCalls::runOnOperation() {
       return signalPassFailure();
 }
 
-/// Replaces the calls of a function whose callees have no calls any more.
+/// Finds the functions that may stay; false if the kernel is within its budget.
+bool BoundCalls::chooseKept(Functions &functions) {
+  llvm::DenseMap<Operation *, unsigned> numbers;
+  SmallVector<warp::CallNode> nodes;
+  std::optional<warp::KeptCalls> kept;
+  for (auto &[op, function] : functions) {
+    warp::CallNode node = function.node;
+    node.function = cast<func::FuncOp>(op);
+    for (auto [_, callee] : function.calls)
+      node.callees.push_back(numbers.lookup(callee));
+    numbers[op] = nodes.size();
+    nodes.push_back(std::move(node));
+    // A function that comes after the kernel is not called by it.
+    if (!op->hasAttr(warp::kernelAttrName))
+      continue;
+    auto budget = op->getAttrOfType<IntegerAttr>(warp::attr::inlineBudget);
+    if (budget)
+      kept = warp::chooseKeptCalls(nodes, double(budget.getInt()));
+    break;
+  }
+  if (!kept)
+    return false;
+  for (auto [node, mayStay] : llvm::zip_equal(nodes, kept->mayStay))
+    functions[node.function].mayStay = mayStay;
+  least = kept->least;
+  return true;
+}
+
+/// Has a function stay that is large once it is simplified, and says so of the
+/// kernel if it calls some.
+void BoundCalls::settle(func::FuncOp function, bool mayStay) {
+  auto unit = UnitAttr::get(function.getContext());
+  double length = 0;
+  bool calls = false;
+  function.walk([&](Operation *op) {
+    length += warp::scalarOperations(op);
+    calls |= isa<func::CallOp>(op);
+  });
+  if (mayStay && length >= least) {
+    function.setNoInline(true);
+    function->setAttr(warp::attr::kept, unit);
+  } else if (calls && function->hasAttr(warp::kernelAttrName)) {
+    function->setAttr(warp::attr::keepsCalls, unit);
+  }
+}
+
+/// Replaces the calls of a function whose callees have no calls any more, but
+/// for those that stay.
 LogicalResult BoundCalls::inlineInto(func::FuncOp caller, Functions &functions,
                                      OpPassManager &pm) {
   Function &function = functions[caller];
@@ -138,6 +207,8 @@ LogicalResult BoundCalls::inlineInto(func::FuncOp caller, Functions &functions,
   InlinerConfig config;
   double length = function.own;
   for (auto [call, callee] : function.calls) {
+    if (callee->hasAttr(warp::attr::kept))
+      continue;
     length += functions[callee].own;
     if (length > mostOperations)
       return tooLong(call, length, functions);
@@ -147,6 +218,8 @@ LogicalResult BoundCalls::inlineInto(func::FuncOp caller, Functions &functions,
   }
   if (failed(runPipeline(pm, caller)))
     return failure();
+  if (least > 0)
+    settle(caller, function.mayStay);
   function.own = 0;
   caller.walk([&](Operation *) { ++function.own; });
   return success();
@@ -181,6 +254,6 @@ LogicalResult BoundCalls::tooLong(func::CallOp call, double operations,
             "again in variables";
 }
 
-std::unique_ptr<Pass> warp::createBoundCalls(bool all) {
-  return std::make_unique<BoundCalls>(all);
+std::unique_ptr<Pass> warp::createBoundCalls(bool all, bool mayKeep) {
+  return std::make_unique<BoundCalls>(all, mayKeep);
 }

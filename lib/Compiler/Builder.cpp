@@ -17,6 +17,7 @@
 
 #include "BuilderImpl.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpDialect.h"
@@ -119,6 +120,12 @@ void warp::Builder::endFunction(const Values &results) {
   impl->finished[closed.op.getSymName()] = closed.op;
   b.restoreInsertionPoint(closed.caller);
   impl->functions.pop_back();
+}
+
+void warp::Builder::setInlineBudget(int64_t operations) {
+  ContextLock lock;
+  impl->function().op->setAttr(attr::inlineBudget,
+                               impl->builder.getI64IntegerAttr(operations));
 }
 
 std::vector<warp::Type>

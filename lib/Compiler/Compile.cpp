@@ -21,6 +21,7 @@
 #include "Transforms/KernelFunction.h"
 #include "Transforms/Variant.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
 #include "WarpDialect/TileTypes.h"
@@ -167,12 +168,37 @@ static LogicalResult nameVariant(ModuleOp module,
   return success(kernel && setVariant(kernel, options));
 }
 
+/// Scalar operations beyond which large functions with several calls stay
+/// calls. Lanes of a CPU make less of a kernel that calls functions than
+/// threads of a GPU do, and scalar code of a long kernel is compiled quickly
+/// first.
+static constexpr int64_t gpuBudget = 3000, cpuBudget = 12000;
+
+/// Says how long a kernel may become before functions stay calls. Checks need
+/// the kernel's error record, and deterministic updates are planned for all of
+/// a kernel, so these have all calls inlined.
+static void setBudget(ModuleOp module, const CompileOptions &options) {
+  bool inlinesAll = options.debug || options.deterministic;
+  int64_t budget = getTarget(options).isSimt() ? gpuBudget : cpuBudget;
+  mlir::Builder b(module.getContext());
+  for (auto function : module.getOps<FunctionOpInterface>()) {
+    if (!function->hasAttr(kernelAttrName))
+      continue;
+    if (inlinesAll)
+      function->removeAttr(attr::inlineBudget);
+    else if (!function->hasAttr(attr::inlineBudget))
+      function->setAttr(attr::inlineBudget, b.getI64IntegerAttr(budget));
+  }
+}
+
 LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {
   if (phase == Phase::Thread && failed(nameVariant(module, options)))
     return failure();
   // Before what nobody uses is removed.
   if (phase == Phase::Warp && options.debug)
     insertIndexChecks(module);
+  if (phase == Phase::Warp)
+    setBudget(module, options);
   if (failed(Phases::get().managers[size_t(phase)]->run(module)))
     return failure();
   if (phase != Phase::Thread)

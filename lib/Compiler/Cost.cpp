@@ -9,16 +9,32 @@
 #include "Analysis/CostModel.h"
 #include "Compilation.h"
 
+#include "WarpDialect/WarpDialect.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
-static double costOf(Operation *op);
+namespace {
+/// Adds up operations; those of a function that is called are counted once.
+class Counter {
+public:
+  explicit Counter(ModuleOp module) : module(module) {}
+  double costOf(Region &region);
 
-static double costOf(Region &region) {
+private:
+  double costOf(Operation *op);
+  double costOfCallee(func::CallOp call);
+
+  ModuleOp module;
+  llvm::DenseMap<Operation *, double> functions;
+};
+} // namespace
+
+double Counter::costOf(Region &region) {
   double sum = 0;
   for (Block &block : region)
     for (Operation &op : block)
@@ -26,7 +42,19 @@ static double costOf(Region &region) {
   return sum;
 }
 
-static double costOf(Operation *op) {
+double Counter::costOfCallee(func::CallOp call) {
+  auto callee = module.lookupSymbol<func::FuncOp>(call.getCallee());
+  if (!callee)
+    return 0;
+  auto known = functions.find(callee);
+  if (known != functions.end())
+    return known->second;
+  double sum = costOf(callee.getBody());
+  functions[callee] = sum;
+  return sum;
+}
+
+double Counter::costOf(Operation *op) {
   if (isa<math::MathDialect>(op->getDialect()))
     return warp::cost::function;
   if (auto access = dyn_cast<warp::AccessOp>(op)) {
@@ -37,6 +65,8 @@ static double costOf(Operation *op) {
   if (op->hasTrait<OpTrait::ConstantLike>())
     return 0;
   double inside = 0;
+  if (auto call = dyn_cast<func::CallOp>(op))
+    inside = costOfCallee(call);
   for (Region &region : op->getRegions())
     inside += costOf(region);
   if (isa<scf::ForOp, scf::WhileOp>(op))
@@ -45,5 +75,9 @@ static double costOf(Operation *op) {
 }
 
 double warp::estimateCost(ModuleOp module) {
-  return costOf(module.getBodyRegion());
+  double cost = 0;
+  for (auto function : module.getOps<func::FuncOp>())
+    if (function->hasAttr(kernelAttrName))
+      cost += 1 + Counter(module).costOf(function.getBody());
+  return cost;
 }

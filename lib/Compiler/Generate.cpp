@@ -21,6 +21,7 @@
 #include "warp/FirstCode.h"
 #include "warp/NativeCode.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TilePasses.h"
 
@@ -90,7 +91,10 @@ static void readCodeFacts(LLVM::LLVMFuncOp function, const TargetInfo &target,
   schedule.atomics =
       contains(function, llvm::IsaPred<LLVM::AtomicRMWOp, LLVM::AtomicCmpXchgOp>);
   int left = longCode;
-  schedule.isLong = contains(function, [&](Operation *) { return --left == 0; });
+  for (auto one :
+       function->getParentOfType<ModuleOp>().getOps<LLVM::LLVMFuncOp>())
+    schedule.isLong |= (one == function || one->hasAttr(attr::kept)) &&
+                       contains(one, [&](Operation *) { return --left == 0; });
   schedule.cooperative = function->hasAttr(attr::blockThreads);
   schedule.ragged = function->hasAttr(attr::ragged);
   schedule.fixedBlock =

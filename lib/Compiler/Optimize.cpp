@@ -8,6 +8,7 @@
 #include "Target.h"
 
 #include "Targets/Nvidia/AssembledLibrary.h"
+#include "WarpDialect/CallAttributes.h"
 
 #include "warp/Error.h"
 #include "warp/Forks.h"
@@ -295,7 +296,8 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
   llvm::FunctionPassManager quick =
       buildLeanPasses(gpu, vectorize, /*join=*/false);
   for (llvm::Function &function : module) {
-    if (function.isDeclaration() || (!gpu && function.hasLocalLinkage()))
+    if (function.isDeclaration() || (!gpu && function.hasLocalLinkage() &&
+                                     !function.hasFnAttribute(attr::kept)))
       continue;
     bool isLong = function.getInstructionCount() > mostJoined;
     (isLong ? quick : usual).run(function, analyses.functions);

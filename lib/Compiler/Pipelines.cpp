@@ -106,8 +106,8 @@ void warp::addSimplification(OpPassManager &pm) {
 // Derivatives
 //===----------------------------------------------------------------------===//
 
-void warp::addInlining(OpPassManager &pm) {
-  pm.addPass(createBoundCalls());
+void warp::addInlining(OpPassManager &pm, bool mayKeep) {
+  pm.addPass(createBoundCalls(/*all=*/false, mayKeep));
   pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
   // Only what could not be inlined, or has a derivative of its own, is left.
   pm.addPass(createSymbolDCEPass());
@@ -185,7 +185,7 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
   case Phase::Warp:
     // While functions are called by name, which derivatives refer to.
     pm.addPass(createResolveDerivatives());
-    addInlining(pm);
+    addInlining(pm, /*mayKeep=*/true);
     pm.addPass(createVerifyWarp());
     return;
   case Phase::Thread:

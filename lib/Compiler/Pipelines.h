@@ -46,13 +46,16 @@ mlir::LogicalResult addPipeline(
 void addSimplification(mlir::OpPassManager &pm);
 
 /// BoundCalls.cpp: bounds what copies of called functions make of a kernel.
-/// all: those that are marked to stay, too.
-std::unique_ptr<mlir::Pass> createBoundCalls(bool all = false);
+/// all: those that are marked to stay, too. mayKeep: in code for a launch,
+/// where functions may stay calls.
+std::unique_ptr<mlir::Pass> createBoundCalls(bool all = false,
+                                             bool mayKeep = false);
 
 // Stages of a derivative, which `derive` runs in this order.
 
 /// Inlines functions that have no derivative of their own, and simplifies.
-void addInlining(mlir::OpPassManager &pm);
+/// mayKeep: those of a launch, of which large ones may stay.
+void addInlining(mlir::OpPassManager &pm, bool mayKeep = false);
 /// Makes what `warp.vjp` and `warp.jvp` ask for.
 void addResolution(mlir::OpPassManager &pm, const AutodiffOptions &options);
 void addPreparation(mlir::OpPassManager &pm);

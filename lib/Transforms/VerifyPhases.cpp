@@ -9,6 +9,7 @@
 
 #include "KernelFunction.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -102,7 +103,10 @@ struct VerifyWarp : warp::impl::VerifyWarpBase<VerifyWarp> {
           << kernel.getNumResults();
       return signalPassFailure();
     }
-    auto call = getOperation().walk([](func::CallOp call) {
+    auto call = getOperation().walk([&](func::CallOp call) {
+      auto callee = getOperation().lookupSymbol(call.getCallee());
+      if (callee && callee->hasAttr(warp::attr::kept))
+        return WalkResult::advance();
       call.emitError("the call of '")
           << call.getCallee()
           << "' cannot be inlined; functions cannot call themselves";

@@ -243,6 +243,7 @@ void bindBuilder(py::module_ &m) {
       .def("set_location", &Builder::setLocation)
       .def("begin_function", &Builder::beginFunction)
       .def("end_function", &Builder::endFunction)
+      .def("set_inline_budget", &Builder::setInlineBudget)
       .def("result_types", &Builder::resultTypes)
       .def("finish", &Builder::finish);
   bindValues(builder);

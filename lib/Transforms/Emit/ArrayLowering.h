@@ -74,10 +74,14 @@ public:
   /// Fails at a gradient that nothing leads to.
   llvm::LogicalResult run();
 
+  /// The struct that stands for an array in control flow and in calls.
+  mlir::Type getDescriptorType(int64_t rank);
+
 private:
   // LowerArrays.cpp: one operation each.
   void lower(mlir::Operation *op);
   void convertControlFlow(mlir::Operation *op);
+  void convert(mlir::Value value);
 
   // LowerViews.cpp: arrays, and what is asked of them.
   void lowerParameter(ParameterOp op);
@@ -123,7 +127,6 @@ private:
     return arrayType(array).getElementType();
   }
   mlir::Value pack(mlir::Value array);
-  mlir::Type getDescriptorType(int64_t rank);
   ArrayParts readDescriptor(mlir::Value base, int64_t offset, int64_t rank,
                             int64_t unit);
   mlir::Value stride(ArrayParts &parts, int64_t dim);
@@ -207,6 +210,7 @@ private:
   mlir::Value laneSlots(mlir::Value scratch, mlir::Value index);
 
   // LowerTables.cpp
+  std::string tableName();
   void makeTables(llvm::ArrayRef<mlir::Operation *> operations);
   void lowerTable(TableGetOp op);
 
@@ -231,7 +235,10 @@ private:
   mlir::Location loc;
   mlir::Type i8, i32, i64, pointer, dataPointer;
   const TargetInfo &target;
-  bool gpu, index32, debug, exclusive;
+  bool gpu, index32, debug;
+  /// A function that the entry calls.
+  bool isKept;
+  bool exclusive;
   llvm::DenseMap<mlir::Value, ArrayParts> known;
   /// Where in the parameter block an array's descriptor lies.
   llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;

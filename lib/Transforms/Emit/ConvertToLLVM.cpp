@@ -260,7 +260,7 @@ struct ConvertToLLVM : warp::impl::ConvertToLLVMBase<ConvertToLLVM> {
     auto flags = arith::FastMathFlags::contract |
                  arith::FastMathFlags::reassoc | arith::FastMathFlags::arcp |
                  arith::FastMathFlags::afn | arith::FastMathFlags::nsz;
-    entry.walk([&](arith::ArithFastMathInterface op) {
+    getOperation().walk([&](arith::ArithFastMathInterface op) {
       // A conversion there and back rounds, whatever may contract.
       if (op->hasAttr(warp::exactAttrName) ||
           isa<arith::TruncFOp, arith::ExtFOp>(*op))

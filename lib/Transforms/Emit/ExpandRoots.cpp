@@ -116,7 +116,7 @@ struct ExpandRoots : warp::impl::ExpandRootsBase<ExpandRoots> {
     bool isFast = warp::getVariant(entry).getFastMath();
     SmallVector<arith::DivFOp> quotients;
     SmallVector<math::SqrtOp> roots;
-    entry->walk([&](Operation *op) {
+    getOperation().walk([&](Operation *op) {
       if (auto root = dyn_cast<math::SqrtOp>(op);
           root && root.getType().isF32())
         roots.push_back(root);

@@ -17,6 +17,8 @@
 #include "ForwardElements.h"
 #include "KernelFunction.h"
 #include "Launch/GpuBlock.h"
+#include "LowerFunctions.h"
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/ParameterLayout.h"
 #include "WarpDialect/TileOps.h"
@@ -33,8 +35,8 @@ using namespace mlir;
 using namespace warp;
 
 /// Addresses on a thread's stack are none of a GPU's global memory.
-static bool hasThreadMemory(LLVM::LLVMFuncOp entry) {
-  return entry
+static bool hasThreadMemory(ModuleOp module) {
+  return module
       .walk([](LibraryCallOp op) {
         return op.getCallee() == threadMemory ? WalkResult::interrupt()
                                               : WalkResult::advance();
@@ -55,7 +57,7 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
     : entry(entry), module(entry->getParentOfType<ModuleOp>()),
       b(entry.getContext()), loc(entry.getLoc()), target(getTarget(entry)),
       gpu(target.isSimt()), index32(getVariant(entry).getIndex32()),
-      debug(getVariant(entry).getDebug()),
+      debug(getVariant(entry).getDebug()), isKept(entry->hasAttr(attr::kept)),
       exclusive(!gpu && getSchedule(entry).getExclusive()) {
   MLIRContext *context = b.getContext();
   i8 = b.getI8Type();
@@ -63,12 +65,13 @@ ArrayLowering::ArrayLowering(LLVM::LLVMFuncOp entry)
   i64 = b.getI64Type();
   pointer = LLVM::LLVMPointerType::get(context);
   dataPointer =
-      LLVM::LLVMPointerType::get(context, gpu && !hasThreadMemory(entry));
+      LLVM::LLVMPointerType::get(context, gpu && !hasThreadMemory(module));
 }
 
 LogicalResult ArrayLowering::run() {
   forwardStores(entry);
-  if (gpu && !debug && !entry->hasAttr(attr::blockThreads))
+  if (gpu && !debug && !entry->hasAttr(attr::blockThreads) && !isKept &&
+      !entry->hasAttr(attr::keepsCalls))
     staged = findStagedAccesses(entry);
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
@@ -83,6 +86,9 @@ LogicalResult ArrayLowering::run() {
         b, loc, i64, advance(block, offsetof(LaunchHeader, errorRecord)), 8);
   }
   makeTables(operations);
+  if (isKept)
+    llvm::for_each(entry.getArguments(),
+                   [&](BlockArgument argument) { convert(argument); });
   for (Operation *op : operations)
     if (op != entry)
       lower(op);
@@ -166,17 +172,21 @@ void ArrayLowering::convertControlFlow(Operation *op) {
     else if (isa<ScratchType>(operand.get().getType()))
       operand.set(LLVM::PtrToIntOp::create(b, loc, i64,
                                            scratches.lookup(operand.get())));
-  auto convert = [&](mlir::Value value) {
-    auto array = dyn_cast<warp::ArrayType>(value.getType());
-    if (!array)
-      return;
-    packedTypes[value] = array;
-    value.setType(getDescriptorType(array.getRank()));
-  };
-  llvm::for_each(op->getResults(), convert);
+  for (mlir::Value result : op->getResults())
+    convert(result);
   for (Region &region : op->getRegions())
     for (Block &block : region)
-      llvm::for_each(block.getArguments(), convert);
+      for (mlir::Value argument : block.getArguments())
+        convert(argument);
+}
+
+/// Gives an array the type that it has in control flow and in calls.
+void ArrayLowering::convert(mlir::Value value) {
+  auto array = dyn_cast<warp::ArrayType>(value.getType());
+  if (!array)
+    return;
+  packedTypes[value] = array;
+  value.setType(getDescriptorType(array.getRank()));
 }
 
 namespace {
@@ -189,8 +199,24 @@ struct LowerArrays : warp::impl::LowerArraysBase<LowerArrays> {
   void runOnOperation() override {
     auto entry = dyn_cast_or_null<LLVM::LLVMFuncOp>(
         findEntry(getOperation()).getOperation());
-    if (!entry || failed(ArrayLowering(entry).run()))
-      signalPassFailure();
+    if (!entry)
+      return signalPassFailure();
+    ArrayLowering lowering(entry);
+    SmallVector<LLVM::LLVMFuncOp> functions;
+    if (entry->hasAttr(attr::keepsCalls))
+      functions = emitFunctions(entry, [&](mlir::Type type) {
+        auto array = dyn_cast<warp::ArrayType>(type);
+        return array ? lowering.getDescriptorType(array.getRank()) : type;
+      });
+    if (failed(lowering.run()))
+      return signalPassFailure();
+    for (LLVM::LLVMFuncOp function : functions)
+      if (failed(ArrayLowering(function).run()))
+        return signalPassFailure();
+    if (functions.empty())
+      return;
+    lowerCalls(entry);
+    llvm::for_each(functions, lowerCalls);
   }
 };
 } // namespace

@@ -15,9 +15,10 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Lowerings/AngleGuard.h"
 #include "KernelFunction.h"
 #include "LowerLibraryCalls.h"
+#include "Lowerings/AngleGuard.h"
+#include "WarpDialect/CallAttributes.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -83,8 +84,23 @@ struct LowerMath : warp::impl::LowerMathBase<LowerMath> {
       if (!symbolName(found->second, type).empty())
         lower(op, found->second);
     });
-    if (failed(warp::lowerLibraryCalls(getOperation(), entry)))
-      return signalPassFailure();
+    SmallVector<FunctionOpInterface> bodies;
+    for (auto function : getOperation().getOps<FunctionOpInterface>())
+      if (function->hasAttr(warp::attr::kept))
+        bodies.push_back(function);
+    bodies.push_back(entry);
+    int64_t registers = 0;
+    for (FunctionOpInterface function : bodies) {
+      if (failed(warp::lowerLibraryCalls(getOperation(), function)))
+        return signalPassFailure();
+      // A thread has as many in the functions that the entry calls.
+      if (auto most =
+              function->getAttrOfType<IntegerAttr>(warp::attr::mostRegisters))
+        registers = std::max(registers, most.getInt());
+    }
+    if (registers)
+      entry->setAttr(warp::attr::mostRegisters,
+                     Builder(&getContext()).getI64IntegerAttr(registers));
   }
 
   /// Sine and cosine of one float, where one is computed before the other, are

@@ -35,6 +35,16 @@ static DenseElementsAttr storedTable(DenseElementsAttr table) {
       ArrayRef<int8_t>(bytes));
 }
 
+/// A name that no other table of the module has.
+std::string ArrayLowering::tableName() {
+  size_t number = tables.size();
+  std::string name;
+  do
+    name = "warp_table" + std::to_string(number++);
+  while (isKept && module.lookupSymbol(name));
+  return name;
+}
+
 void ArrayLowering::makeTables(ArrayRef<Operation *> operations) {
   llvm::MapVector<Attribute, SmallVector<TableGetOp>> reads;
   for (Operation *op : operations)
@@ -48,8 +58,9 @@ void ArrayLowering::makeTables(ArrayRef<Operation *> operations) {
   int64_t bytes = 0;
   for (auto &[attribute, users] : reads) {
     DenseElementsAttr table = storedTable(cast<DenseElementsAttr>(attribute));
+    // Arguments of a function may be of the thread.
     bool isUniform =
-        gpu && llvm::all_of(users, [&](TableGetOp get) {
+        gpu && !isKept && llvm::all_of(users, [&](TableGetOp get) {
           return variance->isUniform(get.getIndices()[0], Scope::Lanes);
         });
     int64_t size = getByteSize(table.getElementType());
@@ -61,8 +72,8 @@ void ArrayLowering::makeTables(ArrayRef<Operation *> operations) {
                                          table.getNumElements());
     auto global = LLVM::GlobalOp::create(
         b, users.front().getLoc(), type, /*isConstant=*/true,
-        LLVM::Linkage::Internal, "warp_table" + std::to_string(tables.size()),
-        table, /*alignment=*/std::max<int64_t>(16, size), space);
+        LLVM::Linkage::Internal, tableName(), table,
+        /*alignment=*/std::max<int64_t>(16, size), space);
     tables[attribute] = global;
   }
 }

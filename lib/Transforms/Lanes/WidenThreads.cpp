@@ -30,6 +30,7 @@
 #include "LanePlan.h"
 #include "ShareRuns.h"
 #include "Updates/Atomics.h"
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/LaneOps.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/TilePasses.h"
@@ -400,6 +401,9 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (kernel->hasAttr(warp::attr::blockThreads))
       return warp::noteChoice(kernel, "lanes", "1",
                               "loops over elements of tiles have them");
+    if (kernel->hasAttr(warp::attr::keepsCalls))
+      return warp::noteChoice(kernel, "lanes", "1",
+                              "large functions stay calls");
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);

@@ -67,7 +67,8 @@ struct FuseMultiplyAdd : warp::impl::FuseMultiplyAddBase<FuseMultiplyAdd> {
       return signalPassFailure();
     bool gpu = warp::getTarget(kernel).isSimt();
     SmallVector<Operation *> sums;
-    kernel->walk([&](Operation *op) {
+    // The kernel, and functions that it calls.
+    getOperation().walk([&](Operation *op) {
       if (!isa<arith::AddFOp, arith::SubFOp>(op))
         return;
       unsigned width = op->getResult(0).getType().getIntOrFloatBitWidth();

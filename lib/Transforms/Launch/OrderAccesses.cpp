@@ -34,6 +34,7 @@
 #include "GpuBlock.h"
 #include "KernelFunction.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -320,8 +321,10 @@ struct OrderAccesses : warp::impl::OrderAccessesBase<OrderAccesses> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    // A debugging launch reports the first access that fails.
-    if (warp::getVariant(entry).getDebug())
+    // A debugging launch reports the first access that fails; a function that
+    // is called may access what the entry does.
+    if (warp::getVariant(entry).getDebug() ||
+        entry->hasAttr(warp::attr::keepsCalls))
       return;
     WriteOrder writes(entry, warp::getVariant(entry).getDisjoint());
     LoadOrder loads;

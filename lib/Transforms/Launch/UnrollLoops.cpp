@@ -32,6 +32,7 @@
 #include "NestRuns.h"
 #include "UnrollLoop.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -254,7 +255,9 @@ struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
     FunctionOpInterface entry = warp::findEntry(getOperation());
     if (!entry)
       return signalPassFailure();
-    if (!warp::getTarget(entry).isSimt() || warp::getVariant(entry).getDebug())
+    if (!warp::getTarget(entry).isSimt() ||
+        warp::getVariant(entry).getDebug() ||
+        entry->hasAttr(warp::attr::keepsCalls))
       return;
     warp::nestRuns(entry);
     SmallVector<scf::WhileOp> conditional;

@@ -12,6 +12,7 @@
 #include "Choices.h"
 #include "GridMapping.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
@@ -63,6 +64,10 @@ static void applySchedules(ScheduleSite &site, ScheduleStage stage) {
   SmallVector<std::unique_ptr<LaunchRewrite>> chosen;
   for (const warp::ScheduleEntry &entry : warp::getSchedules()) {
     if (entry.stage != stage || !entry.isSupported(site.target))
+      continue;
+    // Schedules do not see what a function that is called touches.
+    if (site.function->hasAttr(warp::attr::keepsCalls) &&
+        !entry.benchmark.empty())
       continue;
     std::unique_ptr<LaunchRewrite> schedule = entry.make(site);
     if (choose(site, *schedule))

@@ -47,6 +47,7 @@
 #include "Schedules/RingLoop.h"
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/TilePasses.h"
 #include "warp/Schedule.h"
 
@@ -268,6 +269,12 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
         warp::mayTellTurns(kernel))
       warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(
                                     warp::threadOrderFact));
+    // Functions that are called may access the same elements.
+    if (kernel->hasAttr(warp::attr::keepsCalls)) {
+      if (!warp::getTarget(kernel).isSimt() && warp::keepsTurns(kernel))
+        makeInTurn(kernel);
+      return;
+    }
     // Threads that work together on tiles have settled who makes an update.
     if (kernel->hasAttr(warp::attr::blockThreads)) {
       if (failed(orderBlocks(kernel)))
@@ -284,6 +291,11 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
       planGpu(kernel, threads);
     else
       planCpu(kernel, threads);
+  }
+
+  static void makeInTurn(FunctionOpInterface kernel) {
+    warp::noteChoice(kernel, "updates", "plain, by one thread", turnReason);
+    warp::setSchedule(kernel, warp::getSchedule(kernel).withExclusive(true));
   }
 
   /// Blocks that work on tiles make updates in one order on a CPU; on a GPU

@@ -183,6 +183,13 @@ SETTINGS = {
         Setting("lineinfo", bool, False, "keep source lines in compiled code, for profilers"),
         Setting("max_unroll", int, 16, "constant loops up to this many iterations are unrolled"),
         Setting(
+            "inline_budget",
+            _MAYBE_INT,
+            None,
+            "scalar operations of a kernel beyond which large functions with several calls stay "
+            "functions; None is 3,000 on GPUs and 12,000 on CPUs",
+        ),
+        Setting(
             "singular",
             str,
             "pinned",

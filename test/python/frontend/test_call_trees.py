@@ -86,21 +86,71 @@ def test_small_trees_are_what_they_were():
     np.testing.assert_allclose(y.numpy(), plain(6, x.numpy()), rtol=1e-4)
 
 
+def fold(values, level):
+    """`f(x * 0.5) + f(x * x)`: all 2^level arguments of the innermost, then sums of pairs."""
+    for _ in range(level):
+        values = np.stack([values * np.float32(0.5), values * values], axis=-1)
+    for _ in range(level):
+        values = values[..., 0] + values[..., 1]
+    return values
+
+
+def follow(values, level):
+    """The other function: a single way through its branches."""
+    results = []
+    for x in values:
+        factor = np.float32(1.0)
+        for _ in range(level):
+            if x > 1.0:
+                x = x * np.float32(0.5)
+            else:
+                x, factor = x + np.float32(1.0), factor * np.float32(2.0)
+        results.append(x * factor)
+    return np.array(results)
+
+
+BRANCHES = "if x > 1.0:\n        return {f}(x * 0.5)\n    return {f}(x + 1.0) * 2.0"
+
+
 @pytest.mark.parametrize(
-    "body",
-    [
-        "return {f}(x * 2.0) + {f}(x * x + 1.0)",
-        "if x > 1.0:\n        return {f}(x * 0.5)\n    return {f}(x + 1.0) * 2.0",
-        "for i in range(int(x)):\n        x += {f}(float(i)) * {f}(x)\n    return x",
-    ],
+    ("body", "levels", "expected"),
+    [("return {f}(x * 0.5) + {f}(x * x)", 18, fold), (BRANCHES, 60, follow)],
 )
-def test_too_long(body):
-    """An error that names function, line, lengths and the way out, before the code is made."""
-    x = wp.zeros(1, dtype=float, device="cpu")
-    with pytest.raises(errors.WarpError) as caught:
-        wp.launch(tree(body, 30), 1, [x, x], device="cpu")
+def test_calls_stay(body, levels, expected):
+    """Beyond the budget the largest functions stay functions, so that code follows the text."""
+    x = wp.array([0.5, -0.75, 0.25], dtype=float, device="cpu")
+    y = wp.zeros(3, dtype=float, device="cpu")
+    kernel = tree(body, levels)
+    wp.launch(kernel, 3, [x, y], device="cpu")
+    np.testing.assert_allclose(y.numpy(), expected(x.numpy(), levels), rtol=1e-5)
+    for text in (kernel.ir("llvm"), kernel.ir("ptx", arch=90)):
+        assert len(text.splitlines()) < 40_000
+
+
+def check_too_long(caught):
     message = str(caught.value)
     assert "operations or more once calls are written out, the most is 150000" in message
     assert "there would be 1073741824 copies of 'f0'" in message
     assert "<program" in message and "hint: loop over" in message
     assert "IR before" not in message
+
+
+def test_too_long():
+    """Functions that print are inlined: an error that names function, line, lengths and the way
+    out, before the code is made."""
+    x = wp.zeros(1, dtype=float, device="cpu")
+    body = "print(x)\n    return {f}(x * 2.0) + {f}(x * x + 1.0)"
+    with pytest.raises(errors.WarpError) as caught:
+        wp.launch(tree(body, 30), 1, [x, x], device="cpu")
+    check_too_long(caught)
+
+
+@pytest.mark.parametrize("body", ["return {f}(x * 2.0) + {f}(x * x + 1.0)", BRANCHES])
+def test_too_long_to_differentiate(body):
+    """Derivatives have all calls inlined, and the same error."""
+    x = wp.zeros(1, dtype=float, device="cpu", requires_grad=True)
+    y = wp.zeros(1, dtype=float, device="cpu", requires_grad=True)
+    arguments = {"inputs": [x], "outputs": [y], "adj_inputs": [None], "adj_outputs": [None]}
+    with pytest.raises(errors.WarpError) as caught:
+        wp.launch(tree(body, 30), 1, adjoint=True, device="cpu", **arguments)
+    check_too_long(caught)

@@ -43,6 +43,9 @@ def translate_kernel(kernel, arguments=None, threads=1, constants=None):
     limit = 16 if limit is None else limit
     build = Build(kernel.option("extra_build_options"))
     translator = _translate(kernel.func, kernel.key, arguments, limit, threads, constants, build)
+    budget = kernel.option("inline_budget")
+    if budget is not None:
+        translator.builder.set_inline_budget(budget)
     return _finish(translator), translator.session
 
 

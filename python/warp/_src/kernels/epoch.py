@@ -11,6 +11,7 @@ _NAMES = (
     "lineinfo",
     "optimization_level",
     "max_unroll",
+    "inline_budget",
     "dump",
     "deterministic",
     "ordered_slots",

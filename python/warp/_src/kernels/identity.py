@@ -177,7 +177,8 @@ def name_of(kernel, arguments=None, threads=1, constants=None):
     """
     found = Identity(threads)
     types_of_arguments = None if arguments is None else tuple(map(str, arguments))
-    given = (kernel.key, kernel.option("max_unroll"), types_of_arguments, threads)
+    budgets = kernel.option("max_unroll"), kernel.option("inline_budget")
+    given = (kernel.key, budgets, types_of_arguments, threads)
     found._parts.append(_installation())
     settings = config.legacy_scalar_return_types, config.peer_tile_gradients
     found._parts.append(repr((given, settings)))

@@ -20,6 +20,7 @@ from warp._src.weak import WeakObjects
 # Options that change compiled code, with the setting that gives the default.
 OPTIONS = {
     "max_unroll": "max_unroll",
+    "inline_budget": "inline_budget",
     "enable_backward": "enable_backward",
     "fast_math": "fast_math",
     "lineinfo": "lineinfo",

@@ -1,0 +1,137 @@
+//===- KeptCalls.cpp - Functions that stay calls --------------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "KeptCalls.h"
+
+#include "WarpDialect/CallAttributes.h"
+#include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/Passes.h"
+#include "WarpDialect/TileOps.h"
+#include "WarpDialect/TileTypes.h"
+#include "WarpDialect/WarpDialect.h"
+#include "WarpDialect/WarpOps.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+using warp::CallNode;
+
+/// A call costs about as much as so many operations, and hides from an
+/// optimiser what they work on.
+static constexpr double smallFunction = 64;
+
+double warp::scalarOperations(Operation *op) {
+  double scalars = 1;
+  for (Type type : op->getResultTypes())
+    if (isValue(type))
+      scalars = std::max(scalars, double(getComponentCount(type)));
+  return scalars;
+}
+
+//===----------------------------------------------------------------------===//
+// Functions that may stay
+//===----------------------------------------------------------------------===//
+
+static bool holdsArray(Type type) {
+  if (auto record = dyn_cast<warp::StructType>(type))
+    return llvm::any_of(record.getFieldTypes(), holdsArray);
+  return isa<warp::ArrayType>(type);
+}
+
+/// True if a function's parameters and results go by value. An array may lie in
+/// memory that ends with the function, so it is no result.
+static bool hasPlainSignature(func::FuncOp function) {
+  return llvm::all_of(function.getArgumentTypes(), warp::isValue) &&
+         llvm::all_of(function.getResultTypes(), [](Type type) {
+           return warp::isValue(type) && !holdsArray(type);
+         });
+}
+
+/// True if an operation needs nothing but its operands, wherever it stands:
+/// neither the thread's index, nor other threads, nor the kernel's parameter
+/// block, nor a plan for all updates of the kernel.
+static bool isPlain(Operation *op) {
+  if (auto access = dyn_cast<warp::AccessOp>(op))
+    return isa<warp::LoadOp, warp::StoreOp>(op) && !access.isUpdate();
+  if (auto call = dyn_cast<warp::LibraryCallOp>(op))
+    return call.getNumResults() != 0 && isMemoryEffectFree(op) &&
+           warp::findLibraryFunction(call.getCallee());
+  if (isa<warp::TidOp, warp::GradOp, warp::BarrierOp, warp::PrintfOp,
+          warp::AssertOp, warp::CheckIndexOp, warp::PointerOp, warp::AddressOp,
+          warp::TileAccessOp>(op))
+    return false;
+  auto isTile = [](Type type) { return isa<warp::TileType>(type); };
+  if (llvm::any_of(op->getOperandTypes(), isTile) ||
+      llvm::any_of(op->getResultTypes(), isTile))
+    return false;
+  return isa<func::CallOp>(op) || isa<scf::SCFDialect>(op->getDialect()) ||
+         op->hasTrait<OpTrait::IsTerminator>() ||
+         (op->getNumRegions() == 0 && isMemoryEffectFree(op));
+}
+
+static bool mayStay(func::FuncOp function) {
+  if (function->hasAttr(warp::kernelAttrName) || !hasPlainSignature(function))
+    return false;
+  WalkResult result = function.getBody().walk([](Operation *op) {
+    return isPlain(op) ? WalkResult::advance() : WalkResult::interrupt();
+  });
+  return !result.wasInterrupted();
+}
+
+//===----------------------------------------------------------------------===//
+// Functions that stay
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// The lengths of functions if those of at least `least` operations stay.
+struct Choice {
+  Choice(ArrayRef<CallNode> nodes, ArrayRef<bool> may, double least);
+
+  SmallVector<bool> stays;
+  /// Scalar operations of the kernel and of all functions that stay.
+  double total = 0;
+};
+} // namespace
+
+Choice::Choice(ArrayRef<CallNode> nodes, ArrayRef<bool> may, double least)
+    : stays(nodes.size()) {
+  SmallVector<double> length;
+  for (auto [i, node] : llvm::enumerate(nodes)) {
+    double sum = node.own;
+    for (unsigned callee : node.callees)
+      sum += stays[callee] ? 0 : length[callee];
+    length.push_back(sum);
+    stays[i] = may[i] && sum >= least;
+    if (stays[i] || i + 1 == nodes.size())
+      total += sum;
+  }
+}
+
+std::optional<warp::KeptCalls> warp::chooseKeptCalls(ArrayRef<CallNode> nodes,
+                                                     double budget) {
+  SmallVector<bool> none(nodes.size());
+  if (Choice(nodes, none, 0).total <= budget)
+    return std::nullopt;
+  SmallVector<unsigned> calls(nodes.size());
+  // A function may become part of those that call it.
+  SmallVector<bool> isPlain;
+  for (const CallNode &node : nodes) {
+    for (unsigned callee : node.callees)
+      ++calls[callee];
+    isPlain.push_back(
+        mayStay(node.function) &&
+        llvm::all_of(node.callees, [&](unsigned i) { return isPlain[i]; }));
+  }
+  KeptCalls kept;
+  for (auto [plain, count] : llvm::zip_equal(isPlain, calls))
+    kept.mayStay.push_back(plain && count > 1);
+  kept.least = budget / 2;
+  while (kept.least > smallFunction &&
+         Choice(nodes, kept.mayStay, kept.least).total > budget)
+    kept.least /= 2;
+  kept.least = std::max(kept.least, smallFunction);
+  return kept;
+}

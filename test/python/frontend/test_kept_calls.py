@@ -1,0 +1,258 @@
+"""Large functions with several calls stay functions beyond a kernel's budget."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+from frontend_programs import define
+from warp.extend import errors
+
+BUDGET = {"inline_budget": 64}
+
+
+@wp.struct
+class Body:
+    """A struct with an array, a vector and a number."""
+
+    values: wp.array(dtype=float)
+    axis: wp.vec3
+    count: int
+
+
+@wp.func
+def polynomial(x: float, degree: int):
+    """Sum of the powers of x below a degree of at most 24, and the last power."""
+    total = float(0.0)
+    power = float(1.0)
+    for i in range(24):
+        if i < degree:
+            total += power
+            power *= x
+    return total, power
+
+
+@wp.func
+def weigh(body: Body, x: float, flip: bool):
+    """Sums up the array of a struct, and stores into it."""
+    total = wp.vec3(0.0)
+    for i in range(body.count):
+        if flip:
+            total += body.axis * body.values[i] * x
+        else:
+            total -= body.axis * body.values[i] * x
+    part, last = polynomial(x, body.count)
+    body.values[0] = body.values[0] + part
+    turn = wp.mat33(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    turn = turn * turn * turn * turn * turn
+    return turn * total, last
+
+
+@wp.kernel(module="unique", module_options=BUDGET)
+def bodies(
+    values: wp.array2d(dtype=float), axis: wp.vec3, y: wp.array(dtype=wp.vec3),
+    z: wp.array(dtype=float),
+):  # fmt: skip
+    i = wp.tid()
+    body = Body()
+    body.values = values[i]
+    body.axis = axis
+    body.count = values.shape[1]
+    a, s = weigh(body, 0.5, True)
+    b, t = weigh(body, 0.25, False)
+    part, last = polynomial(values[i, 1], 20)
+    y[i] = a + b
+    z[i] = s + t + part + last
+
+
+def expected(values, axis):
+    """The same in float64; five quarter turns about z are one."""
+    values, (x, y, z) = values.astype(np.float64), axis
+    count = values.shape[1]
+    turned = np.array([-y, x, z])
+    vectors = np.zeros((len(values), 3))
+    numbers = np.zeros(len(values))
+    for factor, sign in ((0.5, 1.0), (0.25, -1.0)):
+        vectors += sign * factor * values.sum(axis=1)[:, None] * turned
+        values[:, 0] += (1.0 - factor**count) / (1.0 - factor)
+        numbers += factor**count
+    base = values[:, 1]
+    numbers += (1.0 - base**20) / (1.0 - base) + base**20
+    return vectors, numbers, values
+
+
+@pytest.fixture
+def rows():
+    return np.random.default_rng(3).uniform(-0.9, 0.9, (37, 7)).astype(np.float32)
+
+
+def launch(kernel, rows, axis=(1.0, 2.0, -0.5)):
+    values = wp.array(rows, dtype=float, device="cpu")
+    y = wp.zeros(len(rows), dtype=wp.vec3, device="cpu")
+    z = wp.zeros(len(rows), dtype=float, device="cpu")
+    wp.launch(kernel, len(rows), [values, wp.vec3(*axis), y, z], device="cpu")
+    return y.numpy(), z.numpy(), values.numpy()
+
+
+def test_arguments_and_results(rows):
+    """Structs, arrays that are read and written, booleans, vectors and tuples."""
+    for found, wanted in zip(launch(bodies, rows), expected(rows, (1.0, 2.0, -0.5)), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=1e-5)
+
+
+def test_functions_stay():
+    """The large one is a function of the target, the small one is not; threads are scalar."""
+    for text in (bodies.ir("llvm"), bodies.ir("ptx", arch=90)):
+        assert "weigh(" in text and "polynomial(" not in text
+    (schedule,) = bodies.schedule("cpu", dim=1000)
+    assert schedule["lanes"] == "1" and "large functions stay calls" in str(schedule)
+
+
+@pytest.mark.parametrize("option", ["mode", "deterministic"])
+def test_all_calls_are_inlined(option, rows):
+    """Debug launches check each access in the kernel, deterministic ones plan all updates of it."""
+    value = "debug" if option == "mode" else True
+    options = {**BUDGET, option: value}
+    kernel = wp.kernel(bodies.func, module="unique", module_options=options)
+    assert "weigh(" not in kernel.ir("llvm") and "weigh(" not in kernel.ir("ptx", arch=90)
+    for found, wanted in zip(launch(kernel, rows), expected(rows, (1.0, 2.0, -0.5)), strict=True):
+        np.testing.assert_allclose(found, wanted, rtol=2e-5, atol=1e-5)
+
+
+def test_budget():
+    """None is the target's own, within which this kernel is."""
+    kernel = wp.kernel(bodies.func, module="unique", module_options={"inline_budget": None})
+    assert "weigh" not in kernel.ir("llvm") and "weigh" not in kernel.ir("ptx", arch=90)
+
+
+STEP = "    x = wp.sin(x) * 0.75 + wp.cos(x * 0.5)\n"
+PROGRAM = f"""
+@wp.func
+def inner(x: float):
+{16 * STEP}    return x
+"""
+PROGRAM += """
+
+@wp.func
+def outer(x: float, y: wp.array(dtype=float), i: int):
+    {line}
+    return inner(x) + inner(x * 0.5)
+
+@wp.kernel(module="unique", module_options={{"inline_budget": 64}})
+def kernel(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = outer(x[i], y, i) - outer(x[i] + 1.0, y, i)
+"""
+
+
+def inner(x):
+    for _ in range(16):
+        x = np.sin(x) * 0.75 + np.cos(x * 0.5)
+    return x
+
+
+def outer(x):
+    return inner(x) + inner(x * 0.5)
+
+
+def test_derivatives():
+    """Derivatives are those of the inlined program: against central differences in float64."""
+    kernel = define(PROGRAM.format(line="pass"))["kernel"]
+    points = np.linspace(-1.0, 1.0, 9)
+    x = wp.array(points, dtype=float, device="cpu", requires_grad=True)
+    y = wp.zeros(9, dtype=float, device="cpu", requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(kernel, 9, [x, y], device="cpu")
+    tape.backward(grads={y: wp.ones(9, dtype=float, device="cpu")})
+
+    def f(x):
+        return outer(x) - outer(x + 1.0)
+
+    step = 1e-6
+    slope = (f(points + step) - f(points - step)) / (2.0 * step)
+    np.testing.assert_allclose(y.numpy(), f(points), atol=2e-6)
+    np.testing.assert_allclose(x.grad.numpy(), slope, rtol=1e-4, atol=1e-6)
+
+
+def test_updates_are_made_by_the_kernel():
+    """A function with an atomic update is inlined, and updates count once for each thread."""
+    kernel = define(PROGRAM.format(line="wp.atomic_add(y, 0, 1.0)"))["kernel"]
+    text = kernel.ir("llvm")
+    assert "@outer" not in text and "@inner" in text
+    x = wp.zeros(1000, dtype=float, device="cpu")
+    y = wp.zeros(1001, dtype=float, device="cpu")
+    counting = define(
+        PROGRAM.format(line="wp.atomic_add(y, 1000, 1.0)").replace("y[i] = ", "value = ")
+    )["kernel"]
+    wp.launch(counting, 1000, [x, y], device="cpu")
+    assert y.numpy()[1000] == 2000.0
+
+
+def test_error_in_a_function_that_stays():
+    """The place is that of the user's line."""
+    kernel = define(PROGRAM.format(line="x = x + missing"))["kernel"]
+    x = wp.zeros(1, dtype=float, device="cpu")
+    with pytest.raises(errors.WarpError) as caught:
+        wp.launch(kernel, 1, [x, x], device="cpu")
+    message = str(caught.value)
+    assert ">:25:13" in message and "x = x + missing" in message and "^" in message
+
+
+def test_recursion_through_arguments():
+    """Functions that call each other by way of an argument are named in a clear error."""
+    source = """
+@wp.func
+def first(f: wp.Function, g: wp.Function, x: float):
+    return g(g, f, x)
+
+@wp.kernel
+def kernel(y: wp.array(dtype=float)):
+    y[0] = first(first, first, 1.0)
+"""
+    y = wp.zeros(1, dtype=float, device="cpu")
+    with pytest.raises(errors.WarpError, match=r"recursion is not supported.*first -> first"):
+        wp.launch(define(source)["kernel"], 1, [y], device="cpu")
+
+
+def test_many_functions():
+    """Code follows the text: each of 60 functions calls the two before it."""
+    count = 60
+    step = "    return 0.5 * f{0}(x) + 0.25 * f{1}(x * 0.5) + {2}"
+    lines = [
+        "@wp.func\ndef f0(x: float):\n    return x",
+        "@wp.func\ndef f1(x: float):\n    return -x",
+    ]
+    lines += [
+        f"@wp.func\ndef f{i}(x: float):\n" + step.format(i - 1, i - 2, i / count)
+        for i in range(2, count)
+    ]
+    kernel = "@wp.kernel\ndef kernel(y: wp.array(dtype=float)):\n    y[wp.tid()] = f12(2.0)\n"
+    kernel = define("\n".join(lines) + "\n" + kernel.replace("f12", f"f{count - 1}"))["kernel"]
+    assert len(kernel.ir("ptx", arch=90).splitlines()) < 100 * count
+
+
+def test_large_function():
+    """Results of more numbers than any register file holds come back in memory."""
+    source = """
+Big = wp.types.matrix((20, 20), float)
+
+@wp.func
+def big(m: Big, x: float):
+    return m * x + m, x
+
+@wp.kernel(module_options={"inline_budget": 64})
+def kernel(y: wp.array(dtype=float)):
+    i = wp.tid()
+    m, a = big(Big(1.0), 1.0)
+    n, b = big(m, float(i))
+    total = float(0.0)
+    for j in range(20):
+        for k in range(20):
+            total += n[j, k]
+    y[i] = total + a + b
+"""
+    kernel = define(source)["kernel"]
+    y = wp.zeros(5, dtype=float, device="cpu")
+    wp.launch(kernel, 5, [y], device="cpu")
+    expected = [800.0 * (i + 1.0) + 1.0 + i for i in range(5)]
+    assert y.numpy().tolist() == expected
+    assert "big(" in kernel.ir("llvm") and "big(" in kernel.ir("ptx", arch=90)
