@@ -7,7 +7,7 @@ from _shape_data import Case, case, differentiable, forward_only
 
 
 @differentiable
-def march_kernel(
+def layers_kernel(
     depth: wp.array(dtype=float), density: wp.array(dtype=float), layers: int,
     out: wp.array(dtype=float),
 ):  # fmt: skip
@@ -24,11 +24,11 @@ def march_kernel(
 
 
 @case
-def march(data):
+def layers(data):
     """Light through layers, until little of it is left."""
-    n, layers = data.size(1 << 13, 1 << 18), 64
-    arrays = [data.real(n, high=0.05), data.real(layers, high=0.1), layers]
-    return Case(march_kernel, n, arrays, [data.out(n)], n, "ray", smooth=False)
+    n, count = data.size(1 << 13, 1 << 18), 64
+    arrays = [data.real(n, high=0.05), data.real(count, high=0.1), count]
+    return Case(layers_kernel, n, arrays, [data.out(n)], n, "ray", smooth=False)
 
 
 @differentiable
