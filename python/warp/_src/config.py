@@ -146,10 +146,10 @@ SETTINGS = {
         Setting("track_memory", bool, False, "note where the memory of arrays is allocated"),
         Setting(
             "optimize_graphs",
-            bool,
-            False,
-            "operations of captured graphs come behind those alone that they depend on; in debug "
-            "mode they run as recorded",
+            _MAYBE_BOOL,
+            None,
+            "operations of captured graphs come behind those alone that they depend on; None: "
+            "those of GPUs. In debug mode they run as recorded",
         ),
         Setting(
             "verify_graphs",

@@ -320,16 +320,25 @@ def test_options(device):
         return capture.graph
 
     assert captured(optimize=True).schedule().branches == 1
-    for options in ({}, {"optimize": False}):
-        with pytest.raises(RuntimeError, match="capture it with `optimize=True`"):
-            captured(**options).schedule()
-    wp.config.optimize_graphs = True
-    try:
+    with pytest.raises(RuntimeError, match="capture it with `optimize=True`"):
+        captured(optimize=False).schedule()
+    if wp.get_device(device).is_cuda:
         assert captured().schedule().edges == 0
+    else:
         with pytest.raises(RuntimeError, match="order of its recording"):
-            captured(optimize=False).schedule()
-    finally:
-        wp.config.optimize_graphs = False
+            captured().schedule()
+    for setting in (True, False):
+        wp.config.optimize_graphs = setting
+        try:
+            assert captured(optimize=True).schedule().edges == 0
+            for options in ({"optimize": False}, {}):
+                if setting and not options:
+                    assert captured(**options).schedule().edges == 0
+                    continue
+                with pytest.raises(RuntimeError, match="order of its recording"):
+                    captured(**options).schedule()
+        finally:
+            wp.config.optimize_graphs = None
     wp.config.mode = "debug"
     try:
         with pytest.raises(RuntimeError, match="order of its recording"):

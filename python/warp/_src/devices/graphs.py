@@ -209,7 +209,8 @@ def capture_begin(
         capture_mode: how strict the driver is with what a graph cannot hold.
         optimize: let each operation come behind those alone whose memory it shares, so that others
             run beside it; False keeps the order of recording. None is
-            `wp.config.optimize_graphs`; in debug mode graphs keep the order.
+            `wp.config.optimize_graphs`, by default True on GPUs; in debug mode graphs keep the
+            order.
 
     Raises:
         WarpError: a graph is being recorded there already.
@@ -224,13 +225,14 @@ def capture_begin(
         # Gradients of geometry cannot change while kernels are recorded.
         handles.show_gradients()
     _captures[key] = _native.Capture(
-        device.index, stream, int(capture_mode), external, bool(apic), _order(optimize)
+        device.index, stream, int(capture_mode), external, bool(apic), _order(optimize, device)
     )
 
 
-def _order(optimize) -> int:
+def _order(optimize, device) -> int:
     """0: as recorded, 1: by dependencies, 2: both, compared."""
-    if config.mode == "debug" or not (config.optimize_graphs if optimize is None else optimize):
+    wished = config.optimize_graphs if optimize is None else optimize
+    if config.mode == "debug" or not (device.is_cuda if wished is None else wished):
         return 0
     return 2 if config.verify_graphs else 1
 
