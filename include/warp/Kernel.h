@@ -168,8 +168,9 @@ public:
   void load(int device, int blockDim = 0);
   /// Compiles if need be.
   CudaProperties cudaProperties(int device, int blockDim = 0);
-  /// Threads per block that fill a multiprocessor best, and how many such
-  /// blocks fill the device.
+  /// Threads per block that fill a multiprocessor best, of those that the code
+  /// of launches is for, and how many such blocks fill the device. Compiles that
+  /// code if there was no launch yet.
   std::pair<int, int> suggestedBlock(int device);
 
   /// One for each kind of launch made on a device so far; with `dim`, or if

@@ -2,8 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A folder of files, one per compiled variant, named by the fingerprint, and
-// one per translation of a kernel ("warp/Translation.h"). Any number of
+// A folder of files: one per compiled variant, named by the fingerprint, one
+// per translation of a kernel ("warp/Translation.h"), and one per machine code
+// that a CUDA driver made. When they take more than a limit, those not used for
+// longest go. Any number of
 // processes may use one folder: an entry is written under a temporary name and
 // renamed, so a reader sees all of it or nothing, whatever happens to the
 // writer. An entry that fails a check (length, key, checksum, format) is
@@ -18,10 +20,24 @@
 #include "warp/Compile.h"
 #include "warp/Export.h"
 
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace warp {
+
+/// A file of the cache.
+struct CacheEntry {
+  std::string file;
+  /// `code`, `machine` or `kernel`, the end of its name.
+  std::string kind;
+  /// Empty if the file is damaged.
+  std::string kernel;
+  int64_t bytes = 0;
+  /// Seconds since 1970 of the last use, to an hour.
+  int64_t used = 0;
+};
 
 class WARP_API KernelCache {
 public:
@@ -51,14 +67,29 @@ public:
   /// Removes every entry; returns how many there were.
   int clear();
 
+  /// The files, those used last first. `named`: with the names of kernels, for
+  /// which they are read.
+  std::vector<CacheEntry> entries(bool named = true) const;
+  /// Bytes that the files may take in all, 4 GiB at first; 0 is no limit.
+  void setLimit(int64_t bytes);
+  /// Removes what was not used for longest until the files take nine tenths of
+  /// the limit, if they take more than that; returns the bytes removed.
+  int64_t trim();
+
 private:
   /// `message` gets what the user is to be told; also of `write`.
   bool prepare(std::string &message);
   void write(const std::string &name, const std::string &bytes,
              std::string &message);
 
+  /// Notes bytes written, and trims when they may have filled the folder.
+  void noteWritten(size_t bytes);
+
   std::string folder;
   bool active = true, prepared = false, writable = false;
+  int64_t limit = int64_t(4) << 30;
+  /// Bytes to write until the folder is looked at again.
+  int64_t untilTrim = 0;
 };
 
 /// The file format, exposed for tests.

@@ -59,6 +59,9 @@ WARP_API std::string serialize(const std::string &name,
 WARP_API std::optional<Translation>
 deserializeTranslation(const std::string &name, const std::string &bytes);
 
+/// The name of the kernel, as the text says it.
+WARP_API std::string kernelNameOf(const Translation &translation);
+
 } // namespace warp
 
 #endif // WARP_TRANSLATION_H

@@ -115,6 +115,15 @@ public:
   /// Loads the code of a variant, which then launches it.
   virtual std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,
                                            Code &code) = 0;
+  /// The same from machine code that the kernel cache keeps for the code; null
+  /// if there is none.
+  virtual std::unique_ptr<DeviceCode> loadKept(const Kernel::Variant &,
+                                               const Code &) {
+    return nullptr;
+  }
+  /// Leaves machine code for `loadKept` of later processes. `loaded`: what
+  /// `load` made of the code.
+  virtual void keep(const Kernel::Variant &, Code, const DeviceCode &) {}
   /// Turns code for a file into machine code, which `load` need not compile.
   virtual void assemble(Code &) {}
   /// True if the arrays of a launch lie such that TMA can load tiles of them.

@@ -17,11 +17,15 @@
 #include "warp/KernelCache.h"
 #include "warp/Forks.h"
 
+#include "BackgroundThread.h"
 #include "Bytes.h"
 #include "KernelClaim.h"
+#include "MachineCode.h"
 #include "Support.h"
+#include "warp/Translation.h"
 #include "warp/Version.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
@@ -130,6 +134,18 @@ static void removeLeftovers(const std::string &folder) {
   });
 }
 
+/// Seconds by which the times of last use may be wrong.
+static constexpr time_t useGrain = 3600;
+
+/// The time of a file's last change stands for that of its last use. A folder
+/// that cannot be written keeps its times.
+static void noteUse(const std::string &file) {
+  struct stat status;
+  if (stat(file.c_str(), &status) == 0 &&
+      time(nullptr) - status.st_mtime > useGrain)
+    (void)utimensat(AT_FDCWD, file.c_str(), nullptr, 0);
+}
+
 //===----------------------------------------------------------------------===//
 // KernelCache
 //===----------------------------------------------------------------------===//
@@ -185,7 +201,10 @@ std::optional<std::string> KernelCache::read(const std::string &name) {
       return std::nullopt;
     file = folder + "/" + name;
   }
-  return readFile(file);
+  std::optional<std::string> bytes = readFile(file);
+  if (bytes)
+    noteUse(file);
+  return bytes;
 }
 
 void KernelCache::remove(const std::string &name) {
@@ -251,7 +270,7 @@ void KernelCache::write(const std::string &name, const std::string &bytes,
     }
     if (writeFile(temporary, bytes) &&
         rename(temporary.c_str(), file.c_str()) == 0)
-      return;
+      return noteWritten(bytes.size());
     reason = errno;
     unlink(temporary.c_str());
     if (reason != ENOENT)
@@ -270,6 +289,7 @@ int KernelCache::clear() {
   forEachFile(where, [&](const std::string &name) {
     bool entry = endsWith(name, suffix);
     if (endsWith(name, ".kernel") || endsWith(name, ".lanes") ||
+        endsWith(name, ".machine") ||
         endsWith(name, claimSuffix))
       unlink((where + "/" + name).c_str());
     if (!entry && name.rfind(temporaryPrefix, 0) != 0)
@@ -278,4 +298,99 @@ int KernelCache::clear() {
       count += entry;
   });
   return count;
+}
+
+//===----------------------------------------------------------------------===//
+// Size
+//===----------------------------------------------------------------------===//
+
+/// Length of a key.
+static constexpr size_t keyLength = 64;
+
+static std::string kernelOf(const std::string &file, const std::string &key,
+                            const std::string &kind) {
+  std::optional<std::string> bytes = readFile(file);
+  if (!bytes)
+    return "";
+  if (kind == "code") {
+    std::optional<Code> code = deserialize(key, *bytes);
+    return code ? code->entry : "";
+  }
+  if (kind == "machine") {
+    std::optional<MachineCode> code = deserializeMachineCode(key, *bytes);
+    return code ? code->entry : "";
+  }
+  std::optional<Translation> found = deserializeTranslation(key, *bytes);
+  return found ? kernelNameOf(*found) : "";
+}
+
+std::vector<CacheEntry> KernelCache::entries(bool named) const {
+  std::string where = directory();
+  std::vector<CacheEntry> found;
+  forEachFile(where, [&](const std::string &name) {
+    size_t dot = name.rfind('.');
+    struct stat status;
+    if (dot != keyLength || stat((where + "/" + name).c_str(), &status) != 0)
+      return;
+    CacheEntry entry{name, name.substr(dot + 1), "", status.st_size,
+                     status.st_mtime};
+    if (entry.kind == "code" || entry.kind == "machine" ||
+        entry.kind == "kernel")
+      found.push_back(std::move(entry));
+  });
+  std::sort(found.begin(), found.end(),
+            [](const CacheEntry &a, const CacheEntry &b) {
+              return a.used != b.used ? a.used > b.used : a.file < b.file;
+            });
+  if (named)
+    for (CacheEntry &entry : found)
+      entry.kernel = kernelOf(where + "/" + entry.file,
+                              entry.file.substr(0, keyLength), entry.kind);
+  return found;
+}
+
+void KernelCache::setLimit(int64_t bytes) {
+  std::lock_guard lock(cacheMutex);
+  limit = bytes;
+  untilTrim = 0;
+}
+
+int64_t KernelCache::trim() {
+  int64_t most;
+  {
+    std::lock_guard lock(cacheMutex);
+    most = limit;
+  }
+  if (most <= 0)
+    return 0;
+  std::vector<CacheEntry> files = entries(/*named=*/false);
+  int64_t total = 0, removed = 0;
+  for (const CacheEntry &entry : files)
+    total += entry.bytes;
+  if (total > most)
+    while (!files.empty() && total - removed > most / 10 * 9) {
+      remove(files.back().file);
+      removed += files.back().bytes;
+      files.pop_back();
+    }
+  std::lock_guard lock(cacheMutex);
+  // Other processes write, too.
+  untilTrim = std::max<int64_t>(1, (most - total + removed) / 4);
+  return removed;
+}
+
+void KernelCache::noteWritten(size_t bytes) {
+  {
+    std::lock_guard lock(cacheMutex);
+    untilTrim -= static_cast<int64_t>(bytes);
+    if (untilTrim > 0 || limit <= 0)
+      return;
+    // Nobody else begins meanwhile.
+    untilTrim = limit;
+  }
+  // The process's cache lives as long as it does; others are those of tests.
+  if (this == &get())
+    background::add([this] { trim(); });
+  else
+    trim();
 }

@@ -110,8 +110,9 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   auto variant = std::make_unique<Variant>();
   variant->key = key;
   variant->flat = key.flat;
-  if (saved.empty() || !obtainSaved(key, arch, *variant)) {
-    CompileOptions wanted = compileOptions(key, arch);
+  CompileOptions wanted = compileOptions(key, arch);
+  bool isSaved = !saved.empty() && obtainSaved(key, arch, *variant);
+  if (!isSaved) {
     FirstCode first = mayBeQuick(key, wanted, items)
                           ? obtainFirst(wanted, items)
                           : FirstCode{obtain(wanted, times)};
@@ -121,18 +122,18 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
     variant->isQuick = first.isQuick;
   }
   if (arch != 0 && variant->isQuick && !loadLinked(*variant)) {
-    variant->code = obtain(variant->quick->wanted, times);
+    variant->code = obtain(wanted, times);
     variant->isQuick = false;
   }
   if (!variant->current)
-    load(*variant);
-  CompileOptions wanted = compileOptions(key, arch);
+    load(*variant, isSaved ? nullptr : &wanted);
   if (mayTry(wanted, *variant))
     startTrial(wanted, *variant);
   // Who finds the variant knows what it needs.
   noteNeeds(variant->code.schedule);
   variant->next = variants.load(std::memory_order_relaxed);
   variants.store(variant.get(), std::memory_order_release);
+  keepLater(*variant);
   return variant.release();
 }
 
@@ -146,20 +147,72 @@ static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 /// card.
 static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;
 
-void Kernel::Impl::load(Variant &variant) {
+void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   variant.code.schedule.cost =
       std::clamp(variant.code.schedule.cost, 1.0, 1e12);
   Stopwatch watch(times);
   variant.label = permanentName(name);
-  size_t bytes = variant.code.binary.size();
-  variant.place(deviceAt(variant.key.device).load(variant, variant.code));
+  Device &device = deviceAt(variant.key.device);
+  Code &code = variant.code;
+  size_t bytes = code.binary.size();
+  std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
+  bool isKept = loaded != nullptr;
+  if (loaded && loaded->isProvisional()) {
+    bool mayWait = wanted && options.quickFirst && !isCapturing(device.index);
+    if (!mayWait)
+      loaded = nullptr;
+    else if (!variant.quick) {
+      variant.quick = makeQuick(*wanted, variant);
+      variant.isQuick = true;
+    }
+  }
+  if (!loaded) {
+    if (wanted && !isKept)
+      setUnkept(variant, code);
+    loaded = device.load(variant, code);
+  }
+  variant.place(std::move(loaded));
   if (variant.quick)
     variant.quick->patience =
-        isHost(variant.key.device)
+        device.isHost()
             ? std::max<int64_t>(leastPatience, patiencePerByte * bytes)
             : launchesUntilBetter;
   watch.lap("load");
-  variant.code.binary = {};
+  code.binary = {};
+}
+
+std::unique_ptr<DeviceCode> Kernel::Impl::loadBest(Variant &variant,
+                                                   Code &code) {
+  Device &device = deviceAt(variant.key.device);
+  std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
+  if (loaded && !loaded->isProvisional())
+    return loaded;
+  if (!loaded)
+    setUnkept(variant, code);
+  return device.load(variant, code);
+}
+
+void Kernel::Impl::setUnkept(Variant &variant, const Code &code) {
+  if (!isHost(variant.key.device) && KernelCache::get().enabled() &&
+      !isElf(code.binary))
+    variant.unkept = std::make_shared<Code>(code);
+}
+
+void Kernel::Impl::keepLater(Variant &variant) {
+  std::shared_ptr<Code> code = std::move(variant.unkept);
+  if (!code)
+    return;
+  const DeviceCode *loaded = variant.current;
+  background::add([self = weak_from_this(), code, &variant, loaded] {
+    std::shared_ptr<Impl> impl = self.lock();
+    if (!impl || isAbandoned())
+      return;
+    try {
+      deviceAt(variant.key.device).keep(variant, std::move(*code), *loaded);
+    } catch (...) {
+      // A later process asks the driver again.
+    }
+  });
 }
 
 //===----------------------------------------------------------------------===//
@@ -214,7 +267,7 @@ FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
 
 bool Kernel::Impl::loadLinked(Variant &variant) {
   try {
-    load(variant);
+    load(variant, &variant.quick->wanted);
   } catch (const Error &error) {
     // The driver does not take machine code of this age.
     if (error.kind == Error::Kind::Compile)
@@ -226,6 +279,7 @@ bool Kernel::Impl::loadLinked(Variant &variant) {
   // The library's functions take more registers than such blocks have.
   variant.current = nullptr;
   variant.loaded.clear();
+  variant.unkept = nullptr;
   return false;
 }
 
@@ -253,14 +307,16 @@ void Kernel::Impl::improve(Variant &variant) {
   try {
     Code code = obtain(variant.quick->wanted, spent);
     if (!isAbandoned())
-      better = deviceAt(variant.key.device).load(variant, code);
+      better = loadBest(variant, code);
   } catch (...) {
     // The tier-0 code does the same.
   }
   std::lock_guard lock(mutex);
   addTimes(times, spent);
-  if (better)
+  if (better) {
     variant.place(std::move(better));
+    keepLater(variant);
+  }
   variant.isQuick = false;
 }
 

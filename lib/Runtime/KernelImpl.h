@@ -67,6 +67,8 @@ public:
                       const Stream *stream) const = 0;
   /// Threads that a block may have.
   virtual int maxThreads() const { return INT_MAX; }
+  /// True if better code for the same variant can be made.
+  virtual bool isProvisional() const { return false; }
   /// Adds what the device knows of launches of the code.
   virtual void describe(const VariantKey &, std::vector<Choice> &) const {}
 };
@@ -87,6 +89,8 @@ struct Kernel::Variant {
   /// checked against until it is over.
   std::unique_ptr<LaneTrial> trial;
   std::unique_ptr<DeviceCode> scalar;
+  /// PTX that `current` was made of and no machine code is kept of.
+  std::shared_ptr<Code> unkept;
   /// Loop times that the thread pool learned from its launches.
   mutable LoopHistory history;
   /// True if the code counts threads along one axis.
@@ -225,6 +229,10 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   int checkedBlockDim(int asked) const;
   /// The variant of an ordinary launch.
   Variant &loaded(int device, int blockDim);
+  /// The same with the code that launches run; the one made last, if there is
+  /// one for the device.
+  Variant &launched(int device);
+  VariantKey ordinaryKey(int device, int blockDim);
   /// Puts saved code into `variant` if some fits; throws if there is no source
   /// to compile either.
   bool obtainSaved(const VariantKey &key, int arch, Variant &variant) const;
@@ -250,7 +258,6 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   bool loadLinked(Variant &variant);
   std::unique_ptr<QuickCode> makeQuick(const CompileOptions &wanted,
                                        Variant &variant);
-  void load(Variant &variant);
 
   // KernelTrial.cpp
   /// True if the lanes of a variant are checked.
@@ -260,6 +267,17 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   const DeviceCode *loadScalar(const CompileOptions &wanted, Variant &variant);
   /// Launches run the code without lanes from now on.
   void finishTrial(Variant &variant);
+  /// `wanted`: options of the best code, should it be replaced; null if there is
+  /// no source for that.
+  void load(Variant &variant, const CompileOptions *wanted);
+  /// Loads the best code of a variant, from machine code that is kept if that
+  /// is the best.
+  std::unique_ptr<DeviceCode> loadBest(Variant &variant, Code &code);
+  /// Notes code that the disk cache has no machine code of.
+  void setUnkept(Variant &variant, const Code &code);
+  /// Has machine code kept for later processes, behind other work, once nothing
+  /// takes the loaded code away any more.
+  void keepLater(Variant &variant);
 };
 
 /// True if a launch of so many threads had better wait for tier-1 code: one

@@ -12,13 +12,12 @@
 
 #include "FileChecks.h"
 #include "KernelImpl.h"
+#include "MachineCode.h"
 #include "Support.h"
-#include "warp/KernelCache.h"
 #include "warp/SavedModule.h"
 
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
 #include <cstdlib>
 
 using namespace warp;
@@ -116,22 +115,14 @@ SavedKernel Kernel::Impl::describeSaved(int arch) {
 
 /// Machine code for PTX, from the disk cache if the driver has met it before.
 static Code assembled(int device, Code code) {
-  std::string what = std::to_string(deviceInfo(device).arch) + " " +
-                     std::to_string(cudaDriverVersion());
-  std::string key;
-  for (uint64_t seed = 0; seed < 4; ++seed) {
-    char digits[17];
-    uint64_t hash = hashBytes(what.data(), what.size(), seed);
-    std::snprintf(digits, sizeof(digits), "%016llx",
-                  static_cast<unsigned long long>(
-                      hashBytes(code.binary.data(), code.binary.size(), hash)));
-    key += digits;
+  std::string key = machineCodeKey(code, deviceInfo(device).arch);
+  if (std::optional<MachineCode> found = findMachineCode(key)) {
+    code.binary = std::move(found->binary);
+    return code;
   }
-  KernelCache &cache = KernelCache::get();
-  if (std::optional<Code> found = cache.find(key))
-    return std::move(*found);
   deviceAt(device).assemble(code);
-  cache.store(key, code);
+  if (isElf(code.binary))
+    storeMachineCode(key, {code.entry, code.binary, /*isBest=*/false});
   return code;
 }
 
@@ -282,7 +273,7 @@ void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
 
 void Kernel::load(int device, int blockDim) { impl->loaded(device, blockDim); }
 
-Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
+VariantKey Kernel::Impl::ordinaryKey(int device, int blockDim) {
   VariantKey key =
       usualKey(hasSource() ? threadRank() : saved[0]->variants[0].rank);
   key.device = device;
@@ -291,9 +282,22 @@ Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
     key.blockDim = checkedBlockDim(blockDim);
     key.flat = key.rank > 3;
   }
+  return key;
+}
+
+Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
+  VariantKey key = ordinaryKey(device, blockDim);
   Variant *variant = find(key);
   if (!variant)
     variant = make(key, anyItems);
   improve(*variant);
   return *variant;
+}
+
+Kernel::Variant &Kernel::Impl::launched(int device) {
+  for (Variant *variant = variants.load(std::memory_order_acquire); variant;
+       variant = variant->next)
+    if (variant->key.device == device)
+      return *variant;
+  return *make(ordinaryKey(device, 0), 1);
 }

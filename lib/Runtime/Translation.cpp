@@ -12,6 +12,8 @@
 #include "FileChecks.h"
 #include "warp/KernelCache.h"
 
+#include <string_view>
+
 using namespace warp;
 
 static constexpr char magic[] = {'W', 'A', 'R', 'P', 'K', 'E', 'R', 'N'};
@@ -74,4 +76,14 @@ std::optional<Translation> warp::findTranslation(const std::string &name) {
 void warp::storeTranslation(const std::string &name,
                             const Translation &translation) {
   KernelCache::get().write(name + suffix, serialize(name, translation));
+}
+
+std::string warp::kernelNameOf(const Translation &translation) {
+  std::string_view text = translation.text;
+  size_t mark = text.find("warp.kernel");
+  size_t at = text.rfind("func.func @", mark);
+  if (mark == text.npos || at == text.npos)
+    return "";
+  text.remove_prefix(at + std::string_view("func.func @").size());
+  return std::string(text.substr(0, text.find_first_of("( \n")));
 }

@@ -250,6 +250,34 @@ static void bindCache(py::module_ &m) {
   m.def(
       "clear_cache", [] { return KernelCache::get().clear(); },
       "Removes every entry; returns how many there were.");
+  m.def(
+      "cache_entries",
+      [] {
+        std::vector<CacheEntry> entries;
+        {
+          warp::python::Unlocked unlocked;
+          entries = KernelCache::get().entries();
+        }
+        py::list list;
+        for (const CacheEntry &entry : entries)
+          list.append(py::make_tuple(entry.file, entry.kind, entry.kernel,
+                                     entry.bytes, entry.used));
+        return list;
+      },
+      "(file, kind, kernel, bytes, time of last use) of each, the last used "
+      "first.");
+  m.def(
+      "remove_cached",
+      [](const std::string &file) { KernelCache::get().remove(file); },
+      py::arg("file"), "Removes a file of the cache.");
+  m.def(
+      "set_cache_limit",
+      [](int64_t bytes) { KernelCache::get().setLimit(bytes); },
+      py::arg("bytes"), "Bytes that all files may take; 0 is no limit.");
+  m.def(
+      "trim_cache", [] { return KernelCache::get().trim(); },
+      "Removes what was not used for longest if the files take more than the "
+      "limit; returns the bytes removed.");
   m.def("set_notice_handler", &setNoticeFunction,
         py::arg("function").none(true),
         "Function that gets one-line messages to the user; None drops them.");

@@ -12,6 +12,8 @@
 #include <chrono>
 #include <csignal>
 #include <cstdlib>
+#include <ctime>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <gtest/gtest.h>
@@ -140,6 +142,57 @@ TEST_F(KernelCacheTest, ClearRemovesEntriesOnly) {
   EXPECT_EQ(cache.clear(), 2);
   EXPECT_FALSE(cache.find(keyOf('a')));
   EXPECT_EQ(files(), std::vector<std::string>{"notes.txt"});
+}
+
+static void setUsed(const std::string &file, int64_t secondsAgo) {
+  timespec then{time(nullptr) - secondsAgo, 0};
+  timespec times[] = {then, then};
+  ASSERT_EQ(utimensat(AT_FDCWD, file.c_str(), times, 0), 0);
+}
+
+// An entry that is found counts as used; foreign files do not count.
+TEST_F(KernelCacheTest, TheLeastUsedGoesFirst) {
+  KernelCache cache(folder);
+  for (char digit : {'a', 'b', 'c', 'd'}) {
+    cache.store(keyOf(digit), sampleCode(100'000));
+    setUsed(folder + "/" + keyOf(digit) + ".code", 86400 - digit);
+  }
+  write("notes.txt", std::string(1'000'000, ' '));
+  ASSERT_TRUE(cache.find(keyOf('a')));
+  std::vector<CacheEntry> entries = cache.entries();
+  ASSERT_EQ(entries.size(), 4u);
+  EXPECT_EQ(entries[0].file, keyOf('a') + ".code");
+  EXPECT_EQ(entries[3].file, keyOf('b') + ".code");
+  EXPECT_EQ(entries[0].kernel, "saxpy_cpu");
+  EXPECT_EQ(entries[0].kind, "code");
+  EXPECT_GT(entries[0].bytes, 100'000);
+  EXPECT_EQ(cache.trim(), 0);
+  cache.setLimit(3 * entries[0].bytes);
+  // Nine tenths of three are two.
+  EXPECT_EQ(cache.trim(), 2 * entries[0].bytes);
+  EXPECT_TRUE(cache.find(keyOf('a')));
+  EXPECT_FALSE(cache.find(keyOf('b')));
+  EXPECT_FALSE(cache.find(keyOf('c')));
+  EXPECT_TRUE(cache.find(keyOf('d')));
+  EXPECT_TRUE(fs::exists(folder + "/notes.txt"));
+}
+
+// Writing keeps the folder below the limit.
+TEST_F(KernelCacheTest, StaysWithinItsLimit) {
+  KernelCache cache(folder);
+  cache.setLimit(1'000'000);
+  for (char digit = '0'; digit <= '9'; ++digit)
+    for (char other = 'a'; other < 'd'; ++other) {
+      std::string key = std::string(32, digit) + std::string(32, other);
+      cache.store(key, sampleCode(100'000));
+    }
+  int64_t total = 0;
+  for (const CacheEntry &entry : cache.entries(/*named=*/false))
+    total += entry.bytes;
+  EXPECT_LE(total, 1'250'000);
+  EXPECT_GE(total, 500'000);
+  cache.setLimit(0);
+  EXPECT_EQ(cache.trim(), 0);
 }
 
 TEST_F(KernelCacheTest, DisabledDoesNothing) {

@@ -69,6 +69,10 @@ public:
 
   std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,
                                    Code &code) override;
+  std::unique_ptr<DeviceCode> loadKept(const Kernel::Variant &variant,
+                                       const Code &code) override;
+  void keep(const Kernel::Variant &variant, Code code,
+            const DeviceCode &loaded) override;
   void assemble(Code &code) override;
   bool canMap(const std::vector<TensorMap> &maps, const void *params) override;
 

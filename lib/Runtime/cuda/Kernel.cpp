@@ -12,6 +12,7 @@
 #include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "Grid.h"
+#include "MachineCode.h"
 #include "Support.h"
 #include "TensorMaps.h"
 
@@ -38,34 +39,116 @@ int warp::chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
 /// Bytes of stack of a thread that searches a hierarchy; others spill less.
 static constexpr int stackBytes = 512;
 
+/// Blocks of a variant's size that a multiprocessor runs at a time.
+static int residentBlocks(const Kernel::Variant &variant,
+                          cuda::Function function) {
+  int blocks = 0;
+  WARP_CUDA(occupancyMaxActiveBlocks, &blocks, function, variant.key.blockDim,
+            variant.code.schedule.dynamicBytes);
+  return blocks;
+}
+
+static void setDynamicBytes(const Kernel::Variant &variant,
+                            cuda::Function function) {
+  if (variant.code.schedule.dynamicBytes)
+    WARP_CUDA(funcSetAttribute, function, cuda::functionMostDynamicShared,
+              variant.code.schedule.dynamicBytes);
+}
+
+/// Loads code, and finds what launches need to know of it.
+static void finish(CudaEntry &entry, const Kernel::Variant &variant, Code &code,
+                   bool programmatic) {
+  entry.programmatic = programmatic;
+  entry.loaded.load(code);
+  entry.function = entry.loaded.function(code.entry);
+  if (!variant.code.sites.empty())
+    entry.record = std::make_unique<DeviceErrorRecord>(entry.owner.index,
+                                                       variant.code.sites);
+  setDynamicBytes(variant, entry.function);
+  int threads = variant.key.blockDim;
+  if (variant.code.schedule.fixedBlock || threads % 64 != 0)
+    return;
+  WARP_CUDA(occupancyMaxActiveBlocks, &entry.residentBlocks, entry.function,
+            threads, 0);
+  WARP_CUDA(occupancyMaxActiveBlocks, &entry.residentHalves, entry.function,
+            threads / 2, 0);
+  entry.keepsStack =
+      attributeOf(entry.function, cuda::functionLocalSize) >= stackBytes;
+}
+
+static bool mayWaitForPredecessor(const Code &code) {
+  return cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
+}
+
 std::unique_ptr<DeviceCode> CudaDevice::load(const Kernel::Variant &variant,
                                              Code &code) {
   cuda::ContextScope scope(index);
   cuda::RelaxedCaptures relaxed;
   auto entry = std::make_unique<CudaEntry>(*this);
-  entry->programmatic =
-      cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
-  if (callsLibrary(code))
+  bool programmatic = mayWaitForPredecessor(code);
+  if (callsLibrary(code)) {
+    std::string key = machineCodeKey(code, info.arch);
     assemble(code);
-  entry->loaded.load(code);
-  entry->function = entry->loaded.function(code.entry);
-  if (!variant.code.sites.empty())
-    entry->record =
-        std::make_unique<DeviceErrorRecord>(index, variant.code.sites);
-  if (variant.code.schedule.dynamicBytes)
-    WARP_CUDA(funcSetAttribute, entry->function,
-              cuda::functionMostDynamicShared,
-              variant.code.schedule.dynamicBytes);
-  int threads = variant.key.blockDim;
-  if (variant.code.schedule.fixedBlock || threads % 64 != 0)
-    return entry;
-  WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentBlocks, entry->function,
-            threads, 0);
-  WARP_CUDA(occupancyMaxActiveBlocks, &entry->residentHalves, entry->function,
-            threads / 2, 0);
-  entry->keepsStack =
-      attributeOf(entry->function, cuda::functionLocalSize) >= stackBytes;
+    if (isElf(code.binary))
+      storeMachineCode(key, {code.entry, code.binary, /*isBest=*/true});
+  }
+  finish(*entry, variant, code, programmatic);
   return entry;
+}
+
+//===----------------------------------------------------------------------===//
+// Machine code on disk
+//===----------------------------------------------------------------------===//
+
+std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
+                                                 const Code &code) {
+  if (isElf(code.binary))
+    return nullptr;
+  std::string key = machineCodeKey(code, info.arch);
+  std::optional<MachineCode> found = findMachineCode(key);
+  if (!found || found->entry != code.entry)
+    return nullptr;
+  cuda::ContextScope scope(index);
+  cuda::RelaxedCaptures relaxed;
+  auto entry = std::make_unique<CudaEntry>(*this);
+  entry->provisional = !found->isBest;
+  Code machine;
+  machine.entry = found->entry;
+  machine.binary = std::move(found->binary);
+  try {
+    finish(*entry, variant, machine, mayWaitForPredecessor(code));
+  } catch (const Error &) {
+    // For another card than its name says.
+    removeMachineCode(key);
+    return nullptr;
+  }
+  return entry;
+}
+
+void CudaDevice::keep(const Kernel::Variant &variant, Code code,
+                      const DeviceCode &loaded) {
+  if (callsLibrary(code))
+    return;
+  cuda::ContextScope scope(index);
+  cuda::RelaxedCaptures relaxed;
+  std::string key = machineCodeKey(code, info.arch);
+  assemble(code);
+  if (!isElf(code.binary))
+    return;
+  cuda::Function whole = static_cast<const CudaEntry &>(loaded).function;
+  struct Trial : CudaCode {
+    ~Trial() { unload(); }
+  } trial;
+  MachineCode machine{code.entry, code.binary, false};
+  trial.load(code);
+  cuda::Function linked = trial.function(code.entry);
+  setDynamicBytes(variant, linked);
+  // Only stacks and registers can differ.
+  machine.isBest = residentBlocks(variant, linked) >=
+                       residentBlocks(variant, whole) &&
+                   attributeOf(linked, cuda::functionLocalSize) <=
+                       attributeOf(whole, cuda::functionLocalSize);
+  storeMachineCode(key, machine);
 }
 
 /// Unloads code; while a graph is recorded that may use it, later.
@@ -241,12 +324,12 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
 }
 
 std::pair<int, int> Kernel::suggestedBlock(int device) {
-  int most = impl->options.maxThreads ? impl->options.maxThreads : 1024;
   cudaDevice(device);
-  const Variant &variant = impl->loaded(device, most);
+  const Variant &variant = impl->launched(device);
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;
   WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads,
-            functionOf(variant), nullptr, 0, most);
+            functionOf(variant), nullptr, variant.code.schedule.dynamicBytes,
+            variant.key.blockDim);
   return {threads, blocks};
 }

@@ -22,6 +22,7 @@ public:
   void launch(const Kernel::Plan &plan, void *params, size_t paramSize,
               const Stream *stream) const override;
   int maxThreads() const override;
+  bool isProvisional() const override { return provisional; }
   void describe(const VariantKey &key,
                 std::vector<Choice> &choices) const override;
 
@@ -30,6 +31,9 @@ public:
   cuda::Function function = nullptr;
   /// True if it may start before the kernel before it on its stream has ended.
   bool programmatic = false;
+  /// Machine code from the driver's linker that is worse than what the driver
+  /// makes of the whole program.
+  bool provisional = false;
   /// Blocks of the variant's size that a multiprocessor runs at a time, and
   /// blocks of half as many threads; 0 where the code is for one size of
   /// blocks.

@@ -222,6 +222,14 @@ SETTINGS = {
             "folder of compiled kernels; None is `warp-mlir/<version>` in the user's cache folder",
             env=("WARP_CACHE_PATH",),
         ),
+        Setting(
+            "kernel_cache_limit",
+            (float, int),
+            4,
+            "GiB that compiled kernels may take on disk; those not used for longest go first, and "
+            "0 is no limit",
+            least=0,
+        ),
         Setting("dump", _MAYBE_STR, None, "folder that gets every stage of each compiled kernel"),
         Setting(
             "num_threads",

@@ -12,6 +12,7 @@
 #include "FakeCuda.h"
 #include "FakeGraphs.h"
 
+#include <atomic>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -60,6 +61,12 @@ EXPORT void fakeCudaSetFault(int result) { fault = result; }
 static int linkedObjects = 0;
 static bool linksObjects = true;
 EXPORT int fakeCudaLinkedObjects() { return linkedObjects; }
+/// Times that PTX became machine code, and the bytes of stack that linked code
+/// takes.
+static std::atomic<int> assemblies{0};
+static int linkedStack = 16;
+EXPORT int fakeCudaAssemblies() { return assemblies; }
+EXPORT void fakeCudaSetLinkedStack(int bytes) { linkedStack = bytes; }
 EXPORT void fakeCudaSetLinksObjects(bool links) { linksObjects = links; }
 /// The calls since the last time.
 EXPORT const char *fakeCudaTakeStreamLog() {
@@ -207,8 +214,12 @@ static int checkCode(const std::string &code, unsigned count, int *options,
       std::strcpy(static_cast<char *>(values[i]), "no entry in this PTX");
   return 218;
 }
-/// Linking checks the text and keeps it: the fake's machine code is PTX. Input
-/// that is machine code already adds nothing.
+static bool isMachineCode(const std::string &code) {
+  return code.rfind("\177ELF", 0) == 0;
+}
+/// Linking checks the text and keeps it: the fake's machine code is PTX behind
+/// the first bytes of an object. Input that is machine code already adds
+/// nothing.
 struct FakeLink {
   unsigned count;
   int *options;
@@ -226,11 +237,12 @@ EXPORT int cuLinkAddData_v2(void *link, int type, void *data, size_t size,
   std::string code(static_cast<char *>(data), size);
   if (type == 0) {
     ++linkedObjects;
-    return code.rfind("\177ELF", 0) == 0 && linksObjects ? success : 209;
+    return isMachineCode(code) && linksObjects ? success : 209;
   }
-  target->code = std::move(code);
-  return checkCode(target->code, target->count, target->options,
-                   target->values);
+  int result = checkCode(code, target->count, target->options, target->values);
+  ++assemblies;
+  target->code = "\177ELF" + std::string(code.c_str());
+  return result;
 }
 EXPORT int cuLinkComplete(void *link, void **code, size_t *size) {
   auto *target = static_cast<FakeLink *>(link);
@@ -248,6 +260,7 @@ EXPORT int cuLibraryLoadData(void **library, const void *image, int *options,
   std::string code = static_cast<const char *>(image);
   if (int result = checkCode(code, count, options, values))
     return result;
+  assemblies += !isMachineCode(code);
   *library = new std::string(code);
   return success;
 }
@@ -277,12 +290,14 @@ EXPORT int cuModuleGetFunction(void **function, void *module,
   *function = module;
   return success;
 }
-EXPORT int cuFuncGetAttribute(int *value, int attribute, void *) {
+EXPORT int cuFuncGetAttribute(int *value, int attribute, void *function) {
   // Threads, shared, constant, local, registers, PTX, binary.
   const int values[] = {256, 1024, 0, 16, 40, 80, 90};
   if (attribute < 0 || attribute > 6)
     return invalidValue;
   *value = values[attribute];
+  if (attribute == 3 && isMachineCode(*static_cast<std::string *>(function)))
+    *value = linkedStack;
   return success;
 }
 EXPORT int cuFuncSetAttribute(void *, int attribute, int value) {

@@ -45,6 +45,10 @@ def _set_cache_directory(path) -> None:
     _native.set_cache_directory(os.fsencode(path or ""))
 
 
+def _set_cache_limit(gibibytes) -> None:
+    _native.set_cache_limit(int(gibibytes * (1 << 30)))
+
+
 def _set_threads(count) -> None:
     """The thread pool reads the variable when it starts."""
     if count is None:
@@ -58,6 +62,7 @@ def connect() -> None:
     _native.set_type_resolver(_type_text)
     _native.set_notice_handler(_notice)
     settings.on_change("kernel_cache_dir", _set_cache_directory)
+    settings.on_change("kernel_cache_limit", _set_cache_limit)
     settings.on_change("num_threads", _set_threads)
     settings.on_change("cache_kernels", _native.set_cache_enabled)
     if config.kernel_cache_dir:
@@ -65,5 +70,6 @@ def connect() -> None:
     settings.on_change("profile", _native.set_profile)
     if config.profile:
         _native.set_profile(config.profile)
+    _set_cache_limit(config.kernel_cache_limit)
     if not config.cache_kernels:
         _native.set_cache_enabled(False)

@@ -1,0 +1,187 @@
+//===- machine-code-test.cpp - Machine code of GPU kernels on disk --------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Each kernel object stands for a process: it has nothing but the disk cache.
+//
+//===----------------------------------------------------------------------===//
+
+#include "Runtime/MachineCode.h"
+#include "warp/Background.h"
+#include "warp/KernelCache.h"
+#include "warp/Runtime.h"
+
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <filesystem>
+#include <fstream>
+#include <gtest/gtest.h>
+#include <string>
+
+using namespace warp;
+namespace fs = std::filesystem;
+
+/// Before any test makes the runtime look for a driver.
+static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+
+namespace {
+
+const char *const scaleText = R"(
+func.func @scale(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %w = warp.add(%v, %v) : (f32, f32) -> f32
+  warp.store %w, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+})";
+
+template <typename Fn> Fn *fakeSymbol(const char *name) {
+  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
+  return library ? reinterpret_cast<Fn *>(dlsym(library, name)) : nullptr;
+}
+
+class MachineCodeTest : public testing::Test {
+protected:
+  void SetUp() override {
+    ASSERT_EQ(chooseDriver, 0);
+    assemblies = fakeSymbol<int()>("fakeCudaAssemblies");
+    setLinkedStack = fakeSymbol<void(int)>("fakeCudaSetLinkedStack");
+    if (!assemblies)
+      GTEST_SKIP() << "needs the fake driver";
+    char name[] = "/tmp/warp-machine-code-XXXXXX";
+    folder = mkdtemp(name);
+    before = KernelCache::get().directory();
+    KernelCache::get().setDirectory(folder);
+    KernelCache::get().setEnabled(true);
+  }
+  void TearDown() override {
+    if (!assemblies)
+      return;
+    waitForBackground();
+    setLinkedStack(16);
+    KernelCache::get().setDirectory(before);
+    KernelCache::get().setEnabled(false);
+    fs::remove_all(folder);
+  }
+
+  /// Assemblies of a process that launches so many times.
+  int run(int launches = 1, bool quickFirst = true) {
+    KernelOptions options;
+    options.quickFirst = quickFirst;
+    Kernel kernel(Module::fromText(scaleText), "scale", options);
+    int first = assemblies();
+    for (int i = 0; i < launches; ++i) {
+      std::vector<char> params(kernel.parameterSize());
+      ArrayDescriptor x;
+      x.ndim = 1;
+      x.shape[0] = 100;
+      x.strides[0] = 4;
+      std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
+      LaunchDim dim;
+      dim.extent[0] = 100;
+      kernel.launch(0, dim, params.data());
+    }
+    waitForBackground();
+    return assemblies() - first;
+  }
+
+  std::string machineFile() {
+    for (const auto &entry : fs::directory_iterator(folder))
+      if (entry.path().extension() == ".machine")
+        return entry.path();
+    return "";
+  }
+
+  std::string folder, before;
+  int (*assemblies)() = nullptr;
+  void (*setLinkedStack)(int) = nullptr;
+};
+
+} // namespace
+
+// The first process has the program assembled for itself, and once more for
+// those to come.
+TEST_F(MachineCodeTest, ALaterProcessAssemblesNothing) {
+  EXPECT_EQ(run(), 2);
+  EXPECT_EQ(run(3), 0);
+  EXPECT_EQ(run(3, /*quickFirst=*/false), 0);
+}
+
+// Linked code that is worse runs until there is better code.
+TEST_F(MachineCodeTest, WorseCodeIsReplaced) {
+  setLinkedStack(32);
+  EXPECT_EQ(run(), 2);
+  EXPECT_EQ(run(1), 0);
+  EXPECT_EQ(run(3), 1);
+  // One that asks for the best code from the start has it.
+  EXPECT_EQ(run(1, /*quickFirst=*/false), 1);
+  setLinkedStack(16);
+}
+
+TEST_F(MachineCodeTest, ADamagedEntryCountsAsAbsent) {
+  EXPECT_EQ(run(), 2);
+  std::string file = machineFile();
+  ASSERT_NE(file, "");
+  auto size = fs::file_size(file);
+  for (size_t at : {size_t(0), size_t(8), size_t(40), size / 2, size - 1}) {
+    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
+    bytes.seekg(at);
+    char byte = static_cast<char>(bytes.get() ^ 1);
+    bytes.seekp(at);
+    bytes.put(byte);
+    bytes.close();
+    EXPECT_EQ(run(), 2) << at;
+    EXPECT_EQ(run(), 0) << at;
+  }
+  fs::resize_file(file, size / 3);
+  EXPECT_EQ(run(), 2);
+  fs::resize_file(file, 0);
+  EXPECT_EQ(run(), 2);
+  EXPECT_EQ(run(), 0);
+}
+
+// Machine code that the driver does not take, as of another card, goes.
+TEST_F(MachineCodeTest, AForeignEntryCountsAsAbsent) {
+  EXPECT_EQ(run(), 2);
+  std::string key = fs::path(machineFile()).stem();
+  std::optional<MachineCode> kept = findMachineCode(key);
+  ASSERT_TRUE(kept);
+  std::string other = "\177ELF of another card";
+  storeMachineCode(key, {kept->entry, {other.begin(), other.end()}, true});
+  EXPECT_EQ(run(), 2);
+  // Of another kernel.
+  storeMachineCode(key, {"other", kept->binary, true});
+  EXPECT_EQ(run(), 2);
+  EXPECT_EQ(run(), 0);
+  // No machine code at all.
+  storeMachineCode(key, {kept->entry, {'P', 'T', 'X'}, true});
+  EXPECT_FALSE(findMachineCode(key));
+}
+
+TEST_F(MachineCodeTest, NothingIsKeptWithoutACache) {
+  KernelCache::get().setEnabled(false);
+  EXPECT_EQ(run(), 1);
+  EXPECT_EQ(run(), 1);
+  EXPECT_EQ(machineFile(), "");
+}
+
+// To ask for the size of blocks makes the code that the launch runs.
+TEST_F(MachineCodeTest, BlockSizesAreThoseOfLaunchedCode) {
+  KernelCache::get().setEnabled(false);
+  Kernel kernel(Module::fromText(scaleText), "scale");
+  int first = assemblies();
+  EXPECT_EQ(kernel.suggestedBlock(0), std::make_pair(256, 264));
+  EXPECT_EQ(assemblies() - first, 1);
+  std::vector<char> params(kernel.parameterSize());
+  ArrayDescriptor x;
+  x.ndim = 1;
+  x.shape[0] = 100;
+  x.strides[0] = 4;
+  std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
+  LaunchDim dim;
+  dim.extent[0] = 100;
+  kernel.launch(0, dim, params.data());
+  EXPECT_EQ(kernel.suggestedBlock(0), std::make_pair(256, 264));
+  EXPECT_EQ(assemblies() - first, 1);
+}
