@@ -147,6 +147,14 @@ public:
   void runAtOnce(const Plan &plan, void *params);
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
+  /// Lets a launch on a GPU wait on the host for its code, which other threads
+  /// make, or for launches that do; `plan` is what `tryPrepare` gave. False if
+  /// it may not wait. Throws errors of launches that waited.
+  bool queue(const Plan &plan, int device, const LaunchDim &dim,
+             const void *params, const Stream *stream = nullptr,
+             int blockDim = 0);
+  /// True if `queue` is to be asked about a launch on a device with a variant.
+  static bool mustQueue(int device);
 
   /// True if a launch gives its thread back at once, or nearly so.
   static bool isShort(const Plan &plan);
@@ -166,11 +174,18 @@ public:
   void attach(const SavedKernel &saved);
   /// Compiles, and loads, what an ordinary launch will need.
   void load(int device, int blockDim = 0);
+  /// The same for several kernels, on so many threads at most; 0 is one per
+  /// processor. Throws the first error when all are done.
+  struct LoadRequest {
+    Kernel *kernel = nullptr;
+    int device = cpuDevice, blockDim = 0;
+  };
+  static void load(const std::vector<LoadRequest> &requests, int threads = 0);
   /// Compiles if need be.
   CudaProperties cudaProperties(int device, int blockDim = 0);
   /// Threads per block that fill a multiprocessor best, of those that the code
-  /// of launches is for, and how many such blocks fill the device. Compiles that
-  /// code if there was no launch yet.
+  /// of launches is for, and how many such blocks fill the device. Compiles
+  /// that code if there was no launch yet.
   std::pair<int, int> suggestedBlock(int device);
 
   /// One for each kind of launch made on a device so far; with `dim`, or if
@@ -187,6 +202,7 @@ public:
 
 private:
   struct Impl;
+  explicit Kernel(std::shared_ptr<Impl> impl);
   std::shared_ptr<Impl> impl;
 };
 

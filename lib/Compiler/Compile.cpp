@@ -66,9 +66,11 @@ struct FailureRecorder : PassInstrumentation {
   std::string wanted, before, failed;
 };
 
-/// The pass managers of a process; building patterns once saves milliseconds.
-struct Phases {
-  Phases() {
+} // namespace
+
+/// The pass managers of a context; building patterns once saves milliseconds.
+struct warp::PassManagers {
+  PassManagers() {
     auto create = [&](Phase phase) {
       auto pm = std::make_unique<PassManager>(&compilerContext());
       auto owned = std::make_unique<FailureRecorder>();
@@ -85,16 +87,17 @@ struct Phases {
     create(Phase::LLVM);
   }
 
-  static Phases &get() {
-    static auto *phases = new Phases;
-    return *phases;
+  /// With the lock of the context held.
+  static PassManagers &get() {
+    std::shared_ptr<PassManagers> &made = currentContext().passes;
+    if (!made)
+      made = std::make_shared<PassManagers>();
+    return *made;
   }
 
   std::vector<std::unique_ptr<PassManager>> managers;
   std::vector<FailureRecorder *> recorders;
 };
-
-} // namespace
 
 /// True if a thread may take long: it works on tiles, whose elements are lanes,
 /// or has a loop.
@@ -199,7 +202,7 @@ LogicalResult Compilation::runPasses(ModuleOp module, Phase phase) {
     insertIndexChecks(module);
   if (phase == Phase::Warp)
     setBudget(module, options);
-  if (failed(Phases::get().managers[size_t(phase)]->run(module)))
+  if (failed(PassManagers::get().managers[size_t(phase)]->run(module)))
     return failure();
   if (phase != Phase::Thread)
     return success();
@@ -217,7 +220,7 @@ std::string Compilation::textBefore(Phase phase, const std::string &pass) {
   for (int earlier = 0; earlier < int(phase); ++earlier)
     if (failed(runPasses(*again, Phase(earlier))))
       return "";
-  FailureRecorder &recorder = *Phases::get().recorders[size_t(phase)];
+  FailureRecorder &recorder = *PassManagers::get().recorders[size_t(phase)];
   recorder.wanted = pass;
   (void)runPasses(*again, phase);
   recorder.wanted.clear();
@@ -226,7 +229,7 @@ std::string Compilation::textBefore(Phase phase, const std::string &pass) {
 
 void Compilation::runPhase(Phase phase, bool isLast) {
   Diagnostics diagnostics;
-  FailureRecorder &recorder = *Phases::get().recorders[size_t(phase)];
+  FailureRecorder &recorder = *PassManagers::get().recorders[size_t(phase)];
   recorder.failed.clear();
   bool finished = succeeded(runPasses(*op, phase));
   // To verify takes a twentieth of compiling, each time: so not after each pass

@@ -1,4 +1,4 @@
-//===- Context.cpp - The process-wide MLIR context ------------------------===//
+//===- Context.cpp - MLIR contexts and their locks ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -6,6 +6,7 @@
 
 #include "Context.h"
 
+#include "Apart.h"
 #include "Pipelines.h"
 
 #include "WarpDialect/WarpDialect.h"
@@ -13,28 +14,69 @@
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
+#include <utility>
+#include <vector>
+
 using namespace mlir;
 
-MLIRContext &warp::compilerContext() {
+static DialectRegistry makeRegistry() {
+  DialectRegistry registry;
+  warp::registerCompilerDialects(registry);
+  return registry;
+}
+
+warp::CompilerContext::CompilerContext()
+    : mlir(makeRegistry(), MLIRContext::Threading::DISABLED) {
+  mlir.printOpOnDiagnostic(false);
+  mlir.loadDialect<warp::WarpDialect, func::FuncDialect, scf::SCFDialect>();
+}
+
+static thread_local warp::CompilerContext *ownContext = nullptr;
+
+warp::CompilerContext &warp::currentContext() {
+  if (ownContext)
+    return *ownContext;
   // It takes milliseconds to make.
   ForkSection section;
   // Never destroyed: handles in other static objects may outlive `main`.
-  static MLIRContext *context = [] {
-    DialectRegistry registry;
-    warp::registerCompilerDialects(registry);
-    auto *created = new MLIRContext(registry, MLIRContext::Threading::DISABLED);
-    created->printOpOnDiagnostic(false);
-    created
-        ->loadDialect<warp::WarpDialect, func::FuncDialect, scf::SCFDialect>();
-    return created;
-  }();
-  return *context;
+  static auto *shared = new CompilerContext;
+  return *shared;
 }
 
-warp::RecursiveForkMutex &warp::contextMutex() {
-  static auto *mutex = new RecursiveForkMutex;
-  return *mutex;
+namespace {
+/// Contexts that no thread uses now. Never destroyed, like that of the process.
+struct IdleContexts {
+  warp::ForkMutex mutex;
+  std::vector<warp::CompilerContext *> list;
+
+  static IdleContexts &get() {
+    static auto *contexts = new IdleContexts;
+    return *contexts;
+  }
+};
+} // namespace
+
+warp::OwnContext::OwnContext() : previous(ownContext) {
+  IdleContexts &idle = IdleContexts::get();
+  {
+    std::lock_guard lock(idle.mutex);
+    if (!idle.list.empty()) {
+      ownContext = idle.list.back();
+      idle.list.pop_back();
+      return;
+    }
+  }
+  ownContext = new CompilerContext;
 }
+
+warp::OwnContext::~OwnContext() {
+  IdleContexts &idle = IdleContexts::get();
+  std::lock_guard lock(idle.mutex);
+  idle.list.push_back(std::exchange(ownContext, previous));
+}
+
+warp::Apart::Apart() : context(std::make_unique<OwnContext>()) {}
+warp::Apart::~Apart() = default;
 
 FileLineColLoc warp::findSourceLocation(Location location) {
   FileLineColLoc found;

@@ -1,11 +1,12 @@
-//===- Context.h - The process-wide MLIR context ----------------*- C++ -*-===//
+//===- Context.h - MLIR contexts and their locks ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// One context serves every builder and every compilation of a process. Its
-// threading is off, so whoever touches IR holds the lock. `Diagnostics`
-// collects what MLIR reports while it lives and turns it into a
-// `warp::Error` with the Python place that the op's location names.
+// One context serves the builders and compilations of a process. Its threading
+// is off, so whoever touches IR holds the lock. Threads that compile beside the
+// others have contexts of their own (`OwnContext`), to which a module gets as
+// text. `Diagnostics` collects what MLIR reports while it lives and turns it
+// into a `warp::Error` with the Python place that the op's location names.
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,15 +21,41 @@
 #include "mlir/IR/MLIRContext.h"
 #include "mlir/IR/OwningOpRef.h"
 
+#include <memory>
 #include <mutex>
 
 namespace warp {
 
-/// The context, with the dialects that front-end IR uses loaded.
-mlir::MLIRContext &compilerContext();
+struct PassManagers;
 
-/// Held while IR is built, parsed, printed, transformed or destroyed.
-RecursiveForkMutex &contextMutex();
+/// A context, with the dialects that front-end IR uses loaded.
+struct CompilerContext {
+  CompilerContext();
+
+  mlir::MLIRContext mlir;
+  /// Held while IR is built, parsed, printed, transformed or destroyed.
+  RecursiveForkMutex mutex;
+  /// Made at the first compilation.
+  std::shared_ptr<PassManagers> passes;
+};
+
+/// The context of this thread: that of the process, or its own.
+CompilerContext &currentContext();
+inline mlir::MLIRContext &compilerContext() { return currentContext().mlir; }
+inline RecursiveForkMutex &contextMutex() { return currentContext().mutex; }
+
+/// While it lives, this thread has a context that no other one uses. No module
+/// of another context may be touched, and those made with it go before it.
+class OwnContext {
+public:
+  OwnContext();
+  ~OwnContext();
+  OwnContext(const OwnContext &) = delete;
+  OwnContext &operator=(const OwnContext &) = delete;
+
+private:
+  CompilerContext *previous;
+};
 
 struct ContextLock {
   ContextLock() : guard(contextMutex()) {}

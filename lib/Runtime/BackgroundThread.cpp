@@ -1,4 +1,4 @@
-//===- BackgroundThread.cpp - Work that nobody waits for ------------------===//
+//===- BackgroundThread.cpp - Compilations on other threads ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -7,9 +7,11 @@
 #include "BackgroundThread.h"
 
 #include "Compiler/Abandon.h"
+#include "LaunchQueue.h"
 #include "warp/Background.h"
 #include "warp/Forks.h"
 
+#include <algorithm>
 #include <atomic>
 #include <condition_variable>
 #include <csignal>
@@ -24,45 +26,73 @@
 
 using namespace warp;
 
-/// Added to the niceness of the process.
+/// Added to the niceness of the process by threads that nobody waits for.
 static constexpr int politeness = 10;
 
+/// Threads of a group, at most.
+static constexpr int mostThreads = 16;
+
+static thread_local bool isWorkerThread = false;
+
 namespace {
-class Worker {
+class Workers {
 public:
-  static Worker &get() {
-    // Never destroyed: the thread is never joined.
-    static auto *worker = new Worker;
-    return *worker;
+  /// With the threads of low priority first.
+  static Workers &get(bool urgent) {
+    // Never destroyed: the threads are never joined.
+    static auto *groups = new Workers[2]{Workers(false), Workers(true)};
+    return groups[urgent];
   }
 
   void add(std::function<void()> task);
   void wait();
   void stop();
+  void restartInChild();
+  void setMost(int count);
 
 private:
-  Worker();
+  explicit Workers(bool urgent);
   void start();
   void run();
-  void restartInChild();
 
+  bool urgent;
   ForkMutex mutex;
   std::condition_variable_any changed;
   std::deque<std::function<void()>> tasks;
-  /// The threads of the process.
+  /// The processors of the process.
   cpu_set_t processors{};
-  bool isStarted = false, isBusy = false;
+  int most = 1, started = 0, busy = 0;
   std::atomic<bool> isStopped{false};
 };
 } // namespace
 
-Worker::Worker() {
-  (void)sched_getaffinity(getpid(), sizeof(processors), &processors);
-  pthread_atfork(nullptr, nullptr, [] { get().restartInChild(); });
-  std::atexit([] { get().stop(); });
+/// Once, before the first thread.
+static void watchProcess() {
+  static const int watched = [] {
+    pthread_atfork(nullptr, nullptr, [] {
+      Workers::get(false).restartInChild();
+      Workers::get(true).restartInChild();
+    });
+    std::atexit(stopBackground);
+    return 0;
+  }();
+  (void)watched;
 }
 
-void Worker::add(std::function<void()> task) {
+Workers::Workers(bool urgent) : urgent(urgent) {
+  if (sched_getaffinity(getpid(), sizeof(processors), &processors) != 0)
+    CPU_ZERO(&processors);
+  setMost(0);
+}
+
+void Workers::setMost(int count) {
+  std::lock_guard lock(mutex);
+  int all = std::clamp(CPU_COUNT(&processors), 1, mostThreads);
+  most = !urgent ? std::max(1, all / 8) : count > 0 ? count : all;
+}
+
+void Workers::add(std::function<void()> task) {
+  watchProcess();
   std::lock_guard lock(mutex);
   if (isStopped)
     return;
@@ -71,24 +101,28 @@ void Worker::add(std::function<void()> task) {
   changed.notify_all();
 }
 
-/// With the mutex held.
-void Worker::start() {
-  if (isStarted)
-    return;
-  isStarted = true;
-  std::thread([this] { run(); }).detach();
+/// With the mutex held: a thread for each task that waits, up to the limit.
+void Workers::start() {
+  while (started < most && started - busy < static_cast<int>(tasks.size())) {
+    ++started;
+    std::thread([this] { run(); }).detach();
+  }
 }
 
-void Worker::run() {
+void Workers::run() {
   sigset_t all;
   sigfillset(&all);
   pthread_sigmask(SIG_BLOCK, &all, nullptr);
   pthread_setname_np(pthread_self(), "warp-compiler");
+  isWorkerThread = true;
   // Who starts it may be bound to a processor.
   sched_setaffinity(0, sizeof(processors), &processors);
   // The priority of this thread alone, on Linux.
-  (void)setpriority(PRIO_PROCESS, 0, getpriority(PRIO_PROCESS, 0) + politeness);
+  if (!urgent)
+    (void)setpriority(PRIO_PROCESS, 0,
+                      getpriority(PRIO_PROCESS, 0) + politeness);
   Abandonable tasksAre(isStopped);
+  BehindNothing exempt;
   std::unique_lock lock(mutex);
   for (;;) {
     changed.wait(lock, [&] { return !tasks.empty(); });
@@ -100,39 +134,61 @@ void Worker::run() {
       continue;
     std::function<void()> task = std::move(tasks.front());
     tasks.pop_front();
-    isBusy = true;
+    ++busy;
     lock.unlock();
     task();
     task = nullptr;
     lock.lock();
-    isBusy = false;
+    --busy;
     changed.notify_all();
   }
 }
 
-void Worker::wait() {
+void Workers::wait() {
   std::unique_lock lock(mutex);
-  changed.wait(lock, [&] { return tasks.empty() && !isBusy; });
+  changed.wait(lock, [&] { return tasks.empty() && busy == 0; });
 }
 
-void Worker::stop() {
+void Workers::stop() {
+  std::deque<std::function<void()>> dropped;
   std::unique_lock lock(mutex);
   isStopped = true;
-  tasks.clear();
-  changed.wait(lock, [&] { return !isBusy; });
+  dropped.swap(tasks);
+  changed.wait(lock, [&] { return busy == 0; });
+  lock.unlock();
+  // Tells those who wait for one.
+  dropped.clear();
 }
 
-void Worker::restartInChild() {
+void Workers::restartInChild() {
   // Waiting and busy threads are not here.
   new (&changed) std::condition_variable_any;
-  isStarted = isBusy = false;
+  started = busy = 0;
   if (!tasks.empty() && !isStopped)
     start();
 }
 
 void background::add(std::function<void()> task) {
-  Worker::get().add(std::move(task));
+  Workers::get(false).add(std::move(task));
 }
 
-void warp::waitForBackground() { Worker::get().wait(); }
-void warp::stopBackground() { Worker::get().stop(); }
+void background::addUrgent(std::function<void()> task) {
+  Workers::get(true).add(std::move(task));
+}
+
+bool background::isWorker() { return isWorkerThread; }
+
+void background::setUrgentThreads(int count) {
+  Workers::get(true).setMost(count);
+}
+
+void warp::waitForBackground() {
+  // Urgent tasks leave others behind.
+  Workers::get(true).wait();
+  Workers::get(false).wait();
+}
+
+void warp::stopBackground() {
+  Workers::get(true).stop();
+  Workers::get(false).stop();
+}

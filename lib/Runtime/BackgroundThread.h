@@ -1,13 +1,13 @@
-//===- BackgroundThread.h - Work that nobody waits for ----------*- C++ -*-===//
+//===- BackgroundThread.h - Compilations on other threads -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// One thread of low priority, started by the first task, does tasks one after
-// another. A fork waits for the task in progress, since a child process would
-// never get the locks that it holds, and the child goes on with those that
-// wait. The exit of the process waits, too, but a compilation in progress is
-// given up (Compiler/Abandon.h), and the rest is dropped: what a task uses may
-// be gone later.
+// Two groups of threads, each started by its first task, do tasks in order. One
+// is of low priority, for work that nobody waits for. A fork waits for the
+// tasks in progress, since a child process would never get the locks that they
+// hold, and the child goes on with those that wait. The exit of the process
+// waits, too, but a compilation in progress is given up (Compiler/Abandon.h),
+// and the rest is dropped: what a task uses may be gone later.
 //
 //===----------------------------------------------------------------------===//
 
@@ -20,6 +20,12 @@ namespace warp::background {
 
 /// A task must not throw. Dropped once the process has begun to exit.
 void add(std::function<void()> task);
+/// A task that somebody waits for, on as many threads as there are processors.
+void addUrgent(std::function<void()> task);
+/// True on a thread of either group.
+bool isWorker();
+/// Threads for urgent tasks; 0 is one per processor. Changes later ones only.
+void setUrgentThreads(int count);
 
 } // namespace warp::background
 

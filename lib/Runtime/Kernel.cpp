@@ -13,6 +13,7 @@
 
 #include "warp/Kernel.h"
 
+#include "BackgroundThread.h"
 #include "ExactSums.h"
 #include "FileChecks.h"
 #include "GraphImpl.h"
@@ -226,4 +227,78 @@ void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {
 void Kernel::launch(int device, const LaunchDim &dim, void *params,
                     const Stream *stream, int blockDim) {
   run(prepare(device, dim, params, blockDim), params, stream);
+}
+
+//===----------------------------------------------------------------------===//
+// Launches that wait
+//===----------------------------------------------------------------------===//
+
+Kernel::Kernel(std::shared_ptr<Impl> impl) : impl(std::move(impl)) {}
+
+bool Kernel::mustQueue(int device) {
+  return !isHost(device) && (warp::mustQueue() || hasErrors);
+}
+
+bool Kernel::queue(const Plan &plan, int device, const LaunchDim &dim,
+                   const void *params, const Stream *stream, int blockDim) {
+  if (isHost(device) || plan.items == 0)
+    return false;
+  drainReady();
+  raiseKept();
+  bool mayWait = isLazyCompile() && !impl->options.debug &&
+                 tracesInProgress == 0 &&
+                 (!stream || stream->device() == device);
+  if (!mayWait || (plan.variant && !warp::mustQueue()))
+    return false;
+  auto *bytes = static_cast<const char *>(params);
+  auto data =
+      std::make_shared<std::vector<char>>(bytes, bytes + impl->paramSize);
+  std::shared_ptr<CodeTicket::State> code;
+  if (!plan.variant) {
+    // Errors of the launch itself are raised now.
+    impl->checkParameterSize(deviceInfo(device).arch);
+    // While code of another launch is made its lock is held.
+    if (!impl->hasAccesses.load(std::memory_order_acquire))
+      impl->findAccesses();
+    code = impl->order({device, dim, data, blockDim, nullptr});
+  }
+  queueLaunch(
+      [impl = impl, device, dim, data, blockDim,
+       where = laterStream(device, stream)] {
+        Kernel(impl).launch(device, dim, data->data(), where(), blockDim);
+      },
+      std::move(code));
+  return true;
+}
+
+std::shared_ptr<CodeTicket::State> Kernel::Impl::order(Order order) {
+  order.ticket = std::make_unique<CodeTicket>();
+  std::shared_ptr<CodeTicket::State> code = order.ticket->state();
+  std::lock_guard lock(ordersMutex);
+  orders.push_back(std::move(order));
+  if (!std::exchange(makesOrders, true))
+    background::addUrgent([impl = shared_from_this()] { impl->makeOrders(); });
+  return code;
+}
+
+void Kernel::Impl::makeOrders() {
+  for (;;) {
+    Order next;
+    {
+      std::lock_guard lock(ordersMutex);
+      if (orders.empty()) {
+        makesOrders = false;
+        return;
+      }
+      next = std::move(orders.front());
+      orders.pop_front();
+    }
+    try {
+      plan(next.device, next.dim, next.params->data(), next.blockDim,
+           /*mayMake=*/true);
+      next.ticket->finish(nullptr);
+    } catch (...) {
+      next.ticket->finish(std::current_exception());
+    }
+  }
 }

@@ -19,6 +19,7 @@
 
 #include "BackgroundThread.h"
 #include "Compiler/Abandon.h"
+#include "Compiler/Apart.h"
 #include "FileChecks.h"
 #include "GraphImpl.h"
 #include "KernelClaim.h"
@@ -69,6 +70,16 @@ static void addTimes(std::map<std::string, double> &all,
     all[prefix + phase] += milliseconds;
 }
 
+template <typename Compile>
+auto Kernel::Impl::compileSource(Compile &&compile) {
+  if (!background::isWorker())
+    return compile(source());
+  std::string copied =
+      text.empty() ? source().text(/*locations=*/true) : std::string();
+  Apart apart;
+  return compile(Module::fromText(text.empty() ? copied : text));
+}
+
 std::optional<Code> Kernel::Impl::findCached(const std::string &key) const {
   std::optional<Code> found = KernelCache::get().find(key);
   if (found && !problemOf(*found, params, paramSize).empty())
@@ -88,7 +99,8 @@ Code Kernel::Impl::obtain(const CompileOptions &compileOptions,
   KernelClaim claim(key);
   if (claim.hasWaited() && (cached = findCached(key)))
     return std::move(*cached);
-  Code code = compile(source(), compileOptions);
+  Code code = compileSource(
+      [&](const Module &module) { return compile(module, compileOptions); });
   watch.lap("compile");
   addTimes(spent, code.phaseMs, "compile/");
   KernelCache::get().store(key, code);
@@ -96,17 +108,21 @@ Code Kernel::Impl::obtain(const CompileOptions &compileOptions,
   return code;
 }
 
-Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
-  std::lock_guard lock(mutex);
-  if (Variant *made = find(key))
-    return made;
-  int arch = deviceInfo(key.device).arch;
+void Kernel::Impl::checkParameterSize(int arch) const {
   if (arch != 0 && paramSize > maxCudaParameters(arch))
     throw launchError(Error::Kind::LaunchType, name,
                       "expects at most " +
                           std::to_string(maxCudaParameters(arch)) +
                           " bytes of arguments on CUDA devices, but got " +
                           std::to_string(paramSize));
+}
+
+Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
+  std::lock_guard lock(mutex);
+  if (Variant *made = find(key))
+    return made;
+  int arch = deviceInfo(key.device).arch;
+  checkParameterSize(arch);
   auto variant = std::make_unique<Variant>();
   variant->key = key;
   variant->flat = key.flat;
@@ -257,7 +273,9 @@ FirstCode Kernel::Impl::obtainFirst(const CompileOptions &wanted,
   KernelClaim claim(best);
   if (claim.hasWaited() && (cached = find()))
     return std::move(*cached);
-  FirstCode made = compileFirst(source(), wanted, items);
+  FirstCode made = compileSource([&](const Module &module) {
+    return compileFirst(module, wanted, items);
+  });
   watch.lap("compile");
   addTimes(times, made.code.phaseMs, "compile/");
   KernelCache::get().store(made.isQuick ? key : best, made.code);

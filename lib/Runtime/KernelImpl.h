@@ -10,6 +10,7 @@
 #include "Device.h"
 #include "ErrorRecords.h"
 #include "LaneTrial.h"
+#include "LaunchQueue.h"
 #include "WidthPolicy.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
@@ -19,6 +20,7 @@
 
 #include <atomic>
 #include <climits>
+#include <deque>
 #include <functional>
 #include <mutex>
 
@@ -173,6 +175,19 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   std::atomic<const LaunchNeeds *> needs{nullptr};
   std::vector<std::unique_ptr<LaunchNeeds>> needsMade;
 
+  /// A launch whose code another thread makes.
+  struct Order {
+    int device;
+    LaunchDim dim;
+    std::shared_ptr<std::vector<char>> params;
+    int blockDim;
+    std::unique_ptr<CodeTicket> ticket;
+  };
+  ForkMutex ordersMutex;
+  std::deque<Order> orders;
+  /// A thread makes the code of orders, one after the other.
+  bool makesOrders = false;
+
   /// Code from files, tried before the compiler.
   std::vector<std::unique_ptr<SavedKernel>> saved;
 
@@ -182,6 +197,13 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   bool hasSource() const { return !text.empty() || module.getImpl(); }
   /// The module, parsed if need be.
   const Module &source();
+  /// The result of `compile` for the module; on threads of the background for a
+  /// copy, so that no other thread waits meanwhile.
+  template <typename Compile> auto compileSource(Compile &&compile);
+  std::shared_ptr<CodeTicket::State> order(Order order);
+  void makeOrders();
+  /// Throws if the arguments are too many for a GPU.
+  void checkParameterSize(int arch) const;
   /// `text` gets the text with locations if it is printed for this.
   const SourceHashes &hashes(std::string *text = nullptr);
   /// Dimensions of the thread index that the kernel reads.
@@ -267,8 +289,8 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   const DeviceCode *loadScalar(const CompileOptions &wanted, Variant &variant);
   /// Launches run the code without lanes from now on.
   void finishTrial(Variant &variant);
-  /// `wanted`: options of the best code, should it be replaced; null if there is
-  /// no source for that.
+  /// `wanted`: options of the best code, should it be replaced; null if there
+  /// is no source for that.
   void load(Variant &variant, const CompileOptions *wanted);
   /// Loads the best code of a variant, from machine code that is kept if that
   /// is the best.

@@ -10,6 +10,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "BackgroundThread.h"
 #include "FileChecks.h"
 #include "KernelImpl.h"
 #include "MachineCode.h"
@@ -19,6 +20,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
+#include <deque>
 
 using namespace warp;
 
@@ -273,6 +275,43 @@ void Kernel::Impl::raiseNotSaved(const VariantKey &key, int arch) const {
 
 void Kernel::load(int device, int blockDim) { impl->loaded(device, blockDim); }
 
+void Kernel::load(const std::vector<LoadRequest> &requests, int threads) {
+  struct Job {
+    std::shared_ptr<Impl> kernel;
+    int device, blockDim;
+    CodeTicket ticket;
+  };
+  struct Jobs {
+    std::deque<Job> list;
+    std::atomic<size_t> next{0};
+  };
+  auto jobs = std::make_shared<Jobs>();
+  std::vector<std::shared_ptr<CodeTicket::State>> states;
+  for (const LoadRequest &request : requests) {
+    jobs->list.push_back(
+        {request.kernel->impl, request.device, request.blockDim, CodeTicket()});
+    states.push_back(jobs->list.back().ticket.state());
+  }
+  auto run = [jobs] {
+    for (size_t i; (i = jobs->next++) < jobs->list.size();) {
+      Job &job = jobs->list[i];
+      try {
+        job.kernel->loaded(job.device, job.blockDim);
+        job.ticket.finish(nullptr);
+      } catch (...) {
+        job.ticket.finish(std::current_exception());
+      }
+      job.kernel = nullptr;
+    }
+  };
+  size_t tasks = threads > 0 ? std::min<size_t>(threads, requests.size())
+                             : requests.size();
+  for (size_t i = 0; i < tasks; ++i)
+    background::addUrgent(run);
+  jobs = nullptr;
+  waitForCode(states);
+}
+
 VariantKey Kernel::Impl::ordinaryKey(int device, int blockDim) {
   VariantKey key =
       usualKey(hasSource() ? threadRank() : saved[0]->variants[0].rank);
@@ -287,6 +326,9 @@ VariantKey Kernel::Impl::ordinaryKey(int device, int blockDim) {
 
 Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   VariantKey key = ordinaryKey(device, blockDim);
+  // The first launch then finds the variant.
+  if (!hasAccesses)
+    findAccesses();
   Variant *variant = find(key);
   if (!variant)
     variant = make(key, anyItems);
@@ -299,5 +341,7 @@ Kernel::Variant &Kernel::Impl::launched(int device) {
        variant = variant->next)
     if (variant->key.device == device)
       return *variant;
+  if (!hasAccesses)
+    findAccesses();
   return *make(ordinaryKey(device, 0), 1);
 }

@@ -12,6 +12,7 @@
 #include "warp/JitListener.h"
 #include "warp/KernelCache.h"
 #include "warp/LaneTrials.h"
+#include "warp/LaunchQueue.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -89,9 +90,11 @@ static void bindStreams(py::module_ &m) {
       .def(py::init([](const py::object &device, const py::object &priority,
                        const py::object &handle) {
              int index = cudaIndex(device);
-             if (!handle.is_none())
+             if (!handle.is_none()) {
+               shareWithOthers();
                return std::make_shared<Stream>(
                    index, reinterpret_cast<void *>(handle.cast<uintptr_t>()));
+             }
              // The priorities that every device has.
              return std::make_shared<Stream>(
                  index, std::clamp(readPriority(priority), -1, 0));
@@ -102,6 +105,7 @@ static void bindStreams(py::module_ &m) {
       .def_static(
           "from_handle",
           [](int device, uintptr_t handle) {
+            shareWithOthers();
             return std::make_shared<Stream>(device,
                                             reinterpret_cast<void *>(handle));
           },

@@ -7,6 +7,8 @@
 #include "Gil.h"
 
 #include "warp/Background.h"
+#include "warp/Error.h"
+#include "warp/LaunchQueue.h"
 
 #include <pthread.h>
 
@@ -35,12 +37,88 @@ void warp::python::Unlocked::takeLock(PyThreadState *state) {
 /// Called when Python exits, before it ends threads.
 static void beginExit() {
   exitingThread = std::this_thread::get_id();
+  // A launch that nobody waited for may have failed. After an exception of the
+  // program nobody wants to know.
+  std::exception_ptr problem;
+  if (!PySys_GetObject("last_value"))
+    try {
+      warp::finishQueuedLaunches();
+    } catch (...) {
+      problem = std::current_exception();
+    }
   exiting = true;
   PyThreadState *state = PyEval_SaveThread();
   warp::stopBackground();
   while (returning != 0)
     std::this_thread::sleep_for(std::chrono::microseconds(50));
   PyEval_RestoreThread(state);
+  if (problem)
+    std::rethrow_exception(problem);
+}
+
+//===----------------------------------------------------------------------===//
+// Waits for code
+//===----------------------------------------------------------------------===//
+
+/// Function of Python that shows the progress: (done, all), None at the end.
+static PyObject *progressFunction = nullptr;
+
+static void *leavePython() {
+  return !exiting && PyGILState_Check() ? PyEval_SaveThread() : nullptr;
+}
+
+static void enterPython(void *state) {
+  if (state)
+    warp::python::Unlocked::takeLock(static_cast<PyThreadState *>(state));
+}
+
+static void callProgress(const py::object &done, const py::object &all) {
+  if (!progressFunction)
+    return;
+  PyObject *result = PyObject_CallFunctionObjArgs(progressFunction, done.ptr(),
+                                                  all.ptr(), nullptr);
+  if (!result)
+    PyErr_WriteUnraisable(progressFunction);
+  Py_XDECREF(result);
+}
+
+static void pollPython(int done, int all, bool mayThrow) {
+  if (exiting)
+    return;
+  py::gil_scoped_acquire locked;
+  if (mayThrow && PyErr_CheckSignals() != 0)
+    throw py::error_already_set();
+  callProgress(py::int_(done), py::int_(all));
+}
+
+static void endWait() {
+  if (exiting)
+    return;
+  py::gil_scoped_acquire locked;
+  callProgress(py::none(), py::none());
+}
+
+void warp::python::watchWaits(py::module_ &m) {
+  warp::setWaitHooks({leavePython, enterPython, pollPython, endWait});
+  m.def(
+      "set_progress",
+      [](py::object function) {
+        Py_XDECREF(progressFunction);
+        progressFunction =
+            function.is_none() ? nullptr : function.release().ptr();
+      },
+      py::arg("function").none(true),
+      "Function that is told of a wait for the code of launches ten times a "
+      "second: (done, all) kernels, None at its end.");
+  m.def("set_lazy_compile", &warp::setLazyCompile, py::arg("is_lazy"));
+  m.def("set_compile_threads", &warp::setCompileThreads, py::arg("count"));
+  m.def("share_with_others", &warp::shareWithOthers,
+        "Launches wait for their code themselves from now on: other libraries "
+        "use the memory or the streams.");
+  m.def("queued_operations", &warp::queuedOperations,
+        "Launches, and what is behind them, that wait for code.");
+  m.def("finish_queued_launches", &warp::finishQueuedLaunches,
+        "Waits for launches that wait for code, and raises what failed.");
 }
 
 //===----------------------------------------------------------------------===//

@@ -24,11 +24,15 @@ public:
   Unlocked(const Unlocked &) = delete;
   ~Unlocked() { takeLock(state); }
 
-private:
   static void takeLock(PyThreadState *state);
 
+private:
   PyThreadState *state;
 };
+
+/// Lets threads of Python run while one waits for the code of launches, and
+/// tells the runtime of Ctrl-C.
+void watchWaits(pybind11::module_ &m);
 
 /// Makes the exit of the interpreter known; by the thread that will do it.
 void watchExit(pybind11::module_ &m);

@@ -99,6 +99,9 @@ void launchPacked(Kernel &kernel, int device, const LaunchDim &dim, char *block,
   Kernel::Plan plan = kernel.tryPrepare(device, dim, block, blockDim);
   if (plan.items == 0)
     return;
+  if (__builtin_expect(!plan.variant || Kernel::mustQueue(device), 0) &&
+      kernel.queue(plan, device, dim, block, stream, blockDim))
+    return;
   if (!plan.variant) {
     auto hold = makeHold();
     Unlocked unlocked;

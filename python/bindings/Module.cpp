@@ -30,5 +30,6 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindGraph(m);
   warp::python::bindDlpack(m);
   warp::python::bindXlaFfi(m);
+  warp::python::watchWaits(m);
   warp::python::watchExit(m);
 }

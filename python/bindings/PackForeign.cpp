@@ -14,6 +14,7 @@
 #include "Pack.h"
 
 #include "warp/Device.h"
+#include "warp/LaunchQueue.h"
 
 #include <climits>
 #include <cstring>
@@ -148,6 +149,7 @@ static std::string describe(const Interface &found) {
 /// false if there is nothing to wait for. Work that is recorded into a graph
 /// runs later, and cannot wait for other streams.
 static bool waitForWriter(const py::dict &fields, int device) {
+  shareWithOthers();
   if (capturesInProgress || !fields.contains("stream") ||
       fields["stream"].is_none())
     return false;

@@ -181,9 +181,9 @@ void PackedLaunch::makePlan() {
 void PackedLaunch::launch(PyObject *other) {
   if (hasStructs)
     readStructs();
-  if (!planned)
+  if (!planned && isHost(device))
     makePlan();
-  if (plan.items == 0)
+  if (planned && plan.items == 0)
     return;
   if (capturesInProgress) {
     hold(device, owner.ptr());
@@ -193,6 +193,16 @@ void PackedLaunch::launch(PyObject *other) {
   }
   const Stream *where =
       asStream(other && other != Py_None ? other : stream.ptr());
+  if (!isHost(device) && (!planned || Kernel::mustQueue(device))) {
+    if (!planned)
+      plan = native().tryPrepare(device, dim, bytes(), blockDim);
+    if (native().queue(plan, device, dim, bytes(), where, blockDim))
+      return;
+    if (!planned)
+      makePlan();
+    if (plan.items == 0)
+      return;
+  }
   auto makeHold = [this] { return arguments; };
   if (!copies)
     return runPlan(native(), plan, bytes(), where, makeHold);

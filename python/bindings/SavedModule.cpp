@@ -133,6 +133,19 @@ void python::bindSavedModule(py::module_ &m) {
       },
       py::arg("kernel"), py::arg("device"), py::arg("block_dim") = 0,
       "Compiles and loads what an ordinary launch needs.");
+  m.def(
+      "load_kernels",
+      [](const std::vector<std::tuple<py::object, int, int>> &jobs,
+         int threads) {
+        std::vector<Kernel::LoadRequest> requests;
+        for (const auto &[object, device, blockDim] : jobs)
+          requests.push_back({&kernelOf(object), device, blockDim});
+        warp::python::Unlocked unlocked;
+        Kernel::load(requests, threads);
+      },
+      py::arg("jobs"), py::arg("threads") = 0,
+      "The same for each (kernel, device, block_dim), on so many threads at "
+      "most; 0 is one per processor.");
   m.def("save_module", saveModule, py::arg("path"), py::arg("name"),
         py::arg("kernels"), py::arg("arch"), py::arg("device") = defaultDevice,
         "Writes the code of (kernel, name) pairs; arch 0 is the CPU.");

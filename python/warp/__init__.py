@@ -186,6 +186,7 @@ from warp._src.kernels.launch import Launch as Launch
 from warp._src.kernels.launch import launch as launch
 from warp._src.kernels.maps import map as map
 from warp._src.kernels.modules import Module as Module
+from warp._src.kernels.modules import compile as compile
 from warp._src.kernels.modules import force_load as force_load
 from warp._src.kernels.modules import get_module as get_module
 from warp._src.kernels.modules import get_module_options as get_module_options

@@ -24,7 +24,7 @@ from warp._src.argument_kinds import NUMBER as _NUMBER
 from warp._src.argument_kinds import TEXT as _TEXT
 from warp._src.arguments import checked as _checked
 
-# What the ends of names of files stand for.
+# Meaning of the ends of file names.
 _KINDS = {"code": "code", "machine": "machine code of GPUs", "kernel": "translations"}
 _DAY = 86400
 

@@ -150,7 +150,7 @@ TEST_F(MachineCodeTest, AForeignEntryCountsAsAbsent) {
   std::string other = "\177ELF of another card";
   storeMachineCode(key, {kept->entry, {other.begin(), other.end()}, true});
   EXPECT_EQ(run(), 2);
-  // Of another kernel.
+  // An entry of another kernel.
   storeMachineCode(key, {"other", kept->binary, true});
   EXPECT_EQ(run(), 2);
   EXPECT_EQ(run(), 0);

@@ -316,7 +316,7 @@ TEST_F(SavedModuleTest, PropertiesComeFromTheDriver) {
   EXPECT_EQ(found.localMemory, 16);
   EXPECT_EQ(found.sharedMemory, 1024);
   EXPECT_EQ(found.blocksPerMultiprocessor, 8);
-  // Of the code that launches have, made before or now.
+  // The code is that of launches, made before or now.
   EXPECT_EQ(kernel.suggestedBlock(0), std::make_pair(128, 264));
   Kernel other(Module::fromText(addText), "add", options);
   EXPECT_EQ(other.suggestedBlock(0), std::make_pair(256, 264));

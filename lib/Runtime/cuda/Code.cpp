@@ -7,6 +7,7 @@
 #include "Code.h"
 
 #include "Device.h"
+#include "Runtime/LaunchQueue.h"
 #include "Support.h"
 #include "warp/Error.h"
 #include "warp/LibraryCode.h"
@@ -116,6 +117,7 @@ cuda::Result warp::queueKernel(cuda::Function function,
 }
 
 void CudaDevice::assemble(Code &code) {
+  BehindNothing exempt;
   cuda::ContextScope scope(index);
   const cuda::Driver &driver = *cuda::driver();
   std::string ptx(code.binary.begin(), code.binary.end());

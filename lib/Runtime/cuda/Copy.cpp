@@ -12,9 +12,11 @@
 #include "Device.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
+#include "Runtime/LaunchQueue.h"
 
 #include <algorithm>
 #include <cstring>
+#include <vector>
 
 using namespace warp;
 using cuda::Pointer;
@@ -23,6 +25,9 @@ using cuda::StreamHandle;
 //===----------------------------------------------------------------------===//
 // Copies
 //===----------------------------------------------------------------------===//
+
+/// Bytes of the host that a copy keeps while it waits for launches, at most.
+static constexpr size_t mostStaged = size_t(1) << 20;
 
 static void copyPeer(Pointer dst, int dstDevice, Pointer src, int srcDevice,
                      size_t bytes, const Stream *stream) {
@@ -51,6 +56,22 @@ void CudaDevice::copy(void *dst, Device &to, const void *src, Device &from,
   auto source = reinterpret_cast<Pointer>(src);
   if (!to.isHost() && !from.isHost() && &to != &from)
     return copyPeer(target, to.index, source, from.index, bytes, stream);
+  // The source may change as soon as this returns.
+  if (mustQueue() && (to.isHost() || !from.isHost() || bytes <= mostStaged)) {
+    if (to.isHost()) {
+      finishLaunches();
+    } else {
+      std::shared_ptr<std::vector<char>> staged;
+      auto *given = static_cast<const char *>(src);
+      if (from.isHost())
+        staged = std::make_shared<std::vector<char>>(given, given + bytes);
+      queueBehind([this, dst, &to, src, &from, bytes, staged,
+                   where = laterStream(index, stream)] {
+        copy(dst, to, staged ? staged->data() : src, from, bytes, where());
+      });
+      return;
+    }
+  }
   QueuedWork work(index, stream);
   if (from.isHost())
     return WARP_CUDA(memcpyHtoDAsync, target, src, bytes, work.stream());
@@ -93,6 +114,12 @@ static void copyNest(const CopyNest &nest, int level, char *dst,
 
 void CudaDevice::copyStrided(const CopyNest &nest, size_t,
                              const Stream *stream) {
+  if (mustQueue()) {
+    queueBehind([this, nest, where = laterStream(index, stream)] {
+      copyStrided(nest, 0, where());
+    });
+    return;
+  }
   if (copyByKernel(nest, index, stream))
     return;
   QueuedWork work(index, stream);
@@ -143,6 +170,14 @@ static void fillCuda(Pointer dst, int device, const char *pattern, size_t size,
 
 void CudaDevice::fill(void *dst, const void *pattern, size_t size, size_t count,
                       const Stream *stream) {
+  if (mustQueue()) {
+    auto *bytes = static_cast<const char *>(pattern);
+    queueBehind([this, dst, kept = std::vector<char>(bytes, bytes + size),
+                 count, where = laterStream(index, stream)] {
+      fill(dst, kept.data(), kept.size(), count, where());
+    });
+    return;
+  }
   QueuedWork work(index, stream);
   fillCuda(reinterpret_cast<Pointer>(dst), index,
            static_cast<const char *>(pattern), size, count, work.stream());
@@ -168,6 +203,8 @@ template <typename Queue> static void doOutsideGraphs(int device, Queue queue) {
 }
 
 void CudaDevice::initialize(void *dst, const void *contents, size_t bytes) {
+  // Nothing that waits uses the memory.
+  BehindNothing exempt;
   auto to = reinterpret_cast<Pointer>(dst);
   if (!warp::isCapturing(index))
     return contents ? upload(dst, index, contents, bytes)

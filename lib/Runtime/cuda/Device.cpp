@@ -10,6 +10,7 @@
 #include "Device.h"
 
 #include "GraphImpl.h"
+#include "Runtime/LaunchQueue.h"
 
 #include <algorithm>
 #include <string>
@@ -173,6 +174,7 @@ void *warp::cudaContext(int device) {
 }
 
 void CudaDevice::synchronize() {
+  finishLaunches();
   checkNotCapturing(index, "wait for");
   {
     cuda::ContextScope scope(index);

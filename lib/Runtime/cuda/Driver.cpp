@@ -7,6 +7,7 @@
 #include "Driver.h"
 
 #include "Device.h"
+#include "Runtime/LaunchQueue.h"
 #include "Support.h"
 
 #include <cstring>
@@ -179,6 +180,8 @@ void cuda::raise(Result result, const char *call) {
 }
 
 ContextScope::ContextScope(int device) {
+  if (mustQueue())
+    drainLaunches();
   Context wanted = contextOf(device);
   WARP_CUDA(ctxGetCurrent, &previous);
   if (previous == wanted)

@@ -21,6 +21,7 @@
 #include "GraphImpl.h"
 #include "GraphRewrite.h"
 #include "GraphVerify.h"
+#include "Runtime/LaunchQueue.h"
 #include "warp/Forks.h"
 
 #include <map>
@@ -265,6 +266,7 @@ void CudaGraph::writeDot(const std::string &path, bool verbose) const {
 std::unique_ptr<CaptureBase>
 CudaDevice::beginCapture(std::shared_ptr<Stream> stream, CaptureMode mode,
                          bool external) {
+  finishLaunches();
   if (!stream)
     stream = currentStream();
   if (!cuda::graphDriver().supportsGraphs)
@@ -307,6 +309,8 @@ static StreamHandle handleOf(int device, const Stream *stream) {
 bool CudaCapture::records(const Stream *other) const {
   if (!current)
     return true;
+  // The caller has a lock, and has looked at the stream before.
+  BehindNothing exempt;
   cuda::ContextScope scope(device());
   return Position(handleOf(device(), other)).graph == current;
 }
@@ -364,6 +368,7 @@ CudaCapture::~CudaCapture() {
 }
 
 std::shared_ptr<Graph> CudaCapture::end() {
+  finishLaunches();
   if (!running)
     throw captureError(device(), "it has ended already");
   if (!paused.empty())

@@ -82,6 +82,7 @@ static bool mayWaitForPredecessor(const Code &code) {
 
 std::unique_ptr<DeviceCode> CudaDevice::load(const Kernel::Variant &variant,
                                              Code &code) {
+  BehindNothing exempt;
   cuda::ContextScope scope(index);
   cuda::RelaxedCaptures relaxed;
   auto entry = std::make_unique<CudaEntry>(*this);
@@ -108,6 +109,7 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
   std::optional<MachineCode> found = findMachineCode(key);
   if (!found || found->entry != code.entry)
     return nullptr;
+  BehindNothing exempt;
   cuda::ContextScope scope(index);
   cuda::RelaxedCaptures relaxed;
   auto entry = std::make_unique<CudaEntry>(*this);
@@ -129,6 +131,7 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
                       const DeviceCode &loaded) {
   if (callsLibrary(code))
     return;
+  BehindNothing exempt;
   cuda::ContextScope scope(index);
   cuda::RelaxedCaptures relaxed;
   std::string key = machineCodeKey(code, info.arch);
@@ -144,10 +147,10 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
   cuda::Function linked = trial.function(code.entry);
   setDynamicBytes(variant, linked);
   // Only stacks and registers can differ.
-  machine.isBest = residentBlocks(variant, linked) >=
-                       residentBlocks(variant, whole) &&
-                   attributeOf(linked, cuda::functionLocalSize) <=
-                       attributeOf(whole, cuda::functionLocalSize);
+  machine.isBest =
+      residentBlocks(variant, linked) >= residentBlocks(variant, whole) &&
+      attributeOf(linked, cuda::functionLocalSize) <=
+          attributeOf(whole, cuda::functionLocalSize);
   storeMachineCode(key, machine);
 }
 
@@ -156,6 +159,8 @@ static void unload(int device, CudaCode loaded) {
   if (keepForCapture(device, [=] { unload(device, loaded); }))
     return;
   try {
+    // Launches that wait keep their kernel.
+    BehindNothing exempt;
     cuda::ContextScope scope(device);
     // The code must not go while it runs.
     cuda::driver()->ctxSynchronize();
@@ -170,6 +175,7 @@ CudaEntry::~CudaEntry() {
 }
 
 int CudaEntry::maxThreads() const {
+  BehindNothing exempt;
   cuda::ContextScope scope(owner.index);
   return attributeOf(function, cuda::functionMaxThreads);
 }

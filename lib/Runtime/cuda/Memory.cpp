@@ -12,6 +12,7 @@
 #include "Device.h"
 #include "GraphDriver.h"
 #include "Runtime/Allocation.h"
+#include "Runtime/LaunchQueue.h"
 
 using namespace warp;
 using cuda::Pointer;
@@ -101,7 +102,21 @@ std::pair<void *, MemoryKind> CudaDevice::allocate(size_t bytes, bool pinned,
   if (pinned)
     return {allocatePinned(index, bytes), MemoryKind::Pinned};
   bool fromPool = false;
-  auto *memory = reinterpret_cast<void *>(allocateOwn(bytes, fromPool, stream));
+  Pointer address = 0;
+  try {
+    // Frees that wait give nothing back yet, so new memory is used by nothing
+    // that waits.
+    BehindNothing exempt;
+    address = allocateOwn(bytes, fromPool, stream);
+  } catch (const Error &error) {
+    if (error.kind != Error::Kind::Memory || !mustQueue())
+      throw;
+  }
+  if (!address) {
+    drainLaunches();
+    address = allocateOwn(bytes, fromPool, stream);
+  }
+  auto *memory = reinterpret_cast<void *>(address);
   return {memory, fromPool ? MemoryKind::Pool : MemoryKind::Device};
 }
 

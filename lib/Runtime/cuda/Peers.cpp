@@ -13,6 +13,7 @@
 #include "warp/Peers.h"
 
 #include "Device.h"
+#include "Runtime/LaunchQueue.h"
 
 #include <algorithm>
 
@@ -131,6 +132,7 @@ MemoryKind CudaDevice::kindOf(const void *memory) {
   if (!memory)
     return MemoryKind::Unknown;
   const cuda::Driver *driver = cuda::driver();
+  BehindNothing exempt;
   cuda::ContextScope scope(index);
   unsigned type = 0;
   cuda::Result result = driver->pointerGetAttribute(

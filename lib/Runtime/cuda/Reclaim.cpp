@@ -22,6 +22,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Device.h"
+#include "Runtime/LaunchQueue.h"
 #include "warp/Forks.h"
 
 #include <algorithm>
@@ -93,6 +94,8 @@ static void waitFor(CudaDevice &state, StreamUse &use) {
 }
 
 std::vector<EventHandle> warp::eventsOfStreams(int device) {
+  // Before locks that operations take.
+  drainLaunches();
   CudaDevice &state = cudaDevice(device);
   std::lock_guard lock(state.mutex);
   std::vector<EventHandle> events;
@@ -168,6 +171,7 @@ void CudaDevice::reclaimStream(StreamUse &use, bool destroyed) {
 }
 
 void CudaDevice::join(const Stream &stream) {
+  drainLaunches();
   std::lock_guard lock(mutex);
   cuda::ContextScope scope(index);
   StreamHandle handle = afterAllWork(*this);
@@ -227,6 +231,10 @@ static void freeNow(CudaDevice &state, const PeerWork &peers,
 }
 
 void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
+  if (mustQueue()) {
+    queueBehind([=] { reclaimDevice(device, memory, pooled); });
+    return;
+  }
   CudaDevice &state = cudaDevice(device);
   PeerWork peers(device);
   cuda::ContextScope scope(device);
@@ -321,11 +329,13 @@ static void trim(PinnedList &list, size_t limit) {
 }
 
 void warp::trimPinned() {
+  drainLaunches();
   std::lock_guard lock(pinnedList().mutex);
   trim(pinnedList(), 0);
 }
 
 void *warp::recyclePinned(size_t bytes) {
+  drainLaunches();
   PinnedList &list = pinnedList();
   std::lock_guard lock(list.mutex);
   for (size_t i = 0; i < list.blocks.size(); ++i) {
@@ -341,6 +351,7 @@ void *warp::recyclePinned(size_t bytes) {
 }
 
 void warp::reclaimPinned(void *memory, size_t bytes) {
+  drainLaunches();
   PinnedBlock block{memory, bytes, {}};
   recordEvents(block);
   PinnedList &list = pinnedList();

@@ -10,6 +10,7 @@
 #include "Device.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
+#include "Runtime/LaunchQueue.h"
 
 #include <algorithm>
 
@@ -47,6 +48,8 @@ void *CudaDevice::makeStream(int priority) {
 void CudaDevice::releaseStream(const Stream &stream, bool destroy) {
   if (cuda::isForked())
     return;
+  // Operations there name the stream.
+  drainLaunches();
   reclaimStream(*stream.use(), destroy);
   // At exit the driver may be gone already; there is nobody to tell.
   if (destroy)
@@ -76,11 +79,13 @@ int CudaDevice::priorityOf(const Stream &stream) {
 }
 
 bool CudaDevice::isComplete(const Stream &stream) {
+  finishLaunches();
   ContextScope scope(index);
   return isDone(cuda::driver()->streamQuery(raw(stream)), "streamQuery");
 }
 
 void CudaDevice::synchronize(const Stream &stream) {
+  finishLaunches();
   if (capturesInProgress && isCapturing(stream))
     checkNotCapturing(index, "wait for a stream of");
   {
@@ -94,6 +99,7 @@ void CudaDevice::synchronizeBusyStreams() {
   // Waiting would end a capture; what it recorded does not run yet.
   if (cuda::isForked() || warp::isCapturing(index))
     return;
+  finishLaunches();
   // Other threads may queue work meanwhile, or destroy a stream.
   for (EventHandle event : eventsOfStreams(index)) {
     ContextScope scope(index);
@@ -133,6 +139,9 @@ IpcHandle CudaDevice::exportEvent(const Event &event) {
 }
 
 void CudaDevice::destroyEvent(const Event &event) {
+  auto *handle = raw(event);
+  if (queueBehind([handle] { cuda::driver()->eventDestroy(handle); }))
+    return;
   cuda::driver()->eventDestroy(raw(event));
 }
 
@@ -144,6 +153,15 @@ static unsigned externalFlag(const Stream &stream, bool external) {
 
 void CudaDevice::record(const Event &event, const Stream &stream,
                         bool external) {
+  // A graph that is captured may take the event for one of its edges.
+  if (!capturesInProgress && mustQueue()) {
+    auto *handle = raw(event);
+    queueBehind([this, handle, where = laterStream(index, &stream)] {
+      ContextScope scope(index);
+      WARP_CUDA(eventRecord, handle, raw(*where()));
+    });
+    return;
+  }
   ContextScope scope(index);
   if (unsigned flag = externalFlag(stream, external))
     WARP_CUDA_GRAPH(recordEvent, raw(event), raw(stream), flag);
@@ -152,17 +170,27 @@ void CudaDevice::record(const Event &event, const Stream &stream,
 }
 
 void CudaDevice::wait(const Stream &stream, const Event &event, bool external) {
+  if (!capturesInProgress && mustQueue()) {
+    auto *handle = raw(event);
+    queueBehind([this, handle, where = laterStream(index, &stream)] {
+      ContextScope scope(index);
+      WARP_CUDA(streamWaitEvent, raw(*where()), handle, 0);
+    });
+    return;
+  }
   ContextScope scope(index);
   WARP_CUDA(streamWaitEvent, raw(stream), raw(event),
             externalFlag(stream, external));
 }
 
 bool CudaDevice::isComplete(const Event &event) {
+  finishLaunches();
   ContextScope scope(index);
   return isDone(cuda::driver()->eventQuery(raw(event)), "eventQuery");
 }
 
 void CudaDevice::synchronize(const Event &event) {
+  finishLaunches();
   {
     ContextScope scope(index);
     WARP_CUDA(eventSynchronize, raw(event));
@@ -171,6 +199,7 @@ void CudaDevice::synchronize(const Event &event) {
 }
 
 float CudaDevice::elapsed(const Event &start, const Event &end) {
+  finishLaunches();
   ContextScope scope(index);
   float milliseconds = 0;
   WARP_CUDA(eventElapsedTime, &milliseconds, raw(start), raw(end));

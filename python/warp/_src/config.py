@@ -214,6 +214,28 @@ SETTINGS = {
             "print a line to stderr as soon as something overwrites what the gradient of a "
             "recorded launch depends on",
         ),
+        Setting(
+            "lazy_compile",
+            bool,
+            True,
+            "first launches on GPUs return before their code is there, which threads make; "
+            "`wp.synchronize`, or whatever else needs a result, waits for it and raises errors of "
+            "the compiler. Off while `verbose` is on, in debug mode, and once another library uses "
+            "the memory",
+        ),
+        Setting(
+            "compile_threads",
+            _MAYBE_INT,
+            None,
+            "threads that make code for launches on GPUs; None is one per processor, 16 at most",
+        ),
+        Setting(
+            "progress",
+            _MAYBE_BOOL,
+            None,
+            "show a bar while a call waits for more than two seconds for kernels to be compiled; "
+            "None shows it in terminals and notebooks",
+        ),
         Setting("cache_kernels", bool, True, "keep compiled kernels on disk"),
         Setting(
             "kernel_cache_dir",
@@ -245,7 +267,12 @@ SETTINGS = {
             "for a while, and keep the quicker; never of kernels with atomics, whose sums would "
             "round in another way",
         ),
-        Setting("load_module_max_workers", _MAYBE_INT, 0, "threads that compile; 0 is serial"),
+        Setting(
+            "load_module_max_workers",
+            _MAYBE_INT,
+            None,
+            "threads that compile what `wp.load_module` loads; 0 is serial, None one per processor",
+        ),
         Setting(
             "deterministic",
             (bool, str, DeterministicMode),

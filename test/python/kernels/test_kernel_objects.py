@@ -196,6 +196,13 @@ def test_verbose_reports_times(config, device, capsys):
     wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err.startswith("kernel 'twice': ")
+    # All time of the launch has a name; parts of a phase are named "phase/part".
+    words = captured.err.removeprefix("kernel 'twice': ").removesuffix(" ms\n").split(", ")
+    times = {name: float(value) for name, value in (word.rsplit(" ", 1) for word in words)}
+    whole = times.pop("in all")
+    phases = [value for name, value in times.items() if "/" not in name]
+    assert {"translate", "other"} <= times.keys()
+    assert abs(sum(phases) - whole) <= 0.1 * (len(phases) + 1)
     wp.launch(twice, 1, [wp.zeros(1, device=device)], device=device)
     assert capsys.readouterr().err == ""
 

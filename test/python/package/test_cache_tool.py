@@ -116,7 +116,7 @@ def test_wrong_arguments(folder, tmp_path):
 
 
 def test_a_use_counts(folder):
-    """What a process has read was used now."""
+    """A process that reads an entry uses it."""
     make_old(folder, 10)
     assert programs.run(PROGRAM, WARP_CACHE_PATH=folder)[0] == 0
     assert call(folder, "clear", "--older-than", "9")[1] == "0 files removed\n"

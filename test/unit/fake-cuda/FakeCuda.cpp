@@ -13,12 +13,14 @@
 #include "FakeGraphs.h"
 
 #include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <mutex>
 #include <string>
+#include <thread>
 #include <utility>
 
 using namespace fake;
@@ -50,6 +52,20 @@ int fake::note(const char *call, void *stream) {
   return fault;
 }
 
+static std::mutex orderMutex;
+static std::string order;
+void fake::noteOrder(const char *work) {
+  std::lock_guard<std::mutex> lock(orderMutex);
+  order += (order.empty() ? "" : " ") + std::string(work);
+}
+/// The work queued since the last time: "launch fill copy record wait free".
+EXPORT const char *fakeCudaTakeOrder() {
+  static std::string taken;
+  std::lock_guard<std::mutex> lock(orderMutex);
+  taken = std::exchange(order, {});
+  return taken.c_str();
+}
+
 EXPORT const char *fakeCudaLastLaunch() { return lastLaunch.c_str(); }
 EXPORT const void *fakeCudaLastParams() { return lastParams; }
 /// Launches of kernels that may start before the one before them has ended.
@@ -66,6 +82,10 @@ EXPORT int fakeCudaLinkedObjects() { return linkedObjects; }
 static std::atomic<int> assemblies{0};
 static int linkedStack = 16;
 EXPORT int fakeCudaAssemblies() { return assemblies; }
+/// Code is loaded while the gate is open, and if the driver takes any.
+static std::atomic<bool> isGateOpen{true}, takesCode{true};
+EXPORT void fakeCudaSetGate(bool isOpen) { isGateOpen = isOpen; }
+EXPORT void fakeCudaSetTakesCode(bool takes) { takesCode = takes; }
 EXPORT void fakeCudaSetLinkedStack(int bytes) { linkedStack = bytes; }
 EXPORT void fakeCudaSetLinksObjects(bool links) { linksObjects = links; }
 /// The calls since the last time.
@@ -181,6 +201,7 @@ EXPORT int cuStreamSynchronize(void *stream) {
   return fault;
 }
 EXPORT int cuStreamWaitEvent(void *stream, void *event, unsigned) {
+  noteOrder("wait");
   fakeWaitEvent(stream, event);
   return note("wait", stream);
 }
@@ -193,6 +214,7 @@ EXPORT int cuEventDestroy_v2(void *event) {
   return success;
 }
 EXPORT int cuEventRecord(void *event, void *stream) {
+  noteOrder("record");
   fakeRecordEvent(event, stream);
   return note("record", stream);
 }
@@ -258,6 +280,10 @@ EXPORT int cuLibraryLoadData(void **library, const void *image, int *options,
                              void **values, unsigned count, int *, void **,
                              unsigned) {
   std::string code = static_cast<const char *>(image);
+  while (!isGateOpen)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  if (!takesCode)
+    return 218;
   if (int result = checkCode(code, count, options, values))
     return result;
   assemblies += !isMachineCode(code);
@@ -338,6 +364,7 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
   std::snprintf(text, sizeof(text), "(%u, %u, %u) x (%u, %u, %u)", gx, gy, gz,
                 bx, by, bz);
   std::string launch = text;
+  noteOrder("launch");
   if (fakeRecord(
           stream, [=] { return lastLaunch = launch, fault; }, true,
           isProgrammatic))

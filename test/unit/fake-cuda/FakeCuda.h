@@ -24,6 +24,8 @@ extern int fault;
 
 /// Writes a call down with the number of its stream; returns the fault.
 int note(const char *call, void *stream);
+/// Writes down that work was queued, for `fakeCudaTakeOrder`.
+void noteOrder(const char *work);
 
 } // namespace fake
 

@@ -217,6 +217,7 @@ EXPORT int cuMemAllocAsync(uint64_t *out, size_t bytes, void *stream) {
   return stream ? allocate(out, bytes) : invalidValue;
 }
 EXPORT int cuMemFreeAsync(uint64_t address, void *stream) {
+  noteOrder("free");
   if (!stream || fakeIsCapturing(stream))
     fakeInvalidateCaptures();
   if (int result = note("free", stream))
@@ -241,6 +242,7 @@ EXPORT int cuMemHostGetDevicePointer_v2(uint64_t *out, void *memory, unsigned) {
 }
 EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
                                 void *stream) {
+  noteOrder("upload");
   RECORDED(stream, cuMemcpyHtoDAsync_v2(to, from, bytes, nullptr))
   std::lock_guard<std::mutex> lock(mutex);
   if (fault)
@@ -252,6 +254,7 @@ EXPORT int cuMemcpyHtoDAsync_v2(uint64_t to, const void *from, size_t bytes,
 }
 EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes,
                                 void *stream) {
+  noteOrder("download");
   RECORDED(stream, cuMemcpyDtoHAsync_v2(to, from, bytes, nullptr))
   std::lock_guard<std::mutex> lock(mutex);
   if (fault)
@@ -263,6 +266,7 @@ EXPORT int cuMemcpyDtoHAsync_v2(void *to, uint64_t from, size_t bytes,
 }
 EXPORT int cuMemcpyDtoDAsync_v2(uint64_t to, uint64_t from, size_t bytes,
                                 void *stream) {
+  noteOrder("copy");
   RECORDED(stream, cuMemcpyDtoDAsync_v2(to, from, bytes, nullptr))
   std::lock_guard<std::mutex> lock(mutex);
   if (!isDevice(from, bytes) || !isDevice(to, bytes))
@@ -292,6 +296,7 @@ EXPORT int cuMemcpy2DAsync_v2(const Copy2D *copy, void *stream) {
 }
 EXPORT int cuMemsetD8Async(uint64_t to, unsigned char value, size_t count,
                            void *stream) {
+  noteOrder("fill");
   RECORDED(stream, cuMemsetD8Async(to, value, count, nullptr))
   return fill(to, value, count);
 }
@@ -302,6 +307,7 @@ EXPORT int cuMemsetD16Async(uint64_t to, unsigned short value, size_t count,
 }
 EXPORT int cuMemsetD32Async(uint64_t to, unsigned value, size_t count,
                             void *stream) {
+  noteOrder("fill");
   RECORDED(stream, cuMemsetD32Async(to, value, count, nullptr))
   return fill(to, value, count);
 }

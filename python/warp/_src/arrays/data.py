@@ -238,6 +238,7 @@ def _from_cuda(target, data, interface, dtype, shape, device, pinned, copy):
     if interface.get("mask") is not None:
         raise errors.WarpTypeError("an array with a mask cannot be used as data")
     where = _cuda_device_of(data)
+    _native.share_with_others()
     if interface.get("stream") is not None:
         exchange.wait_for(interface["stream"], where)
     pointer, read_only = interface["data"]

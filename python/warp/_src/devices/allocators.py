@@ -129,6 +129,8 @@ def set_device_allocator(device, allocator: Allocator | None) -> None:
     device = devices.get_device(device)
     if not device.is_cuda:
         raise RuntimeError(f"expects a CUDA device for an allocator, but got '{device}'")
+    # It gets memory back at once, whatever launches wait for their code.
+    _native.share_with_others()
     _check(allocator)
     if allocator is None:
         custom_allocators.pop(device.index, None)

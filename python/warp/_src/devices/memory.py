@@ -248,6 +248,7 @@ def ipc_handle(array) -> bytes:
     """The bytes with which another process uses the memory of an array, see `from_ipc_handle`."""
     if array.device_index == devices.CPU:
         raise RuntimeError("expects an array on a CUDA device to share with another process")
+    _native.share_with_others()
     handle, offset = _native.export_memory(array.device_index, array.ptr or 0)
     return handle + (offset.to_bytes(8, "little") if offset else b"")
 

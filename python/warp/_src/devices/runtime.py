@@ -57,8 +57,30 @@ def _set_threads(count) -> None:
         os.environ["WARP_NUM_THREADS"] = str(count)
 
 
+def _set_lazy(value=None) -> None:
+    _native.set_lazy_compile(config.lazy_compile and not config.verbose)
+
+
+def _set_compile_threads(count) -> None:
+    _native.set_compile_threads(max(count or 0, 0))
+
+
+def _show_progress(done, all_kernels) -> None:
+    from warp._src.kernels.progress import show
+
+    show(done, all_kernels)
+
+
 def connect() -> None:
     """Hands settings, notices and type names to the runtime."""
+    for name in ("lazy_compile", "verbose"):
+        settings.on_change(name, _set_lazy)
+    settings.on_change("compile_threads", _set_compile_threads)
+    _native.set_progress(_show_progress)
+    if not config.lazy_compile or config.verbose:
+        _set_lazy()
+    if config.compile_threads:
+        _set_compile_threads(config.compile_threads)
     _native.set_type_resolver(_type_text)
     _native.set_notice_handler(_notice)
     settings.on_change("kernel_cache_dir", _set_cache_directory)

@@ -123,6 +123,7 @@ def _moved(array, dl_device, copy):
 
 def _order(index, stream) -> None:
     """Makes the consumer's stream wait for ours."""
+    _native.share_with_others()
     if stream is None:
         stream = exchange.LEGACY_STREAM
     if isinstance(stream, bool) or not hasattr(stream, "__index__"):

@@ -101,6 +101,7 @@ def alias(cls, pointer, layout, index, owner, pinned=False, read_only=False):
 
 def current_handle(index: int) -> int:
     """The current stream of a device, as other libraries name it."""
+    _native.share_with_others()
     return _native.current_stream(index).cuda_stream or LEGACY_STREAM
 
 
@@ -111,6 +112,7 @@ def _is_recording(index: int) -> bool:
 
 def let_wait(handle: int, index: int) -> None:
     """Lets a foreign stream wait for all work on the current stream of a device."""
+    _native.share_with_others()
     current = _native.current_stream(index)
     if handle != (current.cuda_stream or LEGACY_STREAM) and not _is_recording(index):
         _native.Stream.from_handle(index, handle).wait_stream(current)
@@ -118,6 +120,7 @@ def let_wait(handle: int, index: int) -> None:
 
 def wait_for(handle: int, index: int) -> None:
     """Lets the current stream of a device wait for all work on a foreign stream."""
+    _native.share_with_others()
     current = _native.current_stream(index)
     if handle != (current.cuda_stream or LEGACY_STREAM) and not _is_recording(index):
         current.wait_stream(_native.Stream.from_handle(index, handle))

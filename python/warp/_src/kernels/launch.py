@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 import typing
 
 from warp import _native, config
@@ -147,6 +148,7 @@ def _launch_checked(
 ):
     """The same with all checks, for the first launch and for what the fast path leaves."""
     _check_kernel(kernel)
+    begin = time.perf_counter() if config.verbose else 0.0
     if device is None and stream is not None:
         index = stream.device_index
     else:
@@ -161,6 +163,7 @@ def _launch_checked(
         native = kernel.specialize((*inputs, *outputs), block_dim)
     else:
         native = kernel.prepare(block_dim)
+    translated = time.perf_counter() if config.verbose else 0.0
     wished = block_dim
     if kernel.hooks:
         kernel.check((*inputs, *outputs), index)
@@ -185,7 +188,7 @@ def _launch_checked(
     if config.verify_fp:
         _verify(kernel, native, (*inputs, *outputs))
     if config.verbose:
-        _report(kernel, native)
+        _report(kernel, native, translated - begin, time.perf_counter() - begin)
     return None
 
 
@@ -224,14 +227,27 @@ def _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, reco
     return None
 
 
-def _report(kernel, native) -> None:
-    """Prints where the time of a compilation went, once."""
+def _report(kernel, native, translating, launching) -> None:
+    """Prints where the time of a launch that compiled something went.
+
+    Args:
+        translating, launching: seconds that the launch took to translate the function, and in all.
+    """
     found = native.compile_times()
-    if vars(kernel).get("_reported") == found:
+    known = vars(kernel).setdefault("_reported", {})
+    if known.get(native) == found:
         return
-    vars(kernel)["_reported"] = found
-    times = {name: f"{value:.1f}" for name, value in found.items()}
-    shown = ", ".join(f"{name} {value}" for name, value in times.items())
+    before = known.get(native, {})
+    if len(known) >= 16:
+        known.clear()
+    known[native] = found
+    times = {"translate": 1000.0 * translating}
+    times |= {name: value - before.get(name, 0.0) for name, value in found.items()}
+    # Parts of a phase are named below it.
+    spent = sum(value for name, value in times.items() if "/" not in name)
+    times["other"] = max(1000.0 * launching - spent, 0.0)
+    times["in all"] = 1000.0 * launching
+    shown = ", ".join(f"{name} {value:.1f}" for name, value in times.items())
     print(f"kernel '{kernel.key}': {shown} ms", file=sys.stderr)
 
 

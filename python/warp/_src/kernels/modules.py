@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import types
 import warnings
@@ -11,7 +10,7 @@ import weakref
 from warp import _native, config
 from warp._src import arguments, errors
 from warp._src import config as settings
-from warp._src.argument_kinds import DICT, MODULE, MODULES, TEXT, above
+from warp._src.argument_kinds import DICT, KERNEL, LIST, MODULE, MODULES, TEXT, above
 from warp._src.arguments import checked
 from warp._src.devices import devices
 from warp._src.kernels.build_options import Build, ModuleBuildOptions
@@ -248,13 +247,8 @@ def load_kernels(natives, device, block_dim=None, max_workers=None) -> None:
         chosen = [devices.get_device(one) for one in (device if several else [device])]
     jobs = [(native, one.index, block_dim or 0) for one in chosen for native in natives]
     workers = config.load_module_max_workers if max_workers is None else max_workers
-    if workers is None:
-        workers = os.cpu_count() or 1
-    if workers > 1 and len(jobs) > 1:
-        from concurrent import futures
-
-        with futures.ThreadPoolExecutor(workers) as pool:
-            list(pool.map(lambda job: _native.load_kernel(*job), jobs))
+    if (workers is None or workers > 1) and len(jobs) > 1:
+        _native.load_kernels(jobs, workers or 0)
     else:
         for job in jobs:
             _native.load_kernel(*job)
@@ -329,6 +323,38 @@ def force_load(device=None, modules=None, block_dim=None, max_workers=None) -> N
     for module in all_modules() if modules is None else modules:
         natives += _named(module).natives()
     load_kernels(natives, device, block_dim, max_workers)
+
+
+@checked(kernels=LIST | KERNEL)
+def compile(kernels, device=None, block_dim=None) -> None:
+    """Compiles kernels before their first launch, on all processors.
+
+    A launch of another kind than the usual one (over arrays that are not packed, or of another
+    rank than the kernel asks `wp.tid` for) still compiles code of its own.
+
+    Args:
+        kernels: a kernel, or a list of them; of a generic one, the instances made so far.
+        device: device or devices, by default the current one.
+        block_dim: CUDA threads per block that launches will ask for.
+
+    Raises:
+        TypeError: something in `kernels` is no kernel.
+        WarpCodegenError: a kernel cannot be translated.
+
+    Example:
+        >>> wp.compile([integrate, collide], "cpu")  # doctest: +SKIP
+    """
+    natives = []
+    for kernel in kernels if isinstance(kernels, (list, tuple)) else [kernels]:
+        if not KERNEL.fits(kernel):
+            raise errors.WarpTypeError(
+                f"compile: expects kernels, but got '{type(kernel).__name__}'"
+            )
+        try:
+            natives += kernel.specializations if kernel.is_generic else [kernel.prepare()]
+        except errors.WarpCodegenError as problem:
+            raise problem.with_traceback(None) from problem.__cause__
+    load_kernels(natives, devices.get_device() if device is None else device, block_dim)
 
 
 def kernel_name(func) -> str:

@@ -1,0 +1,326 @@
+//===- LaunchQueue.cpp - Operations behind code that is missing -----------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#include "LaunchQueue.h"
+
+#include "BackgroundThread.h"
+#include "warp/Device.h"
+#include "warp/Error.h"
+#include "warp/Forks.h"
+
+#include <chrono>
+#include <deque>
+#include <new>
+#include <pthread.h>
+#include <vector>
+
+using namespace warp;
+
+std::atomic<int> warp::waitingOperations{0};
+std::atomic<bool> warp::hasErrors{false};
+thread_local int warp::behindNothing = 0;
+
+/// Operations that wait, at most: a program that never synchronises does not
+/// fill the memory of the host.
+static constexpr int mostWaiting = 1 << 14;
+
+/// Time between two looks at signals.
+static constexpr std::chrono::milliseconds pollTime{100};
+
+//===----------------------------------------------------------------------===//
+// Tickets
+//===----------------------------------------------------------------------===//
+
+namespace {
+/// Kernels since nothing was waiting, and how many have their code.
+struct Progress {
+  std::atomic<int> all{0}, done{0};
+};
+} // namespace
+static Progress progress;
+
+CodeTicket::CodeTicket() { ++progress.all; }
+
+CodeTicket::~CodeTicket() {
+  if (shared && !shared->isReady)
+    finish(std::make_exception_ptr(
+        Error(Error::Kind::Runtime, "the process ends")));
+}
+
+void CodeTicket::finish(std::exception_ptr error) {
+  ++progress.done;
+  std::lock_guard lock(shared->mutex);
+  shared->error = std::move(error);
+  shared->isReady.store(true, std::memory_order_release);
+  shared->changed.notify_all();
+}
+
+//===----------------------------------------------------------------------===//
+// The queue
+//===----------------------------------------------------------------------===//
+
+namespace {
+struct Operation {
+  std::function<void()> run;
+  std::shared_ptr<CodeTicket::State> code;
+};
+
+struct Queue {
+  Queue();
+  void add(Operation operation);
+  void drain(bool mayWait, bool mayThrow);
+  /// The first operation; false if there is none. `missing` gets its code if
+  /// that is not there yet.
+  bool take(Operation &operation, std::shared_ptr<CodeTicket::State> &missing);
+  void keep(std::exception_ptr error);
+  void raise();
+
+  ForkMutex mutex;
+  std::deque<Operation> operations;
+  std::vector<std::exception_ptr> errors;
+  /// Held by the thread that does operations. No `ForkMutex`: it waits.
+  std::mutex drainer;
+  std::atomic<bool> isLazy{true}, isShared{false};
+  WaitHooks hooks;
+
+  static Queue &get() {
+    static auto *queue = new Queue;
+    return *queue;
+  }
+};
+
+/// The caller's language lets other threads run meanwhile.
+class Leave {
+public:
+  explicit Leave(const WaitHooks &hooks)
+      : hooks(hooks), state(hooks.leave ? hooks.leave() : nullptr) {}
+  ~Leave() {
+    if (hooks.enter)
+      hooks.enter(state);
+  }
+
+private:
+  const WaitHooks &hooks;
+  void *state;
+};
+} // namespace
+
+Queue::Queue() {
+  // GPUs are of no use in a child, and what others held is not freed there.
+  pthread_atfork(nullptr, nullptr, [] {
+    Queue &queue = get();
+    new (&queue.operations) std::deque<Operation>;
+    new (&queue.errors) std::vector<std::exception_ptr>;
+    new (&queue.drainer) std::mutex;
+    waitingOperations = 0;
+  });
+}
+
+void Queue::add(Operation operation) {
+  std::lock_guard lock(mutex);
+  operations.push_back(std::move(operation));
+  ++waitingOperations;
+}
+
+bool Queue::take(Operation &operation,
+                 std::shared_ptr<CodeTicket::State> &missing) {
+  std::lock_guard lock(mutex);
+  if (operations.empty())
+    return false;
+  Operation &first = operations.front();
+  if (first.code && !first.code->isReady.load(std::memory_order_acquire)) {
+    missing = first.code;
+    return true;
+  }
+  operation = std::move(first);
+  operations.pop_front();
+  return true;
+}
+
+void Queue::keep(std::exception_ptr error) {
+  std::lock_guard lock(mutex);
+  errors.push_back(std::move(error));
+  hasErrors = true;
+}
+
+namespace {
+/// Waits for code, and lets the caller's language look at signals.
+class Wait {
+public:
+  Wait(const WaitHooks &hooks, bool mayThrow)
+      : hooks(hooks), mayThrow(mayThrow) {}
+  ~Wait() {
+    if (polled && hooks.ended)
+      hooks.ended();
+  }
+  void operator()(CodeTicket::State &code) {
+    std::unique_lock lock(code.mutex);
+    while (!code.changed.wait_for(lock, pollTime,
+                                  [&] { return code.isReady.load(); })) {
+      lock.unlock();
+      if (hooks.poll) {
+        polled = true;
+        hooks.poll(progress.done, progress.all, mayThrow);
+      }
+      lock.lock();
+    }
+  }
+
+private:
+  const WaitHooks &hooks;
+  bool mayThrow, polled = false;
+};
+} // namespace
+
+void Queue::drain(bool mayWait, bool mayThrow) {
+  std::unique_ptr<Leave> leave;
+  if (mayWait)
+    leave = std::make_unique<Leave>(hooks);
+  std::unique_lock alone(drainer, std::defer_lock);
+  if (mayWait)
+    alone.lock();
+  else if (!alone.try_lock())
+    return;
+  BehindNothing exempt;
+  Wait wait(hooks, mayThrow);
+  for (;;) {
+    Operation operation;
+    std::shared_ptr<CodeTicket::State> missing;
+    if (!take(operation, missing))
+      break;
+    if (missing) {
+      if (!mayWait)
+        return;
+      wait(*missing);
+      continue;
+    }
+    try {
+      if (operation.code && operation.code->error)
+        std::rethrow_exception(operation.code->error);
+      operation.run();
+    } catch (...) {
+      keep(std::current_exception());
+    }
+    // Before others know that it is done.
+    operation = {};
+    --waitingOperations;
+  }
+  progress.all = progress.done = 0;
+}
+
+void Queue::raise() {
+  std::exception_ptr first;
+  {
+    std::lock_guard lock(mutex);
+    if (errors.empty())
+      return;
+    first = errors.front();
+    // Launches of one kernel fail alike.
+    auto textOf = [](const std::exception_ptr &error) -> std::string {
+      try {
+        std::rethrow_exception(error);
+      } catch (const Error &known) {
+        return known.message;
+      } catch (...) {
+        return "";
+      }
+    };
+    std::string text = textOf(first);
+    std::erase_if(errors, [&](const std::exception_ptr &error) {
+      return error == first || (!text.empty() && textOf(error) == text);
+    });
+    hasErrors = !errors.empty();
+  }
+  std::rethrow_exception(first);
+}
+
+//===----------------------------------------------------------------------===//
+// Interface
+//===----------------------------------------------------------------------===//
+
+bool warp::queueBehind(std::function<void()> operation) {
+  if (!mustQueue())
+    return false;
+  queueLaunch(std::move(operation), nullptr);
+  return true;
+}
+
+void warp::queueLaunch(std::function<void()> operation,
+                       std::shared_ptr<CodeTicket::State> code) {
+  Queue &queue = Queue::get();
+  queue.add({std::move(operation), std::move(code)});
+  queue.drain(/*mayWait=*/waitingOperations > mostWaiting, /*mayThrow=*/false);
+}
+
+std::function<const Stream *()> warp::laterStream(int device,
+                                                  const Stream *stream) {
+  // A stream that goes drains the queue first.
+  if (stream)
+    return [stream] { return stream; };
+  BehindNothing exempt;
+  return [current = currentStream(device)] { return current.get(); };
+}
+
+void warp::waitForCode(
+    const std::vector<std::shared_ptr<CodeTicket::State>> &list) {
+  const WaitHooks &hooks = Queue::get().hooks;
+  Leave leave(hooks);
+  {
+    Wait wait(hooks, /*mayThrow=*/true);
+    for (const auto &code : list)
+      wait(*code);
+  }
+  if (waitingOperations == 0)
+    progress.all = progress.done = 0;
+  for (const auto &code : list)
+    if (code->error)
+      std::rethrow_exception(code->error);
+}
+
+void warp::drainLaunches() {
+  if (mustQueue())
+    Queue::get().drain(/*mayWait=*/true, /*mayThrow=*/false);
+}
+
+void warp::drainReady() {
+  if (mustQueue())
+    Queue::get().drain(/*mayWait=*/false, /*mayThrow=*/false);
+}
+
+void warp::finishLaunches() {
+  if (mustQueue())
+    Queue::get().drain(/*mayWait=*/true, /*mayThrow=*/true);
+  if (behindNothing == 0)
+    raiseKept();
+}
+
+void warp::raiseKept() {
+  if (hasErrors.load(std::memory_order_relaxed))
+    Queue::get().raise();
+}
+
+void warp::setLazyCompile(bool isLazy) {
+  Queue::get().isLazy = isLazy;
+  if (!isLazy)
+    drainLaunches();
+}
+
+bool warp::isLazyCompile() {
+  Queue &queue = Queue::get();
+  return queue.isLazy && !queue.isShared;
+}
+
+void warp::setCompileThreads(int count) { background::setUrgentThreads(count); }
+
+void warp::shareWithOthers() {
+  Queue::get().isShared = true;
+  drainLaunches();
+}
+
+void warp::finishQueuedLaunches() { finishLaunches(); }
+int warp::queuedOperations() { return waitingOperations; }
+
+void warp::setWaitHooks(WaitHooks hooks) { Queue::get().hooks = hooks; }
