@@ -158,8 +158,10 @@ public:
   }
   void operator()(CodeTicket::State &code) {
     std::unique_lock lock(code.mutex);
-    while (!code.changed.wait_for(lock, pollTime,
-                                  [&] { return code.isReady.load(); })) {
+    // A steady clock would need glibc 2.30.
+    while (!code.changed.wait_until(lock,
+                                    std::chrono::system_clock::now() + pollTime,
+                                    [&] { return code.isReady.load(); })) {
       lock.unlock();
       if (hooks.poll) {
         polled = true;
