@@ -50,8 +50,8 @@ using warp::HiddenArgument;
 
 namespace {
 
-/// Passes without options of a derivative. They are kept for the life of the
-/// process: to build a canonicalizer's patterns takes longer than to run it.
+/// Passes without options of a derivative. A context keeps them: to build a
+/// canonicalizer's patterns takes longer than to run it.
 struct Stages {
   Stages() {
     warp::addInlining(inlining);
@@ -61,10 +61,7 @@ struct Stages {
       stage->enableVerifier(false);
   }
 
-  static Stages &get() {
-    static auto *stages = new Stages;
-    return *stages;
-  }
+  static Stages &get() { return warp::currentContext().passes<Stages>(); }
 
   PassManager inlining{&warp::compilerContext()};
   PassManager prepare{&warp::compilerContext()};

@@ -66,10 +66,8 @@ struct FailureRecorder : PassInstrumentation {
   std::string wanted, before, failed;
 };
 
-} // namespace
-
 /// The pass managers of a context; building patterns once saves milliseconds.
-struct warp::PassManagers {
+struct PassManagers {
   PassManagers() {
     auto create = [&](Phase phase) {
       auto pm = std::make_unique<PassManager>(&compilerContext());
@@ -88,16 +86,13 @@ struct warp::PassManagers {
   }
 
   /// With the lock of the context held.
-  static PassManagers &get() {
-    std::shared_ptr<PassManagers> &made = currentContext().passes;
-    if (!made)
-      made = std::make_shared<PassManagers>();
-    return *made;
-  }
+  static PassManagers &get() { return currentContext().passes<PassManagers>(); }
 
   std::vector<std::unique_ptr<PassManager>> managers;
   std::vector<FailureRecorder *> recorders;
 };
+
+} // namespace
 
 /// True if a thread may take long: it works on tiles, whose elements are lanes,
 /// or has a loop.

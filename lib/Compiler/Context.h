@@ -21,12 +21,11 @@
 #include "mlir/IR/MLIRContext.h"
 #include "mlir/IR/OwningOpRef.h"
 
+#include <map>
 #include <memory>
 #include <mutex>
 
 namespace warp {
-
-struct PassManagers;
 
 /// A context, with the dialects that front-end IR uses loaded.
 struct CompilerContext {
@@ -35,8 +34,20 @@ struct CompilerContext {
   mlir::MLIRContext mlir;
   /// Held while IR is built, parsed, printed, transformed or destroyed.
   RecursiveForkMutex mutex;
-  /// Made at the first compilation.
-  std::shared_ptr<PassManagers> passes;
+
+  /// The pass managers of a kind, which belong to one context; made at the
+  /// first use, with the lock held.
+  template <class T> T &passes() {
+    static const char kind = 0;
+    if (auto found = kept.find(&kind); found != kept.end())
+      return *static_cast<T *>(found->second.get());
+    auto made = std::make_shared<T>();
+    kept[&kind] = made;
+    return *made;
+  }
+
+private:
+  std::map<const void *, std::shared_ptr<void>> kept;
 };
 
 /// The context of this thread: that of the process, or its own.

@@ -34,16 +34,22 @@ static int64_t countAtomicSums(ModuleOp module) {
   return count;
 }
 
+namespace {
+struct Gathering {
+  Gathering() {
+    passes.enableVerifier(false);
+    warp::addGathering(passes);
+  }
+
+  PassManager passes{&warp::compilerContext()};
+};
+} // namespace
+
 /// Takes sums apart from the rest, and simplifies both.
 static void split(ModuleOp module) {
-  static auto *passes = [] {
-    auto *pm = new PassManager(&warp::compilerContext());
-    pm->enableVerifier(false);
-    warp::addGathering(*pm);
-    return pm;
-  }();
   warp::Diagnostics diagnostics;
-  if (failed(passes->run(module)) || failed(verify(module)))
+  auto &gathering = warp::currentContext().passes<Gathering>();
+  if (failed(gathering.passes.run(module)) || failed(verify(module)))
     throw diagnostics.toError(Error::Kind::Compile,
                               "the adjoint cannot be taken apart");
 }
