@@ -67,6 +67,7 @@ struct Graph {
   std::vector<std::unique_ptr<Node>> nodes;
   /// The nodes of the bodies inside.
   std::vector<std::unique_ptr<Graph>> bodies;
+  bool hasExecutable = false;
 
   Node *add(std::function<int()> call, int type = copyNode) {
     nodes.push_back(std::make_unique<Node>(Node{std::move(call), type}));
@@ -302,6 +303,10 @@ EXPORT int cuGraphAddChildGraphNode(Node **node, Graph *graph,
 static int programmaticEdges = 0;
 EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
                                        unsigned long long) {
+  // One executable alone of a graph with branches or loops.
+  if (graph->hasExecutable && !graph->bodies.empty())
+    return notSupported;
+  graph->hasExecutable = true;
   *exec = graph;
   programmaticEdges = 0;
   for (const auto &node : graph->nodes)
