@@ -217,7 +217,7 @@ SETTINGS = {
         Setting(
             "lazy_compile",
             bool,
-            True,
+            False,
             "first launches on GPUs return before their code is there, which threads make; "
             "`wp.synchronize`, or whatever else needs a result, waits for it and raises errors of "
             "the compiler. Off while `verbose` is on, in debug mode, and once another library uses "

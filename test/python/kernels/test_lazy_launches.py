@@ -31,6 +31,7 @@ BEGIN = """
 import numpy as np, os, sys, threading, time
 import warp as wp
 from warp import _native
+wp.config.lazy_compile = True
 
 def make(number):
     @wp.kernel(module="unique")
@@ -290,14 +291,15 @@ def test_a_bar_after_two_seconds(monkeypatch, capsys):
 def test_environment(gpu):
     """Settings of the environment reach the runtime."""
     program = programs.write_program(
-        BEGIN
+        BEGIN.replace("wp.config.lazy_compile = True", "print(wp.config.lazy_compile)")
         + """
 x = wp.zeros(100, dtype=float, device="cuda:0")
 wp.launch(make(1), 100, [x], device="cuda:0")
 print(_native.queued_operations())
 """
     )
-    status, out, err = programs.run(program, WARP_LAZY_COMPILE=0, **gpu)
-    assert status == 0, err
-    assert out.split() == ["0"]
+    for value, shown in (("0", "False"), ("1", "True")):
+        status, out, err = programs.run(program, WARP_LAZY_COMPILE=value, **gpu)
+        assert status == 0, err
+        assert out.split()[0] == shown and (value == "1" or out.split()[1] == "0")
     assert os.environ.get("WARP_LAZY_COMPILE") is None
