@@ -164,14 +164,15 @@ def test_a_graph_cannot_join_parts_of_unknown_sparsity(monkeypatch):
     from warp._src.fem.assembly import pattern
 
     monkeypatch.setattr(pattern, "ENTRIES", 64)
-    geo = fem.Grid2D(res=wp.vec2i(6, 5))
-    space = fem.make_polynomial_space(geo, degree=1)
-    fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
-    with wp.ScopedCapture(device="cpu"):
-        with pytest.raises(RuntimeError, match="call `integrate` once before it, or"):
-            fem.integrate(product, fields=fields)
-    fem.pattern(fields["v"], fields["u"])
-    with wp.ScopedCapture(device="cpu") as capture:
-        matrix = fem.integrate(product, fields=fields)
-    wp.capture_launch(capture.graph)
-    assert matrix.values.numpy().sum() == pytest.approx(1.0, rel=1e-6)
+    with wp.ScopedDevice("cpu"):
+        geo = fem.Grid2D(res=wp.vec2i(6, 5))
+        space = fem.make_polynomial_space(geo, degree=1)
+        fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+        with wp.ScopedCapture(device="cpu"):
+            with pytest.raises(RuntimeError, match="call `integrate` once before it, or"):
+                fem.integrate(product, fields=fields)
+        fem.pattern(fields["v"], fields["u"])
+        with wp.ScopedCapture(device="cpu") as capture:
+            matrix = fem.integrate(product, fields=fields)
+        wp.capture_launch(capture.graph)
+        assert matrix.values.numpy().sum() == pytest.approx(1.0, rel=1e-6)

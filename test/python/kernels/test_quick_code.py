@@ -46,9 +46,9 @@ def run(kernel, count=40, trips=7):
 
 
 def launch_until_better(folder, launch, seconds=60.0):
-    """Launches until a second piece of code is in the cache."""
+    """Launches until a second piece of code is in the cache; lanes may have a third, to compare."""
     end = time.monotonic() + seconds
-    while codes(folder) != 2:
+    while codes(folder) < 2:
         assert time.monotonic() < end, f"after {seconds} s the cache has {codes(folder)} pieces"
         for _ in range(200):
             launch()

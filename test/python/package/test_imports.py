@@ -63,6 +63,7 @@ def test_nothing_imports_the_public_names():
         "utils",
     )
     libraries = (
+        "warp.compare.",
         "warp.fem.",
         "warp.examples.",
         "warp.report.",

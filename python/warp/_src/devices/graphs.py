@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import enum
 import threading
+import typing
 
 from warp import _native, config
 from warp._src import errors
@@ -22,11 +23,13 @@ from warp._src.arrays.observers import Observers
 from warp._src.derivatives import handles
 from warp._src.devices import devices
 from warp._src.devices.devices import get_device
-from warp._src.devices.graph_schedules import GraphSchedule
 from warp._src.kernels.captured_reads import check_settled
 from warp._src.kernels.modules import force_load
 from warp._src.types.dtypes import type_size_in_bytes
 from warp._src.types.scalars import int32
+
+if typing.TYPE_CHECKING:
+    from warp._src.devices.graph_schedules import GraphSchedule
 
 hooks.check_settled = check_settled
 
@@ -123,6 +126,8 @@ class Graph:
                 "the graph keeps the order of its recording: capture it with `optimize=True` to "
                 "have a schedule"
             )
+        from warp._src.devices.graph_schedules import GraphSchedule
+
         return GraphSchedule.of(found)
 
     @checked()
