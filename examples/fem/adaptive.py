@@ -115,7 +115,8 @@ def draw(u, axes):
     cut = (low[:, 2] <= 0.5) & (high[:, 2] > 0.5)
     corners = [(low, low), (high, low), (high, high), (low, high)]
     squares = np.stack([np.stack([a[cut, 0], b[cut, 1]], -1) for a, b in corners], 1)
-    cells = PolyCollection(squares, array=values[cut].mean(axis=1), edgecolor="gray", linewidth=0.3)
+    colors = values[cut].mean(axis=1)
+    cells = PolyCollection(list(squares), array=colors, edgecolor="gray", linewidth=0.3)
     axes.add_collection(cells)
     axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xticks=(), yticks=())
 
@@ -132,7 +133,8 @@ def main():
     print("| grid | cells | smallest cell | time [s] | L2 error | error to that of fine cells |")
     print("| --- | --- | --- | --- | --- | --- |")
     with wp.ScopedDevice(options.device):
-        n, kinds = options.cells, {"uniform": [], "adaptive": []}
+        n, solutions = options.cells, []
+        kinds: dict[str, list[tuple[int, float]]] = {"uniform": [], "adaptive": []}
         grids = [
             ("uniform", n * 2**k, fem.Nanogrid(volume_of(n * 2**k)))
             for k in range(options.levels + 1)
@@ -140,13 +142,14 @@ def main():
         grids += [("adaptive", n * 2**k, adaptive(n, k)) for k in range(1, options.levels + 1)]
         for kind, size, geo in grids:
             seconds, u, error = solve(geo)
+            solutions.append(u)
             kinds[kind].append((geo.cell_count(), error))
             same = (
                 "-" if kind == "uniform" else f"{error / kinds['uniform'][len(kinds[kind])][1]:.3f}"
             )
             numbers = f"1/{size} | {seconds:.2f} | {error:.2e} | {same}"
             print(f"| {kind} | {geo.cell_count()} | {numbers} |")
-    draw(u, axes[0])
+    draw(solutions[-1], axes[0])
     for kind, found in kinds.items():
         axes[1].loglog(*zip(*found, strict=True), "o-", label=kind)
     axes[1].set(xlabel="cells", title="L2 error")

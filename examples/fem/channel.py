@@ -19,6 +19,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patches import Circle
 
 import warp as wp
 from warp import fem
@@ -68,23 +69,24 @@ def mesh(k):
         [np.linspace(0.0, 0.1, 2 * k + 1)[:-1], np.linspace(0.1, 0.3, 4 * k + 1)[:-1]]
     )
     y = np.concatenate([y, np.linspace(0.3, HEIGHT, 2 * k + 1)])
-    points, cells = [], []
+    grids: list[np.ndarray] = []
+    squares: list[np.ndarray] = []
 
     def add(grid, wraps):
-        first = sum(len(p) for p in points)
+        first = sum(len(p) for p in grids)
         number = first + np.arange(grid[..., 0].size).reshape(grid.shape[:2])
         number = np.concatenate([number, number[:, :1]], 1) if wraps else number
         corners = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-        points.append(grid.reshape(-1, 2))
-        cells.append(np.stack(corners, -1))
+        grids.append(grid.reshape(-1, 2))
+        squares.append(np.stack(corners, -1))
 
     add(np.stack(np.meshgrid(x, y, indexing="ij"), -1), False)
     inside = slice(2 * k, 6 * k)
-    keep = np.ones(cells[0].shape[:2], bool)
+    keep = np.ones(squares[0].shape[:2], bool)
     keep[inside, inside] = False
-    cells[0] = cells[0][keep]
+    squares[0] = squares[0][keep]
     add(ring(k), True)
-    points, cells = np.concatenate(points), np.concatenate([c.reshape(-1, 4) for c in cells])
+    points, cells = np.concatenate(grids), np.concatenate([c.reshape(-1, 4) for c in squares])
     _, kept, place = np.unique(np.round(points, 9), axis=0, return_index=True, return_inverse=True)
     used, cells = np.unique(place.reshape(-1)[cells], return_inverse=True)
     return points[kept][used], cells.reshape(-1, 4)
@@ -166,7 +168,7 @@ def draw(channel, slow, path):
         axes, (slow, channel.u.dof_values.numpy()), ("Stokes", "Re = 20"), strict=True
     ):
         ax.tripcolor(*x.T, np.linalg.norm(u, axis=1), shading="gouraud")
-        ax.add_patch(plt.Circle((CENTER, CENTER), RADIUS, color="white"))
+        ax.add_patch(Circle((CENTER, CENTER), RADIUS, color="white"))
         ax.set(aspect="equal", xticks=(), yticks=(), title=title)
     figure.tight_layout()
     figure.savefig(path, dpi=80)

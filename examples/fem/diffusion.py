@@ -114,17 +114,19 @@ def main():
     figure, axes = plt.subplots(1, 3, figsize=(9, 3))
     print("| cells | nodes | steps | time [s] | L2 error | order | lost heat |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
+    found = []
     with wp.ScopedDevice(options.device):
         for make, style in ((triangles, "--"), (squares, "-")):
             sizes, errors = [options.steps * 2**k for k in range(3)], []
             for steps in sizes:
-                found = solve(make(options.cells), 4, steps)
-                seconds, space, values, error, lost = found
+                found.append(solve(make(options.cells), 4, steps))
+                seconds, space, _, error, lost = found[-1]
                 errors.append(error)
                 order = f"{math.log2(errors[-2] / error):.2f}" if len(errors) > 1 else "-"
                 numbers = f"{seconds:.2f} | {error:.2e} | {order} | {lost:.1e}"
                 print(f"| {make.__name__} | {space.node_count()} | {steps} | {numbers} |")
             axes[2].loglog(sizes, errors, style, marker="o", label=make.__name__)
+    _, space, values, _, _ = found[-1]
     draw(axes[0], space, values[0], f"t = {BEGIN}")
     draw(axes[1], space, values[1], f"t = {END}")
     axes[2].set(xlabel="steps", title="L2 error")

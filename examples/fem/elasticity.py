@@ -132,7 +132,8 @@ def main():
     parser.add_argument("--output", type=Path, default=OUTPUT)
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
-    ratios, errors = (0.3, 0.49, 0.4999, 0.499999, 0.5), {1: [], 2: []}
+    ratios, solutions = (0.3, 0.49, 0.4999, 0.499999, 0.5), []
+    errors: dict[int, list[float]] = {1: [], 2: []}
     print("| method | cells | Poisson's ratio | time [s] | relative error |")
     print("| --- | --- | --- | --- | --- |")
     with wp.ScopedDevice(options.device):
@@ -142,8 +143,10 @@ def main():
                 bulk = 2.0 * MU * ratio / (1.0 - 2.0 * ratio) if ratio < 0.5 else math.inf
                 seconds, field, error = solve(geo, degree, bulk)
                 errors[degree].append(error)
+                solutions.append(field)
                 print(f"| {name} | {geo.cell_count()} | {ratio} | {seconds:.2f} | {error:.2e} |")
     figure, axes = plt.subplots(1, 2, figsize=(8, 3.5))
+    field = solutions[-1]
     x, u = field.space.node_positions().numpy(), field.dof_values.numpy()
     mesh = Triangulation(*x.T)
     mesh.set_mask(np.linalg.norm(x[mesh.triangles].mean(axis=1), axis=1) < INNER)

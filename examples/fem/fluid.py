@@ -31,8 +31,8 @@ def momentum(
     s: fem.Sample,
     domain: fem.Domain,
     v: fem.Field,
-    velocities: wp.array(dtype=wp.vec2d),
-    slopes: wp.array(dtype=wp.mat22d),
+    velocities: wp.array[wp.vec2d],
+    slopes: wp.array[wp.mat22d],
 ):
     """Momentum of particles at nodes, by their affine velocities."""
     p = s.qp_index
@@ -56,9 +56,9 @@ def read_grid(
     domain: fem.Domain,
     u: fem.Field,
     dt: wp.float64,
-    positions: wp.array(dtype=wp.vec2d),
-    velocities: wp.array(dtype=wp.vec2d),
-    slopes: wp.array(dtype=wp.mat22d),
+    positions: wp.array[wp.vec2d],
+    velocities: wp.array[wp.vec2d],
+    slopes: wp.array[wp.mat22d],
 ):
     """Velocities of particles by those of the grid; they move along."""
     p = s.qp_index
@@ -69,12 +69,12 @@ def read_grid(
 
 @wp.kernel
 def to_velocity(
-    masses: wp.array(dtype=wp.float64),
-    points: wp.array(dtype=wp.vec2d),
+    masses: wp.array[wp.float64],
+    points: wp.array[wp.vec2d],
     push: wp.vec2d,
     has_walls: bool,
-    momenta: wp.array(dtype=wp.vec2d),
-    mobility: wp.array(dtype=wp.mat22d),
+    momenta: wp.array[wp.vec2d],
+    mobility: wp.array[wp.mat22d],
 ):
     """Velocities of nodes, and their inverse masses; walls hold components across them."""
     i = wp.tid()

@@ -37,9 +37,9 @@ def momentum(
     domain: fem.Domain,
     v: fem.Field,
     dt: float,
-    velocities: wp.array(dtype=wp.vec2),
-    slopes: wp.array(dtype=wp.mat22),
-    stresses: wp.array(dtype=wp.mat22),
+    velocities: wp.array[wp.vec2],
+    slopes: wp.array[wp.mat22],
+    stresses: wp.array[wp.mat22],
 ):
     """Momentum after a step of stress and gravity."""
     p = s.qp_index
@@ -49,9 +49,7 @@ def momentum(
 
 
 @wp.kernel
-def to_velocity(
-    masses: wp.array(dtype=float), points: wp.array(dtype=wp.vec2), momenta: wp.array(dtype=wp.vec2)
-):
+def to_velocity(masses: wp.array[float], points: wp.array[wp.vec2], momenta: wp.array[wp.vec2]):
     """Velocities of nodes; the floor is rough, walls are smooth."""
     i = wp.tid()
     u, x = wp.vec2(), points[i]
@@ -88,11 +86,11 @@ def read_grid(
     s: fem.Sample,
     u: fem.Field,
     dt: float,
-    positions: wp.array(dtype=wp.vec2),
-    velocities: wp.array(dtype=wp.vec2),
-    slopes: wp.array(dtype=wp.mat22),
-    deformations: wp.array(dtype=wp.mat22),
-    stresses: wp.array(dtype=wp.mat22),
+    positions: wp.array[wp.vec2],
+    velocities: wp.array[wp.vec2],
+    slopes: wp.array[wp.mat22],
+    deformations: wp.array[wp.mat22],
+    stresses: wp.array[wp.mat22],
 ):
     """Velocities, their gradients, deformations and stresses of grains; grains move along."""
     p = s.qp_index

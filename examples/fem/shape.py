@@ -26,11 +26,11 @@ from warp.optim import LBFGS, linear
 
 OUTPUT = Path(__file__).resolve().parents[2] / "build" / "demo"
 WAVES = wp.constant(6)
-REALS = wp.array(dtype=wp.float64)
+REALS = wp.array[wp.float64]
 
 
 @wp.kernel
-def place(series: REALS, flat: wp.array(dtype=wp.vec2d), positions: wp.array(dtype=wp.vec2d)):
+def place(series: REALS, flat: wp.array[wp.vec2d], positions: wp.array[wp.vec2d]):
     """Points of a disk, moved along their rays as far as the boundary is."""
     i = wp.tid()
     x, radius = flat[i], wp.float64(1.0)
@@ -52,7 +52,7 @@ def load(s: fem.Sample, v: fem.Field):
 
 
 @wp.kernel
-def fix(places: wp.array(dtype=int), values: REALS):
+def fix(places: wp.array[int], values: REALS):
     """The solution is held at nodes of the boundary by large numbers on the diagonal."""
     values[places[wp.tid()]] += wp.float64(1e10)
 

@@ -130,6 +130,7 @@ def main():
     print("| degree | cells | degrees of freedom | time [s] | L2 error | order | change of mass |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     figure, axes = plt.subplots(1, 2, figsize=(7, 3.2))
+    solutions = []
     with wp.ScopedDevice(options.device):
         for degree in (1, 2, 3):
             sizes, errors = (options.cells, 2 * options.cells), []
@@ -138,10 +139,12 @@ def main():
                 steps = math.ceil(0.6 * n ** ((degree + 1) / 2))
                 seconds, u, error, change = solve(n, degree, steps)
                 errors.append(error)
+                solutions.append(u)
                 order = f"{math.log2(errors[0] / error):.2f}" if len(errors) > 1 else "-"
                 numbers = f"{seconds:.2f} | {error:.2e} | {order} | {change:.1e}"
                 print(f"| {degree} | {n * n} | {u.space.node_count()} | {numbers} |")
             axes[1].semilogy(sizes, errors, "o-", label=f"degree {degree}")
+    u = solutions[-1]
     x, y = u.space.node_positions().numpy().T
     axes[0].tripcolor(x, y, u.dof_values.numpy(), shading="gouraud")
     angles = np.linspace(0.0, END, 50)

@@ -136,7 +136,7 @@ private:
     Own = 16,
     /// The iteration, or the moment: the same for threads that run in step.
     Moment = 32,
-    /// Where the group is in the launch.
+    /// The place of the group in the launch.
     Place = 64,
     /// A value that other threads may have written; it is also time-varying.
     Written = 128,

@@ -122,7 +122,7 @@ std::string warp::sourceHash(const Module &module) {
   return hashOf(module.text());
 }
 
-/// Where a quoted string, at whose first quote `text` begins, has ended.
+/// The length of the quoted string at whose first quote `text` begins.
 static size_t endOfString(StringRef text) {
   size_t i = 1;
   while (i < text.size() && text[i] != '"')
@@ -130,7 +130,7 @@ static size_t endOfString(StringRef text) {
   return std::min(i + 1, text.size());
 }
 
-/// Where parentheses, with the first of which `text` begins, have closed.
+/// The length of the parentheses with the first of which `text` begins.
 static size_t endOfParentheses(StringRef text) {
   size_t i = 0;
   for (int open = 0; i < text.size(); ++i) {

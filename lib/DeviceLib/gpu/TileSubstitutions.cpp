@@ -5,7 +5,7 @@
 // Columns of the right side are shared by the warps of a block; lanes have
 // every 32nd row of one. A row of a block is divided by its diagonal before the
 // block is solved, so that a step waits for nothing but the number before.
-// Where there are more right sides than warps, TileColumnSolves.cpp is faster.
+// With more right sides than warps TileColumnSolves.cpp is faster.
 //
 //===----------------------------------------------------------------------===//
 
