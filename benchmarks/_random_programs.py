@@ -93,4 +93,7 @@ def make(seed, kind):
     # Sizes of users are round as often as not.
     if rng.random() < 0.5 and size > 32:
         size = 1 << (size.bit_length() - 1)
+    if program.end == "strided" and size % 7 == 0:
+        # Each thread has an element of its own.
+        size += 1
     return replace(program, size=max(size, 1))
