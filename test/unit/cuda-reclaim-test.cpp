@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "DeviceSuite.h"
 #include "Runtime/Support.h"
 #include "Runtime/cuda/Device.h"
 #include "warp/MemoryTracker.h"
@@ -16,22 +17,15 @@
 
 #include <cstdlib>
 #include <cstring>
-#include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <string>
 #include <sys/wait.h>
 #include <unistd.h>
 
 using namespace warp;
-
-static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+using namespace warp::test;
 
 namespace {
-
-template <typename Fn> Fn *fakeSymbol(const char *name) {
-  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
-  return library ? reinterpret_cast<Fn *>(dlsym(library, name)) : nullptr;
-}
 
 class Reclaim : public testing::Test {
 protected:

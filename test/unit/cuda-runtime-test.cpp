@@ -8,6 +8,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "DeviceSuite.h"
 #include "Runtime/cuda/Kernel.h"
 #include "warp/Background.h"
 #include "warp/Graph.h"
@@ -16,7 +17,6 @@
 
 #include <cstdlib>
 #include <cstring>
-#include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <numeric>
 #include <string>
@@ -24,16 +24,10 @@
 #include <vector>
 
 using namespace warp;
-
-/// Before any test makes the runtime look for a driver.
-static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+using warp::test::chooseDriver;
+using warp::test::fakeSymbol;
 
 namespace {
-
-template <typename Fn> Fn *fakeSymbol(const char *name) {
-  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
-  return library ? reinterpret_cast<Fn *>(dlsym(library, name)) : nullptr;
-}
 
 bool isFake() { return fakeSymbol<size_t()>("fakeCudaBytesInUse") != nullptr; }
 

@@ -7,6 +7,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "DeviceSuite.h"
 #include "warp/Background.h"
 #include "warp/Graph.h"
 #include "warp/KernelCache.h"
@@ -16,22 +17,14 @@
 #include <chrono>
 #include <cstdlib>
 #include <cstring>
-#include <dlfcn.h>
 #include <gtest/gtest.h>
 #include <string>
 #include <thread>
 
 using namespace warp;
-
-/// Before any test makes the runtime look for a driver.
-static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+using namespace warp::test;
 
 namespace {
-
-template <typename Fn> Fn *fakeSymbol(const char *name) {
-  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
-  return library ? reinterpret_cast<Fn *>(dlsym(library, name)) : nullptr;
-}
 
 std::unique_ptr<Kernel> makeKernel(const std::string &name,
                                    bool debug = false) {
@@ -52,10 +45,7 @@ std::unique_ptr<Kernel> makeKernel(const std::string &name,
 /// A launch as the binding makes it: true if it waits.
 bool launch(Kernel &kernel, const Stream *stream = nullptr, int blockDim = 0) {
   std::vector<char> params(kernel.parameterSize());
-  ArrayDescriptor x;
-  x.ndim = 1;
-  x.shape[0] = 100;
-  x.strides[0] = 4;
+  ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
   std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
   LaunchDim dim;
   dim.extent[0] = 100;

@@ -6,6 +6,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "DeviceSuite.h"
 #include "Runtime/MachineCode.h"
 #include "warp/Background.h"
 #include "warp/KernelCache.h"
@@ -13,17 +14,14 @@
 
 #include <cstdlib>
 #include <cstring>
-#include <dlfcn.h>
 #include <filesystem>
 #include <fstream>
 #include <gtest/gtest.h>
 #include <string>
 
 using namespace warp;
+using namespace warp::test;
 namespace fs = std::filesystem;
-
-/// Before any test makes the runtime look for a driver.
-static const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
 
 namespace {
 
@@ -35,11 +33,6 @@ func.func @scale(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
   warp.store %w, %x[%i] : f32, !warp.array<1 x f32>, si32
   return
 })";
-
-template <typename Fn> Fn *fakeSymbol(const char *name) {
-  void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);
-  return library ? reinterpret_cast<Fn *>(dlsym(library, name)) : nullptr;
-}
 
 class MachineCodeTest : public testing::Test {
 protected:
@@ -73,10 +66,7 @@ protected:
     int first = assemblies();
     for (int i = 0; i < launches; ++i) {
       std::vector<char> params(kernel.parameterSize());
-      ArrayDescriptor x;
-      x.ndim = 1;
-      x.shape[0] = 100;
-      x.strides[0] = 4;
+      ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
       std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
       LaunchDim dim;
       dim.extent[0] = 100;
@@ -174,10 +164,7 @@ TEST_F(MachineCodeTest, BlockSizesAreThoseOfLaunchedCode) {
   EXPECT_EQ(kernel.suggestedBlock(0), std::make_pair(256, 264));
   EXPECT_EQ(assemblies() - first, 1);
   std::vector<char> params(kernel.parameterSize());
-  ArrayDescriptor x;
-  x.ndim = 1;
-  x.shape[0] = 100;
-  x.strides[0] = 4;
+  ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
   std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
   LaunchDim dim;
   dim.extent[0] = 100;
