@@ -123,9 +123,9 @@ def launch_plain(kernel, native, dim, values, gradients, place) -> bool:
     signature = kernel.signatures.get(native)
     if signature is None or not signature.flat or stream is not None or handles_alive():
         return False
-    if len(values) != len(signature.parameters) or not dim or Observers.active:
+    if not len(gradients) <= len(values) == len(signature.parameters):
         return False
-    if len(gradients) > len(values):
+    if not dim or Observers.active:
         return False
     arrays = [values[i] for i, _ in signature.arrays]
     memory = list(arrays)
@@ -145,11 +145,7 @@ def launch_plain(kernel, native, dim, values, gradients, place) -> bool:
     made = kernel.derivatives.plain(native, arrays)
     if made is None or _native.shares_elements(memory):
         return False
-    if made.gathered is not None and made.gathered.fits(dim):
-        call = Call(kernel, native, dim, values, index, None, block_dim)
-        made.gathered.launch(call, values, [])
-    else:
-        made.native.launch(dim, values, (), index, None, block_dim)
+    made.launch(Call(kernel, native, dim, values, index, None, block_dim), values)
     return True
 
 

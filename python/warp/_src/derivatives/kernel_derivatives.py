@@ -334,13 +334,17 @@ class KernelDerivative:
         if self.counting is not None:
             tapes = self._tapes(call, values, initial, saved, tapes)
         hidden = self.hidden_values(call, initial, saved, tapes)
+        self.launch(call, values, hidden)
+        count_singular(self, hidden)
+
+    def launch(self, call: Call, values, hidden=()) -> None:
+        """Launches it, or the two parts that it is taken apart into."""
         if self.gathered is not None and self.gathered.fits(call.dim):
             self.gathered.launch(call, values, hidden)
         else:
             self.native.launch(
                 call.dim, values, hidden, call.device, call.stream, call.block_dim or 0
             )
-        count_singular(self, hidden)
 
     def _tapes(self, call, values, initial, saved, logged) -> dict:
         """Memory for the loops of the adjoint, see `global_tape.allocate`, and the log."""
