@@ -55,6 +55,7 @@ assemble() {
     cp "$bundle"/{builtin_table,builtin_calls,device_table}.py "$package/_src/" &&
     cp "$bundle"/{__init__,config}.pyi "$bundle"/libwarp_*.so "$package/" &&
     cp -r examples "$package/examples/programs" &&
+    rm -rf "$package"/examples/programs/{c,cpp} &&
     mkdir -p "$package/include" "$package/cmake" &&
     cp -r include/warp "$package/include/" &&
     cp "$bundle"/{HandleKinds,LaunchContract.h}.inc "$package/include/warp/" &&
@@ -81,8 +82,9 @@ PYTHON
 }
 
 run_tests() {
-  local limit
-  limit=$(share 400)
+  local limit=400
+  [ "$step" != tests ] || limit=540 # alone: as long as the files take
+  limit=$(share $limit)
   timeout -k 10 $((limit + 10)) "$python" test/device/suite.py --timeout "$limit" \
     --log "$logs/pytest" -- "$@"
 }

@@ -205,7 +205,9 @@ def run_case(name, device):
     for dtype in found.dtypes:
         probe = Probe(device, dtype)
         try:
-            found.run(probe)
+            # Some geometries and fields know no device but the current one.
+            with wp.ScopedDevice(device):
+                found.run(probe)
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)[-1]
             text = f"{type(error).__name__}: {error} ({where.filename}:{where.lineno})"
