@@ -138,6 +138,9 @@ public:
   /// replays. `name` is for messages and pictures. Such a graph cannot be
   /// saved.
   virtual void addHost(std::function<void()> function, const std::string &name);
+  /// Notes that another library has added work here: the graph cannot be saved,
+  /// and the error says `what` it is.
+  void noteOther(std::string what);
 
 protected:
   explicit Capture(int device) : deviceIndex(device) {}

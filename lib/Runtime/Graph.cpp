@@ -13,6 +13,7 @@
 #include "GraphImpl.h"
 
 #include "Device.h"
+#include "GraphTrace.h"
 
 #include <algorithm>
 #include <thread>
@@ -64,6 +65,11 @@ void Capture::addHost(std::function<void()>, const std::string &name) {
                                         deviceInfo(device()).alias +
                                         "' cannot hold a call of the host, '" +
                                         name + "': only captures on 'cpu' can");
+}
+
+void Capture::noteOther(std::string what) {
+  if (GraphTrace *trace = static_cast<CaptureBase *>(this)->trace())
+    trace->addOther(std::move(what));
 }
 
 std::unique_ptr<Capture> Capture::begin(int device,

@@ -319,6 +319,12 @@ void python::bindGraph(py::module_ &m) {
           },
           py::arg("function"), py::arg("name"),
           "Calls a function without arguments at this point of each replay.")
+      .def(
+          "note_other",
+          [](PyCapture &self, std::string what) {
+            self.get().noteOther(std::move(what));
+          },
+          py::arg("what"), "Another library adds work: no saving.")
       .def_readonly("depth", &PyCapture::depth, "How many bodies are open.");
   m.def(
       "is_capturing", [](int device) { return isCapturing(device); },

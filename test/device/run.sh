@@ -104,7 +104,11 @@ run_sanitizer() {
 }
 
 run_pair() {
-  timeout -k 10 "$(share 120)" "$python" -m pytest -q --no-header -rs \
+  local limit
+  limit=$(share 420)
+  # On SIGINT pytest still says what failed.
+  WARP_RANKS_SECONDS=$((limit > 180 ? limit - 120 : 60)) timeout -s INT -k 10 \
+    "$limit" "$python" -m pytest -q --no-header -rfs --tb=short --durations=5 \
     -p no:cacheprovider test/python/devices/test_two_devices.py \
     test/python/distributed/test_nccl.py "$@"
 }

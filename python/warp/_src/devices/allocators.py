@@ -45,7 +45,7 @@ class CudaManagedAllocator:
         _native.free_managed(index, ptr)
 
 
-class _CurrentContext(_native.Scope):
+class CurrentContext(_native.Scope):
     """Makes the context of a device the driver's current one for a block."""
 
     _previous: tuple = ()
@@ -70,7 +70,7 @@ class CustomBuffer(_native.Finalized):
 
     def __init__(self, allocator, device: int, size: int):
         self.allocator, self.device, self.size, self.ptr = allocator, device, size, 0
-        with _CurrentContext(device):
+        with CurrentContext(device):
             self.ptr = int(allocator.allocate(size) or 0)
         if not self.ptr:
             raise MemoryError(f"the allocator of '{devices.by_index(device)}' gave no memory")
@@ -86,7 +86,7 @@ class CustomBuffer(_native.Finalized):
             _native.tracker_remove(self.ptr)
         try:
             _native.join_streams(_native.current_stream(self.device))
-            context = _CurrentContext(self.device)
+            context = CurrentContext(self.device)
         except RuntimeError:
             return
         with context:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import mmap
 import os
@@ -52,7 +53,13 @@ class RankLog:
         comm.barrier()
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)
+        atexit.register(log.leave, os.getpid())
         return log
+
+    def leave(self, process) -> None:
+        """Notes that this rank has come to its end, if this is no fork of it."""
+        if process == os.getpid():
+            self.own[_PROCESS] = -process
 
     def begin(self, plan, step) -> None:
         """Notes that this rank begins a step of a plan."""
@@ -61,7 +68,10 @@ class RankLog:
         own[_STEP] = step
 
     def last(self, rank) -> tuple[int, int, int]:
-        """Process, plan and step of a rank; zeros if it is of another host."""
+        """Process, plan and step of a rank; zeros if it is of another host.
+
+        The process is negative once the rank has come to its end.
+        """
         return tuple(self.words[rank * _WORDS : rank * _WORDS + 3])
 
     def request_stop(self, step) -> None:
@@ -101,6 +111,8 @@ def describe_ranks(comm, plan, step) -> str:
         process, number, count = comm.log.last(rank)
         if not process:
             parts.append(f"rank {rank} is on another host")
+        elif process < 0:
+            parts.append(f"rank {rank} has come to its end")
         elif not is_alive(process):
             parts.append(f"rank {rank} is gone")
         elif (number, count) != (plan, step):

@@ -14,8 +14,11 @@ import sys
 import numpy as np
 
 import warp as wp
+from warp import _native
+from warp._src.devices.allocators import CurrentContext
 from warp._src.distributed import communicator as base
 from warp._src.distributed.failures import DistributedError
+from warp._src.distributed.watch import Watch
 from warp._src.types import dtypes
 
 _TYPES = {
@@ -66,6 +69,9 @@ class NcclCommunicator(base.Communicator):
             other.rank, other.size, other.local_rank, other.local_size, device, timeout
         )
         self.log, self.plan_names = other.log, other.plan_names
+        self._check_devices()
+        # NCCL uses streams behind the runtime's back.
+        _native.share_with_others()
         self.stream = wp.Stream(device, priority=-1)
         self.library = _load()
         identity = _UniqueId()
@@ -74,10 +80,23 @@ class NcclCommunicator(base.Communicator):
         data = other.broadcast_object(bytes(identity), 0)
         ctypes.memmove(ctypes.byref(identity), data, len(data))
         self.handle = ctypes.c_void_p()
-        with wp.ScopedDevice(device):
-            self._call(
+        self.watch = Watch(self) if self.size > 1 else None
+        # NCCL takes the device whose context is current.
+        with CurrentContext(device.index):
+            self._watched(
                 "ncclCommInitRank", ctypes.byref(self.handle), self.size, identity, self.rank
             )
+
+    def _check_devices(self) -> None:
+        """Rejects ranks of one host that have the same GPU, which NCCL does not take."""
+        found = self.bootstrap.gather_objects((os.uname().nodename, self.device.uuid))
+        for rank, one in enumerate(found):
+            if rank != self.rank and one == found[self.rank]:
+                raise DistributedError(
+                    f"rank {self.rank}: wd.nccl needs a GPU for each rank, but rank {rank} has "
+                    f"'{self.device}', too: start as many ranks as GPUs, or use `wd.torch` with "
+                    "gloo"
+                )
 
     def _call(self, name, *arguments) -> None:
         function = getattr(self.library, name)
@@ -86,6 +105,17 @@ class NcclCommunicator(base.Communicator):
             text = self.library.ncclGetErrorString
             text.restype = ctypes.c_char_p
             raise DistributedError(f"rank {self.rank}: {name}: NCCL says '{text(status).decode()}'")
+
+    def _watched(self, name, *arguments) -> None:
+        """A call that may wait for other ranks, and that queues work which may."""
+        if self.watch is None:
+            self._call(name, *arguments)
+            return
+        self.watch.begin(name)
+        try:
+            self._call(name, *arguments)
+        finally:
+            self.watch.end()
 
     def _arguments(self, array):
         kind = _TYPES[array.dtype]
@@ -109,7 +139,7 @@ class NcclCommunicator(base.Communicator):
                     parts = self._arguments(one.take)
                     self._call("ncclRecv", *parts, one.peer, self.handle, self._queue)
         finally:
-            self._call("ncclGroupEnd")
+            self._watched("ncclGroupEnd")
 
     def persistent(self, messages):
         return _Queued(self, messages)
@@ -117,13 +147,15 @@ class NcclCommunicator(base.Communicator):
     def all_reduce(self, array, op="sum") -> None:
         pointer, count, kind = self._arguments(array)
         operation = _OPERATIONS[op]
-        self._call(
+        self._watched(
             "ncclAllReduce", pointer, pointer, count, kind, operation, self.handle, self._queue
         )
 
     def broadcast(self, array, root=0) -> None:
         pointer, count, kind = self._arguments(array)
-        self._call("ncclBroadcast", pointer, pointer, count, kind, root, self.handle, self._queue)
+        self._watched(
+            "ncclBroadcast", pointer, pointer, count, kind, root, self.handle, self._queue
+        )
 
     def check_sum(self, numbers) -> np.ndarray:
         return self.bootstrap.check_sum(numbers)
@@ -143,7 +175,6 @@ class NcclCommunicator(base.Communicator):
         return NcclCommunicator(part, self.device, self.timeout)
 
     def abort(self, code=1) -> None:
-        self.library.ncclCommAbort(self.handle)
         self.bootstrap.abort(code)
 
     def supports(self, dtype, op="sum", device=None, capture=False) -> bool:
@@ -160,6 +191,8 @@ class NcclCommunicator(base.Communicator):
     def close(self) -> None:
         if not self.closed:
             wp.synchronize_device(self.device)
+            if self.watch is not None:
+                self.watch.close()
             self._call("ncclCommDestroy", self.handle)
         super().close()
 

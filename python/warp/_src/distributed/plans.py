@@ -107,12 +107,15 @@ def run_or_record(comm, name, function) -> None:
         if capture is not None:
             capture.add_host(function, name)
             return
-        sends = comm.size > 1 and comm.engine != "NCCL"
-        if sends and comm.device.is_cuda and comm.device.is_capturing:
-            raise DistributedError(
-                f"rank {comm.rank}: {name} by {comm.engine} in a capture on '{comm.device}': "
-                "captures hold messages of NCCL alone, use `wd.nccl(comm)`"
-            )
+        if comm.size > 1 and comm.device.is_cuda and comm.device.is_capturing:
+            if not comm.supports(wp.float32, capture=True):
+                raise DistributedError(
+                    f"rank {comm.rank}: {name} by {comm.engine} in a capture on '{comm.device}': "
+                    "captures hold messages of NCCL alone, use `wd.nccl(comm)`"
+                )
+            for key, capture in captures.items():
+                if isinstance(key, tuple):
+                    capture.note_other(f"messages of NCCL, '{name}'")
     function()
 
 

@@ -85,7 +85,8 @@ def _array_of(memory, dtype, shape):
 def share(array):
     """An array in memory that other processes of the host can use, and its handle.
 
-    On the CPU the elements are copied once, to shared memory; an array on a GPU stays where it is.
+    The elements are copied once, to memory that can be shared; an array on a GPU that is there
+    already, outside of a pool, stays where it is.
 
     Returns:
         The array to use from now on, and a `Shared` to send to others, whose `open` gives theirs.
@@ -103,7 +104,14 @@ def share(array):
     if not isinstance(array, wp.array):
         raise errors.WarpTypeError(f"wd.share expects an array, but got '{type(array).__name__}'")
     if array.device.is_cuda:
-        handle = array.ipc_handle()
+        try:
+            handle = array.ipc_handle()
+        except RuntimeError:
+            with wp.ScopedMempool(array.device, False):
+                array = wp.clone(array)
+            # Others do not wait for the stream of the copy.
+            wp.synchronize_device(array.device)
+            handle = array.ipc_handle()
         return array, Shared("", array.dtype, array.shape, handle, str(array.device))
     name = f"warp-share-{os.getpid()}-{os.urandom(6).hex()}"
     size = max(array.size * dtypes.type_size_in_bytes(array.dtype), 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import os
 
@@ -10,6 +11,7 @@ import torch
 import torch.distributed as dist
 
 import warp as wp
+from warp import _native
 from warp._src import errors
 from warp._src.distributed import failures
 from warp._src.distributed.communicator import Communicator
@@ -54,13 +56,25 @@ class TorchCommunicator(Communicator):
         self.limit = limit
         if size > 1:
             self.log = failures.RankLog.shared(self)
+        self.is_queued = self.device.is_cuda and self.backend != "gloo"
+        if self.is_queued:
+            # PyTorch uses streams behind the runtime's back.
+            _native.share_with_others()
+            # The first call of a group has to be one of all ranks.
+            self.all_reduce(wp.zeros(1, dtype=wp.int32, device=self.device))
 
     def _global(self, rank) -> int:
         return dist.get_global_rank(self.group, rank) if self.group else rank
 
+    def in_order(self):
+        """A block in which PyTorch queues behind what the current stream has."""
+        if not self.is_queued:
+            return contextlib.nullcontext()
+        return torch.cuda.stream(wp.stream_to_torch(self.device))
+
     def tensor(self, array, copied=None):
         """The tensor that PyTorch is given for an array; `copied` collects (staging, array)."""
-        if array.device.is_cuda and self.backend != "gloo":
+        if self.is_queued:
             return wp.to_torch(array, requires_grad=False)
         if array.device.is_cuda:
             staging = wp.empty(array.shape, dtype=array.dtype, device="cpu", pinned=True)
@@ -80,13 +94,15 @@ class TorchCommunicator(Communicator):
     def _run(self, what, arrays, function, written) -> None:
         """Calls a function with tensors of arrays, some of which it writes."""
         copied: list = []
-        tensors = [self.tensor(one, copied) for one in arrays]
+        with self.in_order():
+            tensors = [self.tensor(one, copied) for one in arrays]
         for staging, array in copied:
             wp.copy(staging, array)
         if copied:
             wp.synchronize_device(self.device)
         try:
-            function(*tensors)
+            with self.in_order():
+                function(*tensors)
         except RuntimeError as problem:
             raise self.failed(what, problem) from None
         for staging, array in copied:
@@ -160,7 +176,13 @@ class Repeated:
         self.given: list = []
         self.taken: list = []
         self.work: list = []
-        group = comm.group
+        with comm.in_order():
+            self._find(messages)
+        self.what = "exchange"
+
+    def _find(self, messages) -> None:
+        """Tensors over the arrays of messages."""
+        comm, group = self.comm, self.comm.group
         self.receives = [
             (comm.tensor(one.take, self.taken), comm._global(one.peer), group, one.take_tag)
             for one in sorted(messages, key=lambda one: one.take_tag)
@@ -171,13 +193,13 @@ class Repeated:
             for one in sorted(messages, key=lambda one: one.give_tag)
             if one.give is not None
         ]
-        self.what = "exchange"
 
     def start(self) -> None:
         """Begins to send and receive."""
         for staging, array in self.given:
             wp.copy(staging, array)
-        if self.given:
+        if self.given or self.taken:
+            # The last messages have left the host's memory, too.
             wp.synchronize_device(self.comm.device)
         try:
             if self.comm.backend == "gloo":
@@ -186,15 +208,22 @@ class Repeated:
             else:
                 batch = [dist.P2POp(dist.irecv, *one) for one in self.receives]
                 batch += [dist.P2POp(dist.isend, *one) for one in self.sends]
-                self.work = dist.batch_isend_irecv(batch) if batch else []
+                with self.comm.in_order():
+                    self.work = dist.batch_isend_irecv(batch) if batch else []
         except RuntimeError as problem:
             raise self.comm.failed(self.what, problem) from None
 
     def finish(self) -> None:
         """Waits until all is sent and received."""
         try:
-            for one in self.work:
-                one.wait(self.comm.limit)
+            if self.comm.is_queued:
+                # The stream waits, and the host with a time limit alone.
+                with self.comm.in_order():
+                    for one in self.work:
+                        one.wait()
+            else:
+                for one in self.work:
+                    one.wait(self.comm.limit)
         except RuntimeError as problem:
             raise self.comm.failed(self.what, problem) from None
         for staging, array in self.taken:

@@ -1,6 +1,9 @@
 """Runs the checks of a program on all ranks; rank 0 prints what each found as JSON."""
 
+import datetime
+import faulthandler
 import json
+import os
 import sys
 import traceback
 import zlib
@@ -9,8 +12,11 @@ import numpy as np
 
 import warp as wp
 import warp.distributed as wd
+from warp._src.distributed import communicator
 
 wp.config.quiet = True
+# Seconds that a rank waits for another.
+LIMIT = int(os.environ.get("WARP_RANKS_LIMIT", 60))
 
 
 def digest(values):
@@ -31,15 +37,41 @@ def fails(function, *words):
     raise AssertionError(f"no error with {words}")
 
 
+def joined(way):
+    """The communicator of a run: of what started the ranks, or on GPUs as `way` says.
+
+    `nccl` is NCCL itself, `torch-nccl` that of PyTorch; `gloo` takes arrays of GPUs through the
+    host.
+    """
+    if way == "gloo":
+        import torch.distributed
+
+        torch.distributed.init_process_group("gloo", timeout=datetime.timedelta(seconds=LIMIT))
+        local = int(os.environ["LOCAL_RANK"]) % wp.get_cuda_device_count()
+        return wd.init(timeout=LIMIT, device=f"cuda:{local}")
+    comm = wd.init(timeout=LIMIT)
+    if way == "nccl":
+        comm = wd.nccl(comm)
+        communicator.set_current(comm)
+    return comm
+
+
 def run(checks):
     """Calls `check(comm)` for each; a result of None is one that only had to pass.
 
-    With `nccl` on the command line messages go by NCCL, whatever engine started the ranks.
+    Arguments: `--way=nccl` and the like, `--skip=a,b` leaves checks out. A check that takes longer
+    than the limit ends the process with the stacks of all threads.
     """
-    comm = wd.init(timeout=60)
-    if "nccl" in sys.argv[1:]:
-        comm = wd.nccl(comm)
+    options = dict(one[2:].split("=") for one in sys.argv[1:] if one.startswith("--"))
+    skipped = options.get("skip", "").split(",")
+    faulthandler.dump_traceback_later(2 * LIMIT, exit=True)
+    comm = joined(options.get("way"))
     for check in checks:
+        if check.__name__ in skipped:
+            continue
+        if comm.rank == 0:
+            print(json.dumps({"begins": check.__name__}), flush=True)
+        faulthandler.dump_traceback_later(2 * LIMIT, exit=True)
         try:
             found = check(comm)
         except Exception:
@@ -52,5 +84,7 @@ def run(checks):
             print(json.dumps({check.__name__: errors[0] if errors else found}), flush=True)
         if errors and comm.size > 1:
             # Ranks may no longer agree on what comes next.
-            break
+            comm.barrier()
+            os._exit(3)
     comm.barrier()
+    faulthandler.cancel_dump_traceback_later()

@@ -200,6 +200,10 @@ def capture(comm):
             wp.copy(a, b)
             wp.copy(total, wd.sum(blocks.inner(a), exact=True, comm=comm))
 
+        if captured and comm.device.is_cuda and not comm.supports(float, capture=True):
+            with wp.ScopedCapture(device=comm.device):
+                checking.fails(step, "capture", "NCCL")
+            return found[0]
         if captured:
             with wp.ScopedCapture(device=comm.device) as capture:
                 step()
@@ -236,9 +240,10 @@ def bad_blocks(comm):
     checking.fails(lambda: blocks.halo(x[some]), who, "indexedarray")
     data = np.zeros(blocks.local, np.float32)
     data.flags.writeable = False
-    locked = wp.array(data, copy=False)
-    if locked.device.is_cpu:  # on a GPU it is a copy, which may be written
-        checking.fails(lambda: blocks.halo(locked), who, "read-only")
+    # Memory of the host is lent, that of a GPU a copy.
+    locked = wp.array(data, copy=False, device="cpu")
+    words = ["read-only"] if comm.device.is_cpu else ["'cpu'", str(comm.device)]
+    checking.fails(lambda: blocks.halo(locked), who, *words)
 
 
 CHECKS = [jacobi, gradient, halo_values, random_partitions, push_and_halo, capture, bad_blocks]

@@ -22,6 +22,10 @@ MPI = {
 }
 
 
+# Ways to send between GPUs, see `checking.joined`.
+ON_GPUS = ("nccl", "torch-nccl", "gloo")
+
+
 def missing(engine):
     """Name of what an engine needs and is absent, or None."""
     if engine == "torch":
@@ -35,7 +39,8 @@ def environment(**more):
     """Variables of a rank: two threads in all are enough."""
     # Ranks on the CPU: a host may have fewer GPUs than ranks.
     about = {"WARP_NUM_THREADS": "1", "PYTHONPATH": path(), "CUDA_VISIBLE_DEVICES": ""}
-    return {**os.environ, **about, **more}
+    found = {**os.environ, **about, **more}
+    return {name: value for name, value in found.items() if value is not None}
 
 
 def path():
@@ -51,7 +56,7 @@ def free_port():
 def start(engine, size, program, *arguments, **options):
     """Starts the ranks; gives the processes whose output is to be read.
 
-    Engine `nccl` has a GPU for each rank, started by the variables of torchrun.
+    Engines of `ON_GPUS` have a GPU for each rank, started by the variables of torchrun.
     """
     command = [sys.executable, str(program), *map(str, arguments)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, **options}
@@ -62,11 +67,11 @@ def start(engine, size, program, *arguments, **options):
         return [subprocess.Popen([*mpirun, *command], env=environment(**MPI), **pipes)]
     about = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": free_port(), "WORLD_SIZE": str(size)}
     about |= {"LOCAL_WORLD_SIZE": str(size)}
-    if engine == "nccl":
-        command.append("nccl")
-        about["CUDA_VISIBLE_DEVICES"] = os.environ.get(
-            "CUDA_VISIBLE_DEVICES", ",".join(map(str, range(size)))
-        )
+    if engine in ON_GPUS:
+        command.append(f"--way={engine}")
+        about["NCCL_DEBUG"] = os.environ.get("NCCL_DEBUG", "WARN")
+        # All GPUs are shown, so that ranks have to choose their own.
+        about["CUDA_VISIBLE_DEVICES"] = os.environ.get("CUDA_VISIBLE_DEVICES")
     return [
         subprocess.Popen(
             command, env=environment(**about, RANK=str(rank), LOCAL_RANK=str(rank)), **pipes
@@ -102,12 +107,47 @@ def run(engine, size, program, *arguments, limit=60):
 
 
 @functools.cache
-def results(engine, size, program):
-    """The facts that a program of checks printed as JSON, by name of the check."""
-    codes, output = run(engine, size, FOLDER / program, limit=280)
-    found = {}
-    for line in output.splitlines():
-        if line.startswith("{"):
-            found.update(json.loads(line))
-    assert not any(codes), output[-4000:]
-    return found
+def results(engine, size, program, limit=280):
+    """The facts that a program of checks printed as JSON, by name of the check.
+
+    A check that ends the ranks is a fact, too, `{"error": ...}` with the end of their output; the
+    ranks are started again for those behind it while there is time.
+    """
+    end = time.monotonic() + limit
+    facts: dict = {}
+    while True:
+        skip = [f"--skip={','.join(facts)}"] if facts else []
+        left = end - time.monotonic()
+        codes, output = run(engine, size, FOLDER / program, *skip, limit=max(left, 1))
+        begun, count = None, len(facts)
+        for line in output.splitlines():
+            if line.startswith("{"):
+                one = json.loads(line)
+                if "begins" in one:
+                    begun = one["begins"]
+                else:
+                    begun = None
+                    facts.update(one)
+        if not any(codes):
+            return facts
+        text = "\n".join(one for one in output.splitlines() if not one.startswith("{"))[-3000:]
+        if begun is None and not (skip or facts):
+            return Failed(f"the ranks end with {codes}: {text}")
+        if begun is not None:
+            facts[begun] = {"error": f"the ranks end with {codes}: {text}"}
+        if len(facts) == count or time.monotonic() > end - 10:
+            return facts
+
+
+class Failed(dict):
+    """The facts of ranks that did not start: each is the same error."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.text = text
+
+    def __contains__(self, name):
+        return True
+
+    def __missing__(self, name):
+        return {"error": self.text}

@@ -201,9 +201,10 @@ def bad_input(comm):
     checking.fails(lambda: wd.all_reduce(wp.zeros(2, dtype=wp.bool)), who, "bool", "int32")
     data = np.zeros(3, np.float32)
     data.flags.writeable = False
-    locked = wp.array(data, copy=False)
-    if locked.device.is_cpu:  # on a GPU it is a copy, which may be written
-        checking.fails(lambda: wd.all_reduce(locked), who, "read-only", "wp.clone")
+    # Memory of the host is lent, that of a GPU a copy.
+    locked = wp.array(data, copy=False, device="cpu")
+    words = ["read-only", "wp.clone"] if comm.device.is_cpu else ["'cpu'", str(comm.device)]
+    checking.fails(lambda: wd.all_reduce(locked), who, *words)
     checking.fails(lambda: wd.broadcast(x, comm.size), who, str(comm.size))
     checking.fails(lambda: wd.all_to_all(x, [1] * comm.size * 9), who, "counts")
     checking.fails(lambda: wd.sum(wp.zeros(2, dtype=int)), who, "int32")
@@ -268,7 +269,39 @@ def forward_mode(comm):
     checking.fails(differentiate, "forward mode", "tape")
 
 
+def messages_in_graphs(comm):
+    """On GPUs a graph replays an all-reduce, a halo, and a message of a rank to itself."""
+    if not comm.device.is_cuda or not comm.supports(float, capture=True):
+        return
+    x = wp.array([1.0, 3.0], dtype=float)
+    a, b = wp.array([5.0], dtype=float), wp.zeros(1, dtype=float)
+    blocks = wd.Blocks((4 * comm.size,), periodic=True, ranks=(comm.size,), comm=comm)
+    f = blocks.zeros()
+
+    def work():
+        wd.all_reduce(x, comm=comm)
+        wp.map(wp.add, blocks.inner(f), 1.0, out=blocks.inner(f))
+        blocks.halo(f)
+        if comm.engine == "NCCL":
+            # With the runtime's own work on both sides.
+            wp.map(wp.add, a, 1.0, out=a)
+            comm.exchange([wd.Message(comm.rank, a, b, 0, 0)])
+            wp.map(wp.mul, b, 2.0, out=a)
+
+    work()
+    with wp.ScopedCapture(device=comm.device, apic=True) as capture:
+        work()
+    for _ in range(3):
+        wp.capture_launch(capture.graph)
+    assert x.list() == [1.0 * comm.size**4, 3.0 * comm.size**4], x.list()
+    assert (f.numpy() == 4.0).all(), f.numpy()
+    if comm.engine == "NCCL":
+        assert a.list() == [110.0], a.list()
+    if comm.size > 1:
+        checking.fails(lambda: wp.capture_save(capture.graph, "/tmp/never.wrp"), "messages of NCCL")
+
+
 CHECKS = [
     *(reductions, movements, dot_tests, products, exact_sums),
-    *(debug_mode, disagreement, bad_input, lifetime, forward_mode),
+    *(debug_mode, disagreement, bad_input, lifetime, forward_mode, messages_in_graphs),
 ]

@@ -1,0 +1,100 @@
+"""Watch: a thread that ends the process when work of a communicator on a GPU does not end.
+
+A kernel of NCCL waits on the GPU for a rank that is gone, and the host with it in whatever call
+comes next. So no call can raise; the watch says which exchange waits for whom and ends all ranks.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+import typing
+
+import warp as wp
+from warp._src.distributed import failures
+
+# Seconds between two looks, and until a rank that is gone has been missed for good.
+_PAUSE, _GRACE = 0.25, 1.0
+
+
+class Pending(typing.NamedTuple):
+    """Work whose end is awaited, and when it began."""
+
+    since: float
+    plan: int
+    step: int
+    name: str
+
+
+class Watch:
+    """Watches the work of a communicator until `close`.
+
+    Attributes:
+        pending: the oldest work that may not have ended, or None.
+    """
+
+    def __init__(self, comm):
+        self.comm = comm
+        self.pending = self.calling = None
+        self._event = wp.Event(comm.device)
+        self._missed = None
+        self._stop = threading.Event()
+        thread = threading.Thread(target=self._run, name="warp-watch", daemon=True)
+        thread.start()
+
+    def begin(self, name) -> None:
+        """Notes that a call of the host begins which may wait for other ranks."""
+        plan, step = self.comm.log.last(self.comm.rank)[1:]
+        self.calling = Pending(time.monotonic(), plan, step, name)
+
+    def end(self) -> None:
+        """Notes the end of that call; what it queued on the current stream is watched then."""
+        called, self.calling = self.calling, None
+        stream = wp.get_stream(self.comm.device)
+        if self.pending is None and not stream.is_capturing:
+            stream.record_event(self._event)
+            self.pending = called
+
+    def close(self) -> None:
+        """Ends the watch."""
+        self._stop.set()
+
+    def _run(self) -> None:
+        while not self._stop.wait(_PAUSE):
+            text = self.look(time.monotonic())
+            if text is not None and not self._stop.is_set():
+                print(f"{text}: rank {self.comm.rank} ends all ranks", file=sys.stderr, flush=True)
+                self.comm.bootstrap.abort(1)
+
+    def look(self, now) -> str | None:
+        """A message about an error or a wait that has lasted too long, else None."""
+        comm = self.comm
+        if os.getpid() != comm.process:
+            return None
+        work = self.pending
+        if work is not None and self._event.is_complete:
+            self.pending = work = None
+        work = self.calling or work
+        gone = [
+            rank
+            for rank in range(comm.size)
+            if rank != comm.rank
+            and comm.log.last(rank)[0] > 0
+            and not failures.is_alive(comm.log.last(rank)[0])
+        ]
+        if not gone:
+            self._missed = None
+        elif self._missed is None:
+            self._missed = now
+        is_missed = gone and now - self._missed > _GRACE
+        problem = comm.failure()
+        if problem is not None:
+            return f"rank {comm.rank}: {problem}"
+        if work is None or not (is_missed or now - work.since > comm.timeout):
+            return f"rank {comm.rank}: rank {gone[0]} is gone" if is_missed else None
+        waited = "it waits" if is_missed else f"no answer within {comm.timeout:g} s"
+        others = failures.describe_ranks(comm, work.plan, work.step)
+        name = comm.plan_names.get(work.plan, work.name)
+        return f"rank {comm.rank}: {name} (plan {work.plan}, step {work.step}): {waited}; {others}"

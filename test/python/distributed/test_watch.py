@@ -1,0 +1,118 @@
+"""The watch over work of NCCL: it names an exchange that does not end, and who is missing."""
+
+import os
+import subprocess
+import sys
+import types
+
+import pytest
+
+import warp as wp
+from warp._src.distributed import failures, watch
+
+
+class Event:
+    """An event of a GPU that the test completes."""
+
+    is_complete = False
+
+    def __init__(self, device):
+        pass
+
+
+class Stream:
+    """A stream of a GPU that notes the events recorded on it."""
+
+    is_capturing = False
+
+    def __init__(self):
+        self.recorded = []
+
+    def record_event(self, event):
+        self.recorded.append(event)
+
+
+@pytest.fixture
+def watched(monkeypatch):
+    """A watch of rank 0 of 2 whose thread never looks by itself; rank 1 is this process's child."""
+    monkeypatch.setattr(watch, "_PAUSE", 1e6)
+    monkeypatch.setattr(wp, "Event", Event)
+    stream = Stream()
+    monkeypatch.setattr(wp, "get_stream", lambda device: stream)
+    log = failures.RankLog(2, 0)
+    child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+    log.words[failures._WORDS :][0] = child.pid
+    comm = types.SimpleNamespace(
+        **{"rank": 0, "size": 2, "device": None, "timeout": 5.0, "process": os.getpid()},
+        **{"log": log, "plan_names": {7: "halo"}, "failure": lambda: comm.problem, "problem": None},
+    )
+    made = watch.Watch(comm)
+    yield made, comm, stream, child
+    made.close()
+    child.kill()
+    child.wait()
+
+
+def work(watched, comm, number=7, step=3):
+    comm.log.begin(number, step)
+    watched.begin("ncclGroupEnd")
+    watched.end()
+
+
+def test_work_that_ends_is_fine(watched):
+    made, comm, stream, _ = watched
+    work(made, comm)
+    now = made.pending.since
+    assert len(stream.recorded) == 1
+    assert made.look(now + 1) is None
+    made._event.is_complete = True
+    assert made.look(now + 100) is None and made.pending is None
+
+
+def test_work_that_does_not_end_names_plan_and_ranks(watched):
+    made, comm, _, _ = watched
+    work(made, comm)
+    comm.log.words[failures._WORDS + 1] = 7
+    comm.log.words[failures._WORDS + 2] = 2
+    text = made.look(made.pending.since + 6)
+    assert text == (
+        "rank 0: halo (plan 7, step 3): no answer within 5 s; "
+        "rank 1 last began halo (plan 7, step 2)"
+    )
+
+
+def test_a_call_of_the_host_that_does_not_end(watched):
+    made, comm, _, _ = watched
+    comm.log.begin(9, 1)
+    made.begin("ncclCommInitRank")
+    text = made.look(made.calling.since + 6)
+    assert "rank 0: ncclCommInitRank (plan 9, step 1): no answer within 5 s" in text
+
+
+def test_a_rank_that_is_gone_is_told_before_the_limit(watched):
+    made, comm, _, child = watched
+    work(made, comm)
+    child.kill()
+    child.wait()
+    now = made.pending.since
+    assert made.look(now + 0.1) is None
+    assert "rank 0: halo (plan 7, step 3): it waits; rank 1 is gone" == made.look(now + 1.2)
+
+
+def test_a_rank_that_has_come_to_its_end_is_not_missed(watched):
+    made, comm, _, child = watched
+    comm.log.words[failures._WORDS] = -child.pid
+    child.kill()
+    child.wait()
+    assert made.look(1.0) is None and made.look(9.0) is None
+    work(made, comm)
+    assert "rank 1 has come to its end" in made.look(made.pending.since + 6)
+
+
+def test_errors_of_nccl_and_captures(watched):
+    made, comm, stream, _ = watched
+    stream.is_capturing = True
+    work(made, comm)
+    assert made.pending is None and not stream.recorded
+    comm.problem = "NCCL error 6"
+    assert made.look(1.0) == "rank 0: NCCL error 6"
