@@ -220,7 +220,7 @@ def box_vectors(element, real):
 def vectors(element, real):
     """Vectors of polynomials by coefficients, for each order of the vertices."""
     cell = element.cell
-    exponents, tables, center, scale, _ = element.definition.data
+    exponents, tables, center, scale = element.definition.data
     Coords, Vector, Matrix = _types(cell, real)
     parameters = _parameters(cell, center, scale, real)
     monomial, derivative = _monomials(cell, exponents, real)

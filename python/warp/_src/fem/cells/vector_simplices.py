@@ -105,7 +105,7 @@ def simplex(element) -> Definition:
     center, scale = cell.vertices.mean(axis=0), 2.0
     oriented = is_curl and dimension == 3 and degree > 1
     orders = list(itertools.permutations(range(dimension + 1))) if oriented else [(0, 1, 2, 3)]
-    tables, duals = [], []
+    tables, duals = [], None
     for ranks in orders:
         nodes = _simplex_nodes(element, ranks)
         places = np.array([node[1] for node in nodes])
@@ -113,7 +113,7 @@ def simplex(element) -> Definition:
         powers, _ = monomials(exponents, scale * (places - center))
         functionals = np.einsum("nd,nm,sdm->ns", directions, powers, span)
         tables.append(np.einsum("sn,sdm->ndm", np.linalg.inv(functionals), span))
-        duals.append(directions)
+        duals = directions if duals is None else duals
 
     def tabulate(coords, orientation):
         powers, slopes = monomials(exponents, scale * (cell.parameters(coords) - center))
@@ -126,7 +126,7 @@ def simplex(element) -> Definition:
     signs = None if is_curl else side_signs(cell, entities, places, directions)
     layout = make_layout(element, entities, **turns, side_signs=signs)
     weights, traces = equal_weights(element, entities)
-    data = (exponents, np.array(tables), center, scale, np.array(duals))
+    data = (exponents, np.array(tables), center, scale)
     return Definition(
         "vectors",
         layout,
@@ -136,7 +136,7 @@ def simplex(element) -> Definition:
         tabulate,
         degree,
         data,
-        duals[0],
+        duals,
         len(orders),
     )
 

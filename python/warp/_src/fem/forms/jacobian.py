@@ -8,6 +8,7 @@ import warp as wp
 from warp._src.fem.forms.pairs import PairsPlan
 from warp._src.fem.forms.terms import components, dof_count
 from warp._src.fem.forms.values import dof_value_function
+from warp._src.fem.spaces.node_dofs import dof_functions
 from warp._src.fem.types import OUTSIDE
 
 
@@ -65,6 +66,8 @@ class JacobianPlan(PairsPlan):
                 "node_index": topology.element_node_index,
                 "to_dof": dof_value_function(self.space),
             }
+            if self.space.kind != "identity":
+                self.names |= vars(dof_functions(self.space))
 
     @functools.cached_property
     def blocks(self):
@@ -87,14 +90,25 @@ class JacobianPlan(PairsPlan):
             "        if factor != Real(0.0):",
             f"            for b in range({trial_dofs}):",
             f"                s = {self._sample('wp.vec2i(j, b)')}",
-            "                value = form(s, domain_arg, fields, values, ())",
         ]
-        value = "value"
-        if self.space is not None:
+        value, of_node = "value", "domain_arg.geo, topology, element, i"
+        if self.space is not None and self.space.kind != "identity":
+            lines += [
+                "                value = Real(0.0)",
+                f"                for q in range(dof_point_count({of_node})):",
+                "                    r = s",
+                f"                    r.element_coords = dof_point_coords({of_node}, q)",
+                "                    there = form(r, domain_arg, fields, values, ())",
+                f"                    value += dof_part({of_node}, q, there)",
+            ]
+        elif self.space is not None:
             value = "dof"
-            lines.append(
-                "                dof = to_dof(domain_arg.geo, topology, element, i, value)"
-            )
+            lines += [
+                "                value = form(s, domain_arg, fields, values, ())",
+                "                dof = to_dof(value)",
+            ]
+        else:
+            lines.append("                value = form(s, domain_arg, fields, values, ())")
         for place, subscript in enumerate(row):
             target = "block" if self.block_dtype is self.record.scalar else f"block[{place}, b]"
             lines.append(f"                {target} = factor * Real({value}{subscript})")

@@ -1,9 +1,11 @@
 """Plan of values - the integrand at nodes, points, elements or free samples, without slots."""
 
 import functools
+from typing import Any
 
 import warp as wp
 from warp._src.fem.forms.points import PointsPlan
+from warp._src.fem.spaces.node_dofs import dof_functions
 from warp._src.fem.types import OUTSIDE, coords_type, sample_type
 
 
@@ -64,6 +66,11 @@ class ValuesPlan(PointsPlan):
         Value, Dof = space.dtype, dtype or space.dof_dtype
         evaluate, to_dof = self.names["form"], dof_value_function(space)
         functions = space.functions
+        has_moments = space.kind != "identity"
+        if has_moments:
+            Value, of_nodes = space.dof_dtype, dof_functions(space)
+            point_count, point_coords = of_nodes.dof_point_count, of_nodes.dof_point_coords
+            part = of_nodes.dof_part
         node_coords, TopologyArg = functions.node_coords, space.topology.functions.TopologyArg
         node_index, count = space.topology.functions.element_node_index, space.topology.nodes
         Common = [self.names[n] for n in ("DomainArg", "QuadratureArg", "Fields", "Values")]
@@ -88,8 +95,6 @@ class ValuesPlan(PointsPlan):
             node = wp.tid()
             total = Value()
             weight = Real(0.0)
-            first = int(-1)
-            first_node = int(0)
             for at in range(begins[node], begins[node + 1]):
                 position = positions[at]
                 element = element_index(domain_arg.index, position // count)
@@ -109,10 +114,17 @@ class ValuesPlan(PointsPlan):
                         evaluate(s, domain_arg, fields, values, ())
                         weight = Real(1.0)
                     else:
-                        value = converted(evaluate(s, domain_arg, fields, values, ()))
-                        if first < 0:
-                            first = element
-                            first_node = k
+                        if wp.static(has_moments):
+                            value = Value(0.0)
+                            for q in range(point_count(domain_arg.geo, topology, element, k)):
+                                r = s
+                                r.element_coords = point_coords(
+                                    domain_arg.geo, topology, element, k, q
+                                )
+                                there = converted(evaluate(r, domain_arg, fields, values, ()))
+                                value += part(domain_arg.geo, topology, element, k, q, there)
+                        else:
+                            value = converted(evaluate(s, domain_arg, fields, values, ()))
                         if wp.static(reduction == "weighted_average"):
                             volume = measure(domain_arg.geo, s)
                             weight += volume
@@ -131,8 +143,7 @@ class ValuesPlan(PointsPlan):
                             weight = Real(1.0)
             if wp.static(not discards):
                 if weight > Real(0.0):
-                    dof = to_dof(domain_arg.geo, topology, first, first_node, total / weight)
-                    result[node] = Dof(dof)
+                    result[node] = Dof(to_dof(total / weight))
 
         return wp.kernel(values_at_nodes)
 
@@ -143,12 +154,7 @@ def _conversion(plan, space):
 
     Value, result = space.dtype, plan.result
     if extend.types_equal(Value, result):
-
-        @wp.func
-        def same(x: result):
-            return x
-
-        return same
+        return _same
     if extend.type_size(Value) != extend.type_size(result):
         raise ValueError(
             f"integrand '{plan.record.integrand.name}' gives '{extend.type_repr(result)}', but "
@@ -162,30 +168,11 @@ def _conversion(plan, space):
     return converted
 
 
-@functools.cache
 def dof_value_function(space):
-    """A function of (argument of elements, topology, element, node, value): degree of freedom."""
-    functions, TopologyArg = space.functions, space.topology.functions.TopologyArg
-    from typing import Any
+    """The function of a value that is the degree of freedom of a node."""
+    return _same if space.mapper is None else space.functions.to_dof
 
-    if space.kind != "identity":
-        of_value = functions.node_dof
 
-        @wp.func
-        def to_dof(geo: Any, topology: TopologyArg, element: int, node: int, value: Any):
-            return of_value(geo, topology, element, node, value)
-
-    elif space.mapper is None:
-
-        @wp.func
-        def to_dof(geo: Any, topology: TopologyArg, element: int, node: int, value: Any):
-            return value
-
-    else:
-        of_value = functions.to_dof
-
-        @wp.func
-        def to_dof(geo: Any, topology: TopologyArg, element: int, node: int, value: Any):
-            return of_value(value)
-
-    return to_dof
+@wp.func
+def _same(value: Any):
+    return value

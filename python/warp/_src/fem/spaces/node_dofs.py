@@ -1,59 +1,67 @@
-"""Degrees of freedom of nodes in kernels - from a vector at the node in space."""
+"""Degrees of freedom of vector families in kernels - from the field at points of an element."""
+
+import functools
+from types import SimpleNamespace
 
 import numpy as np
 
 import warp as wp
+from warp._src.fem.cells.moments import interpolation_weights
 from warp._src.fem.cells.tables import table
 from warp._src.fem.geometry.base import geometry_functions
-from warp._src.fem.types import make_free_sample
+from warp._src.fem.types import coords_type, make_free_sample
 
 
-def _duals(element, real):
-    """A function of kernels of (node, orientation): the direction of a node's component."""
-    cell = element.cell
-    data = element.definition.data
-    duals = data[4] if element.definition.kind == "vectors" else element.node_duals[None]
-    rows, place = np.unique(
-        np.round(duals.reshape(-1, cell.dimension), 12), axis=0, return_inverse=True
-    )
-    directions, numbers = table(rows, real), table(place.reshape(-1), wp.int32)
-    Vector = wp.types.vector(length=cell.dimension, dtype=real)
-    dimension, nodes = cell.dimension, element.node_count
+@functools.cache
+def dof_functions(record) -> SimpleNamespace:
+    """Functions of kernels of a covariant or contravariant space, all of (element argument,
+    topology argument, element, node, ...).
 
-    @wp.func
-    def dual(node: int, orientation: int):
-        row = numbers[orientation * nodes + node]
-        made = Vector(real(0.0))
-        for axis in range(dimension):
-            made[axis] = directions[row, axis]
-        return made
-
-    return dual
-
-
-def node_dof_function(record):
-    """A function of kernels of (element argument, topology argument, element, node, value): the
-    component of a vector at a node that is the node's degree of freedom."""
-    geometry = geometry_functions(record.topology.geometry)
-    real, dimension = record.topology.geometry.scalar, record.topology.geometry.dimension
-    CellArg, topology = geometry.CellArg, record.topology
-    if topology.kind == "trace":
-        return _on_side(record, geometry, real, dimension)
-    functions = topology.functions
+    `dof_point_count(...)` points of the element determine the degree of freedom of a node;
+    `dof_point_coords(..., point)` are their coordinates, and the sum of `dof_part(..., point,
+    value)` over them, where `value` is the vector in space there, is the degree of freedom.
+    """
+    if record.topology.kind == "trace":
+        return _on_sides(record)
+    topology, element, real = record.topology, record.element, record.topology.geometry.scalar
+    geometry = geometry_functions(topology.geometry)
+    functions, CellArg = topology.functions, geometry.CellArg
     TopologyArg, sign_of = functions.TopologyArg, functions.element_node_sign
-    orientation_of = functions.element_orientation
-    coords_of = record.basis.functions.node_coords
+    orientation_of, dimension = functions.element_orientation, element.cell.dimension
+    places, weights = interpolation_weights(element)
+    is_used = np.any(weights != 0.0, axis=(0, 3))
+    begins = table(np.concatenate(([0], np.cumsum(is_used.sum(axis=1)))), wp.int32)
+    nodes, numbers = np.nonzero(is_used)
+    count = len(nodes)
+    places = table(places[numbers], real)
+    weights = table(weights[:, nodes, numbers].reshape(-1, dimension), real)
     gradient_of = geometry.cell_deformation_gradient
     inverse_of, measure_of = geometry.cell_inverse_deformation_gradient, geometry.cell_measure
-    dual = _duals(record.element, real)
-    Value = wp.types.vector(length=dimension, dtype=real)
+    Value = wp.types.vector(length=topology.geometry.dimension, dtype=real)
+    Direction, Coords = wp.types.vector(length=dimension, dtype=real), coords_type(real)
     is_covariant, is_signed = record.kind == "covariant", sign_of is not None
-    measure = real(record.element.cell.measure)
+    measure = real(element.cell.measure)
 
     @wp.func
-    def node_dof(cell_arg: CellArg, topo_arg: TopologyArg, cell: int, node: int, value: Value):
-        s = make_free_sample(cell, coords_of(cell_arg, topo_arg, cell, node))
-        direction = dual(node, orientation_of(cell_arg, topo_arg, cell))
+    def dof_point_count(cell_arg: CellArg, topo_arg: TopologyArg, cell: int, node: int):
+        return begins[node + 1] - begins[node]
+
+    @wp.func
+    def dof_point_coords(
+        cell_arg: CellArg, topo_arg: TopologyArg, cell: int, node: int, point: int
+    ):
+        place = begins[node] + point
+        return Coords(places[place, 0], places[place, 1], places[place, 2])
+
+    @wp.func
+    def dof_part(
+        cell_arg: CellArg, topo_arg: TopologyArg, cell: int, node: int, point: int, value: Value
+    ):
+        s = make_free_sample(cell, dof_point_coords(cell_arg, topo_arg, cell, node, point))
+        row = orientation_of(cell_arg, topo_arg, cell) * count + begins[node] + point
+        direction = Direction()
+        for axis in range(dimension):
+            direction[axis] = weights[row, axis]
         if wp.static(is_covariant):
             made = wp.dot(wp.transpose(gradient_of(cell_arg, s)) * value, direction)
         else:
@@ -63,21 +71,45 @@ def node_dof_function(record):
             made *= sign_of(cell_arg, topo_arg, cell, node)
         return made
 
-    return node_dof
-
-
-def _on_side(record, geometry, real, dimension):
-    SideArg, to_cell = geometry.SideArg, geometry.side_to_cell_arg
-    find, TopologyArg = (
-        record.topology.functions.neighbor_cell_index,
-        record.topology.functions.TopologyArg,
+    return SimpleNamespace(
+        dof_point_count=dof_point_count, dof_point_coords=dof_point_coords, dof_part=dof_part
     )
-    of_cell = record.cell_space.functions.node_dof
-    Value = wp.types.vector(length=dimension, dtype=real)
+
+
+def _on_sides(record):
+    """The functions of the nodes' cells: points of a node on a side are on it."""
+    geometry = geometry_functions(record.topology.geometry)
+    SideArg, to_cell = geometry.SideArg, geometry.side_to_cell_arg
+    from_cell, functions = geometry.side_from_cell_coords, record.topology.functions
+    find, TopologyArg = functions.neighbor_cell_index, functions.TopologyArg
+    of_cell, space = dof_functions(record.cell_space), record.topology.geometry
+    count_of, coords_of, part_of = (
+        of_cell.dof_point_count,
+        of_cell.dof_point_coords,
+        of_cell.dof_part,
+    )
+    Value = wp.types.vector(length=space.dimension, dtype=space.scalar)
 
     @wp.func
-    def node_dof(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int, value: Value):
+    def dof_point_count(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         cell, place = find(side_arg, topo_arg, side, node)
-        return of_cell(to_cell(side_arg), topo_arg, cell, place, value)
+        return count_of(to_cell(side_arg), topo_arg, cell, place)
 
-    return node_dof
+    @wp.func
+    def dof_point_coords(
+        side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int, point: int
+    ):
+        cell, place = find(side_arg, topo_arg, side, node)
+        coords = coords_of(to_cell(side_arg), topo_arg, cell, place, point)
+        return from_cell(side_arg, side, cell, coords)
+
+    @wp.func
+    def dof_part(
+        side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int, point: int, value: Value
+    ):
+        cell, place = find(side_arg, topo_arg, side, node)
+        return part_of(to_cell(side_arg), topo_arg, cell, place, point, value)
+
+    return SimpleNamespace(
+        dof_point_count=dof_point_count, dof_point_coords=dof_point_coords, dof_part=dof_part
+    )

@@ -55,8 +55,7 @@ class SpaceRecord:
     @property
     def functions(self) -> SimpleNamespace:
         """Functions of kernels: those of the basis, and `to_value(dof)` and `to_dof(value)`, which
-        are None if both are the same. Covariant and contravariant spaces have
-        `node_dof(element argument, topology argument, element, node, value)`."""
+        are None if both are the same."""
         return _functions(self)
 
 
@@ -64,10 +63,6 @@ class SpaceRecord:
 def _functions(record):
     made = SimpleNamespace(**vars(record.basis.functions))
     made.to_value, made.to_dof = record.mapper.functions if record.mapper else (None, None)
-    if record.kind != "identity":
-        from warp._src.fem.spaces.node_dofs import node_dof_function
-
-        made.node_dof = node_dof_function(record)
     return made
 
 
