@@ -74,7 +74,7 @@ bench: release
 wheel: release
 	@$(PYTHON) -m pip wheel -q --no-deps --no-build-isolation -C build-dir=build/release -w dist .
 	@$(PYTHON) scripts/finish_wheel.py $$(ls -t dist/*-linux_x86_64.whl | head -1) --pythons $(PYTHONS)
-	@! find dist -name '*.whl' -size +25600k -printf '%f has %s bytes, more than 25 MiB\n' | grep .
+	@! find dist -name '*.whl' -size +25000000c -printf '%f has %s bytes, more than 25,000,000\n' | grep .
 
 wheels: wheel
 

@@ -8,7 +8,7 @@ of the running interpreter, where there is no network), and runs there
 the program of README.md, an example, and a look at which libraries the machine has to have. Asks
 auditwheel which systems it is for, at least all with glibc 2.28. Prints the size of the wheel, what
 its files take, and how long each step took. The exit status is 1 if a step fails or the wheel has
-more than 25 MiB.
+more than 25,000,000 bytes.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-MOST = 25 * 1024 * 1024
+MOST = 25_000_000
 # Libraries that every Linux of the last years has.
 SYSTEM = re.compile(r"^(linux-vdso|ld-linux|lib(c|m|dl|rt|pthread|gcc_s|stdc\+\+))(?=[.-])")
 # The package comes from the environment, not from the tree that the script lies in.

@@ -308,8 +308,11 @@ static void optimizeLean(llvm::Module &module, llvm::PassBuilder &builder,
 }
 
 /// The least that makes generating code quick: values in registers, said once.
-static void optimizeQuickly(llvm::Module &module, Analyses &analyses) {
+static void optimizeQuickly(llvm::Module &module, llvm::PassBuilder &builder,
+                            Analyses &analyses, bool gpu) {
   llvm::ModulePassManager passes;
+  if (gpu)
+    builder.invokePipelineStartEPCallbacks(passes, llvm::OptimizationLevel::O0);
   passes.addPass(llvm::AlwaysInlinerPass());
   llvm::FunctionPassManager each;
   each.addPass(llvm::SROAPass(llvm::SROAOptions::PreserveCFG));
@@ -345,19 +348,14 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
     avoidGathers(module, machine);
   Analyses analyses(builder);
   bool gpu = getTarget(options).isSimt();
-  if (options.optLevel >= 2)
-    return optimizeLean(module, builder, analyses, gpu,
-                        /*vectorize=*/!gpu && !hasLanes, /*join=*/!brief);
-  if (options.optLevel == 0 && !gpu)
-    return optimizeQuickly(module, analyses);
-  auto level = options.optLevel == 0   ? llvm::OptimizationLevel::O0
-               : options.optLevel == 1 ? llvm::OptimizationLevel::O1
-               : options.optLevel == 2 ? llvm::OptimizationLevel::O2
-                                       : llvm::OptimizationLevel::O3;
-  llvm::ModulePassManager passes =
-      options.optLevel == 0 ? builder.buildO0DefaultPipeline(level)
-                            : builder.buildPerModuleDefaultPipeline(level);
-  passes.run(module, analyses.modules);
+  if (options.optLevel == 0)
+    return optimizeQuickly(module, builder, analyses, gpu);
+  // LLVM's own pipelines would bring 3.4 MB of passes for coroutines, OpenMP,
+  // profiles and the like into the library.
+  bool vectors = options.optLevel >= 2;
+  optimizeLean(module, builder, analyses, gpu,
+               /*vectorize=*/vectors && !gpu && !hasLanes,
+               /*join=*/vectors && !brief);
 }
 
 /// Instructions beyond which they are scheduled once, before registers are
