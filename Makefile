@@ -11,13 +11,14 @@
 # make wheel   an optimised wheel in dist/, of 25 MB at most, for glibc 2.28 and later
 # make wheels PYTHONS="python3.10 python3.12"  and one for each of these interpreters
 # make shim    a wheel in dist/ that stands for `warp-lang`, for clients that require it
+# make tools   a wheel in dist/ with `warp-opt`
 # make check-wheel  installs each in an empty environment and runs programs from there
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: environment build package demo report test release bench docs site wheel wheels shim check-wheel device-bundle format clean
+.PHONY: environment build package demo report test release bench docs site wheel wheels shim tools check-wheel device-bundle format clean
 
 export WHEEL
 
@@ -80,6 +81,10 @@ wheels: wheel
 
 shim: environment
 	@$(PYTHON) scripts/make_shim.py
+
+tools: release
+	@ninja -C build/release --quiet warp-opt
+	@$(PYTHON) scripts/make_tools.py
 
 check-wheel: wheel
 	@$(PYTHON) scripts/check_wheel.py dist/warp_mlir-*-manylinux*.whl --pythons $(PYTHONS) $(CHECK_ARGS)

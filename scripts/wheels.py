@@ -18,7 +18,16 @@ def project_version() -> str:
     raise SystemExit("pyproject.toml states no version")
 
 
-def pack_wheel(folder: Path, name, version, tag, requires=(), files=(), pure=True) -> Path:
+def entry(path: str) -> zipfile.ZipInfo:
+    """The description of a file; programs are executable, which pip keeps."""
+    found = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
+    found.external_attr = (0o100755 if ".data/scripts/" in path else 0o100644) << 16
+    return found
+
+
+def pack_wheel(
+    folder: Path, name, version, tag, requires=(), files=(), pure=True, details=()
+) -> Path:
     """Writes a wheel and returns its path; entries are stored, not compressed.
 
     Args:
@@ -27,12 +36,13 @@ def pack_wheel(folder: Path, name, version, tag, requires=(), files=(), pure=Tru
         requires: what the distribution depends on.
         files: contents by path in the wheel.
         pure: whether nothing in it is compiled.
+        details: further lines of its metadata.
     """
     stem = f"{name.replace('-', '_')}-{version}"
     info = f"{stem}.dist-info"
     lines = [f"Name: {name}", f"Version: {version}", *(f"Requires-Dist: {one}" for one in requires)]
     entries = {
-        f"{info}/METADATA": "\n".join(["Metadata-Version: 2.1", *lines, ""]).encode(),
+        f"{info}/METADATA": "\n".join(["Metadata-Version: 2.4", *lines, *details, ""]).encode(),
         f"{info}/WHEEL": (
             f"Wheel-Version: 1.0\nGenerator: wheels\n"
             f"Root-Is-Purelib: {str(pure).lower()}\nTag: {tag}\n"
@@ -48,7 +58,7 @@ def pack_wheel(folder: Path, name, version, tag, requires=(), files=(), pure=Tru
     wheel = folder / f"{stem}-{tag}.whl"
     with zipfile.ZipFile(wheel, "w") as archive:
         for path, data in entries.items():
-            archive.writestr(path, data)
+            archive.writestr(entry(path), data)
     return wheel
 
 
@@ -67,5 +77,5 @@ def write_wheel(wheel: Path, entries: dict[str, bytes]) -> None:
             if name != record:
                 digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).rstrip(b"=")
                 lines.append(f"{name},sha256={digest.decode()},{len(data)}\n")
-                archive.writestr(name, data)
+                archive.writestr(entry(name), data, zipfile.ZIP_DEFLATED, 1)
         archive.writestr(record, "".join(lines) + f"{record},,\n")
