@@ -121,7 +121,7 @@ class Tangents:
 
     # The overwritten arrays.
 
-    def _access(self, arrays, written) -> None:
+    def access(self, arrays, written) -> None:
         """Called before arrays are read or written."""
         if self._changed:
             for one in arrays:
@@ -149,7 +149,7 @@ class Tangents:
 
     def launch(self, call: Call) -> None:
         """Runs a launch with tangents."""
-        self._access([one for _, one in call.leaves if one is not None], call.written)
+        self.access([one for _, one in call.leaves if one is not None], call.written)
         is_behind = any(self.has(one) for one in handles.arrays_of(call))
         active = self._active(call.leaves, call.accesses, is_behind)
         if not any(active):
@@ -267,7 +267,7 @@ class Tangents:
 
     def copy(self, dest: array, src: array, stream=None) -> None:
         """Copies values and tangents."""
-        self._access((dest, src), (dest,))
+        self.access((dest, src), (dest,))
         self._copy(dest, src, stream)
         if not has_gradient(dest.dtype):
             return
@@ -279,7 +279,7 @@ class Tangents:
 
     def fill(self, target: array, pattern: bytes) -> None:
         """Fills with a constant, whose tangent is zero."""
-        self._access((target,), (target,))
+        self.access((target,), (target,))
         self._fill(target, pattern)
         if self.has(target):
             self._clear(target)

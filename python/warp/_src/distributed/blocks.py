@@ -15,6 +15,7 @@ import numpy as np
 
 import warp as wp
 from warp._src.arrays.observers import Observers
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import Message, flat, resolve
 from warp._src.distributed.failures import DistributedError, DistributedValueError
 from warp._src.distributed.operations import checked, rows_of
@@ -253,7 +254,8 @@ class Blocks:
                 (an array of `ndim` columns), so that those travel that cross a face.
         """
         found = self._exchanges.get((id(fields[0]), None)) if len(fields) == 1 else None
-        if found is None or items is not None or Observers.tape is not None:
+        observed = Observers.tape is not None or Observers.executor is not None
+        if found is None or items is not None or observed:
             found = self._exchange("halo", fields, items)
         found.start()
         found.finish()
@@ -272,6 +274,10 @@ class Blocks:
         return _Overlap(self._exchange("halo", fields, items))
 
     def _exchange(self, name, fields, items):
+        if Observers.executor is not None:
+            for number, one in enumerate(fields):
+                self._check_field(name, number, one)
+            return forward.with_tangents(fields, lambda all_: self._exchange(name, all_, items))
         key = (*map(id, fields), None if items is None else id(items))
         if name != "halo":
             key = name, *key
@@ -289,14 +295,15 @@ class Blocks:
             (dtypes.type_repr(one.dtype), one.shape[: one.ndim - self.ndim]) for one in fields
         )
         recorded = Observers.tape is not None and any(one.requires_grad for one in fields)
-        symmetric = repr((name, described, _items_key(items), recorded))
-        exchange = Exchange(self.comm, text, sides, self._plans.get(symmetric))
+        symmetric = repr((name, described, _items_key(items), recorded, forward.Along.count))
+        kinds = [one.dtype for one in fields]
+        exchange = Exchange(self.comm, text, sides, kinds, self._plans.get(symmetric))
         self._plans[symmetric] = exchange.plan
         exchange.grads = _grads(fields)
         # The key stays that of these objects.
         exchange.fields = fields, items
         while len(self._exchanges) >= _MOST_KEPT:
-            self._exchanges.pop(next(iter(self._exchanges))).free()
+            self._exchanges.pop(next(iter(self._exchanges)))
         self._exchanges[key] = exchange
         return exchange
 

@@ -10,6 +10,7 @@ import numpy as np
 
 import warp as wp
 from warp._src.arrays.observers import Observers
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import resolve
 from warp._src.distributed.failures import DistributedError, DistributedValueError
 from warp._src.distributed.operations import checked, rows_of
@@ -108,14 +109,26 @@ class Neighbours:
 
     def halo(self, x) -> None:
         """Gives ghosts the values of their owners; on a tape with the exact adjoint."""
-        self._start("halo", x).finish()
+        if Observers.executor is not None:
+            self._check("halo", x)
+            forward.in_place([x], self.halo)
+        else:
+            self._start("halo", x).finish()
 
     def overlap(self, x):
         """Begins a halo; `finish` of the result ends it."""
+        if Observers.executor is not None:
+            # Tangents of forward mode need the memory of the message, too.
+            self.halo(x)
+            return _Done()
         return self._start("halo", x)
 
     def push(self, x) -> None:
         """Adds values of ghosts to their owners; on a tape with the exact adjoint."""
+        if Observers.executor is not None:
+            self._check("push", x)
+            forward.in_place([x], self.push)
+            return
         exchange, packed = self._exchange("push", x)
         exchange.run()
         for (_, index, _), values in zip(self.neighbours, packed, strict=True):
@@ -148,13 +161,21 @@ class Neighbours:
             give, take = (own, ghosts) if name == "halo" else (ghosts, own)
             sides.append(Side(peer, give, take, self.comm.rank, peer))
         recorded = Observers.tape is not None and x.requires_grad
-        symmetric = name, dtypes.type_repr(x.dtype), recorded
-        exchange = Exchange(self.comm, f"{name} of {self.kind}", sides, self._plans.get(symmetric))
+        symmetric = name, dtypes.type_repr(x.dtype), recorded, forward.Along.count
+        text, plan = f"{name} of {self.kind}", self._plans.get(symmetric)
+        exchange = Exchange(self.comm, text, sides, [x.dtype], plan)
         self._plans[symmetric] = exchange.plan
         while len(self._exchanges) >= 64:
-            self._exchanges.pop(next(iter(self._exchanges)))[0].free()
+            self._exchanges.pop(next(iter(self._exchanges)))
         self._exchanges[key] = exchange, packed, gradient, x
         return exchange, packed
+
+
+class _Done:
+    """A halo that has ended."""
+
+    def finish(self) -> None:
+        """Nothing is left to wait for."""
 
 
 class Graph(Neighbours):

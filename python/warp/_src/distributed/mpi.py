@@ -255,6 +255,11 @@ class Persistent:
             one.Free()
         self.requests = []
 
+    def __del__(self):
+        # An exchange lives as long as a tape that has recorded it.
+        if self.requests and os.getpid() == self.comm.process and not MPI.Is_finalized():
+            self.free()
+
 
 def _bytes(view):
     """Memory as bytes: types are checked by the plan."""

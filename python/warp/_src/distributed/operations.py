@@ -17,9 +17,10 @@ from warp._src import errors
 from warp._src.arrays.observers import Observers, Place
 from warp._src.derivatives import cotangents
 from warp._src.distributed import exact as exact_sums
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import OPERATIONS, flat, resolve
 from warp._src.distributed.failures import DistributedError, DistributedValueError
-from warp._src.distributed.plans import check_plan, run_or_record, without_tape
+from warp._src.distributed.plans import check_plan, record, run_or_record, without_tape
 from warp._src.types import dtypes
 
 # Types that engines do not calculate with, and the ones that are used in their place.
@@ -68,6 +69,8 @@ def _unflat(memory, like):
 
 def _plan(comm, key, name, common):
     """The number of a collective plan and its step, made and checked once for each key."""
+    if forward.Along.count:
+        key = key, forward.Along.count
     found = comm.plans.get(key)
     if found is None or comm.closed:
         comm.check_use(name)
@@ -146,6 +149,10 @@ def all_reduce(x, op="sum", exact=None, comm=None):
     if exact is None:
         exact = config.deterministic not in (False, None, "", "not_guaranteed")
     exact = bool(exact) and op == "sum" and _scalar(x.dtype) in exact_sums.FORMATS
+    if Observers.executor is not None:
+        if op != "sum":
+            return _extremum_forward(comm, x, op)
+        return forward.in_place([x], lambda x: all_reduce(x, op, exact, comm))
     common = f"{op} of {_described(x)}{', exact' if exact else ''}"
     _plan(comm, ("all_reduce", common), "all_reduce", common)
     own = wp.clone(x) if Observers.tape is not None and op != "sum" else None
@@ -181,27 +188,50 @@ def _keep_held(holder: wp.array(dtype=int), rank: int, grad: wp.array(dtype=Any)
         grad[i] = grad[i] * grad.dtype(0.0)
 
 
+def _holder_of(comm, own, x):
+    """For each number the lowest rank that holds the extremum."""
+    numbers = flat(own.contiguous()), flat(x.contiguous())
+    holder = wp.empty(numbers[0].size, dtype=int, device=x.device)
+    wp.launch(_mark_held, holder.size, [*numbers, comm.rank, comm.size, holder], device=x.device)
+    if comm.size > 1:
+        comm.all_reduce(holder, "min")
+    return holder
+
+
+def _keep_own(comm, holder, x) -> None:
+    """Sets to zero the numbers that another rank holds the extremum of."""
+    packed = x.contiguous()
+    wp.launch(_keep_held, holder.size, [holder, comm.rank, flat(packed)], device=x.device)
+    if packed is not x:
+        x.assign(packed)
+
+
 def _record_extremum(comm, own, x) -> None:
     """Leaves the adjoint of an extremum to the lowest rank that holds it."""
+    holder = without_tape(lambda: _holder_of(comm, own, x))
+    record(Observers.tape, lambda: _keep_own(comm, holder, x.grad), [x])
 
-    def mark():
-        numbers = flat(own.contiguous()), flat(x.contiguous())
-        holder = wp.empty(numbers[0].size, dtype=int, device=x.device)
-        wp.launch(
-            _mark_held, holder.size, [*numbers, comm.rank, comm.size, holder], device=x.device
-        )
-        comm.all_reduce(holder, "min")
-        return holder
 
-    holder = without_tape(mark)
+def _extremum_forward(comm, x, op):
+    """The extremum, and the tangent of the lowest rank that holds it."""
+    own = forward.values_only(lambda: without_tape(lambda: wp.clone(x)))
+    holder: list = []
 
-    def backward():
-        grad = x.grad.contiguous()
-        wp.launch(_keep_held, holder.size, [holder, comm.rank, flat(grad)], device=x.device)
-        if grad is not x.grad:
-            x.grad.assign(grad)
+    def run(one):
+        if not holder:
+            all_reduce(one, op, comm=comm)
+            holder.append(without_tape(lambda: _holder_of(comm, own, one)))
+            return one
+        tape = Observers.tape
+        if tape is not None:
+            Observers.memory.writing(one, Place("all_reduce"))
+        without_tape(lambda: _keep_own(comm, holder[0], one))
+        without_tape(lambda: all_reduce(one, comm=comm))
+        if tape is not None and one.requires_grad:
+            record(tape, lambda: _keep_own(comm, holder[0], one.grad), [one])
+        return one
 
-    Observers.tape.record_func(backward, [x])
+    return forward.in_place([x], run)
 
 
 def replicate(x, comm=None):
@@ -214,6 +244,8 @@ def replicate(x, comm=None):
     """
     comm = resolve(comm)
     checked(comm, "replicate", x)
+    if Observers.executor is not None:
+        return forward.produced(x, lambda x: replicate(x, comm))
     _plan(comm, ("replicate", _described(x)), "replicate", _described(x))
     if config.mode == "debug":
         _compare(comm, x)
@@ -224,7 +256,7 @@ def replicate(x, comm=None):
         def backward():
             run_or_record(comm, "adjoint of replicate", lambda: _reduce(comm, y.grad, "sum"))
 
-        tape.record_func(backward, [y])
+        record(tape, backward, [y])
     return y
 
 
@@ -255,6 +287,8 @@ def broadcast(x, root=0, comm=None):
         raise DistributedValueError(
             f"rank {comm.rank}: broadcast expects a root below {comm.size}, but got {root!r}"
         )
+    if Observers.executor is not None:
+        return forward.in_place([x], lambda x: broadcast(x, root, comm))
     common = f"from rank {root} of {_described(x)}"
     _plan(comm, ("broadcast", common), "broadcast", common)
     if Observers.active:
@@ -270,14 +304,14 @@ def broadcast(x, root=0, comm=None):
     without_tape(lambda: run_or_record(comm, "broadcast", run))
     tape = Observers.tape
     if tape is not None and x.requires_grad and comm.rank != root:
-        tape.record_func(x.grad.zero_, [x])
+        record(tape, x.grad.zero_, [x])
     return x
 
 
 class _Movement:
     """A movement of rows to a new array, and back for adjoints."""
 
-    def __init__(self, comm, name, x, rows, forward, backward):
+    def __init__(self, comm, name, x, rows, deliver, backward):
         self.name = name
         self.y = wp.empty(
             (rows, *x.shape[1:]), dtype=x.dtype, device=x.device, requires_grad=x.requires_grad
@@ -288,7 +322,7 @@ class _Movement:
         def move():
             if packed.ptr != x.ptr:
                 wp.copy(packed, x)
-            forward(flat(y, wp.uint8), flat(packed, wp.uint8))
+            deliver(flat(y, wp.uint8), flat(packed, wp.uint8))
 
         without_tape(lambda: run_or_record(comm, name, move))
         tape = Observers.tape
@@ -304,7 +338,7 @@ class _Movement:
 
             run_or_record(comm, f"adjoint of {name}", run)
 
-        tape.record_func(reverse, [x, y])
+        record(tape, reverse, [x, y])
 
 
 def _row_bytes(x) -> int:
@@ -325,20 +359,22 @@ def all_gather(x, comm=None):
     """
     comm = resolve(comm)
     checked(comm, "all_gather", x)
+    if Observers.executor is not None:
+        return forward.produced(x, lambda x: all_gather(x, comm))
     common = f"of rows of {dtypes.type_repr(x.dtype)} {x.shape[1:]}"
     _plan(comm, ("all_gather", common), "all_gather", common)
     counts = _counts_of(comm, x)
     first, step = sum(counts[: comm.rank]), _row_bytes(x)
     sizes = [step * one for one in counts]
 
-    def forward(out, source):
+    def deliver(out, source):
         comm.all_gather(out, source, sizes) if comm.size > 1 else wp.copy(out, source)
 
     def backward(found, grad):
         if x.shape[0]:
             wp.copy(found, grad[first : first + x.shape[0]])
 
-    return _Movement(comm, "all_gather", x, sum(counts), forward, backward).y
+    return _Movement(comm, "all_gather", x, sum(counts), deliver, backward).y
 
 
 def rows_of(count, rank, size) -> tuple[int, int]:
@@ -355,13 +391,15 @@ def reduce_scatter(x, comm=None):
     comm = resolve(comm)
     checked(comm, "reduce_scatter", x)
     _check_op(comm, x, "sum")
+    if Observers.executor is not None:
+        return forward.produced(x, lambda x: reduce_scatter(x, comm))
     common = f"of {_described(x)}"
     _plan(comm, ("reduce_scatter", common), "reduce_scatter", common)
     ends = [rows_of(x.shape[0], rank, comm.size) for rank in range(comm.size)]
     first, last = ends[comm.rank]
     step = _row_bytes(x)
 
-    def forward(out, source):
+    def deliver(out, source):
         total = wp.clone(_unflat(source, x))
         _reduce(comm, total, "sum")
         if last > first:
@@ -376,7 +414,7 @@ def reduce_scatter(x, comm=None):
         def backward(found, grad):
             wp.copy(found, grad)
 
-    return _Movement(comm, "reduce_scatter", x, last - first, forward, backward).y
+    return _Movement(comm, "reduce_scatter", x, last - first, deliver, backward).y
 
 
 def all_to_all(x, counts, comm=None):
@@ -396,6 +434,8 @@ def all_to_all(x, counts, comm=None):
             f"rank {comm.rank}: all_to_all expects {comm.size} counts of {x.shape[0]} rows in all, "
             f"but got {counts}"
         )
+    if Observers.executor is not None:
+        return forward.produced(x, lambda x: all_to_all(x, counts, comm))
     common = f"of rows of {dtypes.type_repr(x.dtype)} {x.shape[1:]}"
     _plan(comm, ("all_to_all", common), "all_to_all", common)
     table = np.zeros((comm.size, comm.size), np.int64)
@@ -405,20 +445,20 @@ def all_to_all(x, counts, comm=None):
     step = _row_bytes(x)
     given, taken = [step * one for one in counts], [step * one for one in came]
 
-    def forward(out, source):
+    def deliver(out, source):
         if comm.size > 1:
             comm.all_to_all(out, source, taken, given)
         else:
             wp.copy(out, source)
 
     def backward(found, grad):
-        forward_back = flat(found, wp.uint8), flat(grad.contiguous(), wp.uint8)
+        ends = flat(found, wp.uint8), flat(grad.contiguous(), wp.uint8)
         if comm.size > 1:
-            comm.all_to_all(*forward_back, given, taken)
+            comm.all_to_all(*ends, given, taken)
         else:
-            wp.copy(*forward_back)
+            wp.copy(*ends)
 
-    return _Movement(comm, "all_to_all", x, sum(came), forward, backward).y, came
+    return _Movement(comm, "all_to_all", x, sum(came), deliver, backward).y, came
 
 
 def barrier(comm=None) -> None:

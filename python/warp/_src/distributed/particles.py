@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 import warp as wp
+from warp._src.arrays.observers import Observers, Observing
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import flat, resolve
 from warp._src.distributed.curves import hilbert_keys
 from warp._src.distributed.failures import DistributedError, DistributedValueError
@@ -138,7 +140,8 @@ class Particles:
         strides = x.strides[0], dtypes.type_size_in_bytes(scalar)
         numbers = x._view(0, (x.size, length), strides, scalar)
         inputs = [numbers, self.ndim, low, scale, extents, cells]
-        without_tape(lambda: wp.launch(_find_cells, x.size, inputs, device=x.device))
+        with Observing(tape=None, executor=None):
+            wp.launch(_find_cells, x.size, inputs, device=x.device)
         found = cells.numpy().copy()
         # All ranks stop if one has to.
         bad = int((found < 0).sum())
@@ -220,11 +223,13 @@ class Particles:
     def _move(self, x, order, counts, came):
         """Rows of an array in an order, sent to ranks by counts."""
         comm = self.comm
+        if Observers.executor is not None:
+            return forward.produced(x, lambda x: self._move(x, order, counts, came))
         sorted_ = _chosen(x, order)
         step = _row_bytes(x)
         given, taken = [step * one for one in counts], [step * one for one in came]
 
-        def forward(out, source):
+        def deliver(out, source):
             if comm.size > 1:
                 comm.all_to_all(out, source, taken, given)
             elif source.size:
@@ -237,7 +242,7 @@ class Particles:
             elif source.size:
                 wp.copy(target, source)
 
-        return _Movement(comm, "migrate", sorted_, sum(came), forward, backward).y
+        return _Movement(comm, "migrate", sorted_, sum(came), deliver, backward).y
 
     # Ghosts.
 

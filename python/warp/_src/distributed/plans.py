@@ -10,9 +10,10 @@ import warp as wp
 from warp import _native
 from warp._src.arrays.hooks import captures
 from warp._src.arrays.observers import Observers, Observing
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import Message
 from warp._src.distributed.failures import DistributedError
-from warp._src.types import dtypes
+from warp._src.types.dtypes import type_repr
 
 _ALIGNMENT = 64
 
@@ -37,7 +38,7 @@ def check_plan(comm, name, common, messages=()) -> int:
     comm.check_use(name)
     comm.user = threading.get_ident()
     try:
-        return _checked_plan(comm, name, common, messages)
+        return _checked_plan(comm, name, common + forward.described(), messages)
     finally:
         comm.user = None
 
@@ -100,7 +101,8 @@ def run_or_record(comm, name, function) -> None:
     """
     if Observers.executor is not None and comm.size > 1:
         raise DistributedError(
-            f"rank {comm.rank}: {name} in forward mode: tangents do not travel, use a tape"
+            f"rank {comm.rank}: {name} in forward mode: tangents do not go through solvers, "
+            "differentiate the equation that they solve"
         )
     if captures:
         capture = captures.get(threading.get_ident())
@@ -171,11 +173,12 @@ class Exchange:
         comm: communicator.
         name: in messages, such as `halo of 'f'`.
         sides: what goes where; parts of the same memory every time.
+        dtypes: of the arrays, the same on ranks without neighbours, too.
         plan: number and step of one that was checked, with sides of these types and sizes.
     """
 
-    def __init__(self, comm, name, sides, plan=None):
-        self.comm, self.name = comm, name
+    def __init__(self, comm, name, sides, dtypes, plan=None):
+        self.comm, self.name, self.dtypes = comm, name, dtypes
         self.sides = [
             side
             for side in sides
@@ -199,16 +202,10 @@ class Exchange:
             (side.peer, _size(side.give), _size(side.take), side.give_tag, side.take_tag)
             for side in self.sides
         ]
-        kinds = {dtypes.type_repr(one.dtype) for side in self.sides for one in side.give}
-        tape = Observers.tape is not None
-        common = f"of {', '.join(sorted(kinds))}{', on a tape' if tape else ''}" if kinds else ""
+        kinds = sorted({type_repr(one) for one in self.dtypes})
+        tape = ", on a tape" if Observers.tape is not None else ""
+        common = f"of {', '.join(kinds)}{tape}"
         return [check_plan(self.comm, self.name, common, facts), 0]
-
-    def free(self) -> None:
-        """Gives back requests of the engine."""
-        for work in (self._packed_work, self._direct, self._gradients):
-            if work is not None and work.engine is not None and not self.comm.closed:
-                work.engine.free()
 
     # Running.
 
@@ -314,7 +311,7 @@ class Exchange:
         if self._gradients is None:
             grads = [(given.grad, taken.grad) for given, taken in pairs]
             self._gradients = self._work(grads, backwards=True)
-        tape.record_func(self._reverse, arrays)
+        record(tape, self._reverse, arrays)
 
     def _reverse(self) -> None:
         """Sends adjoints of ghosts home."""
@@ -374,6 +371,11 @@ def _copy(dest, source) -> None:
         wp.copy(dest, source)
     elif dest.size:
         _native.copy_array(dest, source, None)
+
+
+def record(tape, backward, arrays) -> None:
+    """Records an adjoint that tangents have one of their own of."""
+    tape.record_func(lambda: forward.values_only(backward), arrays)
 
 
 def without_tape(function):

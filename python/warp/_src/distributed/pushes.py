@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from warp._src.arrays.observers import Observers, Place
 from warp._src.derivatives import cotangents
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import Message
-from warp._src.distributed.plans import Buffer, Work, _copy, run_or_record, without_tape
+from warp._src.distributed.plans import Buffer, Work, _copy, record, run_or_record, without_tape
 
 
 class Adder:
@@ -59,6 +60,9 @@ class Adder:
 
 def push(blocks, fields) -> None:
     """Adds ghosts of fields to the cells that own them."""
+    if Observers.executor is not None:
+        forward.in_place(fields, lambda *fields: push(blocks, fields), together=True)
+        return
     exchange = blocks._exchange("push", fields, None)
     if not hasattr(exchange, "adder"):
         exchange.adder = without_tape(lambda: Adder(exchange))
@@ -69,4 +73,4 @@ def push(blocks, fields) -> None:
     without_tape(lambda: adder.add("home", False))
     tape = Observers.tape
     if tape is not None and any(one.requires_grad for one in fields):
-        tape.record_func(lambda: adder.add("outward", True), list(fields))
+        record(tape, lambda: adder.add("outward", True), list(fields))

@@ -9,6 +9,7 @@ from warp import config
 from warp._src import errors
 from warp._src.arrays.observers import Observers
 from warp._src.distributed import exact as exact_sums
+from warp._src.distributed import forward
 from warp._src.distributed.communicator import resolve
 from warp._src.distributed.failures import DistributedValueError
 from warp._src.distributed.operations import _plan, checked
@@ -16,13 +17,13 @@ from warp._src.distributed.plans import run_or_record, without_tape
 from warp._src.types import dtypes
 
 
-@wp.kernel(module="warp.distributed", enable_backward=False)
+@wp.kernel(module="warp.distributed", enable_backward=True)
 def _add_one(scale: wp.array(dtype=Any), out: wp.array(dtype=Any)):
     i = wp.tid()
     out[i] = out[i] + out.dtype(scale[0])
 
 
-@wp.kernel(module="warp.distributed", enable_backward=False)
+@wp.kernel(module="warp.distributed", enable_backward=True)
 def _add_scaled(scale: wp.array(dtype=Any), x: wp.array(dtype=Any), out: wp.array(dtype=Any)):
     i = wp.tid()
     out[i] = out[i] + x.dtype(scale[0]) * x[i]
@@ -85,6 +86,9 @@ def _checked(comm, name, arrays) -> list:
 def _reduced(name, arrays, exact, comm):
     comm = resolve(comm)
     exact = is_exact(exact)
+    if Observers.executor is not None:
+        forward.values_only(lambda: without_tape(lambda: _checked(comm, name, arrays)))
+        return forward.summed(arrays, lambda *arrays: _reduced(name, arrays, exact, comm))
     numbers = without_tape(lambda: _checked(comm, name, arrays))
     x = arrays[0]
     common = f"of {dtypes.type_repr(x.dtype)}{', exact' if exact else ''}"

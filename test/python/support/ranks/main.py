@@ -1,6 +1,7 @@
 """All checks on ranks, in one process each: starting takes longer than most of them."""
 
 import checking
+import forward_checks
 import grid_checks
 import lattice_checks
 import operation_checks
@@ -9,7 +10,7 @@ import process_checks
 import solver_checks
 
 MODULES = (
-    *(grid_checks, lattice_checks, operation_checks),
+    *(grid_checks, lattice_checks, operation_checks, forward_checks),
     *(solver_checks, particle_checks, process_checks),
 )
 
