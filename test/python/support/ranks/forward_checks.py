@@ -79,8 +79,8 @@ def linear_operations(comm):
 
 
 def extrema_and_products(comm):
-    """Tangents of extrema are those of the rank that holds them; those of products have two terms."""
     """The tangent of an extremum is the holder's; that of an inner product has two terms."""
+    values = np.array([[1.0, 5.0, 2.0], [3.0, 5.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     tangents = 1.0 + np.arange(12.0).reshape(4, 3)
     x = wp.array(values[comm.rank], dtype=float)
     v = wp.array(tangents[comm.rank], dtype=float)
