@@ -32,6 +32,9 @@ constexpr double cyclesPerNanosecond = 3;
 /// The accumulators that a thread can keep before register pressure spills
 /// them.
 constexpr int64_t mostSums = 16;
+/// Lanes of a warp that combine what they add to one element: fewer are done
+/// sooner one after the other.
+constexpr int64_t leastCombined = 4;
 /// Threads in a row that may update one element, by a divisor that nobody
 /// knows.
 constexpr int64_t unknownRun = int64_t(1) << 30;

@@ -69,6 +69,13 @@ mlir::Value TargetInfo::emitIsFull(OpBuilder &, Location) const {
 mlir::Value TargetInfo::emitVoteAll(OpBuilder &, Location, mlir::Value) const {
   llvm_unreachable("the target has no subgroups");
 }
+mlir::Value TargetInfo::emitBallot(OpBuilder &, Location, mlir::Value) const {
+  llvm_unreachable("the target has no subgroups");
+}
+mlir::Value TargetInfo::emitActiveMax(OpBuilder &, Location,
+                                      mlir::Value) const {
+  llvm_unreachable("the target has no such instruction");
+}
 void TargetInfo::emitSubgroupBarrier(OpBuilder &, Location) const {
   llvm_unreachable("the target has no subgroups");
 }

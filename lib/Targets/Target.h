@@ -58,6 +58,8 @@ enum class Feature {
   PairedFloatAtomics,
   /// An instruction approximates 1/sqrt(x) of f32.
   ReciprocalRoot,
+  /// An instruction finds the largest integer of the lanes that are here.
+  SubgroupMax,
   /// The device library has functions by which the threads of a block work on
   /// tiles: products in registers, factors, transforms, reductions.
   BlockTiles,
@@ -146,6 +148,13 @@ public:
   /// True if a condition holds in all lanes of a full subgroup.
   virtual mlir::Value emitVoteAll(mlir::OpBuilder &b, mlir::Location loc,
                                   mlir::Value condition) const;
+  /// In which lanes of a full subgroup a condition holds: an integer with a bit
+  /// for each.
+  virtual mlir::Value emitBallot(mlir::OpBuilder &b, mlir::Location loc,
+                                 mlir::Value condition) const;
+  /// The largest unsigned i32 of the lanes that are here (SubgroupMax).
+  virtual mlir::Value emitActiveMax(mlir::OpBuilder &b, mlir::Location loc,
+                                    mlir::Value value) const;
   /// Waits for the lanes of a full subgroup, and their accesses to memory.
   virtual void emitSubgroupBarrier(mlir::OpBuilder &b,
                                    mlir::Location loc) const;

@@ -25,6 +25,8 @@ public:
   mlir::Value emitIsFull(mlir::OpBuilder &b, mlir::Location loc) const override;
   mlir::Value emitVoteAll(mlir::OpBuilder &b, mlir::Location loc,
                           mlir::Value condition) const override;
+  mlir::Value emitBallot(mlir::OpBuilder &b, mlir::Location loc,
+                         mlir::Value condition) const override;
   void emitSubgroupBarrier(mlir::OpBuilder &b,
                            mlir::Location loc) const override;
   mlir::Value emitBlockAny(mlir::OpBuilder &b, mlir::Location loc,
@@ -53,10 +55,6 @@ public:
   void prepareModule(llvm::Module &module, llvm::TargetMachine &machine,
                      const CompileOptions &options) const override;
 
-private:
-  /// The lanes for which a condition holds: an integer with a bit for each.
-  mlir::Value emitBallot(mlir::OpBuilder &b, mlir::Location loc,
-                         mlir::Value condition) const;
 };
 
 } // namespace warp

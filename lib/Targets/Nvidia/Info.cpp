@@ -18,7 +18,8 @@ using namespace warp;
 
 static constexpr FeatureSet any{Feature::ReciprocalRoot};
 static constexpr FeatureSet ampere =
-    any | FeatureSet{Feature::BlockTiles, Feature::AsyncCopy, Feature::Mma};
+    any | FeatureSet{Feature::SubgroupMax, Feature::BlockTiles,
+                     Feature::AsyncCopy, Feature::Mma};
 static constexpr FeatureSet hopper =
     ampere | FeatureSet{Feature::DoubleMma, Feature::PairedFloatAtomics,
                         Feature::ProgrammaticLaunch};

@@ -64,6 +64,19 @@ Value NvidiaTarget::emitVoteAll(OpBuilder &b, Location loc,
               {constant(b, loc, -1), condition});
 }
 
+Value NvidiaTarget::emitBallot(OpBuilder &b, Location loc,
+                               Value condition) const {
+  return call(b, loc, b.getI32Type(), "llvm.nvvm.vote.ballot.sync",
+              {constant(b, loc, -1), condition});
+}
+
+Value NvidiaTarget::emitActiveMax(OpBuilder &b, Location loc,
+                                  Value value) const {
+  Value active = call(b, loc, b.getI32Type(), "llvm.nvvm.activemask", {});
+  return call(b, loc, b.getI32Type(), "llvm.nvvm.redux.sync.umax",
+              {value, active});
+}
+
 void NvidiaTarget::emitSubgroupBarrier(OpBuilder &b, Location loc) const {
   LLVM::CallIntrinsicOp::create(b, loc,
                                 b.getStringAttr("llvm.nvvm.bar.warp.sync"),

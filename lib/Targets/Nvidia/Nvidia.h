@@ -24,6 +24,10 @@ public:
   mlir::Value emitIsFull(mlir::OpBuilder &b, mlir::Location loc) const override;
   mlir::Value emitVoteAll(mlir::OpBuilder &b, mlir::Location loc,
                           mlir::Value condition) const override;
+  mlir::Value emitBallot(mlir::OpBuilder &b, mlir::Location loc,
+                         mlir::Value condition) const override;
+  mlir::Value emitActiveMax(mlir::OpBuilder &b, mlir::Location loc,
+                            mlir::Value value) const override;
   void emitSubgroupBarrier(mlir::OpBuilder &b,
                            mlir::Location loc) const override;
   mlir::Value emitBlockAny(mlir::OpBuilder &b, mlir::Location loc,

@@ -6,6 +6,7 @@
 
 #include "InStep.h"
 
+#include "Updates/Atomics.h"
 #include "WarpDialect/LaneOps.h"
 #include "WarpDialect/Passes.h"
 
@@ -25,6 +26,25 @@ static void take(scf::IfOp branch) {
   branch.erase();
 }
 
+static bool isInStep(scf::IfOp branch) {
+  Operation *condition = branch.getCondition().getDefiningOp();
+  return condition && condition->hasAttr(warp::attr::inStep);
+}
+
+bool warp::updatesInStep(FunctionOpInterface kernel) {
+  return kernel
+      ->walk([](AtomicComponentsOp op) {
+        if (getUpdate(op).getScope() != UpdateScope::lanes)
+          return WalkResult::advance();
+        for (auto branch = op->getParentOfType<scf::IfOp>(); branch;
+             branch = branch->getParentOfType<scf::IfOp>())
+          if (isInStep(branch))
+            return WalkResult::interrupt();
+        return WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 void warp::leaveStep(FunctionOpInterface kernel) {
   SmallVector<MostTripsOp> trips;
   kernel->walk([&](MostTripsOp op) { trips.push_back(op); });
@@ -32,8 +52,7 @@ void warp::leaveStep(FunctionOpInterface kernel) {
     return;
   SmallVector<scf::IfOp> branches;
   kernel->walk([&](scf::IfOp branch) {
-    Operation *condition = branch.getCondition().getDefiningOp();
-    if (condition && condition->hasAttr(attr::inStep))
+    if (isInStep(branch))
       branches.push_back(branch);
   });
   for (scf::IfOp branch : branches)

@@ -11,9 +11,13 @@
 
 namespace warp {
 
-/// Takes out of a kernel whose threads are not lanes what has lanes in step: a
-/// thread alone makes its own trips, and none that it has to skip.
+/// Takes out of a kernel whose threads are not in step what has lanes in step:
+/// a thread alone makes its own trips, and none that it has to skip.
 void leaveStep(mlir::FunctionOpInterface kernel);
+
+/// True if threads that are in step would update the same element, as
+/// warp-plan-updates has found.
+bool updatesInStep(mlir::FunctionOpInterface kernel);
 
 } // namespace warp
 

@@ -395,9 +395,13 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (!kernel)
       return signalPassFailure();
     warp::ThreadsOp threads = warp::findThreads(kernel);
-    if (!threads || warp::getTarget(kernel).isSimt() ||
-        warp::getVariant(kernel).getDebug())
+    if (!threads || warp::getVariant(kernel).getDebug())
       return;
+    if (warp::getTarget(kernel).isSimt()) {
+      if (!warp::updatesInStep(kernel))
+        warp::leaveStep(kernel);
+      return;
+    }
     if (kernel->hasAttr(warp::attr::blockThreads))
       return warp::noteChoice(kernel, "lanes", "1",
                               "loops over elements of tiles have them");

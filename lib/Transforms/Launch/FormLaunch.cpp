@@ -142,10 +142,11 @@ struct FormLaunch : warp::impl::FormLaunchBase<FormLaunch> {
     describeArguments(kernel, types);
     warp::hoistHandles(kernel);
     warp::VariantAttr variant = warp::getVariant(kernel);
-    bool mayHaveLanes = !warp::getTarget(kernel).isSimt() &&
-                        !variant.getDebug() &&
-                        !kernel->hasAttr(warp::attr::blockThreads);
-    if (!mayHaveLanes)
+    const warp::TargetInfo &target = warp::getTarget(kernel);
+    bool mayBeInStep =
+        (!target.isSimt() || target.has(warp::Feature::SubgroupMax)) &&
+        !variant.getDebug() && !kernel->hasAttr(warp::attr::blockThreads);
+    if (!mayBeInStep)
       warp::leaveStep(kernel);
     formThreads(kernel);
   }

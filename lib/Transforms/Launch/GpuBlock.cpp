@@ -15,12 +15,13 @@
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Dialect/GPU/IR/GPUDialect.h"
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
+#include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
 void warp::registerGpuDialect(DialectRegistry &registry) {
-  registry.insert<gpu::GPUDialect>();
+  registry.insert<gpu::GPUDialect, math::MathDialect>();
 }
 
 const warp::TargetInfo &warp::targetAt(OpBuilder &b) {
@@ -140,9 +141,10 @@ Value warp::shuffle(OpBuilder &b, Location loc, ShuffleMode mode, Value value,
 bool warp::isShuffle(Operation *op) { return isa<gpu::ShuffleOp>(op); }
 
 Value warp::overLanes(OpBuilder &b, Location loc, Value value,
-                      function_ref<Value(Value, Value)> combine) {
-  for (int64_t distance = 1, size = subgroupSizeAt(b); distance < size;
-       distance *= 2)
+                      function_ref<Value(Value, Value)> combine, int64_t size) {
+  if (size == 0)
+    size = subgroupSizeAt(b);
+  for (int64_t distance = 1; distance < size; distance *= 2)
     value = combine(value, shuffle(b, loc, ShuffleMode::exclusiveOr, value,
                                    constant(b, loc, distance)));
   return value;
@@ -153,9 +155,12 @@ Value warp::overLanes(OpBuilder &b, Location loc, Value value,
 /// others, and so on. So 32 values take 31 shuffles in place of 160.
 Value warp::shareOverLanes(OpBuilder &b, Location loc, Value lane,
                            SmallVector<Value> values,
-                           function_ref<Value(Value, Value)> combine) {
+                           function_ref<Value(Value, Value)> combine,
+                           int64_t size) {
+  if (size == 0)
+    size = subgroupSizeAt(b);
   size_t half = llvm::PowerOf2Ceil(values.size());
-  for (int64_t distance = subgroupSizeAt(b) / 2; distance > 0; distance /= 2) {
+  for (int64_t distance = size / 2; distance > 0; distance /= 2) {
     half = std::max<size_t>(half / 2, 1);
     Value bit = arith::AndIOp::create(b, loc, lane, constant(b, loc, distance));
     Value isUpper = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, bit,
@@ -216,6 +221,94 @@ Value warp::isWarpTogether(OpBuilder &b, Location loc,
   }
   scf::YieldOp::create(b, loc, holdsInWarp(b, loc, same));
   return agree.getResult(0);
+}
+
+warp::WarpVote warp::voteInWarp(OpBuilder &b, Location loc, Value doesIt,
+                                ValueRange values, int64_t size,
+                                int64_t least) {
+  int64_t warpSize = subgroupSizeAt(b);
+  Value no = arith::ConstantOp::create(b, loc, b.getBoolAttr(false));
+  Value yes = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
+  SmallVector<Value> alone{no, no};
+  llvm::append_range(alone, values);
+  OpBuilder::InsertionGuard guard(b);
+  auto enter = [&](Value condition) {
+    auto branch = scf::IfOp::create(b, loc, TypeRange(ValueRange(alone)),
+                                    condition, /*withElseRegion=*/true);
+    b.setInsertionPointToStart(branch.elseBlock());
+    scf::YieldOp::create(b, loc, alone);
+    b.setInsertionPointToStart(branch.thenBlock());
+    return branch;
+  };
+  auto full = enter(isFullWarp(b, loc));
+  Value lanes = targetAt(b).emitBallot(b, loc, doesIt);
+  auto number = [&](int64_t value) -> Value {
+    return arith::ConstantOp::create(b, loc,
+                                     b.getIntegerAttr(lanes.getType(), value));
+  };
+  Value count = math::CtPopOp::create(b, loc, lanes);
+  auto many = enter(arith::CmpIOp::create(b, loc, arith::CmpIPredicate::uge,
+                                          count, number(least)));
+  // The first lane of the group that does it; with none, some lane.
+  Value base;
+  if (size < warpSize) {
+    Value lane = readGrid(b, loc, GridValue::laneId);
+    base = arith::AndIOp::create(b, loc, lane, constant(b, loc, -size));
+    Value shift = base;
+    if (lanes.getType() != shift.getType())
+      shift = arith::ExtUIOp::create(b, loc, lanes.getType(), shift);
+    lanes = arith::ShRUIOp::create(b, loc, lanes, shift);
+    lanes =
+        arith::AndIOp::create(b, loc, lanes, number((int64_t(1) << size) - 1));
+  }
+  Value any =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, lanes, number(0));
+  Value first = math::CountTrailingZerosOp::create(b, loc, lanes);
+  if (!first.getType().isInteger(32))
+    first = arith::TruncIOp::create(b, loc, b.getI32Type(), first);
+  if (base)
+    first = arith::AddIOp::create(b, loc, first, base);
+  first = arith::AndIOp::create(b, loc, first, constant(b, loc, warpSize - 1));
+  SmallVector<Value> agreed;
+  Value same = yes;
+  for (Value value : values) {
+    agreed.push_back(shuffle(b, loc, ShuffleMode::index, value, first));
+    Value equal = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, value,
+                                        agreed.back());
+    same = arith::AndIOp::create(b, loc, same, equal);
+  }
+  Value others = arith::XOrIOp::create(b, loc, doesIt, yes);
+  Value agree = holdsInWarp(b, loc, arith::OrIOp::create(b, loc, same, others));
+  SmallVector<Value> found{agree, any};
+  llvm::append_range(found, agreed);
+  scf::YieldOp::create(b, loc, found);
+  b.setInsertionPointToEnd(full.thenBlock());
+  scf::YieldOp::create(b, loc, many.getResults());
+  return {full.getResult(0), full.getResult(1),
+          SmallVector<Value>(full.getResults().drop_front(2))};
+}
+
+/// The upper half first, then the lower one among the lanes that have the
+/// largest.
+Value warp::mostInWarp(OpBuilder &b, Location loc, Value trips) {
+  const TargetInfo &target = targetAt(b);
+  if (trips.getType().isInteger(32))
+    return target.emitActiveMax(b, loc, trips);
+  Type i32 = b.getI32Type(), i64 = trips.getType();
+  Value bits = arith::ConstantOp::create(b, loc, b.getIntegerAttr(i64, 32));
+  Value upper = arith::TruncIOp::create(
+      b, loc, i32, arith::ShRUIOp::create(b, loc, trips, bits));
+  Value lower = arith::TruncIOp::create(b, loc, i32, trips);
+  Value most = target.emitActiveMax(b, loc, upper);
+  Value isMost =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, upper, most);
+  lower = target.emitActiveMax(
+      b, loc,
+      arith::SelectOp::create(b, loc, isMost, lower, constant(b, loc, 0)));
+  Value high = arith::ShLIOp::create(
+      b, loc, arith::ExtUIOp::create(b, loc, i64, most), bits);
+  return arith::OrIOp::create(b, loc, high,
+                              arith::ExtUIOp::create(b, loc, i64, lower));
 }
 
 Value warp::holdsAnywhere(OpBuilder &b, Location loc, Value condition) {

@@ -54,21 +54,23 @@ bool isShuffle(mlir::Operation *op);
 /// Number of the thread in its block, which has any number of axes.
 mlir::Value threadInBlock(mlir::OpBuilder &b, mlir::Location loc);
 
-/// The combination over all lanes of the warp; all of them must get here, and
-/// get it.
+/// The combination over all lanes of the warp, or over each `size` of them that
+/// follow each other, a power of two; all of them must get here, and get it.
 mlir::Value
 overLanes(mlir::OpBuilder &b, mlir::Location loc, mlir::Value value,
-          llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
+          llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine,
+          int64_t size = 0);
 
 /// The same for as many values as there are lanes, at most, of which each lane
 /// gets one, and lanes with the same one follow each other: with `n` values and
 /// `n` a power of two, lane `k` of `size` gets that at `k * n / size`. Other
 /// numbers are like the next power of two, and what lanes get beyond the last
-/// value means nothing.
+/// value means nothing. With `size`, over each of so many lanes.
 mlir::Value shareOverLanes(
     mlir::OpBuilder &b, mlir::Location loc, mlir::Value lane,
     llvm::SmallVector<mlir::Value> values,
-    llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine);
+    llvm::function_ref<mlir::Value(mlir::Value, mlir::Value)> combine,
+    int64_t size = 0);
 
 /// Waits for all threads of the block.
 void synchronizeBlock(mlir::OpBuilder &b, mlir::Location loc);
@@ -88,6 +90,27 @@ mlir::Value holdsInWarp(mlir::OpBuilder &b, mlir::Location loc,
 /// on these values.
 mlir::Value isWarpTogether(mlir::OpBuilder &b, mlir::Location loc,
                            llvm::ArrayRef<mlir::Value> compared);
+
+/// Lanes of a warp at one place, some of which do something there.
+struct WarpVote {
+  /// True if all lanes came together, enough of them do it, and those of each
+  /// group agree.
+  mlir::Value together;
+  /// True if a lane of the group does it.
+  mlir::Value any;
+  /// The values that the group agrees on, the same in all its lanes.
+  llvm::SmallVector<mlir::Value> agreed;
+};
+
+/// Compares `values` over the lanes in which `doesIt` holds, in groups of
+/// `size` lanes that follow each other; in all, there have to be `least`.
+WarpVote voteInWarp(mlir::OpBuilder &b, mlir::Location loc, mlir::Value doesIt,
+                    mlir::ValueRange values, int64_t size, int64_t least);
+
+/// The largest trips, an i32 or i64 that is not negative, of the lanes that
+/// are here.
+mlir::Value mostInWarp(mlir::OpBuilder &b, mlir::Location loc,
+                       mlir::Value trips);
 
 /// True if a condition holds in any thread of the block; waits for all of them.
 mlir::Value holdsAnywhere(mlir::OpBuilder &b, mlir::Location loc,

@@ -88,7 +88,9 @@ private:
   bool isOnePlace(AtomicComponentsOp op);
   bool isForGroup(AtomicComponentsOp op);
   void planRings();
-  bool isForWarp(AtomicComponentsOp op);
+  void planRuns();
+  static bool isForWarp(AtomicComponentsOp op,
+                        const warp::ThreadVariance &variance);
   std::optional<int64_t> runOf(Value index, int depth = 6);
   std::optional<int64_t> runOf(AtomicComponentsOp op);
   bool isVarying(Value value) {
@@ -155,14 +157,21 @@ void UpdatePlanner::planRings() {
   });
 }
 
-/// True if threads of a warp may be expected to update the same element.
-bool UpdatePlanner::isForWarp(AtomicComponentsOp op) {
+/// True if threads of a warp may be expected to update the same element: they
+/// agree if they are in the same iteration.
+bool UpdatePlanner::isForWarp(AtomicComponentsOp op,
+                              const warp::ThreadVariance &variance) {
   llvm::SetVector<Value> compared;
   auto isKnown = [&](Value value) {
     return variance.isUniformIfEqual(value, compared);
   };
-  return isKnown(op.getArray()) && llvm::all_of(op.getIndices(), isKnown) &&
-         !compared.empty();
+  if (!isKnown(op.getArray()))
+    return false;
+  if (llvm::all_of(op.getIndices(), isKnown))
+    return !compared.empty();
+  return llvm::all_of(op.getIndices(), [&](Value index) {
+    return variance.isUniform(index, warp::Scope::Lanes);
+  });
 }
 
 /// How many threads that follow each other have the same index for the most
@@ -229,12 +238,37 @@ void UpdatePlanner::planNeighbours() {
       return;
     std::optional<int64_t> run;
     if (gpu)
-      run = isForWarp(op) ? std::optional<int64_t>(0) : std::nullopt;
+      run = isForWarp(op, variance) ? std::optional<int64_t>(0) : std::nullopt;
     else
       run = runOf(op);
     if (run)
       warp::setUpdate(op, UpdateScope::lanes, *run);
   });
+  if (gpu)
+    planRuns();
+}
+
+/// Among the rest, the updates of elements that runs of threads share: those of
+/// a tile of pixels have its number, `x / 16`.
+void UpdatePlanner::planRuns() {
+  int64_t run =
+      std::min<int64_t>(llvm::bit_floor(uint64_t(variance.getLongestRun())),
+                        target.getSubgroupSize());
+  if (run < warp::cost::leastCombined)
+    return;
+  SmallVector<AtomicComponentsOp> rest;
+  threads.walk([&](AtomicComponentsOp op) {
+    if (warp::getUpdate(op).getScope() == UpdateScope::thread &&
+        warp::canCombine(op))
+      rest.push_back(op);
+  });
+  if (rest.empty())
+    return;
+  warp::ThreadVariance aligned(threads->getParentOfType<FunctionOpInterface>(),
+                               std::nullopt, run);
+  for (AtomicComponentsOp op : rest)
+    if (isForWarp(op, aligned))
+      warp::setUpdate(op, UpdateScope::lanes, run);
 }
 
 //===----------------------------------------------------------------------===//
