@@ -63,6 +63,10 @@ struct GraphSchedule {
     int64_t threads = 0, bytes = 0;
     /// The body of a branch or loop.
     std::shared_ptr<const GraphSchedule> body;
+    /// The launches that are one here; empty for a single one.
+    std::vector<std::string> parts;
+    /// Why a launch is not fused with one of equal extents before it.
+    std::string apart;
   };
 
   std::vector<Node> nodes;

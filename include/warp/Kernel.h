@@ -55,11 +55,14 @@ struct KernelOptions {
   int minBlocks = 0;
   /// CPU: threads that are lanes of a vector together; 0 leaves it open.
   int lanes = 0;
+
+  bool operator==(const KernelOptions &) const = default;
 };
 
 struct RegionFormula;
 struct SavedKernel;
 struct SavedVariant;
+struct SourceHashes;
 struct Translation;
 
 /// Properties of a kernel's machine code, by the driver.
@@ -111,6 +114,8 @@ public:
   const RegionFormula &regionFormula() const;
   /// All that another process needs to make this kernel again.
   Translation translation() const;
+  /// Hashes of the module's text.
+  const SourceHashes &sourceHashes() const;
   /// Bytes of the parameter block.
   size_t parameterSize() const;
   KernelOptions options() const;
@@ -142,9 +147,10 @@ public:
   /// Runs a plan. CUDA: queued on `stream`, or on the device's current one.
   /// Debug variants get their error record written into the block.
   void run(const Plan &plan, void *params, const Stream *stream = nullptr);
-  /// The same for a plan of the CPU, at once also while a graph is being
-  /// recorded, which does not get it.
-  void runAtOnce(const Plan &plan, void *params);
+  /// The same at once on the CPU, also while a graph is being recorded, and in
+  /// no case noted by a capture.
+  void runAtOnce(const Plan &plan, void *params,
+                 const Stream *stream = nullptr);
   void launch(int device, const LaunchDim &dim, void *params,
               const Stream *stream = nullptr, int blockDim = 0);
   /// Lets a launch on a GPU wait on the host for its code, which other threads

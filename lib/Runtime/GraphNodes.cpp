@@ -211,6 +211,8 @@ NodeRecord warp::recordOf(const GraphTrace &trace, size_t first, size_t last) {
   Recorder recorder(record);
   for (size_t i = first; i < last; ++i)
     recorder.add(trace.operations[i]);
+  if (last - first == 1 && trace.operations[first].kind == Kind::Launch)
+    record.launch = &trace.operations[first];
   return record;
 }
 

@@ -38,6 +38,11 @@ struct NodeRecord {
   std::string barrier;
   /// Threads of all launches; bytes of all regions.
   int64_t threads = 0, bytes = 0;
+  /// The only operation, if that is a launch.
+  const GraphOperation *launch = nullptr;
+  /// The launches of a fused one, and why it is not fused with one before.
+  std::vector<std::string> parts;
+  std::string apart;
 };
 
 /// Operations [first, last) of a trace.

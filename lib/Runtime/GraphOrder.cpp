@@ -238,6 +238,8 @@ warp::makeSchedule(const std::vector<NodeRecord> &records,
     node.barrier = records[i].barrier;
     node.threads = records[i].threads;
     node.bytes = records[i].bytes;
+    node.parts = records[i].parts;
+    node.apart = records[i].apart;
     node.before = std::move(edges[i]);
     schedule->recordedEdges += recorded[i].size();
     schedule->edges += node.before.size();

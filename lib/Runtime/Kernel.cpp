@@ -113,6 +113,8 @@ Translation Kernel::translation() const {
   return result;
 }
 
+const SourceHashes &Kernel::sourceHashes() const { return impl->hashes(); }
+
 size_t Kernel::parameterSize() const { return impl->paramSize; }
 KernelOptions Kernel::options() const { return impl->options; }
 
@@ -215,8 +217,8 @@ void Kernel::run(const Plan &plan, void *params, const Stream *stream) {
   sums.finish();
 }
 
-void Kernel::runAtOnce(const Plan &plan, void *params) {
-  impl->run(plan, params, nullptr);
+void Kernel::runAtOnce(const Plan &plan, void *params, const Stream *stream) {
+  impl->run(plan, params, stream);
 }
 
 void Kernel::Impl::run(const Plan &plan, void *params, const Stream *stream) {

@@ -373,7 +373,8 @@ const Module &Kernel::Impl::source() {
 
 const SourceHashes &Kernel::Impl::hashes(std::string *text) {
   ForkSection section;
-  std::call_once(hashed, [&] { knownHashes = sourceHashes(source(), text); });
+  std::call_once(hashed,
+                 [&] { knownHashes = warp::sourceHashes(source(), text); });
   return knownHashes;
 }
 

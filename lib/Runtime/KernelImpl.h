@@ -71,6 +71,8 @@ public:
   virtual int maxThreads() const { return INT_MAX; }
   /// True if better code for the same variant can be made.
   virtual bool isProvisional() const { return false; }
+  /// Registers of a thread and bytes of its local memory; 0 on CPUs.
+  virtual std::pair<int, int> threadResources() const { return {0, 0}; }
   /// Adds what the device knows of launches of the code.
   virtual void describe(const VariantKey &, std::vector<Choice> &) const {}
 };

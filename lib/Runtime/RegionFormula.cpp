@@ -9,6 +9,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "RegionBoxes.h"
+#include "RegionValues.h"
 
 #include "warp/Compile.h"
 #include "warp/Kernel.h"
@@ -21,129 +22,6 @@
 
 using namespace warp;
 
-using Op = RegionFormula::Op;
-using Node = RegionFormula::Node;
-
-//===----------------------------------------------------------------------===//
-// Integers
-//===----------------------------------------------------------------------===//
-
-static int64_t wrap(int64_t value, unsigned bits, bool isSigned) {
-  if (bits >= 64)
-    return value;
-  unsigned shift = 64 - bits;
-  auto moved = static_cast<uint64_t>(value) << shift;
-  return isSigned ? static_cast<int64_t>(moved) >> shift
-                  : static_cast<int64_t>(moved >> shift);
-}
-
-/// Kernels give 0 for a zero divisor, and the smallest number by -1 wraps.
-static int64_t divide(Op op, int64_t a, int64_t b) {
-  if (b == 0)
-    return 0;
-  if (b == -1)
-    return op == Op::Mod ? 0 : static_cast<int64_t>(0 - uint64_t(a));
-  if (op == Op::Mod)
-    return a % b;
-  return a / b - (op == Op::FloorDiv && a % b != 0 && (a < 0) != (b < 0));
-}
-
-static int64_t combine(const Node &node, int64_t a, int64_t b) {
-  auto x = static_cast<uint64_t>(a), y = static_cast<uint64_t>(b);
-  switch (node.op) {
-  case Op::Add:
-    return static_cast<int64_t>(x + y);
-  case Op::Sub:
-    return static_cast<int64_t>(x - y);
-  case Op::Mul:
-    return static_cast<int64_t>(x * y);
-  case Op::Div:
-  case Op::FloorDiv:
-  case Op::Mod:
-    return divide(node.op, a, b);
-  case Op::Min:
-    return std::min(a, b);
-  case Op::Max:
-    return std::max(a, b);
-  case Op::And:
-    return a & b;
-  case Op::Or:
-    return a | b;
-  case Op::Xor:
-    return a ^ b;
-  case Op::ShiftLeft:
-    return y < node.bits ? static_cast<int64_t>(x << y) : 0;
-  case Op::ShiftRight:
-    return a >> std::min<uint64_t>(y, 63);
-  default:
-    return a;
-  }
-}
-
-namespace {
-
-/// The values of a formula's nodes at a launch.
-class Values {
-public:
-  Values(const RegionFormula &formula, const LaunchDim &dim,
-         const void *params);
-  int64_t operator[](int32_t node) const { return data[node]; }
-
-private:
-  int64_t evaluate(const Node &node, const LaunchDim &dim,
-                   const char *params) const;
-
-  int64_t local[64];
-  std::vector<int64_t> more;
-  int64_t *data = local;
-};
-
-} // namespace
-
-static int64_t readInteger(const char *from, const Node &node) {
-  uint64_t value = 0;
-  std::memcpy(&value, from, node.bits / 8);
-  return static_cast<int64_t>(value);
-}
-
-int64_t Values::evaluate(const Node &node, const LaunchDim &dim,
-                         const char *params) const {
-  switch (node.op) {
-  case Op::Constant:
-    return node.a;
-  case Op::Extent:
-    return node.a < dim.rank ? dim.extent[node.a] : 1;
-  case Op::Argument:
-    return readInteger(params + node.a, node);
-  case Op::ArrayExtent: {
-    int32_t extent;
-    std::memcpy(&extent,
-                params + node.a + offsetof(ArrayDescriptor, shape) +
-                    node.b * sizeof(extent),
-                sizeof(extent));
-    return extent;
-  }
-  case Op::Cast:
-    return data[node.a];
-  default:
-    return combine(node, data[node.a], data[node.b]);
-  }
-}
-
-Values::Values(const RegionFormula &formula, const LaunchDim &dim,
-               const void *params) {
-  size_t count = formula.nodes.size();
-  if (count > std::size(local)) {
-    more.resize(count);
-    data = more.data();
-  }
-  auto *bytes = static_cast<const char *>(params);
-  for (size_t i = 0; i < count; ++i) {
-    const Node &node = formula.nodes[i];
-    data[i] = wrap(evaluate(node, dim, bytes), node.bits, node.isSigned);
-  }
-}
-
 //===----------------------------------------------------------------------===//
 // Indices
 //===----------------------------------------------------------------------===//
@@ -151,7 +29,7 @@ Values::Values(const RegionFormula &formula, const LaunchDim &dim,
 /// The values of an index, none if no thread has one; the whole dimension if
 /// they are not known.
 static std::optional<Span> spanOf(const RegionFormula::Index &index,
-                                  const Values &values, int64_t extent) {
+                                  const RegionValues &values, int64_t extent) {
   Span whole{0, extent - 1, 1};
   if (index.base < 0)
     return whole;
@@ -183,8 +61,8 @@ static bool clip(Span &span, int64_t extent) {
 
 /// The elements that an index may stand for: those from the beginning and those
 /// that are counted from the end.
-static int placesOf(const RegionFormula::Index &index, const Values &values,
-                    int64_t extent, Span *places) {
+static int placesOf(const RegionFormula::Index &index,
+                    const RegionValues &values, int64_t extent, Span *places) {
   std::optional<Span> span = spanOf(index, values, extent);
   if (!span)
     return 0;
@@ -209,8 +87,9 @@ static int placesOf(const RegionFormula::Index &index, const Values &values,
 // Boxes
 //===----------------------------------------------------------------------===//
 
-static void addBoxes(const RegionFormula::Access &access, const Values &values,
-                     const ArrayDescriptor &array, Boxes &boxes) {
+static void addBoxes(const RegionFormula::Access &access,
+                     const RegionValues &values, const ArrayDescriptor &array,
+                     Boxes &boxes) {
   Span places[maxRank][2];
   int counts[maxRank];
   int total = 1;
@@ -265,7 +144,7 @@ static MemoryBlock blockOf(const Box &box, ArrayDescriptor array,
 //===----------------------------------------------------------------------===//
 
 /// The accesses of a kernel to one array, as a region.
-static Region regionOf(const RegionFormula &formula, const Values &values,
+static Region regionOf(const RegionFormula &formula, const RegionValues &values,
                        int32_t number, const ArrayDescriptor &array,
                        int64_t itemSize, bool written) {
   Boxes boxes(array.ndim);
@@ -283,7 +162,7 @@ void warp::findRegions(const RegionFormula &formula,
                        const std::vector<Access> &accesses,
                        const LaunchDim &dim, const void *params,
                        std::vector<ArrayRegions> &regions) {
-  Values values(formula, dim, params);
+  RegionValues values(formula, dim, params);
   regions.resize(accesses.size());
   for (size_t i = 0; i < accesses.size(); ++i) {
     const Access &access = accesses[i];

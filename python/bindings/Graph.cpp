@@ -12,6 +12,7 @@
 #include "Gil.h"
 #include "Native.h"
 
+#include "warp/Fusion.h"
 #include "warp/Graph.h"
 #include "warp/SavedGraph.h"
 
@@ -171,7 +172,9 @@ scheduleOf(const std::shared_ptr<const GraphSchedule> &schedule) {
         py::arg("name") = node.name, py::arg("branch") = node.branch,
         py::arg("threads") = node.threads, py::arg("bytes") = node.bytes,
         py::arg("barrier") = node.barrier, py::arg("before") = before,
-        py::arg("body") = scheduleOf(node.body)));
+        py::arg("body") = scheduleOf(node.body),
+        py::arg("parts") = py::tuple(py::cast(node.parts)),
+        py::arg("apart") = node.apart));
   }
   return py::dict(
       py::arg("nodes") = nodes, py::arg("branches") = schedule->branches,
@@ -330,5 +333,6 @@ void python::bindGraph(py::module_ &m) {
       "is_capturing", [](int device) { return isCapturing(device); },
       py::arg("device"), "Whether work for a device is being recorded.");
   m.def("supports_conditional_graphs", &supportsConditionalGraphs);
+  m.def("set_fuses_launches", &setFusesLaunches, py::arg("fuses"));
   bindLoadedGraph(m);
 }

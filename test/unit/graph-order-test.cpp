@@ -503,7 +503,7 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
   ASSERT_TRUE(early);
   Kernel kernel(Module::fromText(addText), "add");
   Buffer memory(0, 5 * 256);
-  auto launch = [&](int from, int to) {
+  auto launch = [&](int from, int to, int threads) {
     struct {
       LaunchHeader header;
       ArrayDescriptor x, y;
@@ -515,15 +515,16 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
       array->strides[0] = 4;
     }
     LaunchDim dim;
-    dim.extent[0] = 64;
+    dim.extent[0] = threads;
     kernel.launch(0, dim, &block);
   };
   auto fill = [&](Capture &) {
-    launch(0, 1);
-    launch(0, 2);
-    launch(1, 3);
-    launch(2, 4);
-    launch(3, 4);
+    // Launches of equal extents would be one.
+    launch(0, 1, 64);
+    launch(0, 2, 48);
+    launch(1, 3, 32);
+    launch(2, 4, 16);
+    launch(3, 4, 8);
   };
   record(fill, NodeOrder::Recorded);
   EXPECT_EQ(early(), 4);
@@ -532,6 +533,21 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
   EXPECT_EQ(graph->schedule()->edges, 4u);
   EXPECT_EQ(graph->schedule()->nodes[4].before.size(), 2u);
   EXPECT_EQ(early(), 2);
+  // Launches whose threads keep to elements of their own are one node.
+  auto chain = [&](Capture &) {
+    launch(0, 1, 64);
+    launch(1, 2, 64);
+    launch(2, 3, 32);
+    launch(3, 4, 32);
+  };
+  EXPECT_EQ(record(chain, NodeOrder::Recorded)->size(), 4u);
+  graph = record(chain);
+  EXPECT_EQ(graph->size(), 2u);
+  ASSERT_EQ(graph->schedule()->nodes.size(), 2u);
+  EXPECT_EQ(graph->schedule()->nodes[0].name, "add + add");
+  EXPECT_EQ(graph->schedule()->nodes[1].parts.size(), 2u);
+  EXPECT_EQ(graph->schedule()->edges, 1u);
+  EXPECT_EQ(early(), 1);
 }
 
 // Verified graphs run both orders, each from the memory that was there; copies

@@ -10,13 +10,15 @@
 // too, and belong to one replay, so that a graph may run on two threads at
 // once.
 //
-// A graph that is ordered by dependencies may run its nodes on several threads
-// (GraphBranches.cpp), if that turns out to be faster.
+// A graph that is ordered by dependencies runs launches that were fused
+// (GraphFusion.cpp) in place of those that were recorded, and may run its nodes
+// on several threads (GraphBranches.cpp), if that turns out to be faster.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Device.h"
 #include "GraphBranches.h"
+#include "GraphFusion.h"
 #include "GraphImpl.h"
 #include "GraphOrder.h"
 #include "GraphVerify.h"
@@ -71,14 +73,25 @@ struct Step {
   bool isWide = false;
 };
 
-/// The order of a list of steps. The nodes of the schedule are ranges of it.
+/// The order of a list of steps.
 struct StepOrder {
-  std::vector<std::pair<size_t, size_t>> ranges;
+  /// The steps of each node of the schedule.
+  std::vector<std::vector<const Step *>> nodes;
   std::shared_ptr<GraphSchedule> schedule;
-  /// The orders of the bodies among the steps.
+  /// The orders of the bodies among the nodes.
   std::map<size_t, StepOrder> bodies;
+  /// Steps in place of several of the list, and what they run.
+  std::vector<std::unique_ptr<Step>> fused;
+  std::vector<FusedLaunch> launches;
   /// Runs of nodes that are worth several threads.
   std::vector<GraphBranches> branches;
+
+  /// True if the list runs other steps than were recorded.
+  bool hasFused() const {
+    return !fused.empty() ||
+           std::any_of(bodies.begin(), bodies.end(),
+                       [](const auto &body) { return body.second.hasFused(); });
+  }
 };
 
 /// Times of replays with branches and without, until one is chosen.
@@ -114,10 +127,12 @@ public:
   std::shared_ptr<const GraphSchedule> schedule() const override;
   void verify(char *values) const;
   void runBranches(char *values) const;
+  void runInOrder(char *values) const;
   void setOrder(NodeOrder wanted);
 
   NodeOrder order = NodeOrder::Recorded;
   StepOrder stepOrder;
+  bool isFused = false;
   BranchTrial trial;
   Steps steps;
   /// Parameter blocks of the entry steps.
@@ -205,19 +220,14 @@ std::unique_ptr<CaptureBase> CpuDevice::beginCapture(std::shared_ptr<Stream>,
   return std::make_unique<HostCapture>();
 }
 
-void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
-                         const void *params) {
+/// A launch whose parameters stay where they are.
+static Step stepOf(Kernel &kernel, const Kernel::Plan &plan, uint64_t *data) {
   const Kernel::Variant &variant = *plan.variant;
-  auto block = std::make_unique<uint64_t[]>(kernel.parameterSize() / 8);
-  std::memcpy(block.get(), params, kernel.parameterSize());
-  uint64_t *data = block.get();
-  graph->blocks.push_back(std::move(block));
-  graph->work += plan.work;
   bool reports = Kernel::reports(plan);
   if (Kernel::isShort(plan) && !reports && !variant.code.schedule.exclusive &&
       !variant.code.schedule.atomics && variant.code.schedule.sums.empty() &&
       !variant.code.schedule.usesPrintf)
-    return add({EntryStep{&variant, data, plan.items}, kernel.name()});
+    return {EntryStep{&variant, data, plan.items}, kernel.name()};
   std::function<void()> run = [&kernel, plan, data] { kernel.run(plan, data); };
   if (reports) {
     // The address of the error record is written into the block.
@@ -227,7 +237,16 @@ void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
       kernel.run(plan, own.data());
     };
   }
-  add({std::move(run), kernel.name(), !Kernel::isShort(plan)});
+  return {std::move(run), kernel.name(), !Kernel::isShort(plan)};
+}
+
+void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,
+                         const void *params) {
+  auto block = std::make_unique<uint64_t[]>(kernel.parameterSize() / 8);
+  std::memcpy(block.get(), params, kernel.parameterSize());
+  graph->work += plan.work;
+  add(stepOf(kernel, plan, block.get()));
+  graph->blocks.push_back(std::move(block));
 }
 
 void HostCapture::beginBody(Condition condition, bool loop) {
@@ -313,7 +332,7 @@ void HostGraph::launch(const Stream *) {
   if (order == NodeOrder::Verified)
     return verify(values.data());
   if (stepOrder.branches.empty())
-    return run(steps, values.data());
+    return runInOrder(values.data());
   int number = trial.replays.load(std::memory_order_relaxed);
   bool isTrial = number < BranchTrial::trials;
   if (isTrial)
@@ -322,7 +341,7 @@ void HostGraph::launch(const Stream *) {
   if (trial.uses(number))
     runBranches(values.data());
   else
-    run(steps, values.data());
+    runInOrder(values.data());
   if (isTrial)
     trial.record(number, wallTime() - start);
 }
@@ -335,35 +354,75 @@ static size_t placeOf(const std::vector<NodeId> &position) {
   return reinterpret_cast<uintptr_t>(position.front()) - 1;
 }
 
-/// The order of a list: its steps by the calls that they belong to.
-static StepOrder orderOf(const Steps &list, const GraphTrace &trace,
-                         const std::vector<GraphStep> &calls) {
-  StepOrder order;
+/// The nodes of a list: its steps by the calls that they belong to.
+static std::vector<NodeRecord> nodesOf(const Steps &list,
+                                       const GraphTrace &trace,
+                                       const std::vector<GraphStep> &calls,
+                                       StepOrder &order) {
   std::vector<NodeRecord> records;
-  auto addUnknown = [&](size_t end) {
-    size_t begin = order.ranges.empty() ? 0 : order.ranges.back().second;
-    for (; begin < end; ++begin) {
-      order.ranges.push_back({begin, begin + 1});
-      records.push_back(unknownNode(list[begin].name));
-    }
+  size_t next = 0;
+  auto add = [&](size_t end, NodeRecord record) {
+    std::vector<const Step *> &node = order.nodes.emplace_back();
+    for (; next < end; ++next)
+      node.push_back(&list[next]);
+    records.push_back(std::move(record));
   };
   for (const GraphStep &call : calls) {
     size_t begin = placeOf(call.before), end = placeOf(call.after);
-    addUnknown(begin);
-    order.ranges.push_back({begin, end});
-    records.push_back(recordOf(trace, call.first, call.last));
-    auto body = trace.bodies.find(call.first);
-    if (body != trace.bodies.end() && end == begin + 1)
-      order.bodies[records.size() - 1] = orderOf(
-          *std::get<BodyStep>(list[begin].what).steps, trace, body->second);
+    while (next < begin)
+      add(next + 1, unknownNode(list[next].name));
+    add(end, recordOf(trace, call.first, call.last));
   }
-  addUnknown(list.size());
-  std::vector<std::vector<int>> chain(records.size());
-  for (size_t i = 1; i < records.size(); ++i)
-    chain[i] = {int(i) - 1};
-  order.schedule = makeSchedule(records, chain, {});
-  for (const auto &[node, body] : order.bodies)
-    order.schedule->nodes[node].body = body.schedule;
+  while (next < list.size())
+    add(next + 1, unknownNode(list[next].name));
+  return records;
+}
+
+/// Puts fused launches in the place of those that were recorded.
+static void exchangeNodes(StepOrder &order, FusedNodes &fused) {
+  std::vector<std::vector<const Step *>> nodes;
+  for (size_t i = 0; i < fused.members.size(); ++i) {
+    auto launch = fused.launches.find(i);
+    if (launch == fused.launches.end()) {
+      nodes.push_back(std::move(order.nodes[fused.members[i].front()]));
+      continue;
+    }
+    order.launches.push_back(std::move(launch->second));
+    FusedLaunch &made = order.launches.back();
+    order.fused.push_back(std::make_unique<Step>(
+        stepOf(*made.kernel, made.plan, made.params.data())));
+    nodes.push_back({order.fused.back().get()});
+  }
+  order.nodes = std::move(nodes);
+}
+
+/// The order of a list.
+static StepOrder orderOf(const Steps &list, const GraphTrace &trace,
+                         const std::vector<GraphStep> &calls) {
+  StepOrder order;
+  std::vector<NodeRecord> records = nodesOf(list, trace, calls, order);
+  order.schedule = makeSchedule(records, chainOf(records.size()), {});
+  FusedNodes fused = fuseLaunches(records, *order.schedule);
+  size_t recordedEdges = order.schedule->recordedEdges;
+  exchangeNodes(order, fused);
+  order.schedule =
+      makeSchedule(fused.records, chainOf(fused.records.size()), {});
+  order.schedule->recordedEdges = recordedEdges;
+  for (size_t i = 0; i < order.nodes.size(); ++i)
+    for (const Step *step : order.nodes[i]) {
+      auto *body = std::get_if<BodyStep>(&step->what);
+      if (!body || order.nodes[i].size() != 1)
+        continue;
+      // The call that has the step.
+      for (const GraphStep &call : calls)
+        if (placeOf(call.before) == size_t(step - list.data()))
+          if (auto found = trace.bodies.find(call.first);
+              found != trace.bodies.end()) {
+            StepOrder &inner = order.bodies[i] =
+                orderOf(*body->steps, trace, found->second);
+            order.schedule->nodes[i].body = inner.schedule;
+          }
+    }
   return order;
 }
 
@@ -375,13 +434,13 @@ static bool isWide(const Step &step) {
 }
 
 /// Collects runs of nodes between those that keep their thread.
-static void findBranches(const Steps &list, StepOrder &order) {
+static void findBranches(StepOrder &order) {
   const auto &nodes = order.schedule->nodes;
   auto isApart = [&](size_t node) {
-    auto [begin, end] = order.ranges[node];
+    const std::vector<const Step *> &steps = order.nodes[node];
     return !nodes[node].barrier.empty() ||
-           std::any_of(list.begin() + std::ptrdiff_t(begin),
-                       list.begin() + std::ptrdiff_t(end), isWide);
+           std::any_of(steps.begin(), steps.end(),
+                       [](const Step *step) { return isWide(*step); });
   };
   for (size_t first = 0; first < nodes.size(); ++first) {
     size_t last = first;
@@ -405,30 +464,47 @@ void HostGraph::setOrder(NodeOrder wanted) {
   if (order == NodeOrder::Recorded)
     return;
   stepOrder = orderOf(steps, *operations(), operations()->steps.front());
+  isFused = stepOrder.hasFused();
   if (!isShort())
-    findBranches(steps, stepOrder);
+    findBranches(stepOrder);
 }
 
-/// Runs the nodes in the order of their recording, but for those on branches.
+static void runNodes(const StepOrder &order, size_t first, size_t last,
+                     char *flags) {
+  for (size_t node = first; node < last; ++node) {
+    auto inner = order.bodies.find(node);
+    for (const Step *step : order.nodes[node])
+      runStep(*step, flags, [&](const Steps &body) {
+        if (inner == order.bodies.end())
+          run(body, flags);
+        else
+          runNodes(inner->second, 0, inner->second.nodes.size(), flags);
+      });
+  }
+}
+
+/// Runs the nodes one after the other.
+void HostGraph::runInOrder(char *values) const {
+  if (isFused)
+    runNodes(stepOrder, 0, stepOrder.nodes.size(), values);
+  else
+    run(steps, values);
+}
+
+/// Runs the nodes in their order, but for those on branches.
 void HostGraph::runBranches(char *values) const {
-  auto runNode = [&](size_t node) {
-    auto [begin, end] = stepOrder.ranges[node];
-    for (size_t i = begin; i < end; ++i)
-      runStep(steps[i], values, [&](const Steps &body) { run(body, values); });
-  };
   size_t next = 0;
   for (const GraphBranches &branches : stepOrder.branches) {
-    for (; next < branches.first(); ++next)
-      runNode(next);
-    branches.run(runNode);
+    runNodes(stepOrder, next, branches.first(), values);
+    branches.run(
+        [&](size_t node) { runNodes(stepOrder, node, node + 1, values); });
     next = branches.last();
   }
-  for (; next < stepOrder.ranges.size(); ++next)
-    runNode(next);
+  runNodes(stepOrder, next, stepOrder.nodes.size(), values);
 }
 
 /// Runs a list such that each node comes as late as its edges allow.
-static void runLate(const Steps &list, const StepOrder &order, char *flags) {
+static void runLate(const StepOrder &order, char *flags) {
   const auto &nodes = order.schedule->nodes;
   // From the end: of the nodes that nothing left comes behind, the first one
   // is the last to run.
@@ -449,14 +525,13 @@ static void runLate(const Steps &list, const StepOrder &order, char *flags) {
         free.insert(edge.from);
   }
   for (; !late.empty(); late.pop_back()) {
-    auto [begin, end] = order.ranges[late.back()];
     auto body = order.bodies.find(late.back());
-    for (size_t i = begin; i < end; ++i)
-      runStep(list[i], flags, [&](const Steps &steps) {
+    for (const Step *step : order.nodes[late.back()])
+      runStep(*step, flags, [&](const Steps &steps) {
         if (body == order.bodies.end())
           run(steps, flags);
         else
-          runLate(steps, body->second, flags);
+          runLate(body->second, flags);
       });
   }
 }
@@ -464,7 +539,7 @@ static void runLate(const Steps &list, const StepOrder &order, char *flags) {
 void HostGraph::verify(char *values) const {
   runBothOrders(
       device(), *operations(), [&] { run(steps, values); },
-      [&] { runLate(steps, stepOrder, values); });
+      [&] { runLate(stepOrder, values); });
 }
 
 //===----------------------------------------------------------------------===//

@@ -394,6 +394,7 @@ std::shared_ptr<Graph> CudaCapture::end() {
   cuda::ContextScope scope(device());
   cuda::RelaxedCaptures relaxed;
   std::shared_ptr<const GraphSchedule> schedule;
+  cuda::GraphExec recorded = nullptr;
   bool isVerified = order == NodeOrder::Verified;
   if (isVerified && cuda::hasConditionals(graph)) {
     // The driver makes one executable alone of such a graph.
@@ -402,15 +403,16 @@ std::shared_ptr<Graph> CudaCapture::end() {
         "graphs with branches or loops have one executable form on GPUs, so "
         "two orders cannot be compared");
   } else if (order != NodeOrder::Recorded) {
-    schedule = rewriter.rewrite(graph, *trace(), trace()->steps.front());
+    if (isVerified)
+      recorded = instantiate(graph, schedule);
+    schedule =
+        rewriter.rewrite(graph, *trace(), trace()->steps.front(), *stream);
   }
   cuda::GraphExec exec = instantiate(graph, schedule);
+  kept->insert(kept->end(), rewriter.kernels.begin(), rewriter.kernels.end());
   auto made =
       std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
-  if (isVerified) {
-    rewriter.undo();
-    WARP_CUDA_GRAPH(instantiate, &made->recorded, graph, 0);
-  }
+  made->recorded = recorded;
   handTrace(*made);
   handSchedule(*made, std::move(schedule));
   return made;
@@ -422,8 +424,8 @@ CudaCapture::instantiate(GraphHandle graph,
   cuda::GraphExec exec = nullptr;
   cuda::Result result = cuda::graphDriver().instantiate(&exec, graph, 0);
   if (result != cuda::success && rewriter.hasChanges()) {
-    rewriter.undo();
-    schedule = cuda::keptSchedule("the CUDA driver refuses its edges");
+    if (std::string why = rewriter.undo(); !why.empty())
+      schedule = cuda::keptSchedule(why);
     result = cuda::graphDriver().instantiate(&exec, graph, 0);
   }
   if (result != cuda::success) {
@@ -514,8 +516,9 @@ void CudaCapture::endBody() {
   Paused outer = std::move(paused.back());
   cuda::ContextScope scope(device());
   if (order != NodeOrder::Recorded)
-    rewriter.addBody(outer.node, rewriter.rewrite(outer.body, *trace(),
-                                                  trace()->steps.back()));
+    rewriter.addBody(
+        outer.node,
+        rewriter.rewrite(outer.body, *trace(), trace()->steps.back(), *stream));
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), outer.graph, &outer.node, nullptr, 1,
                   mode);
   paused.pop_back();

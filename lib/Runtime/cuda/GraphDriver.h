@@ -144,6 +144,7 @@ struct EdgeData {
   X(removeEdges, cuGraphRemoveDependencies_v2,                                 \
     (GraphHandle, const GraphNode *, const GraphNode *, const EdgeData *,      \
      size_t))                                                                  \
+  X(destroyNode, cuGraphDestroyNode, (GraphNode))                              \
   X(allDependencies, cuGraphNodeGetDependencies_v2,                            \
     (GraphNode, GraphNode *, EdgeData *, size_t *))                            \
   X(addNode, cuGraphAddNode,                                                   \

@@ -12,16 +12,21 @@
 // first instruction, keeps such an edge if it is the only one that leads to it:
 // its predecessor has waited likewise, so all that comes before has ended.
 //
+// A fused launch (GraphFusion.cpp) is captured into the graph, behind nothing,
+// and those that it stands for are destroyed.
+//
 //===----------------------------------------------------------------------===//
 
 #include "GraphRewrite.h"
 
 #include "Device.h"
 #include "GraphClone.h"
+#include "GraphFusion.h"
 #include "GraphOrder.h"
 
 #include <algorithm>
 #include <iterator>
+#include <optional>
 #include <queue>
 
 using namespace warp;
@@ -43,6 +48,13 @@ public:
          const std::vector<GraphStep> &steps);
 
   bool areOrdered() const { return order.size() == records.size(); }
+  /// True if each group comes behind the one before.
+  bool isChain() const;
+  /// Keeps launches of several nodes from being fused.
+  void keepApart();
+  /// Puts fused launches in the place of those that were recorded; false if the
+  /// driver does not take them.
+  bool fuse(GraphHandle graph, FusedNodes fused, Stream &stream);
   void exchange(const GraphSchedule &schedule, std::vector<GraphEdge> &removed,
                 std::vector<GraphEdge> &added) const;
   /// The only node of a group, or null.
@@ -61,8 +73,11 @@ private:
   std::vector<GraphNode> firstOf(size_t group) const;
   std::vector<GraphNode> lastOf(size_t group) const;
   EdgeData dataOf(GraphNode to, size_t from, size_t group, bool isOnly) const;
+  void remove(GraphNode node);
 
   std::vector<GraphEdge> edges;
+  /// Attributes of edges that let a node start early, once launches are fused.
+  std::map<GraphNode, EdgeData> early;
   std::map<GraphNode, int> owner;
   std::map<GraphNode, std::vector<GraphNode>> predecessors;
   std::vector<std::vector<GraphNode>> members;
@@ -242,7 +257,111 @@ EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group,
         (records[from].barrier.empty() && records[group].barrier.empty()))
       return edge.data;
   }
+  auto known = early.find(to);
+  if (known != early.end() && records[from].barrier.empty() &&
+      records[group].barrier.empty())
+    return known->second;
   return {};
+}
+
+//===----------------------------------------------------------------------===//
+// Fused launches
+//===----------------------------------------------------------------------===//
+
+bool Groups::isChain() const {
+  for (size_t i = 1; i < before.size(); ++i)
+    if (std::find(before[i].begin(), before[i].end(), int(i) - 1) ==
+        before[i].end())
+      return false;
+  return true;
+}
+
+void Groups::keepApart() {
+  for (size_t i = 0; i < records.size(); ++i)
+    if (!only(i) || typeOf(only(i)) != nodeKernel)
+      records[i].launch = nullptr;
+}
+
+/// The node of a launch, behind nothing.
+static GraphNode addLaunch(GraphHandle graph, FusedLaunch &launch,
+                           Stream &stream) {
+  auto raw = static_cast<StreamHandle>(stream.handle());
+  WARP_CUDA_GRAPH(beginCaptureTo, raw, graph, nullptr, nullptr, 0,
+                  captureRelaxed);
+  CaptureStatus status = captureNone;
+  uint64_t id;
+  GraphHandle current = nullptr;
+  const GraphNode *last = nullptr;
+  size_t count = 0;
+  GraphNode node = nullptr;
+  std::optional<Error> failure;
+  try {
+    launch.kernel->runAtOnce(launch.plan, launch.params.data(), &stream);
+    WARP_CUDA_GRAPH(captureInfo, raw, &status, &id, &current, &last, &count);
+    if (count == 1)
+      node = last[0];
+  } catch (const Error &error) {
+    failure = error;
+  }
+  WARP_CUDA_GRAPH(endCapture, raw, &current);
+  if (failure)
+    throw *failure;
+  if (!node)
+    throw Error(Error::Kind::Runtime, "the driver names no node");
+  return node;
+}
+
+void Groups::remove(GraphNode node) {
+  edges.erase(std::remove_if(edges.begin(), edges.end(),
+                             [&](const GraphEdge &edge) {
+                               return edge.from == node || edge.to == node;
+                             }),
+              edges.end());
+  owner.erase(node);
+  predecessors.erase(node);
+  for (auto &[other, list] : predecessors)
+    list.erase(std::remove(list.begin(), list.end(), node), list.end());
+  WARP_CUDA_GRAPH(destroyNode, node);
+}
+
+bool Groups::fuse(GraphHandle graph, FusedNodes fused, Stream &stream) {
+  for (const GraphEdge &edge : edges)
+    if (edge.data.isProgrammatic())
+      early[edge.to] = edge.data;
+  // All or none: a launch that fails leaves the graph as it was.
+  std::map<size_t, GraphNode> nodes;
+  try {
+    for (auto &[i, launch] : fused.launches)
+      nodes[i] = addLaunch(graph, launch, stream);
+  } catch (const Error &) {
+    for (const auto &[i, node] : nodes)
+      WARP_CUDA_GRAPH(destroyNode, node);
+    return false;
+  }
+  std::vector<std::vector<GraphNode>> made;
+  for (size_t i = 0; i < fused.members.size(); ++i) {
+    const std::vector<int> &parts = fused.members[i];
+    auto added = nodes.find(i);
+    if (added == nodes.end()) {
+      made.push_back(std::move(members[parts.front()]));
+    } else {
+      GraphNode node = added->second;
+      for (int part : parts) {
+        GraphNode old = members[part].front();
+        if (auto known = early.find(old); known != early.end())
+          early[node] = EdgeData(known->second);
+        remove(old);
+      }
+      predecessors[node];
+      made.push_back({node});
+    }
+    for (GraphNode node : made.back())
+      owner[node] = int(i);
+  }
+  members = std::move(made);
+  records = std::move(fused.records);
+  before = chainOf(records.size());
+  return true;
 }
 
 void Groups::exchange(const GraphSchedule &schedule,
@@ -299,10 +418,26 @@ void GraphRewriter::apply(const Change &change) {
            change.added);
 }
 
-void GraphRewriter::undo() {
-  for (const Change &change : changes)
-    apply({change.graph, change.added, change.removed});
+std::string GraphRewriter::undo() {
+  if (kernels.empty()) {
+    for (const Change &change : changes)
+      apply({change.graph, change.added, change.removed});
+    changes.clear();
+    return "the CUDA driver refuses its edges";
+  }
+  for (Change &change : changes) {
+    Change plain{change.graph, {}, {}};
+    for (GraphEdge edge : edgesOf(change.graph)) {
+      if (!edge.data.isProgrammatic())
+        continue;
+      plain.removed.push_back(edge);
+      edge.data = {};
+      plain.added.push_back(edge);
+    }
+    apply(plain);
+  }
   changes.clear();
+  return "";
 }
 
 static GraphCapacity capacityOf(int device) {
@@ -325,7 +460,7 @@ std::shared_ptr<const GraphSchedule> cuda::keptSchedule(std::string why) {
 
 std::shared_ptr<const GraphSchedule>
 GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
-                       const std::vector<GraphStep> &steps) {
+                       const std::vector<GraphStep> &steps, Stream &stream) {
   const GraphDriver &driver = graphDriver();
   if (!driver.allEdges || !driver.addEdges || !driver.removeEdges ||
       !driver.nodeType || !driver.captureInfo)
@@ -336,8 +471,22 @@ GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
   Groups groups(graph, trace, steps);
   if (!groups.areOrdered())
     return keptSchedule("calls of several threads are mixed in it");
-  std::shared_ptr<GraphSchedule> schedule =
-      makeSchedule(groups.records, groups.before, capacityOf(device));
+  std::shared_ptr<GraphSchedule> schedule;
+  size_t recordedEdges = 0;
+  for (const std::vector<int> &list : groups.before)
+    recordedEdges += list.size();
+  if (driver.destroyNode && driver.beginCaptureTo && groups.isChain()) {
+    groups.keepApart();
+    FusedNodes fused = fuseLaunches(
+        groups.records, *makeSchedule(groups.records, groups.before, {}));
+    std::vector<std::shared_ptr<Kernel>> made;
+    for (const auto &[number, launch] : fused.launches)
+      made.push_back(launch.kernel);
+    if (!made.empty() && groups.fuse(graph, std::move(fused), stream))
+      kernels.insert(kernels.end(), made.begin(), made.end());
+  }
+  schedule = makeSchedule(groups.records, groups.before, capacityOf(device));
+  schedule->recordedEdges = recordedEdges;
   for (size_t i = 0; i < schedule->nodes.size(); ++i)
     if (auto body = bodies.find(groups.only(i)); body != bodies.end())
       schedule->nodes[i].body = body->second;

@@ -9,6 +9,7 @@
 
 #include "GraphDriver.h"
 #include "GraphTrace.h"
+#include "warp/Device.h"
 #include "warp/Graph.h"
 
 #include <map>
@@ -24,25 +25,28 @@ struct GraphEdge {
   auto operator<=>(const GraphEdge &) const = default;
 };
 
-/// Exchanges edges of graphs, and takes that back.
+/// Exchanges edges of graphs, and launches for fused ones.
 class GraphRewriter {
 public:
   explicit GraphRewriter(int device) : device(device) {}
 
   /// Puts the nodes of a captured graph, where `steps` are, behind those alone
-  /// that they depend on. Throws nothing: a graph that cannot be changed keeps
-  /// its edges, and the schedule says why.
+  /// that they depend on, and fuses launches. A graph that cannot be changed
+  /// keeps its edges, and the schedule says why. `stream` is not captured now.
   std::shared_ptr<const GraphSchedule>
   rewrite(GraphHandle graph, const GraphTrace &trace,
-          const std::vector<GraphStep> &steps);
+          const std::vector<GraphStep> &steps, Stream &stream);
   /// A branch or loop has been put in order.
   void addBody(GraphNode node, std::shared_ptr<const GraphSchedule> body) {
     bodies[node] = std::move(body);
   }
   /// True if edges were exchanged.
   bool hasChanges() const { return !changes.empty(); }
-  /// All graphs get the edges of their recording back.
-  void undo();
+  /// All graphs get the edges of their recording back; those with fused
+  /// launches keep theirs, but kernels no longer start early. Says what it did.
+  std::string undo();
+  /// The kernels that were made, which the graph keeps.
+  std::vector<std::shared_ptr<Kernel>> kernels;
 
 private:
   struct Change {

@@ -180,6 +180,13 @@ int CudaEntry::maxThreads() const {
   return attributeOf(function, cuda::functionMaxThreads);
 }
 
+std::pair<int, int> CudaEntry::threadResources() const {
+  BehindNothing exempt;
+  cuda::ContextScope scope(owner.index);
+  return {attributeOf(function, cuda::functionRegisters),
+          attributeOf(function, cuda::functionLocalSize)};
+}
+
 /// Threads that work together on tiles are whole rows of the launch.
 static void checkRows(const int32_t *dim, const VariantKey &key,
                       const char *name) {

@@ -22,6 +22,7 @@ public:
   void launch(const Kernel::Plan &plan, void *params, size_t paramSize,
               const Stream *stream) const override;
   int maxThreads() const override;
+  std::pair<int, int> threadResources() const override;
   bool isProvisional() const override { return provisional; }
   void describe(const VariantKey &key,
                 std::vector<Choice> &choices) const override;

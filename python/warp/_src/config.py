@@ -152,6 +152,12 @@ SETTINGS = {
             "those of GPUs. In debug mode they run as recorded",
         ),
         Setting(
+            "fuse_graphs",
+            bool,
+            True,
+            "launches of optimized graphs whose threads keep to elements of their own are one",
+        ),
+        Setting(
             "verify_graphs",
             bool,
             False,

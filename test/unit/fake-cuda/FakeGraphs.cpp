@@ -63,7 +63,19 @@ struct Node {
 /// The order of nodes that edges leave open: that of their making for 0.
 unsigned orderSeed = 0;
 
+struct Graph;
+/// The graphs that there are, bodies too.
+std::set<Graph *> &everyGraph() {
+  static auto *all = new std::set<Graph *>;
+  return *all;
+}
+
 struct Graph {
+  Graph() { everyGraph().insert(this); }
+  ~Graph() { everyGraph().erase(this); }
+  Graph(const Graph &) = delete;
+  Graph &operator=(const Graph &) = delete;
+
   std::vector<std::unique_ptr<Node>> nodes;
   /// The nodes of the bodies inside.
   std::vector<std::unique_ptr<Graph>> bodies;
@@ -323,6 +335,18 @@ EXPORT int cuGraphExecDestroy(void *) { return success; }
 EXPORT int cuGraphDestroy(Graph *graph) {
   delete graph;
   return success;
+}
+EXPORT int cuGraphDestroyNode(Node *node) {
+  Lock lock(mutex);
+  for (Graph *graph : everyGraph())
+    for (size_t i = 0; i < graph->nodes.size(); ++i)
+      if (graph->nodes[i].get() == node) {
+        for (const auto &other : graph->nodes)
+          other->before.erase(node);
+        graph->nodes.erase(graph->nodes.begin() + std::ptrdiff_t(i));
+        return success;
+      }
+  return invalidValue;
 }
 EXPORT int cuGraphGetNodes(Graph *graph, Node **nodes, size_t *count) {
   *count = graph->nodes.size();

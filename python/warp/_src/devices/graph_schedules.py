@@ -19,6 +19,8 @@ class GraphNode:
         before: numbers of the operations that it comes behind, each with the reason.
         barrier: why it keeps its order with all others, or empty.
         body: schedule of the body of a branch or loop, or None.
+        parts: the launches that are one here; empty for a single one.
+        apart: why a launch is not fused with one of equal extents that it comes behind, or empty.
     """
 
     name: str
@@ -28,6 +30,8 @@ class GraphNode:
     before: dict[int, str]
     barrier: str
     body: GraphSchedule | None
+    parts: tuple[str, ...]
+    apart: str
 
     def __str__(self):
         return f"{self.name} ({self.threads:,} threads)" if self.threads else self.name
@@ -65,6 +69,16 @@ class GraphSchedule:
         """Operations of the longest path."""
         return max(self._levels(), default=-1) + 1
 
+    @property
+    def fusions(self) -> tuple[tuple[str, ...], ...]:
+        """The launches of each fused one."""
+        return tuple(node.parts for node in self.nodes if node.parts)
+
+    @property
+    def fused(self) -> int:
+        """Launches that are parts of fused ones."""
+        return sum(map(len, self.fusions))
+
     def _levels(self):
         levels = []
         for node in self.nodes:
@@ -81,12 +95,16 @@ class GraphSchedule:
             f"{indent}{len(self.nodes)} operations on {self.branches} branches, longest path "
             f"{self.depth}; {self.edges} edges, recorded with {self.recorded_edges}"
         ]
+        if self.fused:
+            lines[0] += f"; {self.fused} launches in {len(self.fusions)} fused ones"
         for number, node in enumerate(self.nodes):
             line = f"{indent}{number:4}  branch {node.branch}  {node}"
             if node.barrier:
                 line += f"; with all others in order: {node.barrier}"
             reasons = [] if node.barrier else node.before.items()
             line += "".join(f"; after {other}: {reason}" for other, reason in reasons)
+            if node.apart:
+                line += f"; not fused: {node.apart}"
             lines.append(line)
             if node.body is not None:
                 lines += node.body._lines(indent + "      ")

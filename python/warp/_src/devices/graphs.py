@@ -229,6 +229,7 @@ def capture_begin(
     if device.is_cuda and not external:
         # Gradients of geometry cannot change while kernels are recorded.
         handles.show_gradients()
+    _native.set_fuses_launches(config.fuse_graphs)
     _captures[key] = _native.Capture(
         device.index, stream, int(capture_mode), external, bool(apic), _order(optimize, device)
     )

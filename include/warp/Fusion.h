@@ -1,0 +1,38 @@
+//===- Fusion.h - Several kernels as one ------------------------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_FUSION_H
+#define WARP_FUSION_H
+
+#include "warp/Builder.h"
+#include "warp/Export.h"
+
+#include <string>
+#include <vector>
+
+namespace warp {
+
+/// A kernel that becomes part of another one, and the argument of that which
+/// each of its own is.
+struct FusionPart {
+  const Module *module = nullptr;
+  std::vector<int> arguments;
+};
+
+/// A kernel whose threads run the parts one after the other. Operations keep
+/// their places in the source. Throws `Error` of kind `Compile` if a part is no
+/// plain kernel, such as a derivative.
+WARP_API Module fuseKernels(const std::string &name,
+                            const std::vector<FusionPart> &parts);
+
+/// False if graphs that this thread captures keep launches as they were
+/// recorded.
+WARP_API bool fusesLaunches();
+WARP_API void setFusesLaunches(bool fuses);
+
+} // namespace warp
+
+#endif // WARP_FUSION_H

@@ -1,0 +1,212 @@
+//===- FusedKernel.cpp - One kernel for several launches ------------------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// A fused kernel is made of the modules of its parts, once for each choice of
+// arguments that are the same array. The process keeps it, and the cache on
+// disk has its translation under a hash of those of the parts: a later process
+// reads no module. Its code is compiled with the capture's end, since the graph
+// keeps it. Code that is worse than that of the parts is not used: fewer lanes,
+// or more registers than leave room for half of the threads.
+//
+//===----------------------------------------------------------------------===//
+
+#include "FusedKernel.h"
+
+#include "KernelImpl.h"
+#include "warp/Fusion.h"
+#include "warp/Translation.h"
+
+#include <algorithm>
+#include <cstring>
+#include <map>
+
+using namespace warp;
+
+/// Bytes of arguments that every GPU takes.
+static constexpr size_t mostBytes = 4096;
+/// Registers of a GPU's thread with which half of the threads that a
+/// multiprocessor may have fit.
+static constexpr int mostRegisters = 64;
+/// Kernels that a process keeps.
+static constexpr size_t mostKernels = 512;
+
+std::string warp::whyApart(const GraphOperation &launch) {
+  if (!launch.plan.variant)
+    return "it has no threads";
+  const Kernel &kernel = *launch.kernel;
+  const Schedule &schedule = launch.plan.variant->code.schedule;
+  if (Kernel::reports(launch.plan))
+    return "it reports failed checks";
+  if (schedule.cooperative || schedule.fixedBlock || schedule.dynamicBytes ||
+      schedule.splitReduction > 1 || schedule.singleBlock ||
+      !schedule.tensorMaps.empty())
+    return "threads of its blocks work together";
+  if (schedule.usesPrintf)
+    return "it prints";
+  if (kernel.options().fastMath)
+    return "its arithmetic may be reassociated";
+  if (kernel.regionFormula().isOpen)
+    return "it may reach memory that no argument names";
+  for (const Access &access : kernel.arrayAccesses()) {
+    if (access.combined)
+      return "it updates elements";
+    if (access.gradientSize)
+      return "it uses gradients";
+  }
+  return "";
+}
+
+namespace {
+/// The arguments of several launches, each array once.
+class Arguments {
+public:
+  void add(const GraphOperation &launch);
+
+  /// By launch and argument, the number of the fused kernel's.
+  std::vector<std::vector<int>> numbers;
+  /// Bytes by that number.
+  std::vector<std::string> values;
+
+private:
+  std::vector<std::string> types;
+};
+} // namespace
+
+void Arguments::add(const GraphOperation &launch) {
+  std::vector<int> &list = numbers.emplace_back();
+  for (const Param &param : launch.kernel->parameters()) {
+    std::string value = launch.arguments.substr(param.offset, param.size);
+    size_t number = 0;
+    // Numbers that happen to be equal stay apart: one kernel serves all.
+    while (number < values.size() &&
+           !(values[number] == value && types[number] == param.type &&
+             !param.arrays.empty()))
+      ++number;
+    if (number == values.size()) {
+      values.push_back(std::move(value));
+      types.push_back(param.type);
+    }
+    list.push_back(int(number));
+  }
+}
+
+//===----------------------------------------------------------------------===//
+// Kernels
+//===----------------------------------------------------------------------===//
+
+static std::string nameOf(const std::vector<const GraphOperation *> &launches) {
+  std::string name;
+  for (const GraphOperation *launch : launches)
+    name += (name.empty() ? "" : "__") + launch->kernel->name();
+  return name.substr(0, 200);
+}
+
+static std::shared_ptr<Kernel>
+makeKernel(const std::vector<const GraphOperation *> &launches,
+           const Arguments &arguments, const std::string &key) {
+  KernelOptions options = launches.front()->kernel->options();
+  // The graph keeps the code.
+  options.quickFirst = false;
+  std::string cached = fingerprint(SourceHashes{key, key}, CompileOptions());
+  std::string name = nameOf(launches);
+  if (std::optional<Translation> found = findTranslation(cached))
+    return std::make_shared<Kernel>(std::move(*found), name, options);
+  std::vector<FusionPart> parts;
+  for (size_t i = 0; i < launches.size(); ++i)
+    parts.push_back({&launches[i]->kernel->module(), arguments.numbers[i]});
+  auto kernel =
+      std::make_shared<Kernel>(fuseKernels(name, parts), name, options);
+  storeTranslation(cached, kernel->translation());
+  return kernel;
+}
+
+static std::shared_ptr<Kernel>
+kernelFor(const std::vector<const GraphOperation *> &launches,
+          const Arguments &arguments) {
+  struct Known {
+    ForkMutex mutex;
+    std::map<std::string, std::shared_ptr<Kernel>> kernels;
+  };
+  static auto *known = new Known;
+  std::string key;
+  for (size_t i = 0; i < launches.size(); ++i) {
+    key += launches[i]->kernel->sourceHashes().located;
+    for (int number : arguments.numbers[i])
+      key += ',' + std::to_string(number);
+    key += ';';
+  }
+  KernelOptions options = launches.front()->kernel->options();
+  for (int64_t option :
+       {int64_t(options.deterministic), int64_t(options.sameOnDevices),
+        options.orderedSlots, int64_t(options.lineinfo),
+        int64_t(options.optLevel), int64_t(options.blockDim),
+        int64_t(options.maxRegisters), int64_t(options.maxThreads),
+        int64_t(options.minBlocks), int64_t(options.lanes)})
+    key += ' ' + std::to_string(option);
+  std::lock_guard lock(known->mutex);
+  if (auto found = known->kernels.find(key); found != known->kernels.end())
+    return found->second;
+  if (known->kernels.size() >= mostKernels)
+    known->kernels.clear();
+  return known->kernels[key] = makeKernel(launches, arguments, key);
+}
+
+//===----------------------------------------------------------------------===//
+// Launches
+//===----------------------------------------------------------------------===//
+
+/// Why the code of a fused launch is worse than that of its parts.
+static std::string whyWorse(const std::vector<const GraphOperation *> &launches,
+                            const FusedLaunch &fused) {
+  GraphOperation one = *launches.front();
+  one.kernel = fused.kernel.get();
+  one.plan = fused.plan;
+  if (std::string why = whyApart(one); !why.empty())
+    return why;
+  const Kernel::Variant &variant = *fused.plan.variant;
+  auto [registers, bytes] = variant.current.load()->threadResources();
+  int most = mostRegisters, mostLocal = 0;
+  for (const GraphOperation *launch : launches) {
+    const Kernel::Variant &part = *launch->plan.variant;
+    if (part.code.schedule.lanes > variant.code.schedule.lanes)
+      return "its code would have fewer lanes";
+    auto [own, local] = part.current.load()->threadResources();
+    most = std::max(most, own);
+    mostLocal = std::max(mostLocal, local);
+  }
+  if (registers > most || bytes > mostLocal)
+    return "it would need " + std::to_string(registers) + " registers and " +
+           std::to_string(bytes) + " bytes of local memory";
+  return "";
+}
+
+FusedLaunch warp::fuse(const std::vector<const GraphOperation *> &launches,
+                       std::string &whyNot) {
+  FusedLaunch fused;
+  Arguments arguments;
+  const GraphOperation &first = *launches.front();
+  for (const GraphOperation *launch : launches)
+    arguments.add(*launch);
+  try {
+    fused.kernel = kernelFor(launches, arguments);
+    size_t size = fused.kernel->parameterSize();
+    if (size > mostBytes) {
+      whyNot = "it would have too many arguments";
+      return {};
+    }
+    fused.params.resize(size / 8);
+    auto *bytes = reinterpret_cast<char *>(fused.params.data());
+    const std::vector<Param> &params = fused.kernel->parameters();
+    for (size_t i = 0; i < params.size(); ++i)
+      std::memcpy(bytes + params[i].offset, arguments.values[i].data(),
+                  arguments.values[i].size());
+    int blockDim = first.plan.openBlock ? 0 : first.plan.variant->key.blockDim;
+    fused.plan = fused.kernel->prepare(first.plan.device, first.dim,
+                                       fused.params.data(), blockDim);
+    whyNot = whyWorse(launches, fused);
+  } catch (const Error &error) {
+    whyNot = error.message;
+  }
+  return whyNot.empty() ? std::move(fused) : FusedLaunch();
+}

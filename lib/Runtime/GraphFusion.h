@@ -1,0 +1,46 @@
+//===- GraphFusion.h - Launches of a graph that are one ---------*- C++ -*-===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+//===----------------------------------------------------------------------===//
+
+#ifndef WARP_LIB_RUNTIME_GRAPHFUSION_H
+#define WARP_LIB_RUNTIME_GRAPHFUSION_H
+
+#include "GraphNodes.h"
+#include "GraphOrder.h"
+
+#include <map>
+#include <memory>
+#include <vector>
+
+namespace warp {
+
+/// A launch that takes the place of several.
+struct FusedLaunch {
+  std::shared_ptr<Kernel> kernel;
+  Kernel::Plan plan;
+  /// The parameter block.
+  std::vector<uint64_t> params;
+};
+
+/// The nodes of a graph once launches are fused, in an order that keeps the
+/// edges of the schedule.
+struct FusedNodes {
+  std::vector<NodeRecord> records;
+  /// The former nodes of each one, and the launch if they are fused.
+  std::vector<std::vector<int>> members;
+  std::map<size_t, FusedLaunch> launches;
+};
+
+/// Fuses launches of nodes that were recorded in a chain. Says in `records` of
+/// each launch why it is not fused with another one.
+FusedNodes fuseLaunches(std::vector<NodeRecord> &records,
+                        const GraphSchedule &schedule);
+
+/// Edges from each node to the next.
+std::vector<std::vector<int>> chainOf(size_t count);
+
+} // namespace warp
+
+#endif // WARP_LIB_RUNTIME_GRAPHFUSION_H

@@ -1,0 +1,392 @@
+"""Launches of graphs that are one: which are, which are not, and the bits of eager launches."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+
+
+@wp.kernel
+def scale(x: wp.array[float], factor: float, y: wp.array[float]):
+    i = wp.tid()
+    y[i] = factor * x[i]
+
+
+@wp.kernel
+def add(x: wp.array[float], y: wp.array[float]):
+    i = wp.tid()
+    y[i] = y[i] + x[i]
+
+
+@wp.kernel
+def mirror(x: wp.array[float], y: wp.array[float]):
+    i = wp.tid()
+    y[i] = x[x.shape[0] - 1 - i]
+
+
+@wp.kernel
+def whole_row(x: wp.array2d[float], sums: wp.array[float]):
+    i = wp.tid()
+    s = float(0.0)
+    for j in range(x.shape[1]):
+        s += x[i, j]
+    sums[i] = s
+
+
+@wp.kernel
+def fill_row(x: wp.array2d[float], value: float):
+    i = wp.tid()
+    for j in range(x.shape[1]):
+        x[i, j] = value * float(i + j)
+
+
+@wp.kernel
+def by_entry(x: wp.array2d[float], factor: float):
+    i, j = wp.tid()
+    x[i, j] = factor * x[i, j] + 0.1
+
+
+@wp.kernel
+def flat_entry(x: wp.array[float], width: int, factor: float):
+    i, j = wp.tid()
+    x[i * width + j] = factor * x[i * width + j] - 0.3
+
+
+@wp.kernel
+def column(x: wp.array2d[float], j: int):
+    i = wp.tid()
+    x[i, j] = x[i, j] + 1.0
+
+
+@wp.kernel
+def count(x: wp.array[float], counts: wp.array[int]):
+    i = wp.tid()
+    if x[i] > 0.5:
+        wp.atomic_add(counts, 0, 1)
+
+
+@wp.kernel
+def gather(x: wp.array[float], indices: wp.array[int], y: wp.array[float]):
+    i = wp.tid()
+    y[i] = x[indices[i]]
+
+
+def fusions(graph):
+    return graph.schedule().fusions
+
+
+def random_array(n, seed=0):
+    return wp.array(np.random.default_rng(seed).random(n).astype(np.float32))
+
+
+@pytest.fixture
+def verified():
+    wp.config.verify_graphs = True
+    yield
+    wp.config.verify_graphs = False
+
+
+def captured(step):
+    with wp.ScopedCapture(optimize=True) as capture:
+        step()
+    return capture.graph
+
+
+def check(step, arrays, expected):
+    """The graph of a step fuses what is expected and leaves what eager launches do."""
+    start = [array.numpy().copy() for array in arrays]
+    step()
+    eager = [array.numpy().copy() for array in arrays]
+    graph = captured(step)
+    for array, values in zip(arrays, start):
+        array.assign(values)
+    wp.capture_launch(graph)
+    for array, values in zip(arrays, eager):
+        assert array.numpy().tobytes() == values.tobytes()
+    assert fusions(graph) == expected
+    return graph
+
+
+@pytest.mark.parametrize("n", [1, 10, 1000, 100_000])
+def test_chain_of_elements(n):
+    """Launches that read what the same thread wrote are one, and round as separate ones do."""
+    x, y, z = random_array(n), random_array(n, 1), random_array(n, 2)
+
+    def step():
+        wp.launch(scale, n, [x, 1.1, y])
+        wp.launch(add, n, [y, z])
+        wp.launch(scale, n, [z, 0.7, x])
+
+    check(step, [x, y, z], (("scale", "add", "scale"),))
+    # A fused multiply-add of the first two would round once: the reference rounds twice.
+    a, c = random_array(n).numpy().copy(), random_array(n, 2).numpy().copy()
+    x.assign(a), z.assign(c)
+    wp.capture_launch(
+        captured(lambda: [wp.launch(scale, n, [x, 1.1, y]), wp.launch(add, n, [y, z])])
+    )
+    assert np.array_equal(z.numpy(), c + np.float32(1.1) * a)
+
+
+def test_other_threads():
+    """A launch that reads what another thread wrote stays apart, and the schedule says so."""
+    x, y, z = random_array(100), random_array(100, 1), random_array(100, 2)
+
+    def step():
+        wp.launch(scale, 100, [x, 2.0, y])
+        wp.launch(mirror, 100, [y, z])
+
+    graph = check(step, [x, y, z], ())
+    assert "threads share elements of 'x'" in str(graph.schedule())
+
+
+def test_gather_stays_apart():
+    """An index that memory gives may be any thread's."""
+    x, y, z = random_array(100), random_array(100, 1), random_array(100, 2)
+    indices = wp.array(np.random.default_rng(3).permutation(100).astype(np.int32))
+
+    def step():
+        wp.launch(scale, 100, [x, 2.0, y])
+        wp.launch(gather, 100, [y, indices, z])
+
+    check(step, [x, y, z], ())
+
+
+def test_overwritten_behind_readers():
+    """An element that another thread has yet to read is not overwritten early."""
+    x, y = random_array(64), random_array(64, 1)
+
+    def step():
+        wp.launch(mirror, 64, [x, y])
+        wp.launch(scale, 64, [y, 3.0, x])
+
+    check(step, [x, y], ())
+
+
+def test_rows():
+    """A thread's row is its own, whatever the other index is."""
+    x = wp.array(np.random.default_rng(5).random((40, 7)).astype(np.float32))
+
+    def step():
+        wp.launch(column, 40, [x, 3])
+        wp.launch(column, 40, [x, 3])
+        wp.launch(column, 40, [x, 2])
+
+    check(step, [x], (("column", "column", "column"),))
+
+
+def test_lanes_are_kept():
+    """Code with fewer lanes than that of the parts is not used."""
+    x, sums = wp.zeros((4000, 7)), wp.zeros(4000)
+
+    def step():
+        wp.launch(fill_row, 4000, [x, 0.3])
+        wp.launch(whole_row, 4000, [x, sums])
+
+    graph = captured(step)
+    wp.capture_launch(graph)
+    i, j = np.meshgrid(np.arange(4000), np.arange(7), indexing="ij")
+    expected = (np.float32(0.3) * (i + j).astype(np.float32)).astype(float).sum(axis=1)
+    assert np.allclose(sums.numpy(), expected, rtol=1e-6)
+    assert fusions(graph) or "fewer lanes" in str(graph.schedule())
+
+
+def test_two_dimensions():
+    """Threads of two dimensions are told apart by one index of both, if rows do not overlap."""
+    x = wp.zeros(60)
+    square = wp.zeros((6, 10))
+
+    def step(width):
+        wp.launch(flat_entry, (6, 10), [x, width, 0.5])
+        wp.launch(flat_entry, (6, 10), [x, width, 0.25])
+
+    check(lambda: step(10), [x], (("flat_entry", "flat_entry"),))
+    graph = captured(lambda: step(5))
+    assert fusions(graph) == ()
+    check(
+        lambda: [
+            wp.launch(by_entry, (6, 10), [square, 0.5]),
+            wp.launch(by_entry, (6, 10), [square, 1.5]),
+        ],
+        [square],
+        (("by_entry", "by_entry"),),
+    )
+
+
+def test_other_extents():
+    """Launches of other extents are two."""
+    x = random_array(100)
+
+    def step():
+        wp.launch(scale, 100, [x, 2.0, x])
+        wp.launch(scale, 50, [x, 2.0, x])
+
+    check(step, [x], ())
+
+
+def test_views_that_overlap():
+    """Arrays that overlap under several names are no one thread's."""
+    x = random_array(101)
+
+    def step():
+        wp.launch(scale, 100, [x[:100], 2.0, x[:100]])
+        wp.launch(add, 100, [x[1:], x[:100]])
+        wp.launch(scale, 100, [x[:100], 0.5, x[:100]])
+
+    check(step, [x], ())
+
+
+def test_stride_zero():
+    """All threads of a broadcast array have one element."""
+    x = wp.array(ptr=random_array(1).ptr, shape=(8,), strides=(0,), dtype=float)
+    base = random_array(4)
+    x = wp.array(ptr=base.ptr, shape=(8,), strides=(0,), dtype=float)
+    y = wp.zeros(8)
+
+    def step():
+        wp.launch(scale, 8, [y, 2.0, x])
+        wp.launch(add, 8, [x, y])
+
+    assert fusions(captured(step)) == ()
+
+
+def test_between():
+    """A node that has to run between two launches keeps them apart."""
+    x, y, z = random_array(50), random_array(50, 1), random_array(50, 2)
+
+    def step():
+        wp.launch(scale, 50, [x, 2.0, y])
+        wp.copy(z, y)
+        wp.launch(add, 50, [z, y])
+
+    check(step, [x, y, z], ())
+
+
+def test_updates_stay_apart():
+    """Launches with atomic updates keep their plan."""
+    x, counts = random_array(50), wp.zeros(1, dtype=int)
+
+    def step():
+        wp.launch(scale, 50, [x, 2.0, x])
+        wp.launch(count, 50, [x, counts])
+
+    graph = check(step, [x, counts], ())
+    assert "it updates elements" in str(graph.schedule())
+
+
+def test_same_array_twice():
+    """An array that is passed under two names is one argument."""
+    x = random_array(70)
+
+    def step():
+        wp.launch(scale, 70, [x, 2.0, x])
+        wp.launch(add, 70, [x, x])
+        wp.launch(scale, 70, [x, 0.25, x])
+
+    check(step, [x], (("scale", "add", "scale"),))
+
+
+def test_recorded_order_and_debug():
+    """`optimize=False` runs what was recorded; debug mode fuses nothing."""
+    x = random_array(70)
+
+    def step():
+        wp.launch(scale, 70, [x, 2.0, x])
+        wp.launch(scale, 70, [x, 0.25, x])
+
+    with wp.ScopedCapture(optimize=False) as capture:
+        step()
+    with pytest.raises(wp.WarpError, match="recording"):
+        capture.graph.schedule()
+    wp.config.mode = "debug"
+    try:
+        with wp.ScopedCapture(optimize=True) as capture:
+            wp.launch(scale, 70, [x, 2.0, x])
+            wp.launch(scale, 70, [x, 0.25, x])
+        with pytest.raises(wp.WarpError, match="recording"):
+            capture.graph.schedule()
+    finally:
+        wp.config.mode = "release"
+
+
+def test_setting():
+    """`wp.config.fuse_graphs = False` keeps launches as they were recorded."""
+    x = random_array(70)
+    wp.config.fuse_graphs = False
+    try:
+        graph = captured(lambda: [wp.launch(scale, 70, [x, 2.0, x]) for _ in range(2)])
+    finally:
+        wp.config.fuse_graphs = True
+    assert [node.name for node in graph.schedule().nodes] == ["scale", "scale"]
+
+
+def test_body_of_loop():
+    """Bodies of branches and loops are optimised as well."""
+    x, left = random_array(30), wp.zeros(1, dtype=int)
+
+    @wp.kernel
+    def decrement(n: wp.array[int]):
+        n[0] = n[0] - 1
+
+    def body():
+        wp.launch(scale, 30, [x, 2.0, x])
+        wp.launch(scale, 30, [x, 0.625, x])
+        wp.launch(decrement, 1, [left])
+
+    with wp.ScopedCapture(optimize=True) as capture:
+        left.fill_(3)
+        wp.capture_while(left, body)
+    start = x.numpy().copy()
+    wp.capture_launch(capture.graph)
+    expected = start.copy()
+    for _ in range(3):
+        expected = np.float32(0.625) * (np.float32(2.0) * expected)
+    assert np.array_equal(x.numpy(), expected)
+    loop = next(node for node in capture.graph.schedule().nodes if node.body)
+    assert loop.body.fusions == (("scale", "scale"),)
+
+
+class Program:
+    """Random launches, most of equal extents, over arrays and views."""
+
+    def __init__(self, seed):
+        self.seed = seed
+        self.arrays = [random_array(48, seed + k) for k in range(4)]
+        self.indices = wp.array(np.random.default_rng(seed).permutation(16).astype(np.int32))
+
+    def view(self, rng):
+        array = self.arrays[rng.integers(4)]
+        return array[int(rng.integers(3)) * 8 :][:16] if rng.integers(4) == 0 else array[:16]
+
+    def step(self):
+        rng = np.random.default_rng(self.seed)
+        for _ in range(int(rng.integers(4, 14))):
+            x, y, kind = self.view(rng), self.view(rng), rng.integers(9)
+            factor = float(rng.integers(1, 7)) / 4.0
+            if kind < 3:
+                wp.launch(scale, 16, [x, factor, y])
+            elif kind < 6:
+                wp.launch(add, 16, [x, y])
+            elif kind == 6:
+                wp.launch(mirror, 16, [x, y])
+            elif kind == 7:
+                wp.launch(gather, 16, [x, self.indices, y])
+            else:
+                wp.launch(scale, 16, [x, factor, x])
+
+
+def test_random_programs(verified):
+    """Random programs leave the memory of eager launches, in the latest order that edges allow."""
+    fused = 0
+    for seed in range(120):
+        program = Program(seed)
+        start = [array.numpy().copy() for array in program.arrays]
+        program.step()
+        eager = [array.numpy().copy() for array in program.arrays]
+        graph = captured(program.step)
+        fused += graph.schedule().fused
+        for array, values in zip(program.arrays, start):
+            array.assign(values)
+        wp.capture_launch(graph)
+        for array, values in zip(program.arrays, eager):
+            assert array.numpy().tobytes() == values.tobytes()
+    assert fused > 100
