@@ -13,13 +13,14 @@ from warp._src.fem.assembly.pattern import Batch
 
 
 @functools.cache
-def _gather_kernel(block, wide, out, is_scattered: bool):
+def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool):
     """Sums contributions of type `block` as `wide` into values of type `out`."""
 
     def gather(
         blocks: wp.array(dtype=block),
         begins: wp.array(dtype=int),
         entries: wp.array(dtype=int),
+        heads: wp.array(dtype=int),
         targets: wp.array(dtype=int),
         adds: int,
         values: wp.array(dtype=out),
@@ -32,6 +33,9 @@ def _gather_kernel(block, wide, out, is_scattered: bool):
         total = wide()
         if adds != 0:
             total = wide(values[target])
+        if wp.static(has_heads):
+            total += wide(blocks[heads[k]])
+            begin += 1
         for at in range(begin, end):
             total += wide(blocks[entries[at]])
         values[target] = out(total)
@@ -82,9 +86,11 @@ def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64) 
         accumulate: scalar type of sums.
     """
     wide = with_scalar(extend.canonical(blocks.dtype), accumulate)
-    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, batch.targets is not None)
+    has_heads = batch.heads is not None
+    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, batch.targets is not None, has_heads)
     targets = batch.entries if batch.targets is None else batch.targets
-    inputs = [blocks, batch.begins, batch.entries, targets, int(adds), values]
+    heads = batch.heads if has_heads else batch.entries
+    inputs = [blocks, batch.begins, batch.entries, heads, targets, int(adds), values]
     wp.launch(kernel, batch.target_count, inputs, device=values.device)
 
 

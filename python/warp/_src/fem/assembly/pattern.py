@@ -29,6 +29,8 @@ class Batch:
         targets: int32, the targets of this batch; None if target k has number k.
         begins: int32, one more: contributions of a target.
         entries: int32, positions in the blocks of the batch, in element order.
+        heads: int32, the first entry of each target, which threads read side by side; None if
+            most targets have others, or the number of targets is not known.
     """
 
     first: int
@@ -36,6 +38,7 @@ class Batch:
     targets: wp.array | None
     begins: wp.array
     entries: wp.array
+    heads: wp.array | None = None
 
     @property
     def target_count(self) -> int:
@@ -123,6 +126,24 @@ def _number_targets(
 
 
 @wp.kernel(enable_backward=False)
+def _read_heads(
+    begins: wp.array(dtype=int), entries: wp.array(dtype=int), heads: wp.array(dtype=int)
+):
+    k = wp.tid()
+    heads[k] = entries[begins[k]]
+
+
+def _heads(found):
+    count, device = found.begins.shape[0] - 1, found.begins.device
+    if found.origins.shape[0] >= 2 * count or device.is_capturing:
+        return None
+    heads = wp.empty(count, dtype=int, device=device)
+    inputs = [found.begins, found.origins, heads]
+    wp.launch(_read_heads, count, inputs, device=device)
+    return heads
+
+
+@wp.kernel(enable_backward=False)
 def _shift(values: wp.array(dtype=int), by: int):
     i = wp.tid()
     values[i] += by
@@ -168,7 +189,7 @@ class Pattern:
                 )
             rows, targets = self._union(found)
         self.batches = [
-            Batch(*r, t, f.begins, f.origins)
+            Batch(*r, t, f.begins, f.origins, _heads(f))
             for r, t, f in zip(ranges, targets, found, strict=True)
         ]
         self.offsets, self.columns = rows.offsets, rows.columns

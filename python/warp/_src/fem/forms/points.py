@@ -517,7 +517,9 @@ class PointsPlan:
         if literal.applies(self):
             text, self.tensors = literal.literal_text(self)
             return self._kernel(text)
-        return self._kernel(bilinear_text(self))
+        from warp._src.fem.forms.factored import factored_text
+
+        return self._kernel(factored_text(self) or bilinear_text(self))
 
     def more_values(self, device) -> list:
         """Arguments of the kernel of blocks beside those of all kernels."""
