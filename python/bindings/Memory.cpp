@@ -20,12 +20,18 @@ static void *pointer(uintptr_t address) {
   return reinterpret_cast<void *>(address);
 }
 
-/// Calls `fn`, without the GIL if it may take long.
-template <typename Fn> static void runUnlocked(size_t bytes, Fn &&fn) {
-  if (bytes < shortCopy)
+/// Calls `fn`, without the GIL if it may take long. `waits`: for work of a GPU.
+template <typename Fn>
+static void runUnlocked(size_t bytes, Fn &&fn, bool waits = false) {
+  if (bytes < shortCopy && !waits)
     return fn();
   warp::python::Unlocked unlocked;
   fn();
+}
+
+/// True if a copy waits for what a GPU does to its source.
+static bool isRead(int to, int from) {
+  return to == cpuDevice && from != cpuDevice;
 }
 
 static ArrayObject *expectArray(const py::handle &object, const char *what) {
@@ -68,10 +74,13 @@ static void copyArrays(const py::object &dst, const py::object &src,
     hold(from->device, dst.ptr());
     hold(from->device, src.ptr());
   }
-  runUnlocked(byteCount(to), [&] {
-    copyArray({&to->descriptor, to->device}, {&from->descriptor, from->device},
-              to->itemSize, stream);
-  });
+  runUnlocked(
+      byteCount(to),
+      [&] {
+        copyArray({&to->descriptor, to->device},
+                  {&from->descriptor, from->device}, to->itemSize, stream);
+      },
+      isRead(to->device, from->device));
 }
 
 static void fill(const py::object &dst, const py::bytes &pattern,
@@ -104,10 +113,13 @@ void python::bindMemory(py::module_ &m) {
       "copy_memory",
       [](uintptr_t dst, int dstDevice, uintptr_t src, int srcDevice,
          size_t bytes, const Stream *stream) {
-        runUnlocked(bytes, [&] {
-          copyMemory(pointer(dst), dstDevice, pointer(src), srcDevice, bytes,
-                     stream);
-        });
+        runUnlocked(
+            bytes,
+            [&] {
+              copyMemory(pointer(dst), dstDevice, pointer(src), srcDevice,
+                         bytes, stream);
+            },
+            isRead(dstDevice, srcDevice));
       },
       py::arg("dst"), py::arg("dst_device"), py::arg("src"),
       py::arg("src_device"), py::arg("size"), py::arg("stream") = nullptr);

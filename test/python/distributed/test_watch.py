@@ -69,6 +69,20 @@ def test_work_that_ends_is_fine(watched):
     assert made.look(now + 100) is None and made.pending is None
 
 
+def test_work_behind_work_that_ends_is_watched(watched):
+    made, comm, stream, _ = watched
+    work(made, comm, step=3)
+    work(made, comm, step=4)
+    work(made, comm, step=5)
+    first, last = stream.recorded[0], stream.recorded[-1]
+    now = made.pending.since
+    first.is_complete = True
+    assert made.look(now + 100) is None and made.pending.step == 5
+    assert "halo (plan 7, step 5): no answer within 5 s" in made.look(now + 106)
+    last.is_complete, first.is_complete = True, False
+    assert made.look(now + 107) is None and made.pending is None
+
+
 def test_work_that_does_not_end_names_plan_and_ranks(watched):
     made, comm, _, _ = watched
     work(made, comm)

@@ -29,7 +29,7 @@ def layers(
 
 
 def layers_of(x, c, least):
-    """What the kernel computes, and its derivatives by x and by each of c, for all x."""
+    """Values of the kernel and their derivatives by x and by each of c, for all x."""
     k = np.arange(len(c))
     decay = np.exp(-np.outer(x, k))
     light, s, alive = np.ones_like(x), np.zeros_like(x), np.ones(len(x), bool)

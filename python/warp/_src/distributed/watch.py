@@ -33,12 +33,14 @@ class Watch:
 
     Attributes:
         pending: the oldest work that may not have ended, or None.
+        latest: the last work that was queued behind it, or None.
     """
 
     def __init__(self, comm):
         self.comm = comm
-        self.pending = self.calling = None
-        self._event = wp.Event(comm.device)
+        self.pending = self.latest = self.calling = None
+        self._event, self._last = wp.Event(comm.device), wp.Event(comm.device)
+        self._lock = threading.Lock()
         self._missed = None
         self._stop = threading.Event()
         thread = threading.Thread(target=self._run, name="warp-watch", daemon=True)
@@ -53,9 +55,15 @@ class Watch:
         """Notes the end of that call; what it queued on the current stream is watched then."""
         called, self.calling = self.calling, None
         stream = wp.get_stream(self.comm.device)
-        if self.pending is None and not stream.is_capturing:
-            stream.record_event(self._event)
-            self.pending = called
+        if stream.is_capturing:
+            return
+        with self._lock:
+            if self.pending is None:
+                stream.record_event(self._event)
+                self.pending = called
+            else:
+                stream.record_event(self._last)
+                self.latest = called
 
     def close(self) -> None:
         """Ends the watch."""
@@ -73,10 +81,13 @@ class Watch:
         comm = self.comm
         if os.getpid() != comm.process:
             return None
-        work = self.pending
-        if work is not None and self._event.is_complete:
-            self.pending = work = None
-        work = self.calling or work
+        with self._lock:
+            if self.pending is not None and self._event.is_complete:
+                # The work behind it began to wait at about this time.
+                self.pending = self.latest and self.latest._replace(since=now)
+                self.latest = None
+                self._event, self._last = self._last, self._event
+            work = self.calling or self.pending
         gone = [
             rank
             for rank in range(comm.size)
