@@ -1,22 +1,31 @@
-"""Captured steps in the order of recording and by dependencies: times, bits, what is left in order.
+"""Captured steps as recorded, by dependencies, and fused: times, bits, what is left in order.
 
-    python graphs.py [--device cuda:0] [--seconds 0.5] [--scenes fields,lattice,wave,particles]
+    python graphs.py [--device cuda:0] [--seconds 0.5] [--scenes lattice19,wave3,rollout]
                      [--worlds 1024,8192] [--schedule]
 
-Each row: time of a step launch by launch, as a chain, by dependencies, the ratio of the last two,
-operations, longest path, branches, milliseconds to capture, and whether the arrays have the bits of
-the eager step. The scene `humanoid` needs mujoco_warp; `--schedule` prints the schedule of each.
+Each row: microseconds of a step launch by launch, as a chain, by dependencies, and with launches
+fused, the ratio of the chain to the last, operations before and after, the longest path, branches,
+milliseconds of the first capture and of the next, and whether the arrays have the eager step's
+bits. The scene `humanoid` needs mujoco_warp; `--schedule` prints the schedule of each. With the peer
+there are the first two times alone.
 """
 
 import argparse
+import pathlib
 import statistics
+import sys
 import time
 
 import numpy as np
 
 import warp as wp
 
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+from _graph_scenes import lattice3, rollout, wave3
+
 wp.config.quiet = True
+# The peer's graphs have the order of their recording alone.
+ORDERS = hasattr(wp.config, "fuse_graphs")
 
 
 @wp.kernel
@@ -243,6 +252,13 @@ def scenes(options):
     yield "lattice", lambda: lattice(512 if gpu else 64)
     yield "wave", lambda: wave(256 if gpu else 64)
     yield "particles", lambda: particles(20_000 if gpu else 2_000)
+    for speeds in (19, 27):
+        yield f"lattice{speeds}", lambda speeds=speeds: lattice3(speeds, 96 if gpu else 16)
+        yield f"lattice{speeds}s", lambda speeds=speeds: lattice3(speeds, 32 if gpu else 8)
+    yield "wave3", lambda: wave3(128 if gpu else 24)
+    yield "wave3s", lambda: wave3(32 if gpu else 8)
+    yield "rollout", lambda: rollout(4096 if gpu else 256)
+    yield "rollouts", lambda: rollout(512 if gpu else 32)
     for worlds in options.worlds.split(","):
         yield f"humanoid {worlds}", lambda worlds=worlds: humanoid(int(worlds))
 
@@ -273,9 +289,13 @@ def seconds_per_step(ways, arrays, start, seconds):
     return [statistics.median(mine) for mine in times]
 
 
-def captured(step, optimize):
+def captured(step, optimize, fuse=True):
+    """A graph of a step, and the milliseconds of its capture."""
+    options = {}
+    if ORDERS:
+        options["optimize"], wp.config.fuse_graphs = optimize, fuse
     begin = time.perf_counter()
-    with wp.ScopedCapture(optimize=optimize) as capture:
+    with wp.ScopedCapture(**options) as capture:
         step()
     return capture.graph, 1e3 * (time.perf_counter() - begin)
 
@@ -293,45 +313,51 @@ def same(a, b):
 
 def measure(name, make, options):
     step, arrays = make()
-    start = [array.numpy() for array in arrays]
+    start = [array.numpy().copy() for array in arrays]
     step()
-    chain, _ = captured(step, False)
-    graph, milliseconds = captured(step, True)
-    eager = run(step, arrays, start)
-    repeats = same(run(step, arrays, start), eager)
-    by_chain = run(lambda: wp.capture_launch(chain), arrays, start)
-    by_order = run(lambda: wp.capture_launch(graph), arrays, start)
-    bits = "same" if same(by_order, eager) else "DIFFERENT"
+    graphs = [captured(step, False)[0]]
+    if ORDERS:
+        graphs.append(captured(step, True, False)[0])
+        graph, first = captured(step, True)
+        graph, later = captured(step, True)
+        graphs.append(graph)
+    ways = [step, *(lambda graph=graph: wp.capture_launch(graph) for graph in graphs)]
+    found = [run(way, arrays, start) for way in ways]
+    repeats = same(run(step, arrays, start), found[0])
+    bits = "same" if all(same(one, found[0]) for one in found) else "DIFFERENT"
     if not repeats:
-        apart = max(float(np.abs(x - y).max()) for x, y in zip(by_order, eager))
-        other = max(float(np.abs(x - y).max()) for x, y in zip(by_chain, eager))
-        bits = f"eager runs differ; {apart:.1e}, chain {other:.1e}"
-    launches = (lambda: wp.capture_launch(chain), lambda: wp.capture_launch(graph))
-    eager_time, chained, ordered = seconds_per_step(
-        (step, *launches), arrays, start, options.seconds
-    )
-    schedule = graph.schedule()
-    print(
-        f"{name:16} {1e6 * eager_time:9.1f} {1e6 * chained:9.1f} {1e6 * ordered:9.1f} "
-        f"{chained / ordered:6.2f}x {len(schedule.nodes):5} {schedule.depth:5} "
-        f"{schedule.branches:5} {schedule.edges:5} {milliseconds:8.1f}  {bits}",
-        flush=True,
-    )
-    if options.schedule or schedule.kept:
-        print(schedule)
+        gaps = [max(float(np.abs(x - y).max()) for x, y in zip(one, found[0])) for one in found[1:]]
+        bits = "eager runs differ; " + ", ".join(f"{gap:.1e}" for gap in gaps)
+    times = seconds_per_step(ways, arrays, start, options.seconds)
+    row = f"{name:14}" + "".join(f"{1e6 * one:9.1f}" for one in times)
+    if ORDERS:
+        before, after = graphs[1].schedule(), graph.schedule()
+        row += (
+            f" {times[1] / times[3]:6.2f}x {len(before.nodes):5} {len(after.nodes):5} "
+            f"{after.depth:5} {after.branches:5} {first:8.1f} {later:8.1f}"
+        )
+    print(f"{row}  {bits}", flush=True)
+    if ORDERS and (options.schedule or after.kept):
+        print(after)
+
+
+SCENES = (
+    "fields,lattice,wave,particles,lattice19,lattice19s,lattice27,lattice27s,wave3,wave3s,rollout,"
+    "rollouts,humanoid"
+)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--seconds", type=float, default=0.5)
-    parser.add_argument("--scenes", default="fields,lattice,wave,particles,humanoid")
+    parser.add_argument("--scenes", default=SCENES)
     parser.add_argument("--worlds", default="1024,8192")
     parser.add_argument("--schedule", action="store_true")
     options = parser.parse_args()
     print(
-        f"{'scene':16} {'eager us':>9} {'chain us':>9} {'graph us':>9} {'ratio':>7} "
-        f"{'nodes':>5} {'path':>5} {'lines':>5} {'edges':>5} {'ms':>8}  bits"
+        f"{'scene':14}{'eager us':>9}{'chain us':>9}{'graph us':>9}{'fused us':>9} {'ratio':>7} "
+        f"{'nodes':>5} {'fused':>5} {'path':>5} {'lines':>5} {'first ms':>8} {'next ms':>8}  bits"
     )
     with wp.ScopedDevice(options.device):
         for name, make in scenes(options):
