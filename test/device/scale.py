@@ -4,8 +4,8 @@
     torchrun --nproc-per-node 8 test/device/scale.py
 
 Cases: messages, lattice Boltzmann (weak and strong, with and without overlap, eager and captured),
-conjugate gradients (exact and plain, with a checksum of the solution), migration of discs. On GPUs
-messages go by NCCL, brought together by the engine that started the ranks.
+conjugate gradients (exact and not, fused and plain, with a checksum of the solution), migration of
+discs. On GPUs messages go by NCCL, brought together by the engine that started the ranks.
 """
 
 import argparse
@@ -118,20 +118,21 @@ def solver(scale):
     graph = wd.Graph(rows, columns, by="rows", comm=comm)
     A = wd.Matrix(graph, rows, columns, values)
     b = wp.array(graph.scatter(right)[graph.first :][: graph.owned], dtype=float)
-    for exact in (False, True):
+    for exact, fused in ((False, False), (False, True), (True, False), (True, True)):
         wp.config.deterministic = "run_to_run" if exact else False
         operator = wd.LinearOperator(A)
         done = 20
         x = wp.zeros_like(b)
 
-        def solve(x=x, operator=operator):
+        def solve(x=x, operator=operator, fused=fused):
             x.zero_()
-            cg(operator, b, x, tol=0.0, atol=1e-30, maxiter=20, check_every=20)
+            cg(operator, b, x, tol=0.0, atol=1e-30, maxiter=20, check_every=20, fused=fused)
 
         solve()
         took = scale.seconds(solve, 2) / done
         bits = zlib.crc32(b"".join(comm.gather_objects(x.numpy().tobytes())))
-        scale.say("cg", exact=exact, rows=len(right), iteration_us=took * 1e6, bits=bits)
+        facts = {"exact": exact, "fused": fused, "iteration_us": took * 1e6, "bits": bits}
+        scale.say("cg", rows=len(right), **facts)
     wp.config.deterministic = False
 
 

@@ -16,7 +16,15 @@ PASSING = (
     *("checkpoints", "shared_memory", "warm_and_progress"),
     *("migration_adjoint", "bad_particles"),
 )
-SAME_BITS = ("jacobi", "lattice", "exact_sums", "products_and_solvers", "matrix_free", "discs")
+SAME_BITS = (
+    "jacobi",
+    "lattice",
+    "exact_sums",
+    "products_and_solvers",
+    "fused_solver",
+    "matrix_free",
+    "discs",
+)
 ROWS, COLUMNS, STEPS = 24, 16, 10
 
 

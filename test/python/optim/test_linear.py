@@ -1,5 +1,6 @@
 """Solutions of linear systems beside numpy.linalg.solve."""
 
+import functools
 import warnings
 
 import numpy as np
@@ -9,13 +10,14 @@ import warp as wp
 import warp.sparse as sp
 from warp.optim import linear
 
-SOLVERS = [linear.cg, linear.cr, linear.bicgstab, linear.gmres]
+fused = functools.partial(linear.cg, fused=True)
+SOLVERS = [linear.cg, fused, linear.cr, linear.bicgstab, linear.gmres]
 
 
 def system(solver, n, seed=1):
     rng = np.random.default_rng(seed)
     C = rng.standard_normal((n, n))
-    symmetric = solver in (linear.cg, linear.cr)
+    symmetric = solver in (linear.cg, fused, linear.cr)
     A = C @ C.T + n * np.eye(n) if symmetric else C + 3 * n**0.5 * np.eye(n)
     return A, rng.standard_normal(n)
 

@@ -1,5 +1,6 @@
 """A solution that is not finite never passes without a word."""
 
+import functools
 import warnings
 
 import numpy as np
@@ -10,7 +11,8 @@ import warp.sparse as sp
 from random_runs import seeds
 from warp.optim import linear
 
-SOLVERS = [linear.cg, linear.cr, linear.bicgstab, linear.gmres]
+fused = functools.partial(linear.cg, fused=True)
+SOLVERS = [linear.cg, fused, linear.cr, linear.bicgstab, linear.gmres]
 
 
 def sparse(A, device, dtype=wp.float32):

@@ -35,22 +35,39 @@ class RankDots(Dots):
 
     def compute(self, a, b, first=0):
         columns = 1 if a.ndim == 1 else a.shape[0]
-        found = self.results[first : first + columns]
         if not self.exact:
             super().compute(a, b, first)
-            run_or_record(self.comm, "dots", lambda: self._sum(found))
+            self._sum_rows(first, columns)
             return
+        rows = [(a, b)] if a.ndim == 1 else [(a[k], b[k]) for k in range(columns)]
+        self._sum_exactly(rows, first)
+
+    def compute_all(self, pairs):
+        if self.exact:
+            self._sum_exactly(pairs, 0)
+            return
+        for k, (a, b) in enumerate(pairs):
+            super().compute(a, b, k)
+        self._sum_rows(0, len(pairs))
+
+    def _sum_rows(self, first, columns) -> None:
+        found = self.results[first : first + columns]
+        run_or_record(self.comm, "dots", lambda: self._sum(found))
+
+    def _sum_exactly(self, pairs, first) -> None:
+        """One sum over ranks of the digits of all products, each of which is rounded once."""
+        columns = len(pairs)
         digits = self.digits[:columns]
         digits.zero_()
-        for k in range(columns):
-            pair = [a, b] if a.ndim == 1 else [a[k], b[k]]
-            exact_sums.add_digits(pair, digits[k])
+        for k, pair in enumerate(pairs):
+            exact_sums.add_digits(list(pair), digits[k])
         run_or_record(self.comm, "dots", lambda: self._sum(digits))
         for k in range(columns):
             table = digits[k].reshape((digits.shape[1], 1))
             target = self.rounded[k : k + 1]
             kernel = exact_sums._ROUND[wp.float64]
             wp.launch(kernel, 1, [table, target], device=self.device)
+        found = self.results[first : first + columns]
         if found.dtype is wp.float64:
             wp.copy(found.flatten(), self.rounded[:columns])
         else:

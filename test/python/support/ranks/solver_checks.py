@@ -1,5 +1,7 @@
 """Checks of graphs, sparse products and solvers over ranks."""
 
+import functools
+
 import checking
 import numpy as np
 
@@ -70,12 +72,84 @@ def products_and_solvers(comm):
         whole = graph.gather(_padded(graph, product))
         assert np.allclose(whole, dense @ right, atol=1e-4)
         found.append(checking.digest(whole))
-        for solve in (cg, bicgstab, gmres):
+        for solve in (cg, functools.partial(cg, fused=True), bicgstab, gmres):
             x = wp.zeros_like(b)
             done, error, _ = solve(wd.LinearOperator(A), b, x, tol=1e-6, maxiter=500)
             solution = graph.gather(_padded(graph, x))
             assert np.abs(solution - wanted).max() < 1e-4 * np.abs(wanted).max(), solve
             found += [done, checking.digest(solution)]
+    finally:
+        wp.config.deterministic = before
+    return found
+
+
+def stiff_system():
+    """A Laplacian whose coefficients lie between 1e-4 and 1e4, of condition 1e8 and more."""
+    rows, columns, _, right = poisson()
+    count = len(right)
+    weight = 10.0 ** np.random.default_rng(8).uniform(-4, 4, count)
+    inside = rows != columns
+    shared = np.sqrt(weight[rows[inside]] * weight[columns[inside]])
+    diagonal = np.zeros(count)
+    np.add.at(diagonal, rows[inside], shared)
+    values = np.r_[-shared, 1e-4 + diagonal]
+    every = np.arange(count)
+    rows, columns = np.r_[rows[inside], every], np.r_[columns[inside], every]
+    dense = np.zeros((count, count))
+    dense[rows, columns] = values
+    return rows, columns, values, dense
+
+
+class Sums:
+    """Counts the reductions of a communicator."""
+
+    def __init__(self, comm):
+        self.comm, self.count = comm, 0
+        self.before = comm.all_reduce
+
+    def __enter__(self):
+        def counted(*arguments):
+            self.count += 1
+            self.before(*arguments)
+
+        self.comm.all_reduce = counted
+        return self
+
+    def __exit__(self, *_):
+        del self.comm.all_reduce
+
+
+def fused_solver(comm):
+    """Fused CG on a stiff system: one sum an iteration, the same bits, the accuracy of plain CG."""
+    rows, columns, values, dense = stiff_system()
+    assert np.linalg.cond(dense) > 1e8
+    right = dense @ np.random.default_rng(9).standard_normal(len(dense))
+    before = wp.config.deterministic
+    wp.config.deterministic = "run_to_run"
+    found, done = [], {}
+    try:
+        graph = wd.Graph(rows, columns, by="rows", comm=comm)
+        A = wd.Matrix(graph, rows, columns, values, dtype=wp.float64)
+        mine = graph.numbers[graph.first :][: graph.owned]
+        b = wp.array(right[mine], dtype=wp.float64)
+        diagonal = wp.array(1.0 / np.diag(dense)[mine], dtype=wp.float64)
+        for M in (None, diagonal):
+            for fused in (False, True):
+                x = wp.zeros_like(b)
+                options = {"tol": 1e-7, "maxiter": 20000, "M": M, "fused": fused}
+                with Sums(comm) as sums:
+                    state = cg(wd.LinearOperator(A), b, x, **options, run=False)
+                    iterations, error, atol = state()
+                assert error <= atol, (fused, error, atol)
+                solution = graph.gather(_padded(graph, x))
+                true = np.linalg.norm(dense @ solution - right)
+                assert np.isclose(true, error, rtol=1e-2), (true, error)
+                done[fused] = iterations
+                if comm.size > 1:
+                    # The rest is for checks and for the residual at the end.
+                    assert sums.count < (1 if fused else 2) * iterations * 1.15 + 20, sums.count
+                found += [iterations, checking.digest(solution)]
+            assert done[True] <= 1.25 * done[False] + 20, done
     finally:
         wp.config.deterministic = before
     return found
@@ -146,4 +220,4 @@ def bad_graphs(comm):
     checking.fails(lambda: wd.bsr_mv(1, wp.zeros(3)), "int")
 
 
-CHECKS = [graph_operations, products_and_solvers, matrix_free, bad_graphs]
+CHECKS = [graph_operations, products_and_solvers, fused_solver, matrix_free, bad_graphs]

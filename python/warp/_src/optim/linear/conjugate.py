@@ -285,12 +285,10 @@ class CG(_Restartable):
         self.set_step(self.before, self.dots.row(), True)
         self.move(self.p, self.q, self.x, self.r)
         z = self.precondition(self.r, self.z)
-        self.dots.compute(numbers(self.r), numbers(self.r))
-        product = self.dots.row()
-        if self.M is not None:
-            self.dots.compute(numbers(self.r), numbers(z), first=1)
-            product = self.dots.row(1)
-        self.set_turn(self.dots.row(), product)
+        r = numbers(self.r)
+        pairs = [(r, r)] if self.M is None else [(r, r), (r, numbers(z))]
+        self.dots.compute_all(pairs)
+        self.set_turn(self.dots.row(), self.dots.row(len(pairs) - 1))
         self.turn(z, self.p)
 
 
@@ -327,8 +325,8 @@ class CR(_Restartable):
             z = self.z
             self.move(MAp, MAp, self.unused, z)
         self.A.matvec(z, self.Az, self.Az, 1.0, 0.0)
-        self.dots.compute(numbers(self.r), numbers(self.r))
-        self.dots.compute(numbers(z), numbers(self.Az), first=1)
+        r = numbers(self.r)
+        self.dots.compute_all([(r, r), (numbers(z), numbers(self.Az))])
         self.set_turn(self.dots.row(), self.dots.row(1))
         self.turn(z, self.p)
         self.turn(self.Az, self.Ap)

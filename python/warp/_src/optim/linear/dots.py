@@ -98,6 +98,11 @@ class Dots:
         inputs = [sums, first, self.results]
         wp.launch(finish, (columns, self.batches), inputs, device=self.device)
 
+    def compute_all(self, pairs):
+        """Multiplies pairs of vectors; over ranks with one sum for all."""
+        for k, (a, b) in enumerate(pairs):
+            self.compute(a, b, first=k)
+
     def row(self, column=0):
         """The results of a column, one per batch."""
         return self.results[column]

@@ -4,6 +4,7 @@ import typing
 
 from warp._src.optim.linear.bicgstab import BiCGSTAB
 from warp._src.optim.linear.conjugate import CG, CR
+from warp._src.optim.linear.fused import FusedCG
 from warp._src.optim.linear.gmres import GMRES
 from warp.extend import checked
 from warp.extend.kinds import FLAG, INTEGER, SOLVER
@@ -18,7 +19,7 @@ def _over_ranks(A, comm):
     return A if isinstance(A, LinearOperator) else LinearOperator(A, comm=comm)
 
 
-@checked(**SOLVER, restart=INTEGER, run=FLAG)
+@checked(**SOLVER, restart=INTEGER, run=FLAG, fused=FLAG)
 def cg(
     A,
     b,
@@ -34,6 +35,7 @@ def cg(
     *,
     restart: int | None = None,
     comm=None,
+    fused: bool = False,
 ) -> typing.Any:
     """Solves A x = b for a symmetric definite matrix by conjugate gradients.
 
@@ -48,13 +50,17 @@ def cg(
         restart: after how many iterations to begin anew.
         comm: ranks that have a part of the system each (`warp.distributed`); `A` then computes the
             rank's part of a product, and has exchanged what it needs of others.
+        fused: compute the inner products of an iteration together, so that there is one sum over
+            ranks in place of two, for two more vectors.
 
     Returns:
         Iterations, norm of the residual b - A x, and absolute tolerance; arrays on the device, the
         last two squared, if `check_every` is zero.
     """
     A = _over_ranks(A, comm)
-    method = CG if getattr(A, "is_definite", True) else CR
+    method = FusedCG if fused else CG
+    if not getattr(A, "is_definite", True):
+        method = CR
     solver = method(
         A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph, restart=restart
     )

@@ -51,6 +51,8 @@ class Loops:
                     # As good as numbers of this type get.
                     break
                 true_before = squares.max()
+            elif self.has_drifted(squares, limits):
+                self.refresh()
             if callback is not None and not (squares <= limits).all():
                 callback(done, math.sqrt(squares.max()), atol)
         error = math.sqrt(squares.max()) if squares.max() >= 0 else math.nan
@@ -58,6 +60,16 @@ class Loops:
             callback(done, error, atol)
         self._report(squares, limits)
         return done, error, atol
+
+    def has_drifted(self, squares, limits) -> bool:
+        """True if the residual that iterations carry along is to be computed anew."""
+        return False
+
+    def refresh(self) -> None:
+        """Computes the residual anew."""
+
+    def guard(self) -> None:
+        """Computes residuals that may have drifted anew, in a loop of the device."""
 
     def _report(self, squares, limits) -> None:
         """Notes a breakdown, and warns of one that left a system unsolved."""
@@ -93,6 +105,8 @@ class Loops:
         def turn():
             self.cycle()
             check(self.cycle_size)
+            if not unrolled:
+                self.guard()
 
         def run():
             # Two rounds: where the residual of the first one is not the true one, a second one.
@@ -101,8 +115,9 @@ class Loops:
                 self.start()
                 check(0)
 
+        unrolled = use_graph and self.device.is_cuda and not wp.is_conditional_graph_supported()
         check(0)
-        if not use_graph or not self.device.is_cuda or wp.is_conditional_graph_supported():
+        if not unrolled:
             if self.device.is_cuda and use_graph and not self.device.is_capturing:
                 with wp.ScopedCapture(device=self.device) as capture:
                     run()
