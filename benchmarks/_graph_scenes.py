@@ -289,7 +289,12 @@ def rollout(worlds, steps=8):
     def step():
         for t in range(steps):
             wp.launch(observe, (worlds, INPUTS), [state, mean, obs])
-            wp.launch_tiled(network, [worlds // ROWS], [obs, first, second, action], block_dim=64)
+            wp.launch_tiled(
+                network,
+                dim=[worlds // ROWS],
+                inputs=[obs, first, second, action],
+                block_dim=64,
+            )
             wp.launch(explore, (worlds, OUTPUTS), [action, seed, 0.1])
             wp.launch(limit, (worlds, OUTPUTS), [action])
             wp.launch(keep, (worlds, OUTPUTS), [action, t, actions])

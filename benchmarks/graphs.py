@@ -6,8 +6,8 @@
 Each row: microseconds of a step launch by launch, as a chain, by dependencies, and with launches
 fused, the ratio of the chain to the last, operations before and after, the longest path, branches,
 milliseconds of the first capture and of the next, and whether the arrays have the eager step's
-bits. The scene `humanoid` needs mujoco_warp; `--schedule` prints the schedule of each. With the peer
-there are the first two times alone.
+bits. The scene `humanoid` needs mujoco_warp; `--schedule` prints the schedule of each. With the
+peer there are the first two times alone.
 """
 
 import argparse
