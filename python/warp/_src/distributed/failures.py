@@ -21,6 +21,8 @@ class DistributedValueError(DistributedError, ValueError):
     """An argument has a value that an operation over ranks does not take."""
 
 
+# Seconds between two looks at the ranks that are waited for.
+_LOOK = 0.5
 # Words of a rank in the log: process, plan, step, stop.
 _WORDS = 4
 _PROCESS, _PLAN, _STEP, _STOP = range(_WORDS)
@@ -130,21 +132,28 @@ def failed(comm, name, plan, step, problem) -> DistributedError:
         if time.monotonic() > deadline:
             break
         time.sleep(0.05)
+    if "is gone" in text:
+        fix = "look at what it said last"
+    elif "its end" in text:
+        fix = "make as many calls on all ranks"
+    else:
+        fix = "make the same calls on all ranks in the same order, or raise `timeout`"
     return DistributedError(
-        f"rank {comm.rank}: {name} (plan {plan}, step {step}): {problem}; {text}"
+        f"rank {comm.rank}: {name} (plan {plan}, step {step}): {problem}; {text}: {fix}"
     )
 
 
 class Deadline:
     """The back-off of a wait, with a limit."""
 
-    __slots__ = ("_end", "_pause", "_turns", "limit")
+    __slots__ = ("_end", "_looks", "_next", "_now", "_pause", "_turns", "limit")
 
     def __init__(self, limit, spins=0):
         self.limit = limit
         self._turns = -spins
         self._end = None
         self._pause = 2e-5
+        self._now, self._next, self._looks = 0.0, None, 0
 
     def wait(self) -> bool:
         """Waits a little; False once the limit has passed."""
@@ -154,12 +163,29 @@ class Deadline:
         if self._turns < 200:
             os.sched_yield()
             return True
-        now = time.monotonic()
+        self._now = now = time.monotonic()
         if self._end is None:
             self._end = now + self.limit
+            self._next = now + _LOOK
         time.sleep(self._pause)
         self._pause = min(self._pause * 1.2, 2e-3)
         return now < self._end
+
+    def is_vain(self, comm, peers=None) -> bool:
+        """True if a rank of the host that is waited for has been gone for a while.
+
+        Args:
+            peers: ranks whose messages are waited for, by default all. One that has come to its end
+                may have sent them before.
+        """
+        if self._next is None or self._now < self._next:
+            return False
+        self._next = self._now + _LOOK
+        processes = [comm.log.last(rank)[0] for rank in range(comm.size)]
+        ended = any(processes[rank] < 0 for rank in peers or range(comm.size))
+        gone = any(one > 0 and not is_alive(one) for one in processes)
+        self._looks = self._looks + 1 if gone or ended else 0
+        return self._looks > (2 if gone else 8)
 
 
 def install_hook(comm) -> None:

@@ -6,6 +6,7 @@ Waits test and back off, so that a rank that does not answer is an error after a
 from __future__ import annotations
 
 import os
+import pickle
 
 import numpy as np
 from mpi4py import MPI
@@ -90,8 +91,8 @@ class MpiCommunicator(Communicator):
         if self.device.is_cuda:
             wp.synchronize_stream(wp.get_stream(self.device))
 
-    def wait(self, requests, what) -> None:
-        """Waits for requests, up to the time limit."""
+    def wait(self, requests, what, peers=None) -> None:
+        """Waits for requests, up to the time limit; `peers` are the ranks that are waited for."""
         test = MPI.Request.Testall
         try:
             if test(requests):
@@ -99,12 +100,16 @@ class MpiCommunicator(Communicator):
             deadline = failures.Deadline(self.timeout, self.spins)
             while not test(requests):
                 if not deadline.wait():
+                    problem = f"no answer within {self.timeout:g} s"
+                    break
+                if deadline.is_vain(self, peers):
+                    problem = "it waits in vain"
                     break
             else:
                 return
         except MPI.Exception as problem:
             raise self.failed(what, f"MPI says '{problem.Get_error_string()}'") from None
-        raise self.failed(what, f"no answer within {self.timeout:g} s")
+        raise self.failed(what, problem)
 
     def failed(self, what, problem):
         """The error of an exchange that failed."""
@@ -188,10 +193,23 @@ class MpiCommunicator(Communicator):
         self._collective(self.comm.Ibarrier, "barrier")
 
     def gather_objects(self, value) -> list:
-        return self.checks.allgather(value)
+        data = np.frombuffer(pickle.dumps(value), np.uint8)
+        counts = np.empty(self.size, np.int64)
+        own, begin = np.array([len(data)], np.int64), self.checks.Iallgather
+        self._collective(lambda: begin(own, counts), "gather")
+        found, every = np.empty(counts.sum(), np.uint8), self.checks.Iallgatherv
+        self._collective(lambda: every(data, (found, counts)), "gather")
+        parts = np.split(found, np.cumsum(counts)[:-1])
+        return [pickle.loads(part.tobytes()) for part in parts]
 
     def broadcast_object(self, value, root=0):
-        return self.checks.bcast(value, root)
+        data = np.frombuffer(pickle.dumps(value if self.rank == root else None), np.uint8).copy()
+        count, begin = np.array([len(data)], np.int64), self.checks.Ibcast
+        self._collective(lambda: begin(count, root), "broadcast")
+        if self.rank != root:
+            data = np.empty(count[0], np.uint8)
+        self._collective(lambda: begin(data, root), "broadcast")
+        return pickle.loads(data.tobytes())
 
     def split(self, color, key=0) -> MpiCommunicator:
         part = self.comm.Split(color, key)
@@ -222,6 +240,7 @@ class Persistent:
         self.taken: list = []
         self.requests = []
         self.on_gpu = comm.device.is_cuda
+        self.peers = [one.peer for one in messages if one.take is not None]
         for one in messages:
             if one.take is not None:
                 view = comm.view(one.take, self.taken)
@@ -245,7 +264,7 @@ class Persistent:
     def finish(self) -> None:
         """Waits until all is sent and received."""
         if not _test_all(self.requests):
-            self.comm.wait(self.requests, self.what)
+            self.comm.wait(self.requests, self.what, self.peers)
         for staging, array in self.taken:
             wp.copy(array, staging)
 

@@ -15,12 +15,14 @@ wp.config.quiet = True
 how = sys.argv[1]
 way = next((one[6:] for one in sys.argv if one.startswith("--way=")), None)
 # NCCL takes seconds to start.
-checking.LIMIT = 20 if way else 1.5 if how == "hang" else 15
+SLOW = ("hang", "skip", "order", "gather")
+checking.LIMIT = 20 if way else 1.5 if how in SLOW else 15
 comm = checking.joined(way)
 blocks = wd.Blocks((8 * comm.size,), ranks=(comm.size,))
-x = blocks.zeros()
+x, y = blocks.zeros(), wp.zeros(1, dtype=float)
 if way:
     blocks.halo(x)
+    wd.all_reduce(y)
     comm.barrier()
     comm.timeout = 2.0
 for step in range(1 if way else 0, 5):
@@ -30,10 +32,23 @@ for step in range(1 if way else 0, 5):
             raise ValueError("broken")
         if how == "kill":
             os.kill(os.getpid(), signal.SIGKILL)
-        if how == "hang":
+        if how in ("hang", "gather"):
             time.sleep(60)
+        if how == "interrupt":
+            os.kill(os.getpid(), signal.SIGINT)
+        if how == "leave":
+            sys.exit(0)
+        if how == "exit":
+            sys.exit(3)
+        if how == "order":
+            wd.all_reduce(y)
         if how == "memory":
             wp.empty((1 << 30, 1 << 12), dtype=wp.float64)
+    if step == 3 and how == "gather":
+        comm.gather_objects(step)
     blocks.halo(x)
     x.numpy()
+    if how != "skip" or step != 3 or comm.rank == 0:
+        wd.all_reduce(y)
+        y.numpy()
 print(f"rank {comm.rank} went on", np.pi)

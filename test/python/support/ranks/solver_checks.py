@@ -12,16 +12,17 @@ from warp.optim.linear import LinearOperator, bicgstab, cg, gmres
 ROWS, COLUMNS = 24, 16
 
 
-def poisson():
+def poisson(shape=None):
     """Triplets of the 5-point Laplacian of a grid, and a right-hand side."""
-    number = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
+    shape = shape or (ROWS, COLUMNS)
+    number = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs = [(number[1:], number[:-1]), (number[:, 1:], number[:, :-1])]
     a = np.concatenate([one.ravel() for one, _ in pairs])
     b = np.concatenate([one.ravel() for _, one in pairs])
     every = number.ravel()
     rows, columns = np.r_[a, b, every], np.r_[b, a, every]
     values = np.r_[-np.ones(2 * len(a)), np.full(len(every), 4.0)].astype(np.float32)
-    right = np.random.default_rng(3).standard_normal(ROWS * COLUMNS).astype(np.float32)
+    right = np.random.default_rng(3).standard_normal(number.size).astype(np.float32)
     return rows, columns, values, right
 
 
@@ -85,14 +86,14 @@ def products_and_solvers(comm):
 
 def stiff_system():
     """A Laplacian whose coefficients lie between 1e-4 and 1e4, of condition 1e8 and more."""
-    rows, columns, _, right = poisson()
+    rows, columns, _, right = poisson((8, 6))
     count = len(right)
     weight = 10.0 ** np.random.default_rng(8).uniform(-4, 4, count)
     inside = rows != columns
     shared = np.sqrt(weight[rows[inside]] * weight[columns[inside]])
     diagonal = np.zeros(count)
     np.add.at(diagonal, rows[inside], shared)
-    values = np.r_[-shared, 1e-4 + diagonal]
+    values = np.r_[-shared, 1e-5 + diagonal]
     every = np.arange(count)
     rows, columns = np.r_[rows[inside], every], np.r_[columns[inside], every]
     dense = np.zeros((count, count))
