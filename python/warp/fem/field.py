@@ -10,6 +10,7 @@ from warp._src.fem.fields.discrete import make_restriction as make_restriction
 from warp._src.fem.fields.implicit import ImplicitField as ImplicitField
 from warp._src.fem.fields.nonconforming import NonconformingField as NonconformingField
 from warp._src.fem.fields.uniform import UniformField as UniformField
+from warp._src.fem.fields.virtual import LocalTestField as LocalTestField
 from warp._src.fem.fields.virtual import TestField as TestField
 from warp._src.fem.fields.virtual import TrialField as TrialField
 from warp._src.fem.fields.virtual import VirtualField as VirtualField

@@ -140,7 +140,7 @@ def default_quadrature(form):
 
 def _functional(form, accumulate_dtype, output_dtype, output, add):
     """The integral of a form without test function."""
-    result = form.plan.result
+    result = form.plan.total_type
     totals = wp.empty(
         form.domain.element_count(), dtype=result, device=form.device,
         requires_grad=form.requires_grad and extend.is_recording(),

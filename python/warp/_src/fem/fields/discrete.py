@@ -110,24 +110,27 @@ class DiscreteField(SpaceField):
 
     def arg_value(self, device):
         """The struct of topology, partition and values."""
-        device = wp.get_device(device)
-        if self._dof_values.device != device:
+        device, values = wp.get_device(device), self.dof_values
+        if values.device != device:
             raise ValueError(
-                f"the values of the field are on '{self._dof_values.device}', the form is "
+                f"the values of the field are on '{values.device}', the form is "
                 f"integrated on '{device}'"
             )
-        return node_arg_value(self.space, self.space_partition, self._dof_values, device)
+        return node_arg_value(self.space, self.space_partition, values, device)
 
     @property
     def array(self):
         """The array that gradients are of."""
-        return self._dof_values
+        return self.dof_values
+
+    @property
+    def cell_field(self) -> DiscreteField:
+        """The field in cells, of a trace."""
+        return self
 
     def trace(self) -> DiscreteField:
-        """The field on sides, with the same values."""
-        if self.kind == "sides":
-            return self
-        return DiscreteField(self.space.trace(), self.space_partition, self._dof_values)
+        """The field on sides; its values are those that the field has when they are read."""
+        return self if self.kind == "sides" else FieldTrace(self)
 
     def rebind(self, space, space_partition) -> None:
         """Gives the field another space and partition of the same kind.
@@ -147,16 +150,44 @@ class DiscreteField(SpaceField):
         self.__init__(space, space_partition, values)
 
 
+class FieldTrace(DiscreteField):
+    """A discrete field on sides.
+
+    Attributes:
+        cell_field: the field in cells, whose values it has.
+    """
+
+    cell_field = None
+
+    def __init__(self, field: DiscreteField):
+        SpaceField.__init__(self, field.space.trace(), field.space_partition)
+        self.cell_field = field
+
+    @property
+    def dof_values(self):
+        """The array of values of the field in cells."""
+        return self.cell_field.dof_values
+
+    @dof_values.setter
+    def dof_values(self, values):
+        self.cell_field.dof_values = values
+
+    def rebind(self, space, space_partition) -> None:
+        """Gives it and the field in cells another space and partition of the same kind."""
+        self.cell_field.rebind(space.cell_space, space_partition)
+        SpaceField.__init__(self, space.trace(), space_partition)
+
+
 class FieldRestriction:
     """A discrete field on the nodes of some elements.
 
     Attributes:
-        field: the field. space_restriction: the nodes. domain: the elements.
+        field: the field. space: its space. space_restriction: the nodes. domain: the elements.
     """
 
     def __init__(self, space_restriction, field):
         self.field, self.space_restriction = field, space_restriction
-        self.domain = space_restriction.domain
+        self.space, self.domain = field.space, space_restriction.domain
 
 
 def make_restriction(field, space_restriction=None, domain=None, device=None) -> FieldRestriction:

@@ -51,6 +51,19 @@ class TestField(VirtualField):
         self.__init__(space_restriction, space)
 
 
+class LocalTestField(TestField):
+    """A view of a test function, as NVIDIA Warp's assembly makes one; forms take it as they do the
+    test function.
+
+    Attributes:
+        global_field: the test function.
+    """
+
+    def __init__(self, test_field: TestField):
+        super().__init__(test_field.space_restriction, test_field.space)
+        self.global_field = test_field
+
+
 class TrialField(VirtualField):
     """A trial function: columns of matrices."""
 

@@ -13,6 +13,7 @@ import functools
 
 import warp as wp
 from warp import extend
+from warp._src.fem.assembly.gather import with_scalar
 from warp._src.fem.fields.base import MARK
 from warp._src.fem.forms import facts
 from warp._src.fem.forms.basis import table_type, table_value
@@ -467,9 +468,24 @@ class PointsPlan:
         return made if trial.used_slots else []
 
     @functools.cached_property
+    def total_type(self):
+        """Type of the integral over an element: that of the integrand, whose numbers have at least
+        the precision of the geometry's."""
+        if self.result is None:
+            raise ValueError(
+                f"integrand '{self.record.integrand.name}' gives no value to integrate"
+            )
+        scalar, real = extend.type_scalar_type(self.result), self.record.scalar
+        return self.result if scalar in (real, wp.float64) else with_scalar(self.result, real)
+
+    @functools.cached_property
     def totals(self):
         """Kernel of functionals: the integral over each element."""
-        self.names["Result"] = self.result
+        self.names["Result"] = self.total_type
+        self.names["Wide"] = extend.type_scalar_type(self.total_type)
+        value = f"scale * form({self.REST})"
+        if extend.type_scalar_type(self.result) is not self.record.scalar:
+            value = f"Wide(scale) * Result(form({self.REST}))"
         lines = [
             f"def functional({self.COMMON}, totals: wp.array(dtype=Result)):",
             "    domain_element = wp.tid()",
@@ -477,7 +493,7 @@ class PointsPlan:
         ]
         self._loop(lines)
         lines += [
-            f"        total += scale * form({self.REST})",
+            f"        total += {value}",
             "    totals[domain_element] = total",
         ]
         return self._kernel("\n".join(lines) + "\n")

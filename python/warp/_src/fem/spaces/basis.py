@@ -90,7 +90,7 @@ class BasisSpace:
     @property
     def value(self):
         """Kind of values, a `ShapeFunction.Value`."""
-        from warp._src.fem.spaces.shape import Value
+        from warp._src.fem.spaces.shapes import Value
 
         maps = {"covariant": Value.CovariantVector, "contravariant": Value.ContravariantVector}
         return maps.get(self.element.map if self.element else "identity", Value.Scalar)
@@ -177,7 +177,7 @@ class ShapeBasisSpace(BasisSpace):
     @property
     def shape(self):
         """The element as a `ShapeFunction`."""
-        from warp._src.fem.spaces.shape import ShapeFunction
+        from warp._src.fem.spaces.shapes import ShapeFunction
 
         return ShapeFunction(self.element, self.geometry.scalar_type)
 
