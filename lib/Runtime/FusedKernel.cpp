@@ -31,6 +31,20 @@ static constexpr int mostRegisters = 64;
 /// Kernels that a process keeps.
 static constexpr size_t mostKernels = 512;
 
+/// True if updates of an array may have another plan in a fused kernel: their
+/// order does not matter, or is nobody's anyway.
+static bool mayMoveUpdates(const GraphOperation &launch, const Access &access) {
+  if (access.fetched || launch.kernel->options().deterministic)
+    return false;
+  if (!isHost(launch.plan.device))
+    return true;
+  // Small launches on CPUs add floats in one order.
+  for (const Param &param : launch.kernel->parameters())
+    if (param.offset == access.offset)
+      return param.element.starts_with("si") || param.element.starts_with("ui");
+  return false;
+}
+
 std::string warp::whyApart(const GraphOperation &launch) {
   if (!launch.plan.variant)
     return "it has no threads";
@@ -49,7 +63,7 @@ std::string warp::whyApart(const GraphOperation &launch) {
   if (kernel.regionFormula().isOpen)
     return "it may reach memory that no argument names";
   for (const Access &access : kernel.arrayAccesses()) {
-    if (access.combined)
+    if (access.combined && !mayMoveUpdates(launch, access))
       return "it updates elements";
     if (access.gradientSize)
       return "it uses gradients";

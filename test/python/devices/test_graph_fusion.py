@@ -261,16 +261,61 @@ def test_between():
     check(step, [x, y, z], ())
 
 
-def test_updates_stay_apart():
-    """Launches with atomic updates keep their plan."""
-    x, counts = random_array(50), wp.zeros(1, dtype=int)
+@wp.kernel
+def collect(x: wp.array[float], total: wp.array[float]):
+    wp.atomic_add(total, 0, x[wp.tid()])
+
+
+@wp.kernel
+def take_slot(x: wp.array[float], counts: wp.array[int], slots: wp.array[int]):
+    i = wp.tid()
+    slots[i] = wp.atomic_add(counts, 0, 1)
+
+
+def test_updates():
+    """Sums of integers have any order; those of floats and slots of a counter keep their plan."""
+    x, counts, total = random_array(50), wp.zeros(1, dtype=int), wp.zeros(1)
+    slots = wp.zeros(50, dtype=int)
 
     def step():
-        wp.launch(scale, 50, [x, 2.0, x])
+        wp.launch(scale, 50, [x, 1.5, x])
         wp.launch(count, 50, [x, counts])
 
-    graph = check(step, [x, counts], ())
+    check(step, [x, counts], (("scale", "count"),))
+
+    def add_up():
+        wp.launch(scale, 50, [x, 1.5, x])
+        wp.launch(collect, 50, [x, total])
+
+    graph = check(add_up, [x, total], ())
     assert "it updates elements" in str(graph.schedule())
+
+    def take():
+        wp.launch(scale, 50, [x, 1.5, x])
+        wp.launch(take_slot, 50, [x, counts, slots])
+
+    check(take, [x, counts, slots], ())
+
+
+def test_updates_of_what_others_read():
+    """A sum that another launch of the same extents reads or clears is complete before."""
+    x, counts = random_array(50), wp.zeros(50, dtype=int)
+
+    @wp.kernel
+    def spread(counts: wp.array[int], x: wp.array[float]):
+        i = wp.tid()
+        x[i] = x[i] + float(counts[0])
+
+    @wp.kernel
+    def clear(counts: wp.array[int]):
+        counts[wp.tid()] = 0
+
+    def step():
+        wp.launch(clear, 50, [counts])
+        wp.launch(count, 50, [x, counts])
+        wp.launch(spread, 50, [counts, x])
+
+    check(step, [x, counts], ())
 
 
 def test_same_array_twice():
