@@ -135,7 +135,7 @@ OwningOpRef<ModuleOp> Fusing::run() {
         !kernels.back().getBody().hasOneBlock())
       throw failure("a kernel has other arguments");
     for (auto function : copy.getOps<func::FuncOp>()) {
-      std::string own = (function.getSymName() + "." + Twine(number)).str();
+      std::string own = (function.getSymName() + "_part" + Twine(number)).str();
       auto symbol = StringAttr::get(copy.getContext(), own);
       if (failed(SymbolTable::replaceAllSymbolUses(function, symbol, copy)))
         throw failure("a function cannot be renamed");

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import warp as wp
+from warp._src.arrays.hooks import captures
 
 
 @wp.kernel
@@ -77,6 +78,12 @@ def fusions(graph):
 
 def random_array(n, seed=0):
     return wp.array(np.random.default_rng(seed).random(n).astype(np.float32))
+
+
+@pytest.fixture(autouse=True)
+def on_cpu():
+    with wp.ScopedDevice("cpu"):
+        yield
 
 
 @pytest.fixture
@@ -390,6 +397,202 @@ def test_body_of_loop():
     assert loop.body.fusions == (("scale", "scale"),)
 
 
+@wp.func
+def long_way(x: float):
+    s = x
+    for k in range(12):
+        s = s + wp.sin(s * float(k)) * 0.25
+    return s
+
+
+def test_functions_of_both_parts():
+    """Functions of one name that two kernels call stay the function of each."""
+
+    def make(factor):
+        @wp.func
+        def change(x: float):
+            return factor * long_way(x)
+
+        @wp.kernel(module="unique")
+        def apply(x: wp.array[float]):
+            i = wp.tid()
+            x[i] = change(x[i])
+
+        return apply
+
+    x = random_array(33)
+    first, second = make(wp.constant(0.5)), make(wp.constant(-1.5))
+
+    def step():
+        wp.launch(first, 33, [x])
+        wp.launch(second, 33, [x])
+
+    name = first.key.replace(".", "_").replace("<locals>", "")
+    check(step, [x], ((name, name),))
+
+
+@wp.struct
+class Body:
+    position: wp.array[wp.vec3]
+    velocity: wp.array[wp.vec3]
+    mass: float
+
+
+@wp.kernel
+def fall(body: Body, dt: float):
+    i = wp.tid()
+    body.velocity[i] = body.velocity[i] + wp.vec3(0.0, -9.81 * dt / body.mass, 0.0)
+
+
+@wp.kernel
+def drift(body: Body, dt: float):
+    i = wp.tid()
+    body.position[i] = body.position[i] + dt * body.velocity[i]
+
+
+def test_structs():
+    """Arrays in structs count, and structs of equal contents are one argument."""
+    body = Body()
+    body.position, body.velocity = wp.zeros(20, dtype=wp.vec3), wp.ones(20, dtype=wp.vec3)
+    body.mass = 2.0
+
+    def step():
+        wp.launch(fall, 20, [body, 0.1])
+        wp.launch(drift, 20, [body, 0.1])
+
+    check(step, [body.position, body.velocity], (("fall", "drift"),))
+
+
+def test_host_calls_and_copies_between():
+    """What the host does in between stays in between."""
+    x, y = random_array(24), wp.zeros(24)
+    seen = []
+    with wp.ScopedCapture(optimize=True) as capture:
+        wp.launch(scale, 24, [x, 2.0, x])
+        next(iter(captures.values())).add_host(lambda: seen.append(float(x.numpy()[0])), "look")
+        wp.launch(scale, 24, [x, 2.0, x])
+        wp.copy(y, x)
+    first = float(x.numpy()[0])
+    wp.capture_launch(capture.graph)
+    assert seen == [2.0 * first]
+    assert y.numpy()[0] == 4.0 * first
+    assert fusions(capture.graph) == ()
+
+
+def test_arrays_of_the_capture():
+    """Arrays that the captured step allocates, and frees, are the graph's."""
+    x = random_array(60)
+
+    def step():
+        y = wp.empty(60)
+        wp.launch(scale, 60, [x, 2.0, y])
+        wp.launch(add, 60, [y, x])
+        del y
+        z = wp.zeros(60)
+        wp.launch(add, 60, [x, z])
+        wp.launch(scale, 60, [z, 0.5, x])
+
+    start = x.numpy().copy()
+    graph = captured(step)
+    wp.capture_launch(graph)
+    assert np.array_equal(x.numpy(), np.float32(1.5) * start)
+    wp.capture_launch(graph)
+    assert np.array_equal(x.numpy(), np.float32(1.5) * (np.float32(1.5) * start))
+    assert graph.schedule().fused >= 4
+
+
+@wp.kernel
+def closest(mesh: wp.uint64, points: wp.array[wp.vec3], y: wp.array[float]):
+    i = wp.tid()
+    found = wp.mesh_query_point(mesh, points[i], 10.0)
+    y[i] = wp.length(points[i] - wp.mesh_eval_position(mesh, found.face, found.u, found.v))
+
+
+@wp.kernel
+def raise_points(points: wp.array[wp.vec3]):
+    i = wp.tid()
+    points[i] = points[i] + wp.vec3(0.0, 1.0, 0.0)
+
+
+def test_geometry_between():
+    """Launches that move a mesh, its refit and queries keep their order."""
+    corners = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 9]], dtype=np.float32)
+    vertices = wp.array(corners, dtype=wp.vec3)
+    mesh = wp.Mesh(vertices, wp.array([0, 1, 2], dtype=int))
+    points, y = wp.zeros(3, dtype=wp.vec3), wp.zeros(3)
+    with wp.ScopedCapture(optimize=True) as capture:
+        wp.launch(raise_points, 3, [vertices])
+        mesh.refit()
+        wp.launch(closest, 3, [mesh.id, points, y])
+        wp.launch(scale, 3, [y, 2.0, y])
+    for turn in range(1, 4):
+        wp.capture_launch(capture.graph)
+        assert np.allclose(y.numpy(), 2.0 * turn, rtol=1e-6)
+    assert fusions(capture.graph) == ()
+
+
+def test_deterministic():
+    """In deterministic mode sums keep their launch, and the bits of two replays and eager agree."""
+    x, total = random_array(5000), wp.zeros(1)
+
+    @wp.kernel(module_options={"deterministic": True}, module="unique")
+    def halve(x: wp.array[float]):
+        i = wp.tid()
+        x[i] = 0.5 * x[i] + 0.25
+
+    @wp.kernel(module_options={"deterministic": True}, module="unique")
+    def sum_up(x: wp.array[float], total: wp.array[float]):
+        wp.atomic_add(total, 0, x[wp.tid()])
+
+    def step():
+        wp.launch(halve, 5000, [x])
+        wp.launch(sum_up, 5000, [x, total])
+
+    check(step, [x, total], ())
+
+
+def test_error_names_the_kernel(capfd):
+    """A failed check is one of the kernel and line that has it: such launches stay apart."""
+    x = random_array(8)
+
+    @wp.kernel(module="unique")
+    def insist(x: wp.array[float]):
+        i = wp.tid()
+        assert x[i] < 1.0e6, "too large"
+        x[i] = 2.0 * x[i]
+
+    wp.config.mode = "debug"
+    try:
+        with wp.ScopedCapture(optimize=True) as capture:
+            wp.launch(scale, 8, [x, 1.0e7, x])
+            wp.launch(insist, 8, [x])
+        with pytest.raises(wp.WarpError, match=r"(?s)insist.*too large|too large.*insist"):
+            wp.capture_launch(capture.graph)
+            wp.synchronize()
+    finally:
+        wp.config.mode = "release"
+
+
+def test_graph_in_graph():
+    """A fused graph that another capture launches is part of that."""
+    x = random_array(40)
+
+    def step():
+        wp.launch(scale, 40, [x, 2.0, x])
+        wp.launch(scale, 40, [x, 1.5, x])
+
+    inner = captured(step)
+    start = x.numpy().copy()
+
+    def outer():
+        wp.launch(scale, 40, [x, 0.5, x])
+        wp.capture_launch(inner)
+        wp.launch(scale, 40, [x, 0.5, x])
+
+    wp.capture_launch(captured(outer))
+    assert np.array_equal(x.numpy(), np.float32(0.75) * start)
+
+
 class Program:
     """Random launches, most of equal extents, over arrays and views."""
 
@@ -419,8 +622,13 @@ class Program:
                 wp.launch(scale, 16, [x, factor, x])
 
 
-def test_random_programs(verified):
+def test_random_programs(verified, device):
     """Random programs leave the memory of eager launches, in the latest order that edges allow."""
+    with wp.ScopedDevice(device):
+        compare_random_programs()
+
+
+def compare_random_programs():
     fused = 0
     for seed in range(120):
         program = Program(seed)
