@@ -12,13 +12,14 @@
 # make wheels PYTHONS="python3.10 python3.12"  and one for each of these interpreters
 # make shim    a wheel in dist/ that stands for `warp-lang`, for clients that require it
 # make tools   a wheel in dist/ with `warp-opt`
+# make runtime  a wheel in dist/ for C++ programs: libwarp_runtime.so, which has no compiler
 # make check-wheel  installs each in an empty environment and runs programs from there
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: environment build package demo report test release bench docs site wheel wheels shim tools check-wheel device-bundle format clean
+.PHONY: environment build package demo report test release bench docs site wheel wheels shim tools runtime check-wheel device-bundle format clean
 
 export WHEEL
 
@@ -85,6 +86,10 @@ shim: environment
 tools: release
 	@ninja -C build/release --quiet warp-opt
 	@$(PYTHON) scripts/make_tools.py
+
+runtime: release
+	@ninja -C build/release --quiet warp_runtime
+	@$(PYTHON) scripts/make_runtime.py
 
 check-wheel: wheel
 	@$(PYTHON) scripts/check_wheel.py dist/warp_mlir-*-manylinux*.whl --pythons $(PYTHONS) $(CHECK_ARGS)

@@ -3,23 +3,21 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // One JITLink session per process. Every object gets a library of its own, so
-// names never clash and one kernel's code can go when its owner does. The
-// functions that an object may call is listed here: the C library's
-// mathematics, memory functions, the kernels' printf, and conversions of small
-// floats that compilers otherwise take from their run-time library. Besides,
-// the device library, which is linked when the first object needs it.
+// names never clash and one kernel's code can go when its owner does. An object
+// may call what Support/RuntimeSymbols.h lists, and the device library, which
+// is linked when the first object needs it. lib/Loader does the same without
+// LLVM.
 //
 //===----------------------------------------------------------------------===//
 
 #include "JitListeners.h"
-#include "LibmNames.h"
 #include "warp/Compile.h"
 #include "warp/Forks.h"
 #include "warp/JitListener.h"
 
-#include "Targets/Cpu/LibraryObject.h"
+#include "Support/LibraryObjects.h"
+#include "Support/RuntimeSymbols.h"
 
-#include "llvm/ADT/APFloat.h"
 #include "llvm/ExecutionEngine/JITLink/x86_64.h"
 #include "llvm/ExecutionEngine/Orc/AbsoluteSymbols.h"
 #include "llvm/ExecutionEngine/Orc/Core.h"
@@ -29,123 +27,9 @@
 #include "llvm/Support/MemoryBuffer.h"
 
 #include <atomic>
-#include <cmath>
-#include <cstdlib>
-#include <cstring>
 #include <map>
 
 using namespace llvm;
-
-// The runtime's; a tool that does not link the runtime has none.
-extern "C" __attribute__((weak)) int warp_printf(const char *format, ...);
-
-//===----------------------------------------------------------------------===//
-// Conversions of small floats
-//===----------------------------------------------------------------------===//
-
-// On x86-64 a half or bfloat travels in the low bits of an SSE register, so as
-// far as callers see these functions take and return `_Float16`.
-
-template <typename To, typename From>
-static To convert(From value, const fltSemantics &from,
-                  const fltSemantics &to) {
-  uint64_t bits = 0;
-  std::memcpy(&bits, &value, sizeof value);
-  APFloat number(from, APInt(sizeof(From) * 8, bits));
-  bool losesInfo;
-  number.convert(to, APFloat::rmNearestTiesToEven, &losesInfo);
-  bits = number.bitcastToAPInt().getZExtValue();
-  To result;
-  std::memcpy(&result, &bits, sizeof result);
-  return result;
-}
-
-static float halfToFloat(_Float16 x) {
-  return convert<float>(x, APFloat::IEEEhalf(), APFloat::IEEEsingle());
-}
-static _Float16 floatToHalf(float x) {
-  return convert<_Float16>(x, APFloat::IEEEsingle(), APFloat::IEEEhalf());
-}
-static _Float16 doubleToHalf(double x) {
-  return convert<_Float16>(x, APFloat::IEEEdouble(), APFloat::IEEEhalf());
-}
-static _Float16 floatToBFloat(float x) {
-  return convert<_Float16>(x, APFloat::IEEEsingle(), APFloat::BFloat());
-}
-static _Float16 doubleToBFloat(double x) {
-  return convert<_Float16>(x, APFloat::IEEEdouble(), APFloat::BFloat());
-}
-
-//===----------------------------------------------------------------------===//
-// Symbols
-//===----------------------------------------------------------------------===//
-
-namespace {
-struct Symbol {
-  const char *name;
-  void *address;
-};
-} // namespace
-
-template <typename Result, typename... Args>
-static void *addressOf(Result (*function)(Args...)) {
-  return reinterpret_cast<void *>(function);
-}
-
-using Float1 = float (*)(float);
-using Float2 = float (*)(float, float);
-using Double1 = double (*)(double);
-using Double2 = double (*)(double, double);
-
-static std::vector<Symbol> knownSymbols() {
-  std::vector<Symbol> symbols;
-  auto add = [&](const char *name, auto function) {
-    symbols.push_back({name, addressOf(function)});
-  };
-#define UNARY(name)                                                            \
-  add(#name "f", static_cast<Float1>(::name##f));                              \
-  add(#name, static_cast<Double1>(::name));
-#define BINARY(name)                                                           \
-  add(#name "f", static_cast<Float2>(::name##f));                              \
-  add(#name, static_cast<Double2>(::name));
-  UNARY(sqrt)
-  UNARY(floor)
-  UNARY(ceil)
-  UNARY(trunc)
-  UNARY(round)
-  UNARY(rint) UNARY(nearbyint) BINARY(fmod) BINARY(fmin) BINARY(fmax)
-      BINARY(copysign)
-#undef UNARY
-#undef BINARY
-#define UNARY(name)                                                            \
-  add("warp_libm_" #name "f", static_cast<Float1>(::name##f));                 \
-  add("warp_libm_" #name, static_cast<Double1>(::name));
-#define BINARY(name)                                                           \
-  add("warp_libm_" #name "f", static_cast<Float2>(::name##f));                 \
-  add("warp_libm_" #name, static_cast<Double2>(::name));
-#define MEMORY(name) add("warp_libm_" #name, &::name);
-          WARP_LIBM_UNARY(UNARY) WARP_LIBM_BINARY(BINARY)
-              WARP_LIBC_MEMORY(MEMORY)
-#undef UNARY
-#undef BINARY
-#undef MEMORY
-                  add("roundevenf", static_cast<Float1>(::rintf));
-  add("roundeven", static_cast<Double1>(::rint));
-  add("fmaf", static_cast<float (*)(float, float, float)>(::fmaf));
-  add("fma", static_cast<double (*)(double, double, double)>(::fma));
-  add("ldexpf", static_cast<float (*)(float, int)>(::ldexpf));
-  add("ldexp", static_cast<double (*)(double, int)>(::ldexp));
-  add("memcpy", &std::memcpy);
-  add("memmove", &std::memmove);
-  add("memset", &std::memset);
-  add("__extendhfsf2", &halfToFloat);
-  add("__truncsfhf2", &floatToHalf);
-  add("__truncdfhf2", &doubleToHalf);
-  add("__truncsfbf2", &floatToBFloat);
-  add("__truncdfbf2", &doubleToBFloat);
-  symbols.push_back({"warp_printf", reinterpret_cast<void *>(&warp_printf)});
-  return symbols;
-}
 
 //===----------------------------------------------------------------------===//
 // The session
@@ -228,7 +112,7 @@ struct warp::Jit::Impl {
       reported += llvm::toString(std::move(error));
     });
     orc::SymbolMap map;
-    for (Symbol symbol : knownSymbols())
+    for (warp::RuntimeSymbol symbol : warp::runtimeSymbols())
       if (symbol.address)
         map[session.intern(symbol.name)] = {
             orc::ExecutorAddr::fromPtr(symbol.address),
@@ -241,8 +125,8 @@ struct warp::Jit::Impl {
   /// Makes an object's functions known by their names with its level. It is
   /// linked when the first of them is asked for.
   void addLibrary(const LibraryObject &object) {
-    orc::JITDylib &own =
-        session.createBareJITDylib(("device library " + object.level).str());
+    orc::JITDylib &own = session.createBareJITDylib("device library " +
+                                                    std::string(object.level));
     own.addToLinkOrder(runtime);
     auto buffer = MemoryBuffer::getMemBuffer(object.bytes, object.level,
                                              /*RequiresNullTerminator=*/false);
@@ -251,8 +135,8 @@ struct warp::Jit::Impl {
         orc::getObjectFileInterface(session, buffer->getMemBufferRef()));
     for (auto &[name, flags] : known.SymbolFlags)
       if (flags.isExported())
-        names[session.intern((*name + "." + object.level).str())] = {name,
-                                                                     flags};
+        names[session.intern((*name + "." + StringRef(object.level)).str())] = {
+            name, flags};
     cantFail(layer.add(own, std::move(buffer)));
     cantFail(device.define(orc::reexports(own, std::move(names))));
   }

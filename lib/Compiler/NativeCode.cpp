@@ -7,9 +7,10 @@
 #include "warp/NativeCode.h"
 #include "warp/Forks.h"
 
-#include "LibmNames.h"
 #include "NativeCompilers.h"
 #include "Target.h"
+
+#include "Support/LibmNames.h"
 
 #include "warp/Error.h"
 

@@ -215,6 +215,19 @@ std::shared_ptr<Kernel> SavedModule::kernel(const std::string &wanted) {
                                     wanted + "', it has: " + known);
 }
 
+/// Features whose instructions are for systems and libraries: no kernel has
+/// them, and systems hide some that a processor has.
+static const std::set<std::string> &unusedFeatures() {
+  static const std::set<std::string> names = {
+      "cldemote", "clflushopt", "clwb",      "clzero",   "enqcmd", "fsgsbase",
+      "hreset",   "invpcid",    "kl",        "lwp",      "mwaitx", "pconfig",
+      "pku",      "prefetchi",  "ptwrite",   "rdpid",    "rdpru",  "rdrnd",
+      "rdseed",   "rtm",        "serialize", "sgx",      "shstk",  "tsxldtrk",
+      "uintr",    "usermsr",    "waitpkg",   "wbnoinvd", "widekl", "xsave",
+      "xsavec",   "xsaveopt",   "xsaves"};
+  return names;
+}
+
 /// "skylake +avx,-sse4a": the features that are on.
 static std::set<std::string> featuresOf(const std::string &processor) {
   std::set<std::string> features;
@@ -233,7 +246,7 @@ void warp::checkProcessor(const SavedKernel &saved) {
   std::set<std::string> present = featuresOf(hostProcessor());
   std::string missing;
   for (const std::string &feature : featuresOf(saved.processor))
-    if (!present.count(feature))
+    if (!present.count(feature) && !unusedFeatures().count(feature))
       missing += (missing.empty() ? "'" : ", '") + feature + "'";
   if (!missing.empty())
     throw Error(Error::Kind::Runtime,

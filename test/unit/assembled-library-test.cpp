@@ -7,7 +7,6 @@
 //
 //===----------------------------------------------------------------------===//
 
-#include "Compiler/Embedded.h"
 #include "Targets/Nvidia/AssembledLibrary.h"
 
 #include "warp/LibraryCode.h"

@@ -253,7 +253,7 @@ TEST_F(SavedModuleTest, FitsOnlyItsKernel) {
 TEST_F(SavedModuleTest, NeedsItsProcessor) {
   SavedModule module = saved();
   checkProcessor(module.kernels[0]);
-  module.kernels[0].processor = "future +sse2,+brainwaves,-avx";
+  module.kernels[0].processor = "future +sse2,+brainwaves,-avx,+rdseed";
   EXPECT_EQ(errorOf([&] { checkProcessor(module.kernels[0]); }),
             "kernel 'add' was compiled for 'future', this processor lacks "
             "'brainwaves'");

@@ -13,8 +13,8 @@
 #include "Cpu.h"
 #include "LibraryObject.h"
 
-#include "Compiler/Embedded.h"
 #include "Compiler/Target.h"
+#include "Support/Embedded.h"
 #include "WarpDialect/LibraryOps.h"
 
 #include "llvm/IR/Module.h"

@@ -1,4 +1,4 @@
-//===- LibraryObject.cpp - Machine code of the device library -------------===//
+//===- LibraryObject.cpp - Level of the device library --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -6,20 +6,7 @@
 
 #include "LibraryObject.h"
 
-#include "Compiler/Embedded.h"
-
 #include "llvm/MC/MCSubtargetInfo.h"
-
-// lib/DeviceLib/CMakeLists.txt makes them.
-WARP_EMBEDDED(devicelib_v1)
-WARP_EMBEDDED(devicelib_v3)
-WARP_EMBEDDED(devicelib_v4)
-
-llvm::ArrayRef<warp::LibraryObject> warp::libraryObjects() {
-  static const LibraryObject objects[] = {
-      {"v1", devicelib_v1()}, {"v3", devicelib_v3()}, {"v4", devicelib_v4()}};
-  return objects;
-}
 
 llvm::StringRef warp::libraryLevel(const llvm::MCSubtargetInfo &processor) {
   if (!processor.checkFeatures("+avx2,+bmi,+bmi2,+f16c,+fma,+lzcnt,+movbe"))

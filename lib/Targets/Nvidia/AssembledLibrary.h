@@ -22,6 +22,11 @@ class Module;
 
 namespace warp {
 
+/// The device library for GPUs without and with functions of tiles, as LLVM
+/// bitcode.
+llvm::StringRef gpuLibrary();
+llvm::StringRef gpuTileLibrary();
+
 /// True if the assembled library for a target, "sm_90a", has a function: one of
 /// those exported by the sources that lib/DeviceLib/CMakeLists.txt lists for
 /// it.

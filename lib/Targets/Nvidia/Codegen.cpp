@@ -13,8 +13,8 @@
 #include "Nvidia.h"
 #include "Reductions.h"
 
-#include "Compiler/Embedded.h"
 #include "Compiler/Target.h"
+#include "Support/Embedded.h"
 
 #include "warp/NativeCode.h"
 
@@ -25,12 +25,28 @@
 #include "llvm/Target/TargetMachine.h"
 
 #include <optional>
+#include <vector>
 
 using namespace warp;
 
-/// The oldest PTX version that knows the architecture, but 8.0 at least, and
-/// 8.1 where pairs of floats are added.
-static const char *ptxVersion(unsigned number) {
+WARP_EMBEDDED(devicelib_cuda)
+WARP_EMBEDDED(devicelib_tiles)
+WARP_EMBEDDED(libdevice)
+
+/// Bitcode that a process compiles with lives as long as it.
+#define WARP_KEPT(function, packed)                                            \
+  llvm::StringRef function() {                                                 \
+    static const auto *bytes = new std::vector<char>(decompress(packed()));    \
+    return {bytes->data(), bytes->size()};                                     \
+  }
+WARP_KEPT(warp::gpuLibrary, devicelib_cuda)
+WARP_KEPT(warp::gpuTileLibrary, devicelib_tiles)
+static WARP_KEPT(nvidiaLibrary, libdevice)
+#undef WARP_KEPT
+
+    /// The oldest PTX version that knows the architecture, but 8.0 at least,
+    /// and 8.1 where pairs of floats are added.
+    static const char *ptxVersion(unsigned number) {
   if (number == 103 || number > 120)
     return "+ptx88";
   if (number == 120)
@@ -114,7 +130,7 @@ void NvidiaTarget::prepareModule(llvm::Module &module,
       }))
     linkBitcode(module, gpuTileLibrary, "device library");
   linkBitcode(module, gpuLibrary, "device library");
-  linkBitcode(module, libdevice, "libdevice");
+  linkBitcode(module, nvidiaLibrary, "libdevice");
   calls.reset();
   keepNativeCalls(module);
   setReflection(module, options.fastMath);

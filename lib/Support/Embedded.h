@@ -4,18 +4,17 @@
 //
 //===----------------------------------------------------------------------===//
 
-#ifndef WARP_LIB_COMPILER_EMBEDDED_H
-#define WARP_LIB_COMPILER_EMBEDDED_H
+#ifndef WARP_LIB_SUPPORT_EMBEDDED_H
+#define WARP_LIB_SUPPORT_EMBEDDED_H
 
-#include "llvm/ADT/StringRef.h"
-
+#include <string_view>
 #include <vector>
 
 /// Defines `name`, a function that gives what cmake/WarpEmbed.cmake has
 /// embedded under that name.
 #define WARP_EMBEDDED(name)                                                    \
   extern "C" const char warp_##name##_begin[], warp_##name##_end[];            \
-  static llvm::StringRef name() {                                              \
+  static std::string_view name() {                                             \
     return {warp_##name##_begin,                                               \
             size_t(warp_##name##_end - warp_##name##_begin)};                  \
   }
@@ -24,14 +23,8 @@ namespace warp {
 
 /// One frame of zstd, as cmake/WarpEmbed.cmake makes them; nothing if it cannot
 /// be read.
-std::vector<char> decompress(llvm::StringRef packed);
-
-/// The device library for GPUs without and with functions of tiles, and
-/// NVIDIA's functions of libdevice, as LLVM bitcode.
-llvm::StringRef gpuLibrary();
-llvm::StringRef gpuTileLibrary();
-llvm::StringRef libdevice();
+std::vector<char> decompress(std::string_view packed);
 
 } // namespace warp
 
-#endif // WARP_LIB_COMPILER_EMBEDDED_H
+#endif // WARP_LIB_SUPPORT_EMBEDDED_H

@@ -1,0 +1,97 @@
+"""Write dist/warp_mlir_runtime-*.whl: what C++ programs need that launch saved kernels and graphs.
+
+    python scripts/make_runtime.py [FOLDER] [--library libwarp_runtime.so] [--level 2]
+
+The library has no compiler and no LLVM. The wheel has the headers and a CMake configuration too;
+`python -m warp_runtime` prints the folder of the latter. It needs neither `warp-mlir` nor NumPy.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import tempfile
+from pathlib import Path
+
+from wheels import ROOT, pack_wheel, project_version, read_wheel, write_wheel
+
+PLATFORM = "manylinux_2_28_x86_64"
+SUMMARY = "Runs saved kernels and graphs of Warp on MLIR from C and C++"
+MODULE = '''"""Where the library, the headers and the CMake configuration are."""
+
+from pathlib import Path
+
+FOLDER = Path(__file__).parent
+
+
+def get_cmake_dir() -> str:
+    """The folder for CMake's `warp_runtime_DIR`."""
+    return str(FOLDER / "cmake")
+
+
+def get_include() -> str:
+    """The folder of the headers."""
+    return str(FOLDER / "include")
+'''
+MAIN = "from warp_runtime import get_cmake_dir\n\nprint(get_cmake_dir())\n"
+CONFIG = """# find_package(warp_runtime): the target warp::runtime, headers and
+# libwarp_runtime.so.
+get_filename_component(_warp_root "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
+if(NOT TARGET warp::runtime)
+  add_library(warp::runtime SHARED IMPORTED)
+  set_target_properties(warp::runtime PROPERTIES
+    IMPORTED_LOCATION "${_warp_root}/libwarp_runtime.so"
+    INTERFACE_INCLUDE_DIRECTORIES "${_warp_root}/include")
+  target_compile_features(warp::runtime INTERFACE cxx_std_17)
+endif()
+unset(_warp_root)
+"""
+
+
+def headers(build: Path) -> dict[str, bytes]:
+    """The public headers, those that the build generates among them."""
+    found = sorted((ROOT / "include" / "warp").glob("*.h"))
+    found += [build / "include" / "warp" / name for name in GENERATED]
+    return {f"warp_runtime/include/warp/{path.name}": path.read_bytes() for path in found}
+
+
+GENERATED = ("LaunchContract.h.inc", "HandleKinds.inc")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "dist")
+    library = ROOT / "build/release/lib/libwarp_runtime.so"
+    parser.add_argument("--library", type=Path, default=library)
+    parser.add_argument("--level", default="2", help="of advzip, 0 for none")
+    options = parser.parse_args()
+    options.folder.mkdir(parents=True, exist_ok=True)
+    version = project_version()
+    with tempfile.TemporaryDirectory() as folder:
+        stripped = Path(folder) / "libwarp_runtime.so"
+        subprocess.run(["strip", "-o", stripped, options.library], check=True)
+        files = {"warp_runtime/libwarp_runtime.so": stripped.read_bytes()}
+    files["warp_runtime/__init__.py"] = MODULE.encode()
+    files["warp_runtime/__main__.py"] = MAIN.encode()
+    files["warp_runtime/cmake/warp_runtimeConfig.cmake"] = CONFIG.encode()
+    files |= headers(options.library.parent.parent)
+    for name in ("LICENSE", "THIRD_PARTY.md"):
+        info = f"warp_mlir_runtime-{version}.dist-info"
+        files[f"{info}/licenses/{name}"] = (ROOT / name).read_bytes()
+    wheel = pack_wheel(
+        options.folder,
+        "warp-mlir-runtime",
+        version,
+        f"py3-none-{PLATFORM}",
+        files=files,
+        pure=False,
+        details=[f"Summary: {SUMMARY}", "License-Expression: Apache-2.0"],
+    )
+    write_wheel(wheel, read_wheel(wheel))
+    if options.level != "0":
+        subprocess.run(["advzip", "-z", f"-{options.level}", "-q", wheel], check=True)
+    print(f"{wheel} {wheel.stat().st_size:,} bytes")
+
+
+if __name__ == "__main__":
+    main()
