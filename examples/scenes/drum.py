@@ -12,8 +12,8 @@ from movies import Movie, revolved
 import warp as wp
 
 # [m], [s], [rad/s]; stiffness and damping per mass.
-DRUM, LENGTH, DT, SPIN = 1.0, 0.9, 1.0 / 1500.0, 1.1
-STIFFNESS, DAMPING, FRICTION = 3.0e5, 170.0, 0.7
+DRUM, LENGTH, DT, SPIN = 1.0, 0.9, 1.0 / 3000.0, 1.1
+STIFFNESS, DAMPING, FRICTION = 1.2e6, 340.0, 0.7
 
 
 @wp.func
@@ -96,7 +96,7 @@ def add_drum(scene):
     disc, faces = revolved([(0.0, 0.0), (1.02, 0.0)], 96)
     back = {"color": (0.05, 0.06, 0.08), "roughness": 0.4}
     scene.add_mesh(disc[:, [0, 2, 1]], faces, smooth=False, **back)
-    floor = {"color": (0.5, 0.5, 0.53), "roughness": 0.2, "checker": 0.4}
+    floor = {"color": (0.42, 0.4, 0.38), "roughness": 0.35}
     scene.add_height_field(np.full((2, 2), -1.075), (-300, -300), (300, 300), **floor)
     return drum, heads, at
 
@@ -116,7 +116,7 @@ def main():
             wp.launch(forces, count, [grid.id, x, v, f, radius, spin], device=device)
             wp.launch(move, count, [x, v, f, DT], device=device)
 
-    advance(400, 0.0)
+    advance(800, 0.0)
     wp.synchronize_device(device)
     layer = (x.numpy()[:, 1] - x.numpy()[:, 1].min()) / np.ptp(x.numpy()[:, 1])
     palette = np.array([[0.9, 0.25, 0.1], [0.95, 0.75, 0.2], [0.1, 0.45, 0.6], [0.9, 0.88, 0.8]])
@@ -124,9 +124,9 @@ def main():
     drum, heads, at = add_drum(scene)
     balls = scene.add_spheres(x, radius, colors=colors, roughness=0.35)
     scene.set_sky(sun=(0.35, 0.7, 0.9), power=6.5, size=1.5)
-    scene.set_camera((0.75, 0.4, 4.9), (0.0, -0.03, 0.4), fov=31.0)
+    scene.set_camera((0.85, 0.55, 4.9), (0.0, -0.02, 0.4), fov=33.0)
     scene.exposure = 0.7
-    turned, worst, steps = 0.0, 0.0, 110
+    turned, worst, steps = 0.0, 0.0, 220
     for _ in range(movie.frames):
         movie.timed(lambda: advance(steps, SPIN))
         turned += SPIN * steps * DT
