@@ -30,7 +30,7 @@ namespace warp {
 /// A file of the cache.
 struct CacheEntry {
   std::string file;
-  /// `code`, `machine` or `kernel`, the end of its name.
+  /// `code`, `machine`, `kernel` or `lanes`, the end of its name.
   std::string kind;
   /// Empty if the file is damaged.
   std::string kernel;

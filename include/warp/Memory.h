@@ -68,6 +68,10 @@ WARP_API void clearNewMemory(void *memory, int device, size_t bytes);
 /// The same with bytes of the host, which are read before this returns.
 WARP_API void writeNewMemory(void *memory, int device, const void *contents,
                              size_t bytes);
+/// Writes memory that launches queued before may use: after them, and no part
+/// of a graph.
+WARP_API void changeMemory(void *memory, int device, const void *contents,
+                           size_t bytes);
 /// Writes `count` copies of a pattern of `size` bytes.
 WARP_API void fillMemory(void *dst, int device, const void *pattern,
                          size_t size, size_t count,

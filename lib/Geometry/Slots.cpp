@@ -83,17 +83,22 @@ Slot::Slot(GeometryKind kind, int device)
   all.lastKind[slot.address] = kind;
 }
 
+// Operations that wait for code may look handles up, so no slot is written with
+// the lock held.
 Slot::~Slot() {
   Registry &all = registry();
-  std::lock_guard lock(all.mutex);
+  {
+    std::lock_guard lock(all.mutex);
+    all.live.erase(handle);
+  }
   uint64_t gone = 0, address = handle & addressMask;
   try {
-    writeNewMemory(reinterpret_cast<void *>(address), deviceIndex, &gone,
-                   sizeof gone);
+    changeMemory(reinterpret_cast<void *>(address), deviceIndex, &gone,
+                 sizeof gone);
   } catch (...) {
     // The device is gone, and with it the slot.
   }
-  all.live.erase(handle);
+  std::lock_guard lock(all.mutex);
   uint64_t generation = (handle >> generationShift) % generations;
   all.pools[deviceIndex].free.push_back(
       {address, (generation + 1) % generations});
@@ -109,9 +114,10 @@ void Slot::write(const void *contents, size_t bytes,
   uint64_t word = tag();
   std::memcpy(image, &word, sizeof word);
   std::memcpy(image + sizeof word, contents, bytes);
-  // At once: a graph that is being captured may use what is made while it is.
-  writeNewMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex,
-                 image, sizeof image);
+  // No part of a graph that is being captured: it may use what is made
+  // meanwhile.
+  changeMemory(reinterpret_cast<void *>(handle & addressMask), deviceIndex,
+               image, sizeof image);
   Registry &all = registry();
   std::lock_guard lock(all.mutex);
   all.live.at(handle).memory = std::move(memory);
@@ -134,12 +140,15 @@ void GeometryHandle::write(const void *contents, size_t bytes,
 static int deviceOf(uint64_t id) { return int(id >> deviceShift & 31) - 1; }
 
 void warp::writeHandleWord(uint64_t id, unsigned index, uint64_t value) {
-  Registry &all = registry();
-  std::lock_guard lock(all.mutex);
-  if (!all.live.count(id) || index == 0 || index >= slotSize / sizeof(uint64_t))
-    throw Error(Error::Kind::Value, "no such word of a live handle");
+  {
+    Registry &all = registry();
+    std::lock_guard lock(all.mutex);
+    if (!all.live.count(id) || index == 0 ||
+        index >= slotSize / sizeof(uint64_t))
+      throw Error(Error::Kind::Value, "no such word of a live handle");
+  }
   auto *words = reinterpret_cast<uint64_t *>(id & addressMask);
-  writeNewMemory(words + index, deviceOf(id), &value, sizeof value);
+  changeMemory(words + index, deviceOf(id), &value, sizeof value);
 }
 
 uint64_t warp::handleAddress(uint64_t id) { return id & addressMask; }

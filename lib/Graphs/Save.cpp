@@ -92,7 +92,7 @@ void Saver::findIdArrays(size_t number, const std::set<size_t> &arrays) {
 }
 
 void Saver::collectKernels() {
-  std::map<std::pair<Kernel *, Kernel::Variant *>, uint32_t> numbers;
+  std::map<Kernel::Variant *, uint32_t> numbers;
   kernels.resize(operations.size());
   handleWords.resize(operations.size());
   for (size_t i = 0; i < operations.size(); ++i) {
@@ -104,8 +104,8 @@ void Saver::collectKernels() {
       findHandles(i);
       continue;
     }
-    auto [entry, isNew] = numbers.try_emplace(
-        {operation.kernel, operation.plan.variant}, module.kernels.size());
+    auto [entry, isNew] =
+        numbers.try_emplace(operation.plan.variant, module.kernels.size());
     if (isNew) {
       module.kernels.push_back(operation.kernel->save(operation.plan));
       checkKernel(*operation.kernel, module.kernels.back());

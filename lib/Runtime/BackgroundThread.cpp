@@ -54,6 +54,8 @@ private:
   explicit Workers(bool urgent);
   void start();
   void run();
+  /// Fewer tasks are left; those of low priority begin when none is.
+  void end(int count);
 
   bool urgent;
   ForkMutex mutex;
@@ -62,6 +64,8 @@ private:
   /// The processors of the process.
   cpu_set_t processors{};
   int most = 1, started = 0, busy = 0;
+  /// Tasks that wait or run.
+  std::atomic<int> left{0};
   std::atomic<bool> isStopped{false};
 };
 } // namespace
@@ -97,6 +101,7 @@ void Workers::add(std::function<void()> task) {
   if (isStopped)
     return;
   tasks.push_back(std::move(task));
+  ++left;
   start();
   changed.notify_all();
 }
@@ -125,7 +130,9 @@ void Workers::run() {
   BehindNothing exempt;
   std::unique_lock lock(mutex);
   for (;;) {
-    changed.wait(lock, [&] { return !tasks.empty(); });
+    changed.wait(lock, [&] {
+      return !tasks.empty() && (urgent || get(true).left == 0);
+    });
     lock.unlock();
     // A fork waits for the task, which has locks, and no task begins meanwhile.
     ForkSection section;
@@ -141,7 +148,18 @@ void Workers::run() {
     lock.lock();
     --busy;
     changed.notify_all();
+    lock.unlock();
+    end(1);
+    lock.lock();
   }
+}
+
+void Workers::end(int count) {
+  if ((left -= count) != 0 || !urgent)
+    return;
+  Workers &others = get(false);
+  std::lock_guard lock(others.mutex);
+  others.changed.notify_all();
 }
 
 void Workers::wait() {
@@ -156,6 +174,7 @@ void Workers::stop() {
   dropped.swap(tasks);
   changed.wait(lock, [&] { return busy == 0; });
   lock.unlock();
+  end(static_cast<int>(dropped.size()));
   // Tells those who wait for one.
   dropped.clear();
 }
@@ -164,6 +183,7 @@ void Workers::restartInChild() {
   // Waiting and busy threads are not here.
   new (&changed) std::condition_variable_any;
   started = busy = 0;
+  left = static_cast<int>(tasks.size());
   if (!tasks.empty() && !isStopped)
     start();
 }

@@ -15,6 +15,7 @@
 
 #include "Device.h"
 #include "GraphImpl.h"
+#include "LaunchQueue.h"
 #include "warp/Error.h"
 #include "warp/Memory.h"
 
@@ -141,6 +142,13 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
   size_t bytes = countElements(*dst.array) * elementSize;
   if (bytes == 0)
     return;
+  if (dst.device == src.device &&
+      queueCall(dst.device, stream,
+                [=, to = *dst.array, from = *src.array,
+                 device = dst.device](const Stream *where) {
+                  copyArray({&to, device}, {&from, device}, elementSize, where);
+                }))
+    return;
   // Between devices what travels is noted: copies of bytes.
   std::optional<TraceScope> tracing;
   if (dst.device == src.device) {
@@ -178,9 +186,19 @@ void warp::fillArray(ArrayView dst, const void *pattern, size_t elementSize,
   if (isContiguous(*dst.array, elementSize))
     return fillMemory(dst.array->data, dst.device, pattern, elementSize, count,
                       stream);
+  auto bytes = [&] {
+    return std::string(static_cast<const char *>(pattern), elementSize);
+  };
+  if (mustQueue() && queueCall(dst.device, stream,
+                               [=, array = *dst.array, device = dst.device,
+                                kept = bytes()](const Stream *where) {
+                                 fillArray({&array, device}, kept.data(),
+                                           elementSize, where);
+                               }))
+    return;
   TraceScope tracing(dst.device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::FillArray, graphs::FillArray{*dst.array},
-                 std::string(static_cast<const char *>(pattern), elementSize));
+                 bytes());
   deviceAt(dst.device).fillStrided(*dst.array, pattern, elementSize, stream);
 }

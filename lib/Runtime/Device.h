@@ -108,9 +108,10 @@ public:
                     const Stream *stream) = 0;
   virtual void fillStrided(const ArrayDescriptor &dst, const void *pattern,
                            size_t elementSize, const Stream *stream) = 0;
-  /// Writes memory that nobody uses yet, zeros if `contents` is null. It is
-  /// done at once and no part of a graph that is being captured.
-  virtual void initialize(void *dst, const void *contents, size_t bytes) = 0;
+  /// Writes memory that nothing in the launch queue uses, zeros if `contents`
+  /// is null. It is done at once and no part of a graph that is being captured.
+  virtual void initialize(void *dst, const void *contents, size_t bytes,
+                          const Stream *stream) = 0;
 
   /// Loads the code of a variant, which then launches it.
   virtual std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,

@@ -8,8 +8,10 @@
 
 #include "GraphImpl.h"
 #include "KernelImpl.h"
+#include "LaunchQueue.h"
 
 #include <exception>
+#include <utility>
 
 using namespace warp;
 using Kind = GraphOperation::Kind;
@@ -21,7 +23,14 @@ static thread_local int depth = 0;
 
 bool TraceScope::active() { return depth > 0; }
 
+OutsideTraces::OutsideTraces() : depth(std::exchange(::depth, 0)) {}
+
+OutsideTraces::~OutsideTraces() { ::depth = depth; }
+
 void TraceScope::enter(int device, const Stream *stream) {
+  // Operations that wait are noted first.
+  if (depth == 0)
+    drainLaunches();
   if (depth == 0)
     capture = findTraced(device, stream);
   ++depth;

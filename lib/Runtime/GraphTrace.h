@@ -239,6 +239,18 @@ private:
   std::unique_ptr<GraphStep> step;
 };
 
+/// While it lives, what this thread does is not within its scopes so far.
+class OutsideTraces {
+public:
+  OutsideTraces();
+  ~OutsideTraces();
+  OutsideTraces(const OutsideTraces &) = delete;
+  OutsideTraces &operator=(const OutsideTraces &) = delete;
+
+private:
+  int depth;
+};
+
 /// The capture with a trace that records what is queued on a stream, or what
 /// this thread does on the CPU; null if there is none.
 CaptureBase *findTraced(int device, const Stream *stream);

@@ -121,6 +121,7 @@ KernelOptions Kernel::options() const { return impl->options; }
 const std::vector<Param> &Kernel::parameters() const { return impl->params; }
 
 std::map<std::string, double> Kernel::compileTimes() const {
+  drainLaunches();
   std::lock_guard lock(impl->mutex);
   return impl->times;
 }
@@ -248,7 +249,6 @@ bool Kernel::queue(const Plan &plan, int device, const LaunchDim &dim,
   drainReady();
   raiseKept();
   bool mayWait = isLazyCompile() && !impl->options.debug &&
-                 tracesInProgress == 0 &&
                  (!stream || stream->device() == device);
   if (!mayWait || (plan.variant && !warp::mustQueue()))
     return false;
@@ -265,11 +265,13 @@ bool Kernel::queue(const Plan &plan, int device, const LaunchDim &dim,
     code = impl->order({device, dim, data, blockDim, nullptr});
   }
   queueLaunch(
-      [impl = impl, device, dim, data, blockDim,
-       where = laterStream(device, stream)] {
-        Kernel(impl).launch(device, dim, data->data(), where(), blockDim);
+      [kernel = std::shared_ptr<Kernel>(new Kernel(impl)), device, dim, data,
+       blockDim, where = laterStream(device, stream)] {
+        kernel->launch(device, dim, data->data(), where(), blockDim);
+        // The trace of a capture names the kernel.
+        keepForCapture(device, [kernel] {});
       },
-      std::move(code));
+      std::move(code), impl.get());
   return true;
 }
 

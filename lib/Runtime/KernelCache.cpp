@@ -289,8 +289,7 @@ int KernelCache::clear() {
   forEachFile(where, [&](const std::string &name) {
     bool entry = endsWith(name, suffix);
     if (endsWith(name, ".kernel") || endsWith(name, ".lanes") ||
-        endsWith(name, ".machine") ||
-        endsWith(name, claimSuffix))
+        endsWith(name, ".machine") || endsWith(name, claimSuffix))
       unlink((where + "/" + name).c_str());
     if (!entry && name.rfind(temporaryPrefix, 0) != 0)
       return;
@@ -307,9 +306,12 @@ int KernelCache::clear() {
 /// Length of a key.
 static constexpr size_t keyLength = 64;
 
-static std::string kernelOf(const std::string &file, const std::string &key,
+static std::string kernelOf(const std::string &place, const std::string &key,
                             const std::string &kind) {
-  std::optional<std::string> bytes = readFile(file);
+  // Times of lanes are those of the code of the same name.
+  if (kind == "lanes")
+    return kernelOf(place, key, "code");
+  std::optional<std::string> bytes = readFile(place + key + "." + kind);
   if (!bytes)
     return "";
   if (kind == "code") {
@@ -335,7 +337,7 @@ std::vector<CacheEntry> KernelCache::entries(bool named) const {
     CacheEntry entry{name, name.substr(dot + 1), "", status.st_size,
                      status.st_mtime};
     if (entry.kind == "code" || entry.kind == "machine" ||
-        entry.kind == "kernel")
+        entry.kind == "kernel" || entry.kind == "lanes")
       found.push_back(std::move(entry));
   });
   std::sort(found.begin(), found.end(),
@@ -344,8 +346,8 @@ std::vector<CacheEntry> KernelCache::entries(bool named) const {
             });
   if (named)
     for (CacheEntry &entry : found)
-      entry.kernel = kernelOf(where + "/" + entry.file,
-                              entry.file.substr(0, keyLength), entry.kind);
+      entry.kernel =
+          kernelOf(where + "/", entry.file.substr(0, keyLength), entry.kind);
   return found;
 }
 

@@ -253,6 +253,8 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   int checkedBlockDim(int asked) const;
   /// The variant of an ordinary launch.
   Variant &loaded(int device, int blockDim);
+  /// The one made last for a device; null if there is none.
+  Variant *findOn(int device) const;
   /// The same with the code that launches run; the one made last, if there is
   /// one for the device.
   Variant &launched(int device);

@@ -336,11 +336,16 @@ Kernel::Variant &Kernel::Impl::loaded(int device, int blockDim) {
   return *variant;
 }
 
+Kernel::Variant *Kernel::Impl::findOn(int device) const {
+  Variant *variant = variants.load(std::memory_order_acquire);
+  while (variant && variant->key.device != device)
+    variant = variant->next;
+  return variant;
+}
+
 Kernel::Variant &Kernel::Impl::launched(int device) {
-  for (Variant *variant = variants.load(std::memory_order_acquire); variant;
-       variant = variant->next)
-    if (variant->key.device == device)
-      return *variant;
+  if (Variant *variant = findOn(device))
+    return *variant;
   if (!hasAccesses)
     findAccesses();
   return *make(ordinaryKey(device, 0), 1);

@@ -81,6 +81,8 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
 std::vector<LaunchSchedule> Kernel::schedules(int device, int arch,
                                               const LaunchDim *dim) const {
   std::vector<LaunchSchedule> result;
+  if (!isHost(device))
+    drainLaunches();
   if (!dim)
     for (Variant *variant = impl->variants.load(std::memory_order_acquire);
          variant; variant = variant->next)

@@ -7,6 +7,7 @@
 #include "LaunchQueue.h"
 
 #include "BackgroundThread.h"
+#include "GraphTrace.h"
 #include "warp/Device.h"
 #include "warp/Error.h"
 #include "warp/Forks.h"
@@ -66,6 +67,13 @@ namespace {
 struct Operation {
   std::function<void()> run;
   std::shared_ptr<CodeTicket::State> code;
+  /// The kernel of a launch, to tell its errors.
+  const void *kernel = nullptr;
+};
+
+struct KeptError {
+  std::exception_ptr error;
+  const void *kernel;
 };
 
 struct Queue {
@@ -75,12 +83,12 @@ struct Queue {
   /// The first operation; false if there is none. `missing` gets its code if
   /// that is not there yet.
   bool take(Operation &operation, std::shared_ptr<CodeTicket::State> &missing);
-  void keep(std::exception_ptr error);
+  void keep(KeptError error);
   void raise();
 
   ForkMutex mutex;
   std::deque<Operation> operations;
-  std::vector<std::exception_ptr> errors;
+  std::vector<KeptError> errors;
   /// Held by the thread that does operations. No `ForkMutex`: it waits.
   std::mutex drainer;
   std::atomic<bool> isLazy{true}, isShared{false};
@@ -113,7 +121,7 @@ Queue::Queue() {
   pthread_atfork(nullptr, nullptr, [] {
     Queue &queue = get();
     new (&queue.operations) std::deque<Operation>;
-    new (&queue.errors) std::vector<std::exception_ptr>;
+    new (&queue.errors) std::vector<KeptError>;
     new (&queue.drainer) std::mutex;
     waitingOperations = 0;
   });
@@ -140,7 +148,7 @@ bool Queue::take(Operation &operation,
   return true;
 }
 
-void Queue::keep(std::exception_ptr error) {
+void Queue::keep(KeptError error) {
   std::lock_guard lock(mutex);
   errors.push_back(std::move(error));
   hasErrors = true;
@@ -187,6 +195,7 @@ void Queue::drain(bool mayWait, bool mayThrow) {
   else if (!alone.try_lock())
     return;
   BehindNothing exempt;
+  OutsideTraces notWithin;
   Wait wait(hooks, mayThrow);
   for (;;) {
     Operation operation;
@@ -204,7 +213,7 @@ void Queue::drain(bool mayWait, bool mayThrow) {
         std::rethrow_exception(operation.code->error);
       operation.run();
     } catch (...) {
-      keep(std::current_exception());
+      keep({std::current_exception(), operation.kernel});
     }
     // Before others know that it is done.
     operation = {};
@@ -214,29 +223,20 @@ void Queue::drain(bool mayWait, bool mayThrow) {
 }
 
 void Queue::raise() {
-  std::exception_ptr first;
+  KeptError first;
   {
     std::lock_guard lock(mutex);
     if (errors.empty())
       return;
     first = errors.front();
     // Launches of one kernel fail alike.
-    auto textOf = [](const std::exception_ptr &error) -> std::string {
-      try {
-        std::rethrow_exception(error);
-      } catch (const Error &known) {
-        return known.message;
-      } catch (...) {
-        return "";
-      }
-    };
-    std::string text = textOf(first);
-    std::erase_if(errors, [&](const std::exception_ptr &error) {
-      return error == first || (!text.empty() && textOf(error) == text);
+    std::erase_if(errors, [&](const KeptError &error) {
+      return error.error == first.error ||
+             (first.kernel && error.kernel == first.kernel);
     });
     hasErrors = !errors.empty();
   }
-  std::rethrow_exception(first);
+  std::rethrow_exception(first.error);
 }
 
 //===----------------------------------------------------------------------===//
@@ -246,14 +246,15 @@ void Queue::raise() {
 bool warp::queueBehind(std::function<void()> operation) {
   if (!mustQueue())
     return false;
-  queueLaunch(std::move(operation), nullptr);
+  queueLaunch(std::move(operation), nullptr, nullptr);
   return true;
 }
 
 void warp::queueLaunch(std::function<void()> operation,
-                       std::shared_ptr<CodeTicket::State> code) {
+                       std::shared_ptr<CodeTicket::State> code,
+                       const void *kernel) {
   Queue &queue = Queue::get();
-  queue.add({std::move(operation), std::move(code)});
+  queue.add({std::move(operation), std::move(code), kernel});
   queue.drain(/*mayWait=*/waitingOperations > mostWaiting, /*mayThrow=*/false);
 }
 

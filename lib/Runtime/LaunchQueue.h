@@ -4,15 +4,21 @@
 //
 // A launch on a GPU whose code is not there yet has it made by other threads
 // and returns. It waits here, and so does what the program queues on GPUs after
-// it: launches, copies, fills, frees, events. There is one queue for all
-// streams and devices, which keeps the order of the calls, and with it all that
-// streams and events say about order. Its operations are done in turn by
-// whoever needs an answer of the driver (`drainLaunches`, which every
-// `ContextScope` begins with), and by launches that find the code of the first
-// one there.
+// it: launches, copies, fills, sorts, builds of geometry, changes of handles,
+// frees, events. There is one queue for all streams and devices, which keeps
+// the order of the calls, and with it all that streams and events say about
+// order. Its operations are done in turn by whoever needs an answer of the
+// driver
+// (`drainLaunches`, which every `ContextScope` begins with), and by launches
+// that find the code of the first one there.
 //
+// So all that a launch uses is there when it runs: memory and handles go behind
+// it, a stream that goes empties the queue, and the launch keeps its kernel.
 // Allocations do not wait, since frees do: memory that is new is used by
 // nothing in the queue.
+//
+// Public functions queue themselves as a whole, before they note anything in
+// the trace of a capture: the trace gets them when they are done.
 //
 // An operation that fails is dropped, and its error kept until a call that may
 // raise it (`finishLaunches`): a synchronisation, a read-back, a query, the end
@@ -23,6 +29,7 @@
 #ifndef WARP_LIB_RUNTIME_LAUNCHQUEUE_H
 #define WARP_LIB_RUNTIME_LAUNCHQUEUE_H
 
+#include "warp/Device.h"
 #include "warp/LaunchQueue.h"
 
 #include <atomic>
@@ -34,8 +41,6 @@
 #include <vector>
 
 namespace warp {
-
-class Stream;
 
 /// Code that another thread makes.
 class CodeTicket {
@@ -76,6 +81,9 @@ public:
   BehindNothing &operator=(const BehindNothing &) = delete;
 };
 
+/// Keeps a stream while an operation waits: the one given, or the current one.
+std::function<const Stream *()> laterStream(int device, const Stream *stream);
+
 /// True if what this thread queues on GPUs has to come behind the queue.
 inline bool mustQueue() {
   return __builtin_expect(
@@ -85,12 +93,21 @@ inline bool mustQueue() {
 
 /// Adds an operation if others wait; false if it is to be done now.
 bool queueBehind(std::function<void()> operation);
-/// Adds one that cannot be done before the code is there, if there is any.
+/// The same for a call on a device's stream, null for the one that is current
+/// now; it gets the stream.
+template <typename Call>
+bool queueCall(int device, const Stream *stream, Call &&call) {
+  if (!mustQueue() || isHost(device))
+    return false;
+  return queueBehind([call = std::forward<Call>(call),
+                      where = laterStream(device, stream)] { call(where()); });
+}
+/// Bytes of the host that the queue copies for an operation, at most.
+inline constexpr size_t mostStaged = size_t(1) << 20;
+/// Adds a launch of a kernel, which cannot be done before the code is there, if
+/// there is any.
 void queueLaunch(std::function<void()> operation,
-                 std::shared_ptr<CodeTicket::State> code);
-/// Keeps a stream while an operation waits: the one given, or the current one.
-std::function<const Stream *()> laterStream(int device, const Stream *stream);
-
+                 std::shared_ptr<CodeTicket::State> code, const void *kernel);
 /// Waits for code, then throws the first error.
 void waitForCode(const std::vector<std::shared_ptr<CodeTicket::State>> &list);
 

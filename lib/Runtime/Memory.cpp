@@ -12,6 +12,7 @@
 
 #include "Allocation.h"
 #include "GraphImpl.h"
+#include "LaunchQueue.h"
 #include "Support.h"
 #include "warp/MemoryTracker.h"
 #include "warp/Peers.h"
@@ -97,12 +98,42 @@ static void traceCopy(GraphTrace &trace, void *dst, const Device &to,
   trace.addOther(to.isHost() ? "a copy to the host" : "a copy between devices");
 }
 
+/// Queues a copy behind launches that wait; false if it is to be done now, and
+/// then nothing waits any more.
+static bool queueCopy(void *dst, Device &to, const void *src, Device &from,
+                      size_t bytes, const Stream *stream) {
+  if (to.isHost()) {
+    finishLaunches();
+    return false;
+  }
+  // Both of two devices have an order.
+  bool crosses = !from.isHost() && &from != &to;
+  // The source may change as soon as this returns, but a graph reads it later.
+  bool staysThere = from.isHost() && capturesInProgress;
+  if (crosses || staysThere || (from.isHost() && bytes > mostStaged)) {
+    drainLaunches();
+    return false;
+  }
+  std::shared_ptr<std::vector<char>> staged;
+  auto *given = static_cast<const char *>(src);
+  if (from.isHost())
+    staged = std::make_shared<std::vector<char>>(given, given + bytes);
+  return queueCall(to.index, stream,
+                   [=, to = to.index, from = from.index](const Stream *where) {
+                     copyMemory(dst, to, staged ? staged->data() : src, from,
+                                bytes, where);
+                   });
+}
+
 void warp::copyMemory(void *dst, int dstDevice, const void *src, int srcDevice,
                       size_t bytes, const Stream *stream) {
   if (bytes == 0)
     return;
   Device &to = deviceAt(dstDevice), &from = deviceAt(srcDevice);
   Device &runner = to.isHost() ? from : to;
+  if (mustQueue() && !runner.isHost() &&
+      queueCopy(dst, to, src, from, bytes, stream))
+    return;
   TraceScope tracing(runner.index, stream);
   if (tracing)
     traceCopy(*tracing.operator->(), dst, to, src, from, bytes);
@@ -117,10 +148,18 @@ void warp::fillMemory(void *dst, int device, const void *pattern, size_t size,
                       size_t count, const Stream *stream) {
   if (size == 0 || count == 0)
     return;
+  auto *bytes = static_cast<const char *>(pattern);
+  if (mustQueue() &&
+      queueCall(device, stream,
+                [=, kept = std::vector<char>(bytes, bytes + size)](
+                    const Stream *where) {
+                  fillMemory(dst, device, kept.data(), size, count, where);
+                }))
+    return;
   TraceScope tracing(device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::FillBytes, graphs::FillBytes{dst, count},
-                 std::string(static_cast<const char *>(pattern), size));
+                 std::string(bytes, size));
   deviceAt(device).fill(dst, pattern, size, count, stream);
 }
 
@@ -132,11 +171,25 @@ void warp::setMemory(void *dst, int device, int byte, size_t bytes,
 
 void warp::clearNewMemory(void *memory, int device, size_t bytes) {
   if (bytes != 0)
-    deviceAt(device).initialize(memory, nullptr, bytes);
+    deviceAt(device).initialize(memory, nullptr, bytes, nullptr);
 }
 
 void warp::writeNewMemory(void *memory, int device, const void *contents,
                           size_t bytes) {
   if (bytes != 0)
-    deviceAt(device).initialize(memory, contents, bytes);
+    deviceAt(device).initialize(memory, contents, bytes, nullptr);
+}
+
+void warp::changeMemory(void *memory, int device, const void *contents,
+                        size_t bytes) {
+  auto *given = static_cast<const char *>(contents);
+  if (mustQueue() &&
+      queueCall(device, nullptr,
+                [=, kept = std::vector<char>(given, given + bytes)](
+                    const Stream *where) {
+                  deviceAt(device).initialize(memory, kept.data(), bytes,
+                                              where);
+                }))
+    return;
+  writeNewMemory(memory, device, contents, bytes);
 }

@@ -11,6 +11,7 @@
 
 #include "Device.h"
 #include "GraphImpl.h"
+#include "LaunchQueue.h"
 #include "warp/SparseProduct.h"
 
 using namespace warp;
@@ -19,6 +20,10 @@ void warp::scanNumbers(int device, NumberType kind, int width, Sequence out,
                        Sequence in, int64_t count, bool inclusive,
                        const Stream *stream) {
   if (count <= 0)
+    return;
+  if (queueCall(device, stream, [=](const Stream *where) {
+        scanNumbers(device, kind, width, out, in, count, inclusive, where);
+      }))
     return;
   TraceScope tracing(device, stream);
   if (tracing)
@@ -51,6 +56,10 @@ void warp::sortPairs(int device, const Pairs &pairs, int beginBit, int endBit,
                      const Stream *stream) {
   if (pairs.count <= 1 || beginBit >= endBit)
     return;
+  if (queueCall(device, stream, [=](const Stream *where) {
+        sortPairs(device, pairs, beginBit, endBit, where);
+      }))
+    return;
   TraceScope tracing(device, stream);
   note(tracing, pairs, beginBit, endBit);
   if (!deviceAt(device).sort(pairs, beginBit, endBit, stream))
@@ -66,6 +75,10 @@ void warp::sortPairs(int device, const Pairs &pairs, int beginBit, int endBit,
 void warp::sortSegments(int device, const Pairs &pairs, const int32_t *begins,
                         const int32_t *ends, int64_t segments,
                         const Stream *stream) {
+  if (queueCall(device, stream, [=](const Stream *where) {
+        sortSegments(device, pairs, begins, ends, segments, where);
+      }))
+    return;
   TraceScope tracing(device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::SortSegments,
@@ -79,6 +92,9 @@ void warp::sortSegments(int device, const Pairs &pairs, const int32_t *begins,
 void warp::findRuns(int device, const Runs &runs, const Stream *stream) {
   if (runs.count <= 0)
     return setMemory(runs.runCount, device, 0, sizeof(int32_t), stream);
+  if (queueCall(device, stream,
+                [=](const Stream *where) { findRuns(device, runs, where); }))
+    return;
   TraceScope tracing(device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::FindRuns,
@@ -97,6 +113,10 @@ void warp::multiplyRows(int device, const SparseProduct &product,
     throw Error(Error::Kind::Value,
                 "a sparse product takes less than 2^31 rows and entries");
   if (product.rows <= 0)
+    return;
+  if (queueCall(device, stream, [=](const Stream *where) {
+        multiplyRows(device, product, where);
+      }))
     return;
   TraceScope tracing(device, stream);
   if (tracing)

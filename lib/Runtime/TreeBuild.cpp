@@ -8,6 +8,7 @@
 
 #include "Device.h"
 #include "GraphTrace.h"
+#include "LaunchQueue.h"
 #include "Support.h"
 
 using namespace warp;
@@ -34,6 +35,11 @@ std::pair<int, int> TreeFindings::wait() const {
 static void run(int device, const TreeBuild &build, bool refits,
                 const Stream *stream) {
   if (build.count == 0)
+    return;
+  // Who wants the findings waits for them.
+  if (!build.findings && queueCall(device, stream, [=](const Stream *where) {
+        run(device, build, refits, where);
+      }))
     return;
   TraceScope tracing(device, stream);
   if (tracing)

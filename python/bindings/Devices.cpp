@@ -114,7 +114,15 @@ static void bindStreams(py::module_ &m) {
       .def_property_readonly(
           "device", [](Stream &self) { return deviceObject(self.device()); })
       .def_property_readonly(
-          "cuda_stream", [](Stream &self) { return address(self.handle()); })
+          "cuda_stream",
+          [](Stream &self) {
+            shareWithOthers();
+            return address(self.handle());
+          },
+          "The driver's handle, for other libraries.")
+      .def_property_readonly(
+          "_handle", [](Stream &self) { return address(self.handle()); },
+          "The same, to tell streams apart.")
       .def_property_readonly("is_complete", &Stream::isComplete)
       .def_property_readonly("is_capturing", &Stream::isCapturing)
       .def_property_readonly("is_blocking", &Stream::isBlocking)
@@ -151,6 +159,7 @@ static void bindStreams(py::module_ &m) {
           py::arg("external") = false,
           "Lets work queued from now on wait for what another stream has.")
       .def("__cuda_stream__", [](Stream &self) {
+        shareWithOthers();
         return py::make_tuple(0, address(self.handle()));
       });
   event
@@ -168,7 +177,10 @@ static void bindStreams(py::module_ &m) {
       .def_property_readonly(
           "device", [](Event &self) { return deviceObject(self.device()); })
       .def_property_readonly("cuda_event",
-                             [](Event &self) { return address(self.handle()); })
+                             [](Event &self) {
+                               shareWithOthers();
+                               return address(self.handle());
+                             })
       .def_property_readonly("is_complete", &Event::isComplete)
       .def(
           "synchronize",

@@ -9,6 +9,7 @@
 #include "warp/Background.h"
 #include "warp/Error.h"
 #include "warp/LaunchQueue.h"
+#include "warp/Peers.h"
 
 #include <pthread.h>
 
@@ -115,6 +116,18 @@ void warp::python::watchWaits(py::module_ &m) {
   m.def("share_with_others", &warp::shareWithOthers,
         "Launches wait for their code themselves from now on: other libraries "
         "use the memory or the streams.");
+  m.def(
+      "note_foreign",
+      [](int device, uintptr_t memory, bool isOwned) {
+        if (warp::isLazyCompile() &&
+            (isOwned ||
+             warp::memoryKind(device, reinterpret_cast<void *>(memory)) !=
+                 warp::MemoryKind::Pool))
+          warp::shareWithOthers();
+      },
+      py::arg("device"), py::arg("ptr"), py::arg("is_owned"),
+      "The same, if memory that somebody names by an address is not from our "
+      "pools, or goes by its owner's function.");
   m.def("queued_operations", &warp::queuedOperations,
         "Launches, and what is behind them, that wait for code.");
   m.def("finish_queued_launches", &warp::finishQueuedLaunches,

@@ -79,6 +79,12 @@ const Stream *asStream(PyObject *object);
 /// Flushes Python's output before the kernel prints.
 void flushPythonOutput();
 
+/// After a launch that waits for its code: it may print.
+inline void noteQueued(const Kernel::Plan &plan) {
+  if (!plan.variant || Kernel::prints(plan))
+    flushPythonOutput();
+}
+
 /// Runs a plan; the GIL is released and what `makeHold` returns is kept if it
 /// may take long.
 template <typename MakeHold>
@@ -101,7 +107,7 @@ void launchPacked(Kernel &kernel, int device, const LaunchDim &dim, char *block,
     return;
   if (__builtin_expect(!plan.variant || Kernel::mustQueue(device), 0) &&
       kernel.queue(plan, device, dim, block, stream, blockDim))
-    return;
+    return noteQueued(plan);
   if (!plan.variant) {
     auto hold = makeHold();
     Unlocked unlocked;

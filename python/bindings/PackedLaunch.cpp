@@ -197,7 +197,7 @@ void PackedLaunch::launch(PyObject *other) {
     if (!planned)
       plan = native().tryPrepare(device, dim, bytes(), blockDim);
     if (native().queue(plan, device, dim, bytes(), where, blockDim))
-      return;
+      return noteQueued(plan);
     if (!planned)
       makePlan();
     if (plan.items == 0)

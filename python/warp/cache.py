@@ -25,7 +25,12 @@ from warp._src.argument_kinds import TEXT as _TEXT
 from warp._src.arguments import checked as _checked
 
 # Meaning of the ends of file names.
-_KINDS = {"code": "code", "machine": "machine code of GPUs", "kernel": "translations"}
+_KINDS = {
+    "code": "code",
+    "machine": "machine code of GPUs",
+    "kernel": "translations",
+    "lanes": "measured times of lanes",
+}
 _DAY = 86400
 
 
@@ -34,7 +39,8 @@ class Entry(typing.NamedTuple):
 
     Attributes:
         file: its name.
-        kind: `code` (objects and PTX), `machine` (of GPUs) or `kernel` (a translation).
+        kind: `code` (objects and PTX), `machine` (of GPUs), `kernel` (a translation) or `lanes`
+            (times by which lanes were checked).
         kernel: the kernel; empty if the file is damaged.
         bytes: its size.
         used: when it was last used, in seconds since 1970, to an hour.

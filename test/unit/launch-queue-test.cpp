@@ -8,11 +8,16 @@
 //===----------------------------------------------------------------------===//
 
 #include "DeviceSuite.h"
+#include "Runtime/GraphTrace.h"
 #include "warp/Background.h"
 #include "warp/Graph.h"
+#include "warp/Handle.h"
 #include "warp/KernelCache.h"
 #include "warp/LaunchQueue.h"
 #include "warp/Runtime.h"
+#include "warp/Sequences.h"
+#include "warp/SparseProduct.h"
+#include "warp/TreeBuild.h"
 
 #include <chrono>
 #include <cstdlib>
@@ -145,6 +150,140 @@ TEST_F(LaunchQueueTest, KeepsTheOrder) {
   EXPECT_EQ(filled[15], 7);
 }
 
+// A handle keeps its words for launches that wait, and slots that go and come
+// again meanwhile end with the words of their last owner.
+TEST_F(LaunchQueueTest, HandlesChangeBehindLaunches) {
+  auto kernel = makeKernel("handles");
+  auto handle = std::make_unique<GeometryHandle>(GeometryKind::Mesh, 0);
+  const uint64_t first = 7, second = 8, third = 9;
+  handle->write(&first, sizeof first);
+  auto *words = reinterpret_cast<const uint64_t *>(handleAddress(handle->id()));
+  uint64_t tag = words[0];
+  ASSERT_NE(tag, 0u);
+  ASSERT_EQ(words[1], first);
+  EXPECT_TRUE(launch(*kernel));
+  handle->write(&second, sizeof second);
+  writeHandleWord(handle->id(), 2, third);
+  EXPECT_EQ(words[1], first);
+  EXPECT_EQ(words[2], 0u);
+  uint64_t id = handle->id();
+  handle = nullptr;
+  EXPECT_EQ(words[0], tag);
+  EXPECT_NE(describeHandle(id, GeometryKind::Mesh, 0), "");
+  std::unique_ptr<GeometryHandle> last;
+  for (int i = 0; i < 1500; ++i) {
+    last = std::make_unique<GeometryHandle>(GeometryKind::Bvh, 0);
+    uint64_t value = i;
+    last->write(&value, sizeof value);
+  }
+  EXPECT_EQ(words[1], first);
+  setGate(true);
+  synchronizeDevice(0);
+  auto *at = reinterpret_cast<const uint64_t *>(handleAddress(last->id()));
+  EXPECT_NE(at[0], 0u);
+  EXPECT_EQ(at[1], 1499u);
+  last = nullptr;
+  EXPECT_EQ(at[0], 0u);
+}
+
+// Sorts, scans, runs, products, builds and copies of views wait with their
+// arguments as they were, and the memory that they use goes behind them.
+TEST_F(LaunchQueueTest, LibraryCallsWait) {
+  auto kernel = makeKernel("library");
+  auto buffer = std::make_unique<Buffer>(0, 1 << 16);
+  char *at = static_cast<char *>(buffer->data());
+  auto *numbers = reinterpret_cast<int32_t *>(at);
+  Pairs pairs{NumberType::Int32, at, at + 4096, 4, 100};
+  std::vector<std::function<void()>> calls = {
+      [&] {
+        Sequence out{at, 4}, in{at + 4096, 4};
+        scanNumbers(0, NumberType::Int32, 1, out, in, 100, true);
+      },
+      [&] { sortPairs(0, pairs, 0, 32); },
+      [&] { sortSegments(0, pairs, numbers, numbers + 64, 4); },
+      [&] {
+        findRuns(0, {4, at, 100, at + 4096, numbers + 2048, numbers + 4096});
+      },
+      [&] {
+        TreeBuild build{
+            at,        8,          at + 1024,
+            4,         false,      true,
+            at + 8192, at + 16384, reinterpret_cast<float *>(at + 32768),
+            numbers};
+        buildTree(0, build);
+        refitTree(0, build);
+      },
+      [&] {
+        SparseProduct product{NumberType::Float32, 8,         1,  numbers,
+                              numbers + 64,        at + 8192, 16, at + 16384,
+                              at + 32768,          1.0,       0.0};
+        multiplyRows(0, product);
+      },
+      [&] {
+        ArrayDescriptor to = packed(at, {16, 16}, 4);
+        ArrayDescriptor from = packed(at + 8192, {16, 16}, 4);
+        std::swap(from.strides[0], from.strides[1]);
+        copyArray({&to, 0}, {&from, 0}, 4);
+        float one = 1;
+        fillArray({&from, 0}, &one, 4);
+      }};
+  // Kernels of the library are loaded once, which is not of the order.
+  setGate(true);
+  for (const auto &call : calls)
+    call();
+  synchronizeDevice(0);
+  std::vector<std::string> alone;
+  for (const auto &call : calls) {
+    takeOrder();
+    call();
+    alone.push_back(takeOrder());
+    EXPECT_NE(alone.back(), "");
+  }
+  setGate(false);
+  EXPECT_TRUE(launch(*kernel));
+  std::string expected = "launch";
+  for (size_t i = 0; i < calls.size(); ++i) {
+    int before = queuedOperations();
+    calls[i]();
+    EXPECT_GT(queuedOperations(), before) << i;
+    expected += " " + alone[i];
+  }
+  int before = queuedOperations();
+  buffer = nullptr;
+  EXPECT_EQ(queuedOperations(), before + 1);
+  EXPECT_STREQ(takeOrder(), "");
+  setGate(true);
+  synchronizeDevice(0);
+  std::string order = takeOrder();
+  EXPECT_EQ(order.rfind(expected, 0), 0u) << order << "\n" << expected;
+  EXPECT_NE(order.find("free", expected.size()), std::string::npos) << order;
+}
+
+// Kernels, events and streams may go while launches need them.
+TEST_F(LaunchQueueTest, OwnersMayGo) {
+  auto kernel = makeKernel("owner");
+  auto event = std::make_unique<Event>(0);
+  EXPECT_TRUE(launch(*kernel));
+  event->record(*currentStream(0));
+  event = nullptr;
+  kernel = nullptr;
+  EXPECT_EQ(queuedOperations(), 3);
+  setGate(true);
+  synchronizeDevice(0);
+  EXPECT_STREQ(takeOrder(), "launch record");
+  // A stream that is not the current one any more.
+  setGate(false);
+  kernel = makeKernel("streams");
+  auto stream = std::make_unique<Stream>(0);
+  takeOrder();
+  EXPECT_TRUE(launch(*kernel, stream.get()));
+  std::thread opener = openSoon();
+  stream = nullptr;
+  opener.join();
+  EXPECT_EQ(queuedOperations(), 0);
+  EXPECT_EQ(std::string(takeOrder()).rfind("launch", 0), 0u);
+}
+
 // Memory that is new takes no part in the order.
 TEST_F(LaunchQueueTest, AllocationsDoNotWait) {
   auto kernel = makeKernel("allocations");
@@ -260,6 +399,64 @@ TEST_F(LaunchQueueTest, ACaptureHoldsWhatWaited) {
   EXPECT_TRUE(launch(*bad));
   EXPECT_NE(errorOf([&] { second->end(); }).find("'captured_bad'"),
             std::string::npos);
+}
+
+// The trace of a capture has the operations that waited in their order, and
+// keeps the kernels.
+TEST_F(LaunchQueueTest, ATraceHoldsWhatWaited) {
+  auto kernel = makeKernel("traced"), other = makeKernel("traced_other");
+  Buffer a(0, 64), b(0, 64);
+  auto capture = Capture::begin(0, nullptr, CaptureMode::Relaxed, false, true);
+  EXPECT_TRUE(launch(*kernel));
+  setMemory(a.data(), 0, 7, 64);
+  EXPECT_TRUE(launch(*other));
+  copyMemory(b.data(), 0, a.data(), 0, 64);
+  EXPECT_TRUE(launch(*kernel));
+  kernel = nullptr;
+  other = nullptr;
+  EXPECT_EQ(queuedOperations(), 5);
+  std::thread opener = openSoon();
+  std::shared_ptr<Graph> graph = capture->end();
+  opener.join();
+  ASSERT_NE(graph->operations(), nullptr);
+  std::string found;
+  for (const GraphOperation &operation : graph->operations()->operations) {
+    found += operation.kind == GraphOperation::Kind::Launch
+                 ? operation.kernel->name() + " "
+             : operation.kind == GraphOperation::Kind::FillBytes ? "fill "
+             : operation.kind == GraphOperation::Kind::CopyBytes ? "copy "
+                                                                 : "? ";
+  }
+  EXPECT_EQ(found, "traced fill traced_other copy traced ");
+  EXPECT_EQ(graph->size(), 5u);
+}
+
+// A capture that is given up takes its launches with it, and a copy from the
+// host into a graph reads where the host said.
+TEST_F(LaunchQueueTest, CapturesTakeTheirLaunches) {
+  auto kernel = makeKernel("given_up");
+  Buffer a(0, 16);
+  {
+    auto capture = Capture::begin(0);
+    EXPECT_TRUE(launch(*kernel));
+    std::thread opener = openSoon();
+    capture = nullptr;
+    opener.join();
+    EXPECT_EQ(queuedOperations(), 0);
+  }
+  setGate(false);
+  kernel = makeKernel("before_upload");
+  char source[16] = "first";
+  auto capture = Capture::begin(0);
+  EXPECT_TRUE(launch(*kernel));
+  std::thread opener = openSoon();
+  copyMemory(a.data(), 0, source, cpuDevice, 16);
+  std::shared_ptr<Graph> graph = capture->end();
+  opener.join();
+  std::strcpy(source, "second");
+  graph->launch();
+  synchronizeDevice(0);
+  EXPECT_STREQ(static_cast<char *>(a.data()), "second");
 }
 
 // An interrupt ends the wait and leaves the queue as it is.

@@ -155,6 +155,7 @@ void CpuDevice::fillStrided(const ArrayDescriptor &dst, const void *pattern,
   });
 }
 
-void CpuDevice::initialize(void *dst, const void *contents, size_t bytes) {
+void CpuDevice::initialize(void *dst, const void *contents, size_t bytes,
+                           const Stream *) {
   contents ? copyHost(dst, contents, bytes) : setHost(dst, 0, bytes);
 }

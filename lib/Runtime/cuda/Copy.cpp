@@ -26,9 +26,6 @@ using cuda::StreamHandle;
 // Copies
 //===----------------------------------------------------------------------===//
 
-/// Bytes of the host that a copy keeps while it waits for launches, at most.
-static constexpr size_t mostStaged = size_t(1) << 20;
-
 static void copyPeer(Pointer dst, int dstDevice, Pointer src, int srcDevice,
                      size_t bytes, const Stream *stream) {
   // The copy runs on a stream of one side and must come after what the other
@@ -56,22 +53,6 @@ void CudaDevice::copy(void *dst, Device &to, const void *src, Device &from,
   auto source = reinterpret_cast<Pointer>(src);
   if (!to.isHost() && !from.isHost() && &to != &from)
     return copyPeer(target, to.index, source, from.index, bytes, stream);
-  // The source may change as soon as this returns.
-  if (mustQueue() && (to.isHost() || !from.isHost() || bytes <= mostStaged)) {
-    if (to.isHost()) {
-      finishLaunches();
-    } else {
-      std::shared_ptr<std::vector<char>> staged;
-      auto *given = static_cast<const char *>(src);
-      if (from.isHost())
-        staged = std::make_shared<std::vector<char>>(given, given + bytes);
-      queueBehind([this, dst, &to, src, &from, bytes, staged,
-                   where = laterStream(index, stream)] {
-        copy(dst, to, staged ? staged->data() : src, from, bytes, where());
-      });
-      return;
-    }
-  }
   QueuedWork work(index, stream);
   if (from.isHost())
     return WARP_CUDA(memcpyHtoDAsync, target, src, bytes, work.stream());
@@ -114,12 +95,6 @@ static void copyNest(const CopyNest &nest, int level, char *dst,
 
 void CudaDevice::copyStrided(const CopyNest &nest, size_t,
                              const Stream *stream) {
-  if (mustQueue()) {
-    queueBehind([this, nest, where = laterStream(index, stream)] {
-      copyStrided(nest, 0, where());
-    });
-    return;
-  }
   if (copyByKernel(nest, index, stream))
     return;
   QueuedWork work(index, stream);
@@ -170,14 +145,6 @@ static void fillCuda(Pointer dst, int device, const char *pattern, size_t size,
 
 void CudaDevice::fill(void *dst, const void *pattern, size_t size, size_t count,
                       const Stream *stream) {
-  if (mustQueue()) {
-    auto *bytes = static_cast<const char *>(pattern);
-    queueBehind([this, dst, kept = std::vector<char>(bytes, bytes + size),
-                 count, where = laterStream(index, stream)] {
-      fill(dst, kept.data(), kept.size(), count, where());
-    });
-    return;
-  }
   QueuedWork work(index, stream);
   fillCuda(reinterpret_cast<Pointer>(dst), index,
            static_cast<const char *>(pattern), size, count, work.stream());
@@ -202,13 +169,14 @@ template <typename Queue> static void doOutsideGraphs(int device, Queue queue) {
   WARP_CUDA(streamSynchronize, handle);
 }
 
-void CudaDevice::initialize(void *dst, const void *contents, size_t bytes) {
+void CudaDevice::initialize(void *dst, const void *contents, size_t bytes,
+                            const Stream *stream) {
   // Nothing that waits uses the memory.
   BehindNothing exempt;
   auto to = reinterpret_cast<Pointer>(dst);
   if (!warp::isCapturing(index))
-    return contents ? upload(dst, index, contents, bytes)
-                    : setMemory(dst, index, 0, bytes);
+    return contents ? upload(dst, index, contents, bytes, stream)
+                    : setMemory(dst, index, 0, bytes, stream);
   doOutsideGraphs(index, [&](StreamHandle stream) {
     if (contents)
       WARP_CUDA(memcpyHtoDAsync, to, contents, bytes, stream);

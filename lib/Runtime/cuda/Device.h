@@ -65,7 +65,8 @@ public:
             const Stream *stream) override;
   void fillStrided(const ArrayDescriptor &dst, const void *pattern,
                    size_t elementSize, const Stream *stream) override;
-  void initialize(void *dst, const void *contents, size_t bytes) override;
+  void initialize(void *dst, const void *contents, size_t bytes,
+                  const Stream *stream) override;
 
   std::unique_ptr<DeviceCode> load(const Kernel::Variant &variant,
                                    Code &code) override;

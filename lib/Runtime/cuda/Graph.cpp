@@ -350,6 +350,8 @@ GraphHandle CudaCapture::stop() {
 }
 
 CudaCapture::~CudaCapture() {
+  // Launches that wait belong to the graph, not behind it.
+  drainLaunches();
   std::shared_ptr<Kept> kept = close();
   if (external || !running)
     return;
@@ -475,6 +477,7 @@ Capture::Condition CudaCapture::addCondition(const int32_t *value,
 
 void CudaCapture::updateCondition(Condition condition, const int32_t *value,
                                   bool negated) {
+  drainLaunches();
   GraphStep step = beginStep(stream.get());
   setCondition(condition, value, negated);
   if (trace())
@@ -512,6 +515,7 @@ void CudaCapture::beginBody(Condition condition, bool loop) {
 void CudaCapture::endBody() {
   if (paused.empty())
     throw captureError(device(), "no body of a graph is open");
+  drainLaunches();
   stop();
   Paused outer = std::move(paused.back());
   cuda::ContextScope scope(device());

@@ -9,6 +9,7 @@
 
 #include "Kernel.h"
 
+#include "BackgroundThread.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "Grid.h"
@@ -336,8 +337,34 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   return result;
 }
 
+/// The blocks that a kernel's bounds promise.
+static std::pair<int, int> promisedBlocks(CudaDevice &device,
+                                          const KernelOptions &options) {
+  // A question about the device, which comes behind no launch.
+  BehindNothing exempt;
+  cuda::ContextScope scope(device.index);
+  int threads = std::min(options.blockDim, options.maxThreads), most = 0;
+  WARP_CUDA(deviceGetAttribute, &most, cuda::maxThreadsPerMultiprocessor,
+            device.ordinal);
+  int blocks = std::max(1, std::min(options.minBlocks, most / threads));
+  return {threads, blocks * device.info.smCount};
+}
+
 std::pair<int, int> Kernel::suggestedBlock(int device) {
-  cudaDevice(device);
+  CudaDevice &owner = cudaDevice(device);
+  // Bounds answer at once, and other threads make the code meanwhile.
+  const KernelOptions &options = impl->options;
+  if (isLazyCompile() && !options.debug && options.minBlocks > 0 &&
+      options.maxThreads > 0 && !impl->findOn(device)) {
+    background::addUrgent([impl = impl, device] {
+      try {
+        impl->launched(device);
+      } catch (...) {
+        // The launch that needs the code finds the error, too.
+      }
+    });
+    return promisedBlocks(owner, options);
+  }
   const Variant &variant = impl->launched(device);
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;

@@ -39,6 +39,7 @@ static bool isDone(cuda::Result result, const char *call) {
 //===----------------------------------------------------------------------===//
 
 void *CudaDevice::makeStream(int priority) {
+  BehindNothing exempt;
   ContextScope scope(index);
   StreamHandle stream;
   WARP_CUDA(streamCreate, &stream, cuda::streamDefault, priority);
@@ -57,6 +58,8 @@ void CudaDevice::releaseStream(const Stream &stream, bool destroy) {
 }
 
 bool CudaDevice::isCapturing(const Stream &stream) {
+  // Captures, and streams that join one, begin and end with nothing waiting.
+  BehindNothing exempt;
   ContextScope scope(index);
   int status = 0;
   if (stream.handle())
@@ -65,6 +68,7 @@ bool CudaDevice::isCapturing(const Stream &stream) {
 }
 
 bool CudaDevice::isBlocking(const Stream &stream) {
+  BehindNothing exempt;
   ContextScope scope(index);
   unsigned flags = 0;
   WARP_CUDA(streamGetFlags, raw(stream), &flags);
@@ -72,6 +76,7 @@ bool CudaDevice::isBlocking(const Stream &stream) {
 }
 
 int CudaDevice::priorityOf(const Stream &stream) {
+  BehindNothing exempt;
   ContextScope scope(index);
   int value = 0;
   WARP_CUDA(streamGetPriority, raw(stream), &value);
@@ -112,6 +117,7 @@ void CudaDevice::synchronizeBusyStreams() {
 //===----------------------------------------------------------------------===//
 
 void *CudaDevice::makeEvent(bool timing, bool interprocess) {
+  BehindNothing exempt;
   ContextScope scope(index);
   EventHandle event;
   WARP_CUDA(eventCreate, &event,

@@ -223,7 +223,7 @@ SETTINGS = {
         Setting(
             "lazy_compile",
             bool,
-            False,
+            True,
             "first launches on GPUs return before their code is there, which threads make; "
             "`wp.synchronize`, or whatever else needs a result, waits for it and raises errors of "
             "the compiler. Off while `verbose` is on, in debug mode, and once another library uses "

@@ -58,4 +58,5 @@ def test_all_threads_have_to_come_by(device, monkeypatch):
     x = wp.zeros(64, dtype=float, device=device)
     with pytest.raises(RuntimeError, match="all threads of a block have to come by") as problem:
         wp.launch(some_wait, 64, [x], device=device, block_dim=64)
+        wp.synchronize()
     assert "wait()" in str(problem.value)

@@ -216,6 +216,7 @@ def test_functions_of_the_c_library():
 def refused(kernel, *arguments):
     with pytest.raises(wp.WarpError) as problem:
         wp.launch(kernel, 1, arguments)
+        wp.synchronize()
     return str(problem.value)
 
 
@@ -255,6 +256,7 @@ def test_no_adjoint_is_an_error_and_no_zero():
     assert y.numpy()[0] == 1.0
     with pytest.raises(RuntimeError, match="native code with arrays has no derivative"):
         tape.backward(grads={y: array([1.0])})
+        wp.synchronize()
 
 
 def test_the_tape_knows_what_native_code_may_change():

@@ -109,8 +109,10 @@ def test_no_gradient_without_an_adjoint(native_device):
         with wp.Tape() as tape:
             wp.launch(smooth, 1, [x, out])
         tape.backward(grads={out: wp.ones(1, dtype=wp.vec3)})
+        wp.synchronize()
 
 
 def test_an_adjoint_is_refused(native_device):
     with pytest.raises(wp.WarpError, match="'with_adjoint', which changes the .* 'v',"):
         wp.launch(adjoint, 1, [wp.ones(1, dtype=wp.vec3)])
+        wp.synchronize()

@@ -41,6 +41,7 @@ def test_every_lane_gets_its_own_result(count):
 def refused(kernel, *arguments):
     with pytest.raises(wp.WarpError) as problem:
         wp.launch(kernel, 1, arguments)
+        wp.synchronize()
     return str(problem.value)
 
 
@@ -132,6 +133,7 @@ def test_what_cannot_be_passed():
     for kernel in (returns_struct, returns_array):
         with pytest.raises(wp.WarpCodegenError) as caught:
             wp.launch(kernel, 1, [y])
+            wp.synchronize()
         assert caught.value.code == "native-return"
     assert "returns no number" in refused(returns_nothing, y)
 
@@ -147,6 +149,7 @@ def test_gradient_is_an_error_and_no_zero():
         wp.launch(root, 1, [x, y])
     with pytest.raises(RuntimeError):
         tape.backward(y)
+        wp.synchronize()
 
 
 @wp.func_native("""

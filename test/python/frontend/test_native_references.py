@@ -104,6 +104,7 @@ def test_addresses_of_numbers():
 def refused(kernel, *arguments):
     with pytest.raises(wp.WarpError) as problem:
         wp.launch(kernel, 1, arguments)
+        wp.synchronize()
     return str(problem.value)
 
 
@@ -136,6 +137,7 @@ def test_without_an_adjoint_there_is_no_gradient():
     np.testing.assert_array_equal(x.numpy(), [1.0, 1.0])
     with pytest.raises(RuntimeError):
         tape.backward(grads={x: wp.ones_like(x)})
+        wp.synchronize()
 
 
 def test_other_types_and_words_of_clang():

@@ -130,6 +130,7 @@ def run_of_narrow(n: Narrow, out: wp.array(dtype=float)):
 def test_a_field_without_a_type_in_cpp(native_device):
     with pytest.raises(wp.WarpError, match=r"'of_narrow', whose 'n' C\+\+ has no type for"):
         wp.launch(run_of_narrow, 1, [Narrow(), wp.zeros(1, dtype=float)])
+        wp.synchronize()
 
 
 def body(device, i=0):

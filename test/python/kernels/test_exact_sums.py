@@ -314,9 +314,11 @@ def test_arrays_that_have_no_exact_sums(device):
     far = wp.array(ptr=s.ptr, dtype=float, shape=(2,), strides=(1 << 30,), device=device)
     with pytest.raises(Exception, match=r"deterministic sums into an array .* 2\^27"):
         wp.launch(count, 4, [far], device=device)
+        wp.synchronize()
     odd = wp.array(ptr=s.ptr, dtype=float, shape=(2,), strides=(2,), device=device)
     with pytest.raises(Exception, match="strides that are multiples of 4 bytes, but got 2"):
         wp.launch(count, 4, [odd], device=device)
+        wp.synchronize()
 
 
 CHILD = """

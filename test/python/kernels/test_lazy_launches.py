@@ -31,7 +31,6 @@ BEGIN = """
 import numpy as np, os, sys, threading, time
 import warp as wp
 from warp import _native
-wp.config.lazy_compile = True
 
 def make(number):
     @wp.kernel(module="unique")
@@ -291,7 +290,8 @@ def test_a_bar_after_two_seconds(monkeypatch, capsys):
 def test_environment(gpu):
     """Settings of the environment reach the runtime."""
     program = programs.write_program(
-        BEGIN.replace("wp.config.lazy_compile = True", "print(wp.config.lazy_compile)")
+        BEGIN
+        + "print(wp.config.lazy_compile)"
         + """
 x = wp.zeros(100, dtype=float, device="cuda:0")
 wp.launch(make(1), 100, [x], device="cuda:0")

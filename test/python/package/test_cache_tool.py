@@ -85,6 +85,19 @@ def test_clear_by_kernel(folder):
     assert programs.run(PROGRAM, WARP_CACHE_PATH=folder)[0] == 0
 
 
+def test_times_of_lanes_are_entries(folder):
+    """They are counted, named after the code that they are of, and go with it."""
+    codes = list(folder.glob("*.code"))
+    for code in codes:
+        code.with_suffix(".lanes").write_text("lanes 1 scalar 2\n")
+    out = call(folder)[1]
+    counts = {line.split()[-4]: line.split() for line in out.splitlines() if "of lanes" in line}
+    assert counts["lanes"][-3] == str(len(codes))
+    assert "(damaged)" not in call(folder, "list")[1]
+    assert call(folder, "clear", "--kernel", "first")[0] == 0
+    assert len(list(folder.glob("*.lanes"))) == len(list(folder.glob("*.code"))) < len(codes)
+
+
 def test_clear_by_age(folder):
     before = len(files(folder))
     assert call(folder, "clear", "--older-than", "1")[1] == "0 files removed\n"
@@ -120,6 +133,24 @@ def test_a_use_counts(folder):
     make_old(folder, 10)
     assert programs.run(PROGRAM, WARP_CACHE_PATH=folder)[0] == 0
     assert call(folder, "clear", "--older-than", "9")[1] == "0 files removed\n"
+
+
+def test_out_of_disk(tmp_path):
+    """Files that cannot be written cost one notice; nothing half-written stays."""
+    program = programs.write_program(
+        """
+import resource, signal
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+"""
+        + PROGRAM.read_text()
+    )
+    status, _, err = programs.run(program, WARP_CACHE_PATH=tmp_path)
+    assert status == 0, err
+    assert err.count("cannot write to kernel cache") == 1
+    assert list(tmp_path.iterdir()) == []
+    assert programs.run(PROGRAM, WARP_CACHE_PATH=tmp_path)[0] == 0
+    assert len(files(tmp_path)) >= 4
 
 
 def test_two_processes_within_a_limit(tmp_path):

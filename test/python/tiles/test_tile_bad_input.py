@@ -152,6 +152,7 @@ def test_more_memory_than_a_block_has_names_the_largest(device):
     y = wp.zeros((4, 4), dtype=float, device=device)
     with pytest.raises(wp.WarpError, match="make them smaller") as caught:
         wp.launch_tiled(large, dim=1, inputs=[y], block_dim=32, device=device)
+        wp.synchronize()
     first, largest, second = str(caught.value).split("test_tile_bad_input.py")[1:4]
     assert "need 5242880 bytes" in first
     assert "shape=(1024, 1024))' needs 4194304 bytes" in largest
@@ -176,6 +177,7 @@ def test_tiles_under_conditions_that_differ(device, monkeypatch):
     for function in (branch, loop):
         with pytest.raises(wp.WarpError, match="differs between them") as caught:
             wp.launch_tiled(wp.Kernel(function), dim=1, inputs=[y], block_dim=32, device=device)
+            wp.synchronize()
         line = function.__code__.co_firstlineno + 2
         assert f"test_tile_bad_input.py:{line}: the condition" in str(caught.value)
 

@@ -170,3 +170,4 @@ def test_returns_within_loops_are_refused(device):
     x = wp.zeros(B, dtype=float, device=device)
     with pytest.raises(wp.WarpError, match="differs between them"):
         wp.launch_tiled(leave_in_a_loop, dim=1, inputs=[x, x], block_dim=B, device=device)
+        wp.synchronize()

@@ -280,6 +280,9 @@ def borrow(target, ptr, extents, strides, dtype, index, capacity, deleter, owner
     if deleter is not None:
         owner = Deleter(ptr, capacity or needed, deleter)
     target._setup(ptr, extents, strides, dtype, type_id(dtype), item_size, index, owner, False)
+    if index != devices.CPU and needed:
+        # Its owner knows nothing of launches that wait for their code.
+        _native.note_foreign(index, ptr, deleter is not None)
 
 
 class Deleter(_native.Finalized):

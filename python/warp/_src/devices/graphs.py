@@ -179,7 +179,7 @@ class Graph:
 def _key(device, stream):
     if device.is_cpu:
         return threading.get_ident()
-    return (device.index, stream.cuda_stream)
+    return (device.index, stream._handle)
 
 
 def _place(device, stream):

@@ -18,7 +18,8 @@ def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
     """Threads per block that fill a multiprocessor best, and how many such blocks fill the device.
 
     A small launch may run faster with smaller blocks, which spread over more multiprocessors. The
-    CPU has no blocks; the answer is `(1, 1)`.
+    CPU has no blocks; the answer is `(1, 1)`. With `wp.config.lazy_compile` other threads compile a
+    kernel with launch bounds, and the answer is what these promise.
 
     Raises:
         TypeError: `kernel` is not a kernel.

@@ -264,7 +264,7 @@ class FSAI(LinearOperator):
             return
         stream = wp.get_stream(self.device)
         last, self._stream = self._stream, stream
-        if last is None or last.cuda_stream == stream.cuda_stream:
+        if last is None or last._handle == stream._handle:
             return
         if not stream.is_capturing and not last.is_capturing:
             stream.wait_stream(last)
