@@ -379,13 +379,6 @@ class GeometryField(Field):
 FieldLike = GeometryField
 
 
-def whole_domain(geometry, kind="cells"):
-    """Record of all cells or sides of a geometry."""
-    from warp._src.fem.domains import Cells, Sides
-
-    return (Cells if kind == "cells" else Sides)(geometry).record
-
-
 def domain_like(record: DomainRecord, kind: str) -> DomainRecord:
     """The record of cells or sides of the same partition."""
     return DomainRecord(kind, record.partition)

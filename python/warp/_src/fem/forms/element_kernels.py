@@ -136,7 +136,7 @@ def split(role, slot, subscript) -> tuple:
 def stored_text(plan) -> str | None:
     """Text of the kernel of element matrices whose coefficients at all points are kept in memory
     of the thread, so that sums over points stay in registers; None if it does not apply."""
-    test, trial, names = plan.test, plan.trial, plan.names
+    test, trial = plan.test, plan.trial
     count, rows, columns = (
         plan.record.quadrature.points,
         *(role.nodes.node_count for role in (test, trial)),
@@ -150,17 +150,7 @@ def stored_text(plan) -> str | None:
     groups = {split_row(plan, key) for key in found}
     if (kept + len(groups)) * count > _MOST_KEPT or count > MOST_LOCAL or not found:
         return None
-    names["Block"] = plan.block_dtype
-    lines = [
-        f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-    ]
-    plan._loop(lines)
-    pairs = add_coefficients(plan, lines, "        ")
-    for text in dict.fromkeys(one.text for one in pairs):
-        lines.insert(3, f"    kept_{text} = wp.zeros(shape=({count},), dtype=Real)")
-        lines.append(f"        kept_{text}[q] = {text}")
+    lines, pairs = kept_coefficients(plan, count)
     for one in pairs:
         one.text = f"kept_{one.text}[q]"
     lines.append(f"    for j in range({columns}):")
@@ -187,6 +177,23 @@ def stored_text(plan) -> str | None:
         line.replace("domain_arg.geo, s, ", "domain_arg.geo, first_s, ") for line in lines[end:]
     ]
     return "\n".join(lines) + "\n"
+
+
+def kept_coefficients(plan, count) -> tuple:
+    """First lines of a kernel of element matrices, whose arrays `kept_...` have the coefficients at
+    all points, and the coefficients."""
+    plan.names["Block"] = plan.block_dtype
+    lines = [
+        f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
+        "    local = wp.tid()",
+        "    domain_element = first + local",
+    ]
+    plan._loop(lines)
+    pairs = add_coefficients(plan, lines, "        ")
+    for text in dict.fromkeys(one.text for one in pairs):
+        lines.insert(3, f"    kept_{text} = wp.zeros(shape=({count},), dtype=Real)")
+        lines.append(f"        kept_{text}[q] = {text}")
+    return lines, pairs
 
 
 def split_row(plan, key) -> tuple:

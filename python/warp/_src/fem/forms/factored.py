@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from warp import extend
-from warp._src.fem.forms.element_kernels import add_coefficients, block_text, store_block
+from warp._src.fem.forms.element_kernels import block_text, kept_coefficients, store_block
 from warp._src.fem.forms.tensor import line_tables
 
 # Nodes of a line from which it pays.
@@ -70,17 +70,7 @@ def factored_text(plan) -> str | None:
     kept, count = len({one.number for one in found.values()}), axes.q**axes.d
     if not found or (kept * axes.q + len(found)) * axes.q ** (axes.d - 1) > _MOST_KEPT:
         return None
-    plan.names["Block"] = plan.block_dtype
-    lines = [
-        f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-    ]
-    plan._loop(lines)
-    pairs = add_coefficients(plan, lines, "        ")
-    for text in dict.fromkeys(one.text for one in pairs):
-        lines.insert(3, f"    kept_{text} = wp.zeros(shape=({count},), dtype=Real)")
-        lines.append(f"        kept_{text}[q] = {text}")
+    lines, pairs = kept_coefficients(plan, count)
     state: dict = {}
     for one in pairs:
         along = tuple(

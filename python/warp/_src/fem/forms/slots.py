@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
-from warp import extend
 from warp._src.fem.fields.spaces import NodeSpace, PointDescription, SpaceDescription
 from warp._src.fem.forms.basis import Basis
 
@@ -84,8 +83,3 @@ class Role:
                 if name in halves:
                     used.add(first + (0 if is_cells else 2 * halves[name]))
         return Role(self.name, self.role, self.nodes, self.domain, tuple(sorted(used)))
-
-
-def gradient_is_defined(role) -> bool:
-    """True if the field has a gradient."""
-    return not extend.type_is_matrix(role.nodes.values.value)

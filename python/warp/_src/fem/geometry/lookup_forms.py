@@ -8,11 +8,6 @@ from warp._src.fem.types import sample_type
 
 
 @wp.func
-def no_filter(data: int, cell: int):
-    return 0
-
-
-@wp.func
 def array_filter(data: wp.array(dtype=Any), cell: int):
     return data[cell]
 
