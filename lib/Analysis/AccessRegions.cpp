@@ -11,6 +11,7 @@
 
 #include "RegionBuilder.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/TileOps.h"
 #include "warp/NativeCode.h"
 
 #include "mlir/IR/Matchers.h"
@@ -93,7 +94,8 @@ static bool isOpen(Operation *op) {
     return !matchPattern(at.getAddress(), m_Zero());
   if (isa<warp::PointerOp>(op))
     return true;
-  if (isa<warp::PrintfOp, warp::AssertOp, warp::CheckIndexOp>(op))
+  if (isa<warp::PrintfOp, warp::AssertOp, warp::CheckIndexOp,
+          warp::BarrierOp>(op))
     return false;
   auto effects = dyn_cast<MemoryEffectOpInterface>(op);
   if (!effects)

@@ -2,6 +2,7 @@
 // RUN: warp-opt %t/trajectory.mlir --warp-emit=regions | FileCheck %t/trajectory.mlir
 // RUN: warp-opt %t/loop.mlir --warp-emit=regions | FileCheck %t/loop.mlir
 // RUN: warp-opt %t/choice.mlir --warp-emit=regions | FileCheck %t/choice.mlir
+// RUN: warp-opt %t/barrier.mlir --warp-emit=regions | FileCheck %t/barrier.mlir
 // RUN: warp-opt %t/unknown.mlir --warp-emit=regions | FileCheck %t/unknown.mlir
 // RUN: warp-opt %t/trajectory.mlir --warp-emit=adjoint --warp-options=apart=1 | FileCheck %t/trajectory.mlir --check-prefix=APART
 // RUN: not warp-opt %t/trajectory.mlir --warp-emit=adjoint 2>&1 | FileCheck %t/trajectory.mlir --check-prefix=RACE
@@ -102,4 +103,18 @@ module {
     warp.store %v, %a[%i] : f32, !warp.array<1 x f32>, si32
     return
   }
+}
+
+//--- barrier.mlir
+// Threads that wait for each other reach no more memory than those that do not.
+// CHECK-NOT: no argument names
+// CHECK: write x[0 + 1 * extent(0)]
+// CHECK-NOT: no argument names
+func.func @wait(%x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.arg_names = ["x"]} {
+  %i = warp.tid : si32
+  %c = warp.constant 1.0 : f32
+  warp.barrier
+  warp.store %c, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
 }
