@@ -16,6 +16,7 @@
 #include "warp/Compile.h"
 #include "warp/Error.h"
 #include "warp/FirstCode.h"
+#include "warp/Fusion.h"
 #include "warp/Regions.h"
 #include "warp/Translation.h"
 
@@ -30,6 +31,9 @@ using namespace warp;
 
 Module Module::fromText(std::string_view) { refuse(); }
 std::string Module::text(bool) const { refuse(); }
+Module warp::fuseKernels(const std::string &, const std::vector<FusionPart> &) {
+  refuse();
+}
 Code warp::compile(const Module &, const CompileOptions &) { refuse(); }
 FirstCode warp::compileFirst(const Module &, const CompileOptions &, int64_t) {
   refuse();
