@@ -44,6 +44,7 @@
 #include "ExactUpdates.h"
 #include "KernelFunction.h"
 #include "Lanes/LanePlan.h"
+#include "RowUpdates.h"
 #include "Schedules/RingLoop.h"
 #include "UnrollUpdates.h"
 #include "UpdateCosts.h"
@@ -287,6 +288,11 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     if (!threads)
       return signalPassFailure();
     auto kernel = threads->getParentOfType<FunctionOpInterface>();
+    warp::VariantAttr variant = warp::getVariant(kernel);
+    if (warp::getTarget(kernel).isSimt() && !variant.getDebug() &&
+        !variant.isDeterministic() &&
+        !kernel->hasAttr(warp::attr::blockThreads))
+      warp::addAlongRows(kernel, threads);
     bool any = kernel
                    ->walk([](Operation *op) {
                      return isa<AtomicComponentsOp>(op) || warp::mayTellTurn(op)
