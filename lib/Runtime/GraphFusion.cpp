@@ -9,6 +9,9 @@
 // would have to wait for more. Short launches that wait for the same nodes and
 // not for each other are joined likewise.
 //
+// On a GPU, launches that leave room for others run beside them at little cost,
+// so that none becomes part of one that the longest path of the graph has.
+//
 //===----------------------------------------------------------------------===//
 
 #include "GraphFusion.h"
@@ -28,6 +31,8 @@ static constexpr size_t mostParts = 8;
 /// Operations of a thread of launches that are joined without an edge between
 /// them: less than what a launch costs.
 static constexpr double shortThread = 256;
+/// Threads that fill a GPU's multiprocessor by half.
+static constexpr int halfOfMultiprocessor = 1024;
 /// Launches before one that it is compared with, for such.
 static constexpr int mostLooks = 8;
 
@@ -53,6 +58,10 @@ private:
   std::string whyNot(int group, int node) const;
   std::string whyOrdered(int group, int node, bool hasEdge) const;
   bool isShort(int node) const;
+  bool leavesRoom(int node) const;
+  bool isOnLongest(int node) const {
+    return depth[node] + height[node] == longest;
+  }
   bool isLike(int node, int other) const;
   std::vector<int> before(int group) const;
   int readyOf(int group) const;
@@ -62,8 +71,9 @@ private:
 
   std::vector<NodeRecord> &records;
   std::vector<std::vector<int>> edges, followers;
-  /// The length of the longest path to each node.
-  std::vector<int> depth;
+  /// The lengths of the longest paths to each node, from there on, and of all.
+  std::vector<int> depth, height;
+  int longest = 0;
   std::vector<Launch> launches;
   std::vector<int> groupOf;
   std::vector<std::vector<int>> groups;
@@ -73,7 +83,7 @@ private:
 
 Fusing::Fusing(std::vector<NodeRecord> &records, const GraphSchedule &schedule)
     : records(records), edges(records.size()), followers(records.size()),
-      depth(records.size()), launches(records.size()) {
+      depth(records.size()), height(records.size()), launches(records.size()) {
   for (size_t i = 0; i < records.size(); ++i) {
     for (const GraphSchedule::Edge &edge : schedule.nodes[i].before) {
       edges[i].push_back(edge.from);
@@ -90,6 +100,19 @@ Fusing::Fusing(std::vector<NodeRecord> &records, const GraphSchedule &schedule)
                                               launch->arguments.data());
     }
   }
+  for (size_t i = records.size(); i-- > 0;) {
+    for (int follower : followers[i])
+      height[i] = std::max(height[i], height[follower] + 1);
+    longest = std::max(longest, depth[i] + height[i]);
+  }
+}
+
+/// True if others run beside a launch.
+bool Fusing::leavesRoom(int node) const {
+  int device = records[node].launch->plan.device;
+  return !isHost(device) &&
+         records[node].threads <
+             int64_t(halfOfMultiprocessor) * deviceInfo(device).smCount;
 }
 
 /// True if two launches have the same extents and are made in the same way.
@@ -179,6 +202,8 @@ std::string Fusing::whyNot(int group, int node) const {
     return "enough launches are one";
   const LaunchDim &dim = records[node].launch->dim;
   for (int member : groups[group]) {
+    if (leavesRoom(node) && isOnLongest(node) != isOnLongest(member))
+      return "only one of them is on the longest path";
     if (!launches[member].why.empty())
       return "of '" + records[member].name + "': " + launches[member].why;
     if (auto name = findCrossing(launches[member].accesses,

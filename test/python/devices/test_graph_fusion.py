@@ -464,7 +464,7 @@ def test_structs():
 
 
 def test_host_calls_and_copies_between():
-    """What the host does in between stays in between."""
+    """Calls of the host keep their place between launches."""
     x, y = random_array(24), wp.zeros(24)
     seen = []
     with wp.ScopedCapture(optimize=True) as capture:
