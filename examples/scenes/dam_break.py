@@ -164,9 +164,9 @@ class Water:
     """The particles and their steps."""
 
     def __init__(self, count, device):
-        block = (1.0, 1.05, TANK[2])
-        self.gap = (np.prod(block) / count) ** (1.0 / 3.0)
-        axes = [np.arange(0.5 * self.gap, side, self.gap) for side in block]
+        # Half a gap from the walls on all sides.
+        self.gap = 1.0 / round(count ** (1.0 / 3.0))
+        axes = [np.arange(0.5 * self.gap, side, self.gap) for side in (1.0, 1.05, TANK[2])]
         start = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         start += np.random.default_rng(0).uniform(-0.001, 0.001, start.shape) * self.gap
         self.h, self.radius, self.device = 2.0 * self.gap, 0.4 * self.gap, device
@@ -189,7 +189,7 @@ class Water:
         wp.launch(predict, n, [self.x, self.v, DT, *walls, self.q], device=self.device)
         self.grid.build(self.q, self.h)
         softness = 0.5 / self.h**2
-        for _ in range(8):
+        for _ in range(4):
             inputs = [self.grid.id, self.q, self.h, self.rest, softness]
             wp.launch(measure, n, inputs, [self.factor, self.density], device=self.device)
             inputs = [self.grid.id, self.q, self.factor, self.h, self.rest, *walls]
