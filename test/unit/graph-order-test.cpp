@@ -11,6 +11,7 @@
 #include "Runtime/GraphOrder.h"
 #include "Runtime/GraphVerify.h"
 #include "Runtime/cpu/GraphBranches.h"
+#include "warp/Fusion.h"
 #include "warp/Runtime.h"
 
 #include <algorithm>
@@ -495,15 +496,13 @@ func.func @add(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 }
 )";
 
-// A kernel may start while its only predecessor ends, also one that it was not
-// recorded behind; with several predecessors it comes after their ends.
-TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
-  auto *early = reinterpret_cast<int (*)()>(
-      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
-  ASSERT_TRUE(early);
-  Kernel kernel(Module::fromText(addText), "add");
-  Buffer memory(0, 5 * 256);
-  auto launch = [&](int from, int to, int threads) {
+namespace {
+/// Launches of a kernel that adds an array of 64 floats to another one.
+class Additions {
+public:
+  Additions() : kernel(Module::fromText(addText), "add"), memory(0, 8 * 256) {}
+
+  void launch(int from, int to, int threads, const Stream *stream = nullptr) {
     struct {
       LaunchHeader header;
       ArrayDescriptor x, y;
@@ -516,15 +515,28 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
     }
     LaunchDim dim;
     dim.extent[0] = threads;
-    kernel.launch(0, dim, &block);
-  };
+    kernel.launch(0, dim, &block, stream);
+  }
+
+  Kernel kernel;
+  Buffer memory;
+};
+} // namespace
+
+// A kernel may start while its only predecessor ends, also one that it was not
+// recorded behind; with several predecessors it comes after their ends.
+TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
+  auto *early = reinterpret_cast<int (*)()>(
+      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
+  ASSERT_TRUE(early);
+  Additions add;
   auto fill = [&](Capture &) {
     // Launches of equal extents would be one.
-    launch(0, 1, 64);
-    launch(0, 2, 48);
-    launch(1, 3, 32);
-    launch(2, 4, 16);
-    launch(3, 4, 8);
+    add.launch(0, 1, 64);
+    add.launch(0, 2, 48);
+    add.launch(1, 3, 32);
+    add.launch(2, 4, 16);
+    add.launch(3, 4, 8);
   };
   record(fill, NodeOrder::Recorded);
   EXPECT_EQ(early(), 4);
@@ -533,21 +545,72 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
   EXPECT_EQ(graph->schedule()->edges, 4u);
   EXPECT_EQ(graph->schedule()->nodes[4].before.size(), 2u);
   EXPECT_EQ(early(), 2);
-  // Launches whose threads keep to elements of their own are one node.
+}
+
+// Launches whose threads keep to elements of their own are one node, also in
+// bodies, and in graphs that are compared with their recording.
+TEST_F(OrderedGraphs, FuseLaunches) {
+  Additions add;
   auto chain = [&](Capture &) {
-    launch(0, 1, 64);
-    launch(1, 2, 64);
-    launch(2, 3, 32);
-    launch(3, 4, 32);
+    add.launch(0, 1, 64);
+    add.launch(1, 2, 64);
+    add.launch(2, 3, 32);
+    add.launch(3, 4, 32);
   };
   EXPECT_EQ(record(chain, NodeOrder::Recorded)->size(), 4u);
-  graph = record(chain);
+  for (NodeOrder order : {NodeOrder::Dependencies, NodeOrder::Verified}) {
+    std::shared_ptr<Graph> graph = record(chain, order);
+    EXPECT_EQ(graph->size(), 2u);
+    ASSERT_EQ(graph->schedule()->nodes.size(), 2u);
+    EXPECT_EQ(graph->schedule()->nodes[0].name, "add + add");
+    EXPECT_EQ(graph->schedule()->nodes[1].parts.size(), 2u);
+    EXPECT_EQ(graph->schedule()->edges, 1u);
+    graph->launch();
+  }
+  Buffer flag(0, 4);
+  auto *value = static_cast<const int32_t *>(flag.data());
+  std::shared_ptr<Graph> graph = record([&](Capture &capture) {
+    auto branch = capture.addCondition(value, false);
+    capture.beginBody(branch, false);
+    chain(capture);
+    capture.endBody();
+    add.launch(4, 5, 64);
+    add.launch(5, 6, 64);
+  });
+  const std::vector<GraphSchedule::Node> &nodes = graph->schedule()->nodes;
+  EXPECT_EQ(nodes.back().parts.size(), 2u);
+  auto body = std::find_if(nodes.begin(), nodes.end(),
+                           [](const auto &node) { return bool(node.body); });
+  ASSERT_NE(body, nodes.end());
+  EXPECT_EQ(body->body->nodes.size(), 2u);
+  graph->launch();
+}
+
+// Launches of several streams stay as they were recorded, and so do all if
+// nobody wants them fused.
+TEST_F(OrderedGraphs, FuseLaunchesOfOneStream) {
+  Additions add;
+  Stream side(0);
+  std::shared_ptr<Graph> graph = record([&](Capture &) {
+    Event begin(0), end(0);
+    begin.record(*currentStream(0));
+    waitEvent(side, begin);
+    add.launch(0, 1, 64);
+    add.launch(1, 2, 64);
+    add.launch(3, 4, 64, &side);
+    add.launch(4, 5, 64, &side);
+    end.record(side);
+    waitEvent(*currentStream(0), end);
+  });
+  EXPECT_EQ(graph->size(), 4u);
+  setFusesLaunches(false);
+  graph = record([&](Capture &) {
+    add.launch(0, 1, 64);
+    add.launch(1, 2, 64);
+  });
+  setFusesLaunches(true);
   EXPECT_EQ(graph->size(), 2u);
-  ASSERT_EQ(graph->schedule()->nodes.size(), 2u);
-  EXPECT_EQ(graph->schedule()->nodes[0].name, "add + add");
-  EXPECT_EQ(graph->schedule()->nodes[1].parts.size(), 2u);
-  EXPECT_EQ(graph->schedule()->edges, 1u);
-  EXPECT_EQ(early(), 1);
+  EXPECT_TRUE(graph->schedule()->nodes[1].parts.empty());
 }
 
 // Verified graphs run both orders, each from the memory that was there; copies
