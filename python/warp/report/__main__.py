@@ -1,6 +1,7 @@
 """Command line: `python -m warp.report [SCENE or FILE.py ...]`, or a tool by its name."""
 
 import importlib
+import importlib.util
 import sys
 
 import warp as wp
@@ -45,6 +46,9 @@ def main(arguments=None):
         tool = importlib.import_module(f"warp.report.{arguments[0]}.__main__")
         return tool.main(arguments[1:])
     options = _parser().parse_args(arguments)
+    if not options.list and importlib.util.find_spec("matplotlib") is None:
+        print('figures need matplotlib: run `pip install "warp-mlir[report]"`', file=sys.stderr)
+        return 2
     wp.config.quiet = True
     try:
         scenes = choose(options.scenes)

@@ -10,6 +10,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.copies import clone
 from warp._src.devices import devices
 from warp._src.interop.dlpack import from_dlpack
+from warp._src.interop.packages import load
 from warp._src.types import scalars
 
 _NAMES = {
@@ -21,14 +22,14 @@ _NAMES = {
 @functools.cache
 def _dtypes():
     """JAX's scalar types by ours."""
-    import jax.numpy
+    jax = load("jax.numpy")
 
     return {scalar: getattr(jax.numpy, name) for scalar, name in _NAMES.items()}
 
 
 @functools.cache
 def _scalars():
-    import jax.numpy
+    jax = load("jax.numpy")
 
     return {jax.numpy.dtype(dtype): scalar for scalar, dtype in _dtypes().items()}
 
@@ -48,7 +49,7 @@ def dtype_from_jax(jax_dtype):
     Raises:
         TypeError: there is none, for example for complex numbers.
     """
-    import jax.numpy
+    jax = load("jax.numpy")
 
     try:
         found = _scalars().get(jax.numpy.dtype(jax_dtype))
@@ -65,7 +66,7 @@ def device_to_jax(warp_device=None):
     Raises:
         RuntimeError: JAX has no such device in this process.
     """
-    import jax
+    jax = load("jax")
 
     warp_device = devices.get_device(warp_device)
     try:
@@ -85,7 +86,7 @@ def device_from_jax(jax_device):
         TypeError: `jax_device` is no device of JAX.
         ValueError: JAX's device belongs to another process, or is neither CPU nor CUDA.
     """
-    import jax
+    jax = load("jax")
 
     if not isinstance(jax_device, jax.Device):
         raise TypeError(f"device_from_jax() expects a device of JAX, but got {shown(jax_device)}")
@@ -110,7 +111,7 @@ def to_jax(warp_array):
         TypeError: `warp_array` is no array.
         BufferError: it is one of structs.
     """
-    import jax.dlpack
+    jax = load("jax.dlpack")
 
     if not isinstance(warp_array, array):
         raise TypeError(f"expects an array, but got '{type(warp_array).__name__}'")
@@ -136,7 +137,7 @@ def from_jax(jax_array, dtype=None):
         ValueError: it was deleted or donated, or its shape does not fit.
         BufferError: it is spread over several devices.
     """
-    import jax
+    jax = load("jax")
 
     if isinstance(jax_array, jax.core.Tracer):
         raise TypeError(

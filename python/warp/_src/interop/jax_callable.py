@@ -22,6 +22,7 @@ from warp._src.devices import devices
 from warp._src.devices.graphs import ScopedCapture, capture_launch
 from warp._src.interop import jax_arrays
 from warp._src.interop.jax_calls import Arguments, Parameter, Plan, extents_of
+from warp._src.interop.packages import load
 from warp._src.types import annotations
 from warp._src.types.native import ArrayType
 from warp._src.weak import WeakObjects
@@ -189,7 +190,7 @@ class JaxCallable:
         return len(self.graphs)
 
     def __call__(self, *args, output_dims=None, vmap_method=None):
-        import jax
+        jax = load("jax")
         import numpy
 
         jax_arrays.register()

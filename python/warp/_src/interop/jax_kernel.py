@@ -19,6 +19,7 @@ from warp._src.interop import jax_arrays
 from warp._src.interop.jax_callable import JaxModulePreloadMode, preload
 from warp._src.interop.jax_calls import Arguments, Parameter, Plan, extents_of
 from warp._src.interop.jax_launch import Launch
+from warp._src.interop.packages import load
 from warp._src.kernels.kernel import Kernel
 from warp._src.types import dtypes
 
@@ -29,7 +30,7 @@ _CODE_OPTIONS = ("mode", "fast_math", "lineinfo", "optimization_level", "block_d
 @functools.cache
 def _register() -> None:
     """Makes the native functions known to XLA."""
-    import jax
+    jax = load("jax")
 
     on_cpu, on_cuda = _native.xla_handlers()
     jax.ffi.register_ffi_target(TARGET, on_cpu, platform="cpu")
@@ -153,7 +154,7 @@ class JaxKernel:
             )
 
     def __call__(self, *args, launch_dims=None, output_dims=None, vmap_method=None):
-        import jax
+        jax = load("jax")
         import numpy
 
         _register()

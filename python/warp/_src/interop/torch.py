@@ -11,6 +11,7 @@ from warp._src.arguments import checked
 from warp._src.arrays.array import array
 from warp._src.devices import devices
 from warp._src.interop import exchange, torch_functions
+from warp._src.interop.packages import load
 from warp._src.interop.shared_gradients import share_gradient
 from warp._src.types import dtypes, scalars
 
@@ -23,7 +24,7 @@ _NAMES = {
 @functools.cache
 def _dtypes():
     """PyTorch's dtypes by our scalar types."""
-    import torch
+    torch = load("torch")
 
     return {scalar: getattr(torch, name) for scalar, name in _NAMES.items()}
 
@@ -93,7 +94,7 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
         TypeError: the tensor is sparse, or holds other scalars than `dtype`.
         ValueError: shape or strides do not fit.
     """
-    import torch
+    torch = load("torch")
 
     if isinstance(t, torch.Tensor) and (t.layout is not torch.strided or t.is_neg()):
         raise TypeError(
@@ -115,7 +116,7 @@ def from_torch(t, dtype=None, requires_grad=None, grad=None, return_ctype=False,
 
 
 def _alias(t, dtype, bare=False):
-    import torch
+    torch = load("torch")
 
     if not isinstance(t, torch.Tensor):
         raise TypeError(f"expects a tensor, but got '{type(t).__name__}'")
@@ -137,7 +138,7 @@ def _alias(t, dtype, bare=False):
 
 def _gradient(t):
     """The gradient of a tensor, made and attached to it if there is none."""
-    import torch
+    torch = load("torch")
 
     holds = t.is_leaf or t.retains_grad
     if holds and t.grad is not None:
@@ -168,7 +169,7 @@ def to_torch(a, requires_grad=None):
         raise TypeError(f"expects an array, but got '{type(a).__name__}'")
     if dtypes.is_struct(a.dtype):
         raise TypeError(f"PyTorch has no type for elements of struct '{a.dtype.__name__}'")
-    import torch
+    torch = load("torch")
 
     if not a.requires_grad:
         torch_functions.warn_of_sum(torch, a.ptr)
@@ -181,7 +182,7 @@ def to_torch(a, requires_grad=None):
 
 
 def _tensor(a):
-    import torch
+    torch = load("torch")
 
     if a.read_only:
         warnings.warn(
@@ -201,7 +202,7 @@ def stream_from_torch(stream_or_device=None):
         with wp.ScopedStream(wp.stream_from_torch()):
             wp.launch(...)  # in order with what PyTorch queues
     """
-    import torch
+    torch = load("torch")
 
     stream = stream_or_device
     if not isinstance(stream, torch.cuda.Stream):
@@ -212,7 +213,7 @@ def stream_from_torch(stream_or_device=None):
 
 def stream_to_torch(stream_or_device=None):
     """PyTorch's stream for one of ours, or for the current one of a device."""
-    import torch
+    torch = load("torch")
 
     stream = stream_or_device
     if not isinstance(stream, _native.Stream):
