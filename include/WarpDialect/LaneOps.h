@@ -9,6 +9,12 @@
 
 #include "WarpDialect/WarpOps.h"
 
+namespace warp::attr {
+/// On a load of lanes: it is of so many elements that follow each other in the
+/// last dimension, each a component.
+constexpr llvm::StringLiteral run = "warp.run";
+} // namespace warp::attr
+
 #define GET_OP_CLASSES
 #include "WarpDialect/WarpLaneOps.h.inc"
 

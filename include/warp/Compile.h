@@ -107,8 +107,9 @@ struct Access {
   bool loaded = false, stored = false, combined = false;
   /// True if something depends on what an atomic returned.
   bool fetched = false;
-  /// True if it is loaded as a tile, or in a loop that may end by what is
-  /// loaded: code for the CPU depends on whether another array overlaps it.
+  /// True if it is loaded as a tile, or in a loop that goes along it or may end
+  /// by what is loaded: code for the CPU depends on whether another array
+  /// overlaps it.
   bool watched = false;
   /// Source line of the first store or atomic, 0 if there is none.
   unsigned line = 0;

@@ -52,6 +52,14 @@ private:
 
 } // namespace
 
+/// True if a loop goes from element to element: several may be loaded at once.
+static bool goesAlong(warp::AccessOp op) {
+  Operation *loop = op->getParentOp();
+  return isa<scf::ForOp>(loop) && !op.getIndices().empty() &&
+         loop->isAncestor(
+             op.getIndices().back().getParentBlock()->getParentOp());
+}
+
 /// True if a loop may end by what the operation loads: one around it, or around
 /// a call of the function that it is in.
 bool Summary::mayBeWatched(Operation *op) const {
@@ -67,7 +75,7 @@ void Summary::add(warp::AccessOp op) {
     access.stored |= !op.mayRead();
     access.combined |= op.isUpdate();
     access.fetched |= op.isUpdate() && !op->use_empty();
-    access.watched |= op.mayRead() && mayBeWatched(op);
+    access.watched |= op.mayRead() && (mayBeWatched(op) || goesAlong(op));
     if (op.mayWrite() && place && !access.line)
       access.line = place.getLine();
   }

@@ -11,6 +11,7 @@
 #include "Compilation.h"
 #include "Transforms/Lanes/Neighbours.h"
 
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/WarpOps.h"
 
 using namespace mlir;
@@ -27,6 +28,10 @@ static std::pair<std::string, std::string> describeForm(Operation *access,
                                                         warp::LaneForm form,
                                                         size_t components,
                                                         int64_t stride) {
+  if (access->hasAttr(warp::attr::run))
+    return {"rows, transposed",
+            "neighbouring threads go along rows, so many elements at once: " +
+                std::to_string(components)};
   if (access->hasAttr(warp::attr::neighbours))
     return {
         "vectors, or gathered",

@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "WarpDialect/LaneOps.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/BuiltinTypes.h"
@@ -120,6 +121,9 @@ static LogicalResult verifyLanes(Operation *op, warp::ArrayType array,
   int64_t lanes = cast<VectorType>(mask.getType()).getNumElements();
   SmallVector<mlir::Type> expected;
   warp::flatten(array.getElementType(), expected);
+  if (auto run = op->getAttrOfType<IntegerAttr>(warp::attr::run);
+      run && expected.size() == 1)
+    expected.resize(std::max<int64_t>(run.getInt(), 1), expected.front());
   for (mlir::Type &type : expected)
     type = warp::getSignless(type);
   if (components.size() != expected.size())

@@ -173,6 +173,7 @@ private:
           together,
       llvm::function_ref<llvm::SmallVector<mlir::Value>()> apart);
   llvm::SmallVector<mlir::Value> loadNeighbours(LoadLanesOp op);
+  llvm::SmallVector<mlir::Value> loadRun(LoadLanesOp op);
   void updateNeighbours(UpdateLanesOp op);
   void updateApart(UpdateLanesOp op);
   void storeUnit(const LaneAccess &access, int64_t stride,

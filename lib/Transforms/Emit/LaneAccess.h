@@ -23,6 +23,8 @@ struct ArrayLowering::LaneAccess {
   /// `unit`: address of the first lane's element. Otherwise a vector of
   /// addresses.
   mlir::Value pointer;
+  /// Bytes that are added to all of these, i64; null for none.
+  mlir::Value offset;
 
   /// True if an element is several numbers of 32 or 64 bits that follow each
   /// other, so that a lane can take it in pieces of up to four.

@@ -11,6 +11,7 @@
 
 #include "LaneAccess.h"
 #include "Lanes/Neighbours.h"
+#include "Lanes/RowRuns.h"
 #include "Lanes/Spread.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -257,6 +258,35 @@ SmallVector<mlir::Value> ArrayLowering::loadGathered(const LaneAccess &access) {
   return components;
 }
 
+/// Elements that follow each other in each lane's row. Where lanes have the
+/// same index in the row, it is added last: rows begin at the same address in
+/// all iterations of a loop.
+SmallVector<mlir::Value> ArrayLowering::loadRun(LoadLanesOp op) {
+  SmallVector<mlir::Value> indices(op.getIndices());
+  mlir::Value column = indices.back();
+  bool isShared = !isa<VectorType>(column.getType());
+  if (isShared)
+    indices.back() =
+        arith::ConstantOp::create(b, loc, b.getZeroAttr(column.getType()));
+  LaneAccess access = laneAccess(op.getArray(), indices, op.getMask(),
+                                 LaneForm::gather, op.getNonNegative());
+  Leaf leaf = access.leaves.front();
+  int64_t size = getByteSize(leaf.type);
+  access.leaves.clear();
+  for (int64_t k = 0, count = op.getNumResults(); k < count; ++k) {
+    access.leaves.push_back(leaf);
+    access.leaves.back().offset = k * size;
+  }
+  if (isShared) {
+    if (column.getType().isIndex())
+      column = arith::IndexCastOp::create(b, loc, i64, column);
+    else if (column.getType().getIntOrFloatBitWidth() < 64)
+      column = arith::ExtSIOp::create(b, loc, i64, column);
+    access.offset = arith::MulIOp::create(b, loc, column, constant(i64, size));
+  }
+  return asStored(access.leaves, access.lanes, loadWords(access));
+}
+
 SmallVector<mlir::Value> ArrayLowering::loadLanes(LoadLanesOp op) {
   if (op->hasAttr(attr::neighbours))
     return loadNeighbours(op);
@@ -280,6 +310,10 @@ ArrayLowering::asStored(ArrayRef<Leaf> leaves, int64_t lanes,
 }
 
 void ArrayLowering::lowerLanes(LoadLanesOp op) {
+  if (op->hasAttr(attr::run)) {
+    op->replaceAllUsesWith(loadRun(op));
+    return;
+  }
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   for (auto [result, leaf, value] :

@@ -57,8 +57,13 @@ SmallVector<mlir::Value> ArrayLowering::loadWords(const LaneAccess &access) {
     pointers = LLVM::SelectOp::create(b, loc, access.mask, pointers, safe);
   }
   SmallVector<mlir::Value> pointerOf;
-  for (int64_t lane = 0; lane < lanes; ++lane)
-    pointerOf.push_back(extract(constant(i32, lane)));
+  for (int64_t lane = 0; lane < lanes; ++lane) {
+    mlir::Value one = extract(constant(i32, lane));
+    if (access.offset)
+      one = LLVM::GEPOp::create(b, loc, one.getType(), i8, one,
+                                ArrayRef<LLVM::GEPArg>(access.offset));
+    pointerOf.push_back(one);
+  }
   return loadRows(b, loc, access.wordLanes(), access.leaves.size(),
                   [&](int64_t lane) { return pointerOf[lane]; });
 }

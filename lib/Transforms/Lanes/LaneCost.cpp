@@ -13,6 +13,7 @@
 #include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
 #include "LanePlan.h"
+#include "RowRuns.h"
 #include "WarpDialect/LibraryOps.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -304,6 +305,15 @@ static double gatherCost(Operation *op, ValueRange numbers, double use) {
                                               : warp::cost::gatherCost;
 }
 
+/// True if lanes load a number of a row together with the next ones.
+static bool isInRun(Operation *op, const ThreadVariance &variance) {
+  constexpr int64_t lanes = 16;
+  auto load = dyn_cast<warp::LoadComponentsOp>(op);
+  return load && warp::isRowLoad(load, variance) &&
+         warp::iterationsInRun(cast<scf::ForOp>(load->getParentOp()), variance,
+                               lanes) > 1;
+}
+
 void CostCounter::countAccess(warp::AccessOp op, double trips, double use) {
   auto store = dyn_cast<warp::StoreComponentsOp>(*op);
   cost.hasRows |= goesThroughRow(op);
@@ -316,7 +326,8 @@ void CostCounter::countAccess(warp::AccessOp op, double trips, double use) {
   if (count > 4)
     cost.operations += 4 * count;
   Value array = op.getArray();
-  double each = !follows                        ? gatherCost(op, numbers, use)
+  double each = isInRun(op, variance)           ? warp::cost::rowCost
+                : !follows                      ? gatherCost(op, numbers, use)
                 : warp::isPartOfPacked(array)   ? warp::cost::fieldCost
                 : warp::hasDenseElements(array) ? 2 * laneShare
                                                 : gatherCost(op, numbers, use);

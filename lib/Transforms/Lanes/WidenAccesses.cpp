@@ -16,6 +16,7 @@
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "Neighbours.h"
+#include "RowRuns.h"
 #include "Updates/Atomics.h"
 #include "WarpDialect/ParameterLayout.h"
 
@@ -110,6 +111,10 @@ void Widening::markNeighbours(Operation *access, Value array,
 void Widening::widenLoad(warp::LoadComponentsOp op) {
   if (llvm::none_of(op.getComponents(), [&](Value v) { return isVarying(v); }))
     return cloneScalar(op);
+  auto run = together.find(op->getParentOp());
+  if (run != together.end() && run->second.first > 1 &&
+      warp::isRowLoad(op, variance))
+    return loadOfRun(op);
   Block *where = op->getBlock();
   int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
   warp::LaneForm form = stride ? warp::LaneForm::unit : warp::LaneForm::gather;
@@ -125,6 +130,23 @@ void Widening::widenLoad(warp::LoadComponentsOp op) {
   for (auto [result, made] :
        llvm::zip_equal(op.getComponents(), load.getComponents()))
     setVector(result, made);
+}
+
+/// The first of the iterations that are together loads for all of them.
+void Widening::loadOfRun(warp::LoadComponentsOp op) {
+  auto [count, number] = together.lookup(op->getParentOp());
+  Values &loaded = runs[op];
+  if (number == 0) {
+    SmallVector<Type> types(count, lanesOf(op.getResultTypes().front()));
+    auto load = warp::LoadLanesOp::create(
+        b, loc, types, scalar(op.getArray()),
+        accessIndices(op.getIndices(), warp::LaneForm::gather), mask,
+        warp::LaneForm::gather, nonNegative(op.getIndices(), op->getBlock()),
+        /*stride=*/1);
+    load->setAttr(warp::attr::run, b.getI64IntegerAttr(count));
+    loaded = Values(load.getComponents());
+  }
+  setVector(op.getComponents().front(), loaded[number]);
 }
 
 void Widening::widenStore(warp::StoreComponentsOp op) {

@@ -16,6 +16,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "RareBranch.h"
+#include "RowRuns.h"
 #include "Widening.h"
 
 #include "Analysis/CostModel.h"
@@ -182,24 +183,70 @@ void Widening::widenFor(scf::ForOp op) {
   for (auto [argument, init] :
        llvm::zip_equal(op.getRegionIterArgs(), op.getInitArgs()))
     appendForms(argument, init, inits);
-  auto loop = scf::ForOp::create(
-      b, loc, scalar(op.getLowerBound()), scalar(op.getUpperBound()),
-      scalar(op.getStep()), inits, nullptr, op.getUnsignedCmp());
-  {
-    OpBuilder::InsertionGuard guard(b);
-    b.setInsertionPointToStart(loop.getBody());
-    setScalar(op.getInductionVar(), loop.getInductionVar());
-    takeForms(op.getRegionIterArgs(), loop.getRegionIterArgs());
+  Value begin = scalar(op.getLowerBound()), end = scalar(op.getUpperBound());
+  int64_t run = warp::iterationsInRun(op, variance, lanes);
+  if (run > 1) {
+    // Counts modulo two to the number of bits, as the difference may need one
+    // more.
+    auto less = op.getUnsignedCmp() ? arith::CmpIPredicate::ult
+                                    : arith::CmpIPredicate::slt;
+    Value none =
+        arith::ConstantOp::create(b, loc, b.getZeroAttr(begin.getType()));
+    Value whole = arith::ConstantOp::create(
+        b, loc, b.getIntegerAttr(begin.getType(), -run));
+    Value runs = arith::CmpIOp::create(b, loc, less, begin, end);
+    Value trips = arith::SubIOp::create(b, loc, end, begin);
+    trips = arith::AndIOp::create(b, loc, trips, whole);
+    trips = arith::SelectOp::create(b, loc, runs, trips, none);
+    Value middle = arith::AddIOp::create(b, loc, begin, trips);
+    inits = widenIterations(op, begin, middle, run, inits).getResults();
+    begin = middle;
+  }
+  auto loop = widenIterations(op, begin, end, 1, inits);
+  takeResults(op.getRegionIterArgs(), op.getResults(), loop.getResults());
+}
+
+/// The iterations from `begin` up to `end`, so many together.
+scf::ForOp Widening::widenIterations(scf::ForOp op, Value begin, Value end,
+                                     int64_t count, ValueRange inits) {
+  auto number = [&](int64_t value) -> Value {
+    return arith::ConstantOp::create(b, loc,
+                                     b.getIntegerAttr(begin.getType(), value));
+  };
+  Value step = count > 1 ? number(count) : scalar(op.getStep());
+  auto loop = scf::ForOp::create(b, loc, begin, end, step, inits, nullptr,
+                                 op.getUnsignedCmp());
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(loop.getBody());
+  Values passed(loop.getRegionIterArgs());
+  for (int64_t k = 0; k < count; ++k) {
+    together[op] = {count, k};
+    // Forms of another iteration.
+    op->walk([&](Operation *inner) {
+      for (Region &region : inner->getRegions())
+        for (Value argument : region.getArguments())
+          vectors.erase(argument);
+      if (inner != op)
+        for (Value result : inner->getResults())
+          vectors.erase(result);
+    });
+    Value counter = loop.getInductionVar();
+    if (k > 0)
+      counter = arith::AddIOp::create(b, loc, counter, number(k));
+    setScalar(op.getInductionVar(), counter);
+    takeForms(op.getRegionIterArgs(), passed);
     widen(*op.getBody());
     loc = op.getLoc();
     Values next;
     for (auto [argument, value] :
          llvm::zip_equal(op.getRegionIterArgs(), op.getYieldedValues()))
       appendForms(argument, value, next);
-    if (!next.empty())
-      scf::YieldOp::create(b, loc, next);
+    passed = next;
   }
-  takeResults(op.getRegionIterArgs(), op.getResults(), loop.getResults());
+  together.erase(op);
+  if (!passed.empty())
+    scf::YieldOp::create(b, loc, passed);
+  return loop;
 }
 
 /// A result of a loop has the forms of the argument that it was, or fewer.

@@ -90,12 +90,16 @@ private:
   void flatten(mlir::scf::IfOp op);
   Values widenArm(mlir::scf::IfOp op, mlir::Block *arm, mlir::Value mask);
   void widenFor(mlir::scf::ForOp op);
+  mlir::scf::ForOp widenIterations(mlir::scf::ForOp op, mlir::Value begin,
+                                   mlir::Value end, int64_t together,
+                                   mlir::ValueRange inits);
   void widenDivergentFor(mlir::scf::ForOp op);
   void widenWhile(mlir::scf::WhileOp op);
   void widenDivergentWhile(mlir::scf::WhileOp op);
 
   // WidenAccesses.cpp
   void widenLoad(LoadComponentsOp op);
+  void loadOfRun(LoadComponentsOp op);
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
   void updateTogether(AtomicComponentsOp op, mlir::ValueRange indices);
@@ -135,6 +139,11 @@ private:
   /// Lanes that run the code at the insertion point; at least one of them.
   mlir::Value mask;
   llvm::DenseMap<mlir::Value, mlir::Value> scalars, vectors;
+  /// Loops with several iterations together: how many, and which of them is
+  /// written.
+  llvm::DenseMap<mlir::Operation *, std::pair<int64_t, int64_t>> together;
+  /// The results of loads of rows for these.
+  llvm::DenseMap<mlir::Operation *, Values> runs;
 };
 
 } // namespace warp

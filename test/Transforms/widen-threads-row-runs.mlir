@@ -1,0 +1,62 @@
+// RUN: warp-opt %s --split-input-file --warp-form-launch \
+// RUN:     --warp-widen-threads | FileCheck %s
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, lanes = 4>
+
+// Lanes go along rows of their own: eight elements of each row are loaded
+// together, and what is left behind the last eight one by one.
+// CHECK-LABEL: func.func @sums
+// CHECK: %[[RUNS:.*]] = arith.cmpi slt, %{{.*}}, %arg2 : i32
+// CHECK: %[[TRIPS:.*]] = arith.andi
+// CHECK: %[[WHOLE:.*]] = arith.select %[[RUNS]], %[[TRIPS]]
+// CHECK: %[[MIDDLE:.*]] = arith.addi %{{.*}}, %[[WHOLE]]
+// CHECK: scf.for %[[K:.*]] = %{{.*}} to %[[MIDDLE]] step %c8_i32 iter_args
+// CHECK: %[[V:.*]]:8 = warp.load_lanes gather %arg0[%{{.*}}, %[[K]]] {{.*}}warp.run = 8
+// CHECK-COUNT-8: arith.addf {{.*}} : vector<4xf32>
+// CHECK: scf.yield
+// CHECK: scf.for %{{.*}} = %[[MIDDLE]] to %arg2
+// CHECK: warp.load_lanes gather
+// CHECK-NOT: warp.run
+func.func @sums(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %z = arith.constant 0.0 : f32
+  %s = scf.for %k = %c0 to %n step %c1 iter_args(%t = %z) -> (f32) : i32 {
+    %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    %u = arith.addf %t, %v : f32
+    scf.yield %u : f32
+  }
+  warp.store_components(%s), %y[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, lanes = 4>
+
+// A row that the loop writes is read element by element; so is one that lanes
+// go along by two.
+// CHECK-LABEL: func.func @written
+// CHECK-NOT: warp.run
+func.func @written(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c2 = arith.constant 2 : i32
+  scf.for %k = %c0 to %n step %c1 : i32 {
+    %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    %u = arith.addf %v, %v : f32
+    %j = arith.addi %k, %c1 : i32
+    warp.store_components(%u), %x[%i, %j] : (f32), !warp.array<2 x f32>, i32, i32
+  }
+  scf.for %k = %c0 to %n step %c2 : i32 {
+    %v = warp.load_components %y[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    warp.store_components(%v), %x[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
+  }
+  return
+}
