@@ -38,6 +38,8 @@ struct CopiedArray {
   int64_t floating = 1;
   int64_t isUnsigned = 0;
   CopyKind kind = CopyKind::sum;
+
+  bool operator==(const CopiedArray &) const = default;
 };
 
 /// The compiler's facts about copies for a kernel.

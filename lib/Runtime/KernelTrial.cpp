@@ -18,15 +18,21 @@ using namespace warp;
 /// The file of a trial.
 static std::string fileOf(const std::string &key) { return key + ".lanes"; }
 
-/// True if launches of `one` are made as those of `other`, whose facts about
-/// the size of launches are enough for it.
+/// True if launches of `one` may be made as those of `other`: what keeps code
+/// without atomic instructions right does so with them, too.
+static bool updatesAlike(const Schedule &one, const Schedule &other) {
+  if (!other.exclusive)
+    return !one.exclusive && one.atomics == other.atomics;
+  return !one.exclusive || one.copied.list == other.copied.list;
+}
+
+/// The same for all of a launch; facts about its size that are enough for
+/// `other` are enough for it.
 static bool areAlike(const Code &one, const Code &other) {
   const Schedule &a = one.schedule, &b = other.schedule;
-  return a.exclusive == b.exclusive && a.atomics == b.atomics &&
-         a.usesPrintf == b.usesPrintf && a.sums.size() == b.sums.size() &&
-         a.copied.list.size() == b.copied.list.size() &&
-         (a.sizeFacts & ~b.sizeFacts) == 0 && one.sites.empty() &&
-         other.sites.empty();
+  return updatesAlike(a, b) && a.usesPrintf == b.usesPrintf &&
+         a.sums.size() == b.sums.size() && (a.sizeFacts & ~b.sizeFacts) == 0 &&
+         one.sites.empty() && other.sites.empty();
 }
 
 static CompileOptions scalarOptions(CompileOptions options) {
@@ -34,15 +40,14 @@ static CompileOptions scalarOptions(CompileOptions options) {
   return options;
 }
 
-/// Code that updates elements would add floats in another order from the launch
-/// on that it is exchanged at; all else has the same bits.
+/// Deterministic code would add floats in another order from the launch on that
+/// it is exchanged at; all else has the same bits.
 bool Kernel::Impl::mayTry(const CompileOptions &wanted,
                           const Variant &variant) const {
   const Schedule &schedule = variant.code.schedule;
   return hasLaneTrials() && isHost(variant.key.device) && saved.empty() &&
          wanted.lanes == 0 && !wanted.debug && !wanted.deterministic &&
-         schedule.lanes > 1 && !schedule.exclusive && !schedule.atomics &&
-         variant.code.sites.empty();
+         schedule.lanes > 1 && variant.code.sites.empty();
 }
 
 void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {

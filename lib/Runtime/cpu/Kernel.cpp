@@ -95,10 +95,12 @@ static int64_t tryLanes(const Kernel::Variant &variant, const void *params,
 static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
   PrivateCopies copies(variant.code.schedule.copied, params, paramSize);
+  int64_t first =
+      tryLanes(variant, copies.paramsOf(ThreadPool::worker()), items);
   auto run = [&](int64_t begin, int64_t end) {
     runOnCpu(variant, copies.paramsOf(ThreadPool::worker()), begin, end);
   };
-  ThreadPool::parallelFor(0, items, grainOf(variant.code), run,
+  ThreadPool::parallelFor(first, items, grainOf(variant.code), run,
                           &variant.history);
   copies.merge();
 }
@@ -112,7 +114,7 @@ static void launchAlone(const Kernel::Variant &variant, const void *params,
       chooseUpdates(copied, params, items) == UpdateMode::Copies)
     return launchOnCopies(variant, params, paramSize, items);
   freeIdleCopies();
-  runOnCpu(variant, params, 0, items);
+  runOnCpu(variant, params, tryLanes(variant, params, items), items);
 }
 
 /// Runs the indices below `items`; on this thread if `serial`.

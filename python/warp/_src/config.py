@@ -270,7 +270,7 @@ SETTINGS = {
             bool,
             True,
             "compare the lanes of a CPU kernel with scalar code in a few launches, once it has run "
-            "for a while, and keep the quicker; never of kernels with atomics, whose sums would "
+            "for a while, and keep the quicker; never of deterministic kernels, whose sums would "
             "round in another way",
         ),
         Setting(
