@@ -65,6 +65,10 @@ struct AutodiffOptions {
   /// forward sweep again in memory of a fixed size; "global" keeps all
   /// iterations in memory that the runtime allocates for each launch.
   std::string tape = "checkpoints";
+  /// Nobody has kept what the launch has overwritten. Where loops need that,
+  /// what the launch has left takes its place, and the launch is refused if a
+  /// thread reads an element before it writes it.
+  bool unrecorded = false;
 };
 
 /// An argument that the primal does not have.
@@ -83,9 +87,10 @@ struct HiddenArgument {
     /// Per loop in the global tape (its number is the leaf) and thread, the
     /// trips: zero before the counting launch. Its rank is 4, as of `Saved`.
     Trips,
-    /// The same for where the thread's part of the tape begins.
+    /// The same for where the thread's part of the tape begins: the trips of
+    /// the threads before it.
     Offsets,
-    /// Per loop the trips of all threads: zero before the counting launch.
+    /// Not used.
     Totals,
     /// Memory for as many trips of a loop, in rows of 2^16 elements.
     Tape,
@@ -109,14 +114,19 @@ struct Derivative {
   std::optional<Module> augmented;
   /// The kernel that finds how much global tape each thread needs.
   std::optional<Module> counting;
-  /// The primal on copies of what it writes, run twice before the derivative:
-  /// first with zeros in `Trips`, which counts, then with tapes of as many
-  /// elements, which are filled. Its `Counters` say how often a thread met what
-  /// another one writes: then the derivative is wrong.
-  std::optional<Module> recording;
-  /// After the arguments of the primal, in order; those of `counting` and of
-  /// `recording`.
-  std::vector<HiddenArgument> hidden, hiddenOfCounting, hiddenOfRecording;
+  /// Kernels that run before the derivative if that needs values that the primal
+  /// has overwritten: `sizing` writes `Trips`, `recording` is the primal on
+  /// copies of what it writes and fills tapes of as many elements. The number of loops
+  /// stands for that of the threads, where they have to be told apart: offsets
+  /// are 0, 1, ... there. Its `Counters` say how often a thread met what
+  /// another one writes: then the derivative is wrong. With the number of an
+  /// array they say how often one of its elements was read before it was
+  /// written.
+  std::optional<Module> sizing, recording;
+  /// After the arguments of the primal, in order; those of `counting`, of
+  /// `sizing` and of `recording`.
+  std::vector<HiddenArgument> hidden, hiddenOfCounting, hiddenOfSizing,
+      hiddenOfRecording;
   /// Arrays whose contents the derivative reads.
   std::vector<int> needed;
   /// Not empty if only launches of one thread are right; says why.

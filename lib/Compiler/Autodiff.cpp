@@ -71,16 +71,22 @@ struct Stages {
 } // namespace
 
 /// The facts about one launch stand at the kernel while it is differentiated.
-static void markApart(ModuleOp module, const AutodiffOptions &options) {
+static void markFacts(ModuleOp module, const AutodiffOptions &options) {
   SmallVector<bool> flags(options.apart.begin(), options.apart.end());
-  for (auto function : module.getOps<func::FuncOp>())
-    if (function->hasAttr(warp::kernelAttrName) && !flags.empty())
+  for (auto function : module.getOps<func::FuncOp>()) {
+    if (!function->hasAttr(warp::kernelAttrName))
+      continue;
+    if (!flags.empty())
       function->setAttr(warp::autodiff::apartAttrName,
                         DenseBoolArrayAttr::get(module.getContext(), flags));
+    if (options.unrecorded)
+      function->setAttr(warp::attr::unrecorded,
+                        UnitAttr::get(module.getContext()));
+  }
 }
 
 LogicalResult warp::derive(ModuleOp module, const AutodiffOptions &options) {
-  markApart(module, options);
+  markFacts(module, options);
   PassManager differentiate(module.getContext());
   differentiate.enableVerifier(false);
   addDifferentiation(differentiate, options);
@@ -191,7 +197,8 @@ static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
   kernel->removeAttr(warp::attr::maxRank);
   for (StringRef rest :
        {StringRef(warp::kernelAttrName), StringRef(warp::attr::augmented),
-        StringRef(warp::attr::counting), StringRef(warp::attr::recording)})
+        StringRef(warp::attr::counting), StringRef(warp::attr::sizing),
+        StringRef(warp::attr::recording)})
     if (func::FuncOp sibling = findMarked(*other->op, rest))
       sibling.erase();
   kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
@@ -285,7 +292,10 @@ Derivative warp::differentiate(const Module &module,
     derivative.hiddenOfCounting = takeHidden(counting);
   if (func::FuncOp recording = findMarked(*copy->op, attr::recording))
     derivative.hiddenOfRecording = takeHidden(recording);
+  if (func::FuncOp sizing = findMarked(*copy->op, attr::sizing))
+    derivative.hiddenOfSizing = takeHidden(sizing);
   derivative.counting = takeMarked(*copy->op, attr::counting);
+  derivative.sizing = takeMarked(*copy->op, attr::sizing);
   derivative.recording = takeMarked(*copy->op, attr::recording);
   derivative.augmented = takeMarked(*copy->op, attr::augmented);
   finish(*copy->op);

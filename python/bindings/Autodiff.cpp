@@ -113,6 +113,8 @@ void python::bindAutodiff(py::module_ &m) {
       .def_readonly("augmented", &Derivative::augmented)
       .def_readonly("counting", &Derivative::counting)
       .def_readonly("hidden_of_counting", &Derivative::hiddenOfCounting)
+      .def_readonly("sizing", &Derivative::sizing)
+      .def_readonly("hidden_of_sizing", &Derivative::hiddenOfSizing)
       .def_readonly("recording", &Derivative::recording)
       .def_readonly("hidden_of_recording", &Derivative::hiddenOfRecording)
       .def_readonly("hidden", &Derivative::hidden)
@@ -125,7 +127,7 @@ void python::bindAutodiff(py::module_ &m) {
       [](const Module &module, bool forward, int width, bool winners,
          std::vector<bool> active, const std::string &singular, bool unique,
          const std::string &tape, std::vector<bool> apart,
-         std::vector<int> same) {
+         std::vector<int> same, bool unrecorded) {
         AutodiffOptions options;
         options.forward = forward;
         options.width = width;
@@ -136,6 +138,7 @@ void python::bindAutodiff(py::module_ &m) {
         options.tape = tape;
         options.apart = std::move(apart);
         options.same = std::move(same);
+        options.unrecorded = unrecorded;
         warp::python::Unlocked unlocked;
         return differentiate(module, options);
       },
@@ -144,7 +147,7 @@ void python::bindAutodiff(py::module_ &m) {
       py::arg("active") = std::vector<bool>(), py::arg("singular") = "pinned",
       py::arg("unique") = true, py::arg("tape") = "checkpoints",
       py::arg("apart") = std::vector<bool>(),
-      py::arg("same") = std::vector<int>(),
+      py::arg("same") = std::vector<int>(), py::arg("unrecorded") = false,
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
         "Whether an address may belong to two elements of the arrays.");

@@ -11,6 +11,13 @@
 // CHECK: scf.for
 // CHECK: warp.load %[[TAPE]]
 // CHECK-NOT: warp.load %arg0
+// What finds out how much there is to keep computes none of it.
+// CHECK-LABEL: func.func @chain_size
+// CHECK-SAME: #warp.hidden<kind = claims, leaf = 0>
+// CHECK-NOT: warp.mul
+// CHECK: warp.atomic exch
+// CHECK-NOT: warp.mul
+// CHECK: return
 // CHECK-LABEL: func.func @chain_record
 // CHECK-SAME: %[[CLAIMS:[^ ]*]]: !warp.array<1 x si32>, %[[CONFLICTS:[^ ]*]]: !warp.array<1 x si32>, %[[COPY:[^ ]*]]: !warp.array<1 x f32>)
 // CHECK-SAME: #warp.hidden<kind = preserved, leaf = 0>

@@ -14,7 +14,14 @@
 // CHECK-LABEL: func @rows_adjoint(
 // CHECK-NOT: warp.atomic
 
-// The recording finds that out: a thread claims the place with its number.
+// A run before the recording claims the place with the thread's number, and
+// computes nothing that is not needed for that.
+// CHECK-LABEL: func @rows_size(
+// CHECK-SAME: kind = claims
+// CHECK: warp.atomic exch
+// CHECK-NOT: warp.load
+
+// The recording finds out whether threads meet.
 // CHECK-LABEL: func @rows_record(
 // CHECK-SAME: kind = claims
 // CHECK: warp.atomic exch

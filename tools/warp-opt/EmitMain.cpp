@@ -94,6 +94,8 @@ static void printDerivative(const warp::Module &module,
     std::cout << "// augmented\n" << derivative.augmented->text();
   if (derivative.counting)
     std::cout << "// counting\n" << derivative.counting->text();
+  if (derivative.sizing)
+    std::cout << "// sizing\n" << derivative.sizing->text();
   if (derivative.recording)
     std::cout << "// recording\n" << derivative.recording->text();
   for (const warp::HiddenArgument &hidden : derivative.hidden)

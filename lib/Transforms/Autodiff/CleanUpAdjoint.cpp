@@ -68,6 +68,13 @@ static void dropArguments(func::FuncOp function,
   (void)function.eraseArguments(dropped);
 }
 
+/// Drops the hidden arguments that nothing uses.
+static void dropIdle(func::FuncOp function) {
+  dropArguments(function, [](BlockArgument argument) {
+    return getHidden(argument) && argument.use_empty();
+  });
+}
+
 /// Drops what the adjoint does not read from what is recorded for it; null if
 /// nothing is left to record or to check.
 static func::FuncOp dropUnused(func::FuncOp adjoint, func::FuncOp recording) {
@@ -221,12 +228,14 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
         dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
     if (!adjoint || failed(checkMarks(adjoint)))
       return signalPassFailure();
-    func::FuncOp augmented, recording;
+    func::FuncOp augmented, recording, sizing;
     for (auto function : getOperation().getOps<func::FuncOp>()) {
       if (function->hasAttr(warp::attr::augmented))
         augmented = function;
       if (function->hasAttr(warp::attr::recording))
         recording = function;
+      if (function->hasAttr(warp::attr::sizing))
+        sizing = function;
     }
     mergeSums(adjoint.getBody().front());
     storeSums(adjoint);
@@ -237,8 +246,13 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
     if (recording)
       recording = dropUnused(adjoint, recording);
     dropUnusedSaved(adjoint, augmented, recording);
-    if (recording)
+    if (recording) {
       describeHidden(recording);
+      dropIdle(sizing);
+      describeHidden(sizing);
+    } else if (sizing) {
+      sizing.erase();
+    }
     describeCode(adjoint, recording, describeHidden(adjoint));
     if (augmented && describeHidden(augmented) == 0)
       augmented.erase();

@@ -14,6 +14,7 @@
 #include "Autodiff/Forward/Forward.h"
 #include "Autodiff/Loops/LastAssignments.h"
 #include "Autodiff/OwnUpdates.h"
+#include "Autodiff/Recording.h"
 #include "Autodiff/Reverse/GuardArms.h"
 #include "Autodiff/Reverse/Reverse.h"
 #include "Autodiff/SaveForAdjoint.h"
@@ -89,7 +90,8 @@ static func::FuncOp createTwin(func::FuncOp kernel, StringRef suffix) {
   auto twin =
       func::FuncOp::create(b, kernel.getLoc(), name, kernel.getFunctionType());
   for (NamedAttribute attr : kernel->getDiscardableAttrs())
-    if (attr.getName() != apartAttrName)
+    if (attr.getName() != apartAttrName &&
+        attr.getName() != warp::attr::unrecorded)
       twin->setAttr(attr.getName(), attr.getValue());
   twin.addEntryBlock();
   return twin;
@@ -263,6 +265,7 @@ struct DifferentiateKernel
       emitRemark(place) << text;
     attachResults(adjoint, builder);
     kernel->removeAttr(apartAttrName);
+    kernel->removeAttr(warp::attr::unrecorded);
     if (saveForAdjoint(kernel, adjoint, builder.getMemory()))
       joinUpdates(trusted.updates);
     else

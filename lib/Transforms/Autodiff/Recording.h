@@ -13,6 +13,11 @@ namespace warp::attr {
 /// On a function next to an adjoint: it runs the kernel again, on copies of
 /// what that writes, and keeps what loops read.
 constexpr llvm::StringLiteral recording = "warp.recording";
+/// On a function next to that: it finds how many values each thread keeps.
+constexpr llvm::StringLiteral sizing = "warp.sizing";
+/// On a kernel: there is no copy of what its launch has overwritten, but what
+/// it has left. The recording finds out whether that is enough.
+constexpr llvm::StringLiteral unrecorded = "warp.unrecorded";
 } // namespace warp::attr
 
 #endif // WARP_TRANSFORMS_AUTODIFF_RECORDING_H

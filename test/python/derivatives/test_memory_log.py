@@ -262,6 +262,84 @@ def test_without_a_tape_nobody_knows_what_was_there():
         wp.launch(squares, 1, [p, x, 3], adj_inputs=[None, x.grad], adjoint=True, device="cpu")
 
 
+@wp.kernel
+def through_parents(
+    x: wp.array2d(dtype=REAL), parent: wp.array(dtype=int), n: int, y: wp.array2d(dtype=REAL)
+):
+    i = wp.tid()
+    y[i, 0] = wp.sin(x[i, 0])
+    for k in range(1, n):
+        y[i, k] = wp.sin(y[i, parent[k]] + x[i, k])
+
+
+@pytest.mark.parametrize("recorded", [True, False])
+@pytest.mark.parametrize(("rows", "n"), [(1, 1), (3, 2), (40, 17)])
+def test_rows_as_trees(recorded, rows, n, device):
+    """Each element is written before it is read, so that a launch needs no tape."""
+    parent = np.array([0, *(rng.integers(0, k) for k in range(1, n))])
+    start, weights = rng.normal(size=(2, rows, n))
+    x = wp.array(start, dtype=REAL, device=device, requires_grad=True)
+    y = wp.full((rows, n), 5.0, dtype=REAL, device=device, requires_grad=True)
+    tree = wp.array(parent, dtype=int, device=device)
+    seed = wp.array(weights, dtype=REAL, device=device)
+    with wp.Tape() as tape:
+        wp.launch(through_parents, rows, [x, tree, n, y], device=device)
+    if recorded:
+        tape.backward(grads={y: seed})
+    else:
+        wp.copy(y.grad, seed)
+        wp.launch(
+            through_parents,
+            rows,
+            [x, tree, n, y],
+            adj_inputs=[x.grad, None, None, y.grad],
+            adjoint=True,
+            device=device,
+        )
+    moved, slopes = np.zeros((2, rows, n))
+    for k in range(n):
+        moved[:, k] = start[:, k] + (np.sin(moved[:, parent[k]]) if k else 0.0)
+    wanted, left = np.zeros((rows, n)), weights.copy()
+    for k in range(n - 1, -1, -1):
+        slopes = left[:, k] * np.cos(moved[:, k])
+        wanted[:, k] = slopes
+        if k:
+            left[:, parent[k]] += slopes
+    np.testing.assert_allclose(x.grad.numpy(), wanted, rtol=1e-12)
+
+
+def test_a_launch_without_a_tape_must_write_before_it_reads(device):
+    """A parent that comes later, and an element to which the launch adds."""
+
+    @wp.kernel
+    def gathered(x: wp.array(dtype=REAL), p: wp.array(dtype=int), y: wp.array(dtype=REAL)):
+        for k in range(3):
+            wp.atomic_add(y, p[k], wp.sin(y[p[k]]) * x[k])
+
+    x = wp.array(rng.normal(size=(1, 3)), dtype=REAL, device=device, requires_grad=True)
+    y = wp.zeros((1, 3), dtype=REAL, device=device, requires_grad=True)
+    tree = wp.array([0, 2, 0], dtype=int, device=device)
+    with pytest.raises(RuntimeError, match="array 'y' as it was before the launch"):
+        wp.launch(
+            through_parents,
+            1,
+            [x, tree, 3, y],
+            adj_inputs=[x.grad, None, None, y.grad],
+            adjoint=True,
+            device=device,
+        )
+    x, y = x.flatten(), y.flatten()
+    with pytest.raises(RuntimeError, match="array 'y' as it was before the launch"):
+        wp.launch(
+            gathered,
+            1,
+            [x, tree, y],
+            adj_inputs=[x.grad, None, y.grad],
+            adjoint=True,
+            device=device,
+        )
+
+
 def test_second_derivatives_are_an_error():
     p = wp.array([0, 1, 2], dtype=int, device="cpu")
 

@@ -5,11 +5,9 @@
 // An adjoint with a global tape notes the trips of each loop that has a part in
 // it. A copy of the adjoint without any other effect, and without what only
 // those used, counts: bounds are computed, loops with a condition run forward,
-// nothing is reversed. At its end each thread reserves its part,
-//
-//   offsets[thread] = atomic totals[loop] += trips[thread]
-//
-// and the adjoint gets both. It notes nothing itself.
+// nothing is reversed. The runtime adds up the trips of all threads, and the
+// adjoint gets them with where each thread's part begins. It notes nothing
+// itself.
 //
 //===----------------------------------------------------------------------===//
 
@@ -60,31 +58,6 @@ static void eraseEffects(func::FuncOp function,
   }
 }
 
-/// Reserves the part of this thread in each tape.
-static void reserve(func::FuncOp counting,
-                    ArrayRef<std::pair<int64_t, BlockArgument>> trips) {
-  OpBuilder b(counting.getBody().front().getTerminator());
-  Location loc = counting.getLoc();
-  Type type = b.getIntegerType(64, true), small = b.getIntegerType(32, true);
-  Value totals = addHidden(
-      counting, warp::HiddenAttr::get(b.getContext(), warp::HiddenKind::Totals),
-      warp::ArrayType::get(b.getContext(), 1, type));
-  SmallVector<Type> types(4, small);
-  auto thread = warp::TidOp::create(b, loc, types);
-  // Logged loads have offsets, too.
-  llvm::DenseMap<int64_t, BlockArgument> offsets;
-  for (auto [site, array] : findHidden(counting, warp::HiddenKind::Offsets))
-    offsets[site] = array;
-  for (auto [site, array] : trips) {
-    Value most = warp::LoadOp::create(b, loc, type, array, thread.getResults());
-    Value at = warp::ConstantOp::create(b, loc, b.getIntegerAttr(small, site));
-    Value offset = warp::AtomicOp::create(b, loc, type, warp::AtomicKind::add,
-                                          most, totals, ValueRange(at));
-    warp::StoreOp::create(b, loc, offset, offsets.lookup(site),
-                          thread.getResults());
-  }
-}
-
 func::FuncOp warp::autodiff::takeCounting(func::FuncOp adjoint) {
   auto noted = findHidden(adjoint, HiddenKind::Trips);
   if (noted.empty())
@@ -100,7 +73,6 @@ func::FuncOp warp::autodiff::takeCounting(func::FuncOp adjoint) {
                                               counting);
   auto trips = findHidden(counting, HiddenKind::Trips);
   eraseEffects(counting, trips);
-  reserve(counting, trips);
   eraseDead(counting.getBody());
 
   for (auto [site, array] : noted)

@@ -9,15 +9,19 @@
 //
 //   kernel     position = 0
 //              loop:  v = load;  position += 1           (dead code there)
+//   sizing     loop:  position += 1
+//              trips[thread] = position
 //   recording  loop:  v = load;  log[offset + position] = v;  position += 1
-//              if it is the first run:  offset = atomic total += position
 //   adjoint    loop:  v = log[offset + position]
 //
 // The position is a value that the loop carries: reversed loops know how to
-// have it again. RecordLoads.cpp makes the recording.
+// have it again. The runtime makes offsets of trips. RecordLoads.cpp makes the
+// recording, and what is left of it to count.
 //
 // All of this is right if no thread touches what another one writes. Where
-// indices do not tell, the recording finds out.
+// indices do not tell, the recording finds out. It also does if there is no
+// copy from before the launch: what the launch has left is as good if elements
+// are written before they are read.
 //
 //===----------------------------------------------------------------------===//
 
@@ -27,6 +31,7 @@
 #include "RecordLoads.h"
 
 #include "Analysis/Effects.h"
+#include "Autodiff/Recording.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
@@ -185,8 +190,9 @@ bool makeMemoryLog(func::FuncOp kernel, const MemoryClasses &memory,
       log.returned[op] = memory.getNumber(op);
   });
   auto updated = findUpdated(kernel, leaves);
+  log.isUnrecorded = kernel->hasAttr(attr::unrecorded);
   for (unsigned leaf : updated)
-    if (!memory.isPrivate(leaf))
+    if (log.isUnrecorded || !memory.isPrivate(leaf))
       log.checked.insert(leaf);
   recordLoads(kernel, log, updated, counts);
   for (Operation *count : counts)

@@ -31,6 +31,9 @@ struct MemoryLog {
   /// Arrays, by leaf, of which each launch has to show that no thread touches
   /// what another one writes.
   llvm::SmallDenseSet<unsigned> checked;
+  /// The contents that the launch has left stand for those from before: no
+  /// thread may read an element before it writes it.
+  bool isUnrecorded = false;
 };
 
 /// Chooses the loads, counts iterations in the kernel and makes the function

@@ -3,18 +3,22 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The kernel on copies of the arrays that it updates, without any other effect.
-// A run without room in the log counts and reserves the thread's part, a second
-// one with room fills it:
+// A first function only counts the iterations of each loop; values that do not
+// change how long loops are have no part in it, for most kernels none. The
+// runtime adds up where each thread's part of the log begins, and a second
+// function fills it:
 //
-//   room, offset = trips[thread], offsets[thread]
-//   loop:  v = load;  if position < room:  log[offset + position] = v
-//   if room == 0:  trips[thread] = position
-//                  offsets[thread] = atomic total += position
+//   sizing     trips[thread] = position
+//   recording  room, offset = trips[thread], offsets[thread]
+//              loop:  v = load;  if position < room:  log[offset + position] =
+//              v
 //
 // In arrays of which indices do not tell whether threads meet, each element has
 // an owner: a thread that writes it leaves its number, and whoever finds
 // another one's counts a conflict, which is an error of the backward pass. The
-// second run sees what any thread has written in the first.
+// second run sees what any thread has written in the first. It leaves the
+// negative number, so that it also knows what has not been written yet: that
+// must not be read if there is no copy from before the launch.
 //
 //===----------------------------------------------------------------------===//
 
@@ -41,10 +45,11 @@ namespace {
 
 class Recording {
 public:
+  /// For the function that fills the log, or for the one that counts.
   Recording(func::FuncOp kernel, const MemoryLog &log,
-            const llvm::SmallDenseSet<unsigned> &updated)
+            const llvm::SmallDenseSet<unsigned> &updated, bool fills)
       : kernel(kernel), leaves(kernel), log(log), updated(updated),
-        b(kernel.getContext()), loc(kernel.getLoc()),
+        fills(fills), b(kernel.getContext()), loc(kernel.getLoc()),
         wide(b.getIntegerType(64, true)), small(b.getIntegerType(32, true)) {}
 
   void build(ArrayRef<Operation *> counts);
@@ -52,7 +57,6 @@ public:
 private:
   /// The part of a thread in the tapes of one site.
   struct Part {
-    BlockArgument trips, offsets;
     Value room, offset;
   };
 
@@ -71,6 +75,7 @@ private:
   void dropEffects();
   void start();
   void reserve(int64_t site, Value count);
+  void dropValues();
   void keep(Operation *load, const LoggedLoad &logged);
   void checkOwner(AccessOp op, unsigned leaf);
   Value claimsOf(Value array, unsigned leaf);
@@ -80,16 +85,19 @@ private:
   ArrayLeaves leaves;
   const MemoryLog &log;
   const llvm::SmallDenseSet<unsigned> &updated;
+  bool fills;
   IRMapping map;
   OpBuilder b;
   Location loc;
   Type wide, small;
   SmallVector<Part> parts;
   SmallVector<Value> thread;
-  BlockArgument totals, conflicts;
+  BlockArgument conflicts;
   llvm::SmallDenseMap<unsigned, BlockArgument> claims;
-  /// Differs from that of any other thread, and is not 0.
-  Value owner;
+  /// Reads of elements before they are written, by array.
+  llvm::SmallDenseMap<unsigned, BlockArgument> early;
+  /// Differs from that of any other thread, and is positive; its negative.
+  Value owner, again;
   SmallVector<Location> places;
 };
 
@@ -127,34 +135,55 @@ void Recording::start() {
   auto tid = TidOp::create(b, loc, SmallVector<Type>(4, small));
   llvm::append_range(thread, tid.getResults());
   Type perThread = ArrayType::get(b.getContext(), 4, wide);
-  totals = add(HiddenKind::Totals, -1, ArrayType::get(b.getContext(), 1, wide));
+  auto load = [&](HiddenKind kind, int64_t site) -> Value {
+    return LoadOp::create(b, loc, wide, add(kind, site, perThread), thread);
+  };
+  for (int64_t site = 0; fills && site < log.sites; ++site)
+    parts.push_back(
+        {load(HiddenKind::Trips, site), load(HiddenKind::Offsets, site)});
+  if (log.checked.empty())
+    return;
   // The last one numbers the threads.
-  for (int64_t site = 0; site <= log.sites; ++site) {
-    Part part{add(HiddenKind::Trips, site, perThread),
-              add(HiddenKind::Offsets, site, perThread), nullptr, nullptr};
-    part.room = LoadOp::create(b, loc, wide, part.trips, thread);
-    parts.push_back(part);
-    if (site == log.sites)
-      reserve(site, constant(wide, 1));
-    parts.back().offset = LoadOp::create(b, loc, wide, part.offsets, thread);
-  }
-  SmallVector<Value> sum{
-      CastOp::create(b, loc, small, parts.back().offset).getResult(),
-      constant(small, 1)};
+  Value number = load(HiddenKind::Offsets, log.sites);
+  SmallVector<Value> sum{CastOp::create(b, loc, small, number).getResult(),
+                         constant(small, 1)};
   owner = AddOp::create(b, loc, TypeRange(small), sum)->getResult(0);
+  SmallVector<Value> difference{constant(small, 0), owner};
+  again = SubOp::create(b, loc, TypeRange(small), difference)->getResult(0);
 }
 
-/// In the run without room, takes room for as many values.
+/// Takes room for as many values.
 void Recording::reserve(int64_t site, Value count) {
-  Part &part = parts[site];
-  auto branch = scf::IfOp::create(
-      b, loc, compare("eq", part.room, constant(wide, 0)), false);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(branch.thenBlock());
-  StoreOp::create(b, loc, count, part.trips, thread);
-  Value offset = AtomicOp::create(b, loc, wide, AtomicKind::add, count, totals,
-                                  ValueRange(constant(small, site)));
-  StoreOp::create(b, loc, offset, part.offsets, thread);
+  BlockArgument trips =
+      add(HiddenKind::Trips, site, ArrayType::get(b.getContext(), 4, wide));
+  StoreOp::create(b, loc, count, trips, thread);
+}
+
+/// Leaves out what is written, if nothing that is left reads it.
+void Recording::dropValues() {
+  func::FuncOp shorter = cast<func::FuncOp>(recording->clone());
+  ArrayLeaves own(shorter);
+  SmallVector<Operation *> writes;
+  auto isUpdated = [&](AccessOp op) {
+    auto leaf = own.of(op.getArray());
+    return leaf.size() == 1 && updated.contains(leaf.front());
+  };
+  shorter.walk([&](AccessOp op) {
+    if (op.mayWrite() && isUpdated(op))
+      writes.push_back(op.getOperation());
+  });
+  for (Operation *op : writes)
+    op->erase();
+  eraseDead(shorter.getBody());
+  bool isRead = shorter
+                    .walk([&](AccessOp op) {
+                      return isUpdated(op) ? WalkResult::interrupt()
+                                           : WalkResult::advance();
+                    })
+                    .wasInterrupted();
+  if (!isRead)
+    recording.getBody().takeBody(shorter.getBody());
+  shorter.erase();
 }
 
 void Recording::keep(Operation *load, const LoggedLoad &logged) {
@@ -199,20 +228,30 @@ Value Recording::claimsOf(Value array, unsigned leaf) {
 void Recording::checkOwner(AccessOp op, unsigned leaf) {
   b.setInsertionPoint(op);
   Location place = op.getLoc();
+  if (!fills && !op.mayWrite())
+    return;
   Value claim = claimsOf(op.getArray(), leaf);
   Value found;
   if (op.mayWrite())
-    found = AtomicOp::create(b, place, small, AtomicKind::exch, owner, claim,
-                             op.getIndices());
+    found = AtomicOp::create(b, place, small, AtomicKind::exch,
+                             fills ? again : owner, claim, op.getIndices());
   else
     found = LoadOp::create(b, place, small, claim, op.getIndices());
+  if (!fills)
+    return;
   Value isOwned = compare("ne", found, constant(small, 0));
-  Value isForeign = compare("ne", found, owner);
+  Value isForeign = arith::AndIOp::create(b, place, compare("ne", found, owner),
+                                          compare("ne", found, again));
   Value isConflict = arith::AndIOp::create(b, place, isOwned, isForeign);
-  if (!conflicts)
-    conflicts =
-        add(HiddenKind::Counters, -1, ArrayType::get(b.getContext(), 1, small));
-  countOne(b, place, isConflict, conflicts, places);
+  auto count = [&](Value condition, BlockArgument &counters, int64_t leaf) {
+    if (!counters)
+      counters = add(HiddenKind::Counters, leaf,
+                     ArrayType::get(b.getContext(), 1, small));
+    countOne(b, place, condition, counters, places);
+  };
+  count(isConflict, conflicts, -1);
+  if (log.isUnrecorded && op.mayRead())
+    count(compare("eq", found, owner), early[leaf], leaf);
 }
 
 /// Reads and writes copies of what the kernel updates.
@@ -238,14 +277,16 @@ void Recording::build(ArrayRef<Operation *> counts) {
   recording = cast<func::FuncOp>(kernel->clone(map));
   OpBuilder(kernel).insert(recording);
   recording->moveAfter(kernel);
-  recording.setName((kernel.getName() + "_record").str());
+  recording.setName((kernel.getName() + (fills ? "_record" : "_size")).str());
   recording->removeAttr(kernelAttrName);
-  recording->setAttr(attr::recording, b.getUnitAttr());
+  recording->removeAttr(attr::unrecorded);
+  recording->setAttr(fills ? attr::recording : attr::sizing, b.getUnitAttr());
   start();
   useReturned();
   dropEffects();
-  for (auto &[load, logged] : log.loads)
-    keep(load, logged);
+  if (fills)
+    for (auto &[load, logged] : log.loads)
+      keep(load, logged);
   kernel.walk([&](AccessOp op) {
     auto leaf = leaves.of(op.getArray());
     if (leaf.size() == 1 && log.checked.contains(leaf.front()))
@@ -254,9 +295,12 @@ void Recording::build(ArrayRef<Operation *> counts) {
   for (auto [site, count] : llvm::enumerate(counts)) {
     Operation *sink = map.lookup(count);
     b.setInsertionPoint(sink);
-    reserve(site, sink->getOperand(0));
+    if (!fills)
+      reserve(site, sink->getOperand(0));
     sink->erase();
   }
+  if (!fills)
+    dropValues();
   useCopies();
   attachPlaces(recording, places);
   eraseDead(recording.getBody());
@@ -265,7 +309,8 @@ void Recording::build(ArrayRef<Operation *> counts) {
 void recordLoads(func::FuncOp kernel, const MemoryLog &log,
                  const llvm::SmallDenseSet<unsigned> &updated,
                  ArrayRef<Operation *> counts) {
-  Recording(kernel, log, updated).build(counts);
+  for (bool fills : {true, false})
+    Recording(kernel, log, updated, fills).build(counts);
 }
 
 } // namespace warp::autodiff

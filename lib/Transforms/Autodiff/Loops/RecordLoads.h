@@ -11,9 +11,10 @@
 
 namespace warp::autodiff {
 
-/// Makes the function that fills the log, next to the kernel. `updated` are the
-/// arrays, by leaf, that the kernel reads and writes; `counts` are operations at
-/// its end whose operands say how many iterations each site has had.
+/// Makes the functions that measure and fill the log, next to the kernel.
+/// `updated` are the arrays, by leaf, that the kernel reads and writes;
+/// `counts` are operations at its end whose operands say how many iterations
+/// each site has had.
 void recordLoads(mlir::func::FuncOp kernel, const MemoryLog &log,
                  const llvm::SmallDenseSet<unsigned> &updated,
                  llvm::ArrayRef<mlir::Operation *> counts);

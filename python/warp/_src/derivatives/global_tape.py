@@ -1,8 +1,8 @@
 """Memory for loops that keep all of their iterations: the option `tape="global"`.
 
 Before the adjoint, a kernel made from it is launched that only counts: it finds how many trips each
-loop makes in each thread, and where in the tape of the loop the thread's part begins. The host
-reads the totals and allocates the tapes, which last as long as the adjoint runs.
+loop makes in each thread. A scan makes of those where in the tape of the loop the thread's part
+begins. The host reads the totals and allocates the tapes, which last as long as the adjoint runs.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from warp import _native
 from warp._src import errors
 from warp._src.arrays.create import empty, zeros
 from warp._src.devices import devices
+from warp._src.devices.scoped import ScopedStream
 from warp._src.types import dtypes, scalars
+from warp._src.utils.sequences import array_scan
 
 # A tape has rows of so many elements (lib/Transforms/Autodiff/GlobalTape.cpp).
 ROW = 1 << 16
@@ -58,13 +60,14 @@ def allocate_tapes(tapes, totals, call) -> dict[tuple[str, int], list]:
     """
     found: dict[tuple[str, int], list] = {}
     needed = sum(totals[hidden.leaf] * _item_size(hidden) for hidden in tapes)
+    trips = sum(totals.values())
     try:
         for hidden in tapes:
             made_for = found.setdefault(("tape", hidden.leaf), [])
             made_for.append(_empty(hidden, totals[hidden.leaf], call))
     except MemoryError as error:
         raise errors.WarpMemoryError(
-            f"launch('{call.kernel.key}', adjoint=True): the tape of {sum(totals)} iterations "
+            f"launch('{call.kernel.key}', adjoint=True): the tape of {trips} iterations "
             f"needs {needed} bytes on '{devices.by_index(call.device).alias}': {error}",
             hint="set the option `tape` of the kernel to 'checkpoints', or launch fewer threads "
             "at once",
@@ -83,23 +86,49 @@ def join_stream(call) -> None:
 
 def _count(made, call, values, known):
     """The arrays of trips and offsets by kind and loop, and per loop the trips of all threads."""
-    loops = 1 + max(hidden.leaf for hidden in made.hidden_of_counting if hidden.kind == "trips")
-    device = devices.by_index(call.device)
-    found = thread_arrays(call, loops)
-    totals = zeros(loops, scalars.int64, device)
+    trips = ThreadTrips(call, counted_loops(made.hidden_of_counting))
     join_stream(call)
-    hidden = known(made.hidden_of_counting, found | {("totals", -1): [totals]})
+    hidden = known(made.hidden_of_counting, trips.found)
     made.counting.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
-    return found, totals.numpy().tolist()
+    return trips.found, trips.add_up()
 
 
-def thread_arrays(call, loops) -> dict[tuple[str, int], list]:
-    """Zeros for the trips and the offset of each thread, by kind and number of the loop."""
-    extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
-    shape = extents + (1,) * (4 - len(extents))
-    kinds = [(kind, loop) for loop in range(loops) for kind in ("trips", "offsets")]
-    device = devices.by_index(call.device)
-    return {key: [zeros(shape, scalars.int64, device)] for key in kinds}
+def counted_loops(hidden) -> list[int]:
+    """Numbers of the loops that a kernel with these hidden arguments counts."""
+    return [one.leaf for one in hidden if one.kind == "trips"]
+
+
+class ThreadTrips:
+    """The trips and the offset of each thread, per loop.
+
+    Attributes:
+        found: the arrays as hidden arguments, by kind and number of the loop.
+    """
+
+    def __init__(self, call, loops):
+        extents = tuple(call.dim) if isinstance(call.dim, (tuple, list)) else (int(call.dim),)
+        shape = extents + (1,) * (4 - len(extents))
+        self._stream, self._pairs, self.found = call.stream, {}, {}
+        count, device = math.prod(shape), devices.by_index(call.device)
+        for loop in loops:
+            # Behind the last thread a zero, whose offset is the sum.
+            pair = zeros(count + 1, scalars.int64, device), empty(count + 1, scalars.int64, device)
+            self._pairs[loop] = pair
+            for kind, whole in zip(("trips", "offsets"), pair, strict=True):
+                self.found[kind, loop] = [whole[:count].reshape(shape)]
+
+    def add_up(self) -> dict[int, int]:
+        """Makes offsets of trips; returns the trips of all threads, per loop."""
+        with ScopedStream(self._stream):
+            for trips, offsets in self._pairs.values():
+                array_scan(trips, offsets, inclusive=False)
+            return {loop: int(pair[1][-1:].numpy()[0]) for loop, pair in self._pairs.items()}
+
+    def number_threads(self) -> None:
+        """Makes the offsets 0, 1, ..."""
+        for trips, _ in self._pairs.values():
+            trips.fill_(1)
+        self.add_up()
 
 
 def _item_size(hidden) -> int:

@@ -14,7 +14,9 @@ from warp import _native
 
 _FACTS = ("needed", "one_thread", "notices", "metrics")
 # Kernels that may come with a derivative, beside its own.
-_PARTS = ("augmented", "counting", "recording")
+_PARTS = ("augmented", "counting", "sizing", "recording")
+# Its lists of hidden arguments, and those of the parts.
+_HIDDEN = ("hidden", "hidden_of_counting", "hidden_of_sizing", "hidden_of_recording")
 
 
 class Hidden(typing.NamedTuple):
@@ -32,13 +34,11 @@ class KeptDerivative:
 
     def __init__(self, module, parts, facts, *hidden):
         self.module = module
-        self.augmented = parts.get("augmented")
-        self.counting = parts.get("counting")
-        self.recording = parts.get("recording")
+        for part in _PARTS:
+            setattr(self, part, parts.get(part))
         self.needed, self.one_thread, self.notices, self.metrics = facts
-        self.hidden, self.hidden_of_counting, self.hidden_of_recording = (
-            [Hidden(*one) for one in described] for described in hidden
-        )
+        for name, described in zip(_HIDDEN, hidden, strict=True):
+            setattr(self, name, [Hidden(*one) for one in described])
 
 
 def find(kernel, native, asked) -> tuple:
@@ -76,7 +76,7 @@ def keep(name, made, derivative) -> None:
         _native.store_translation(_digest(name, part), native, b"")
     described = [
         [tuple(getattr(one, field) for field in Hidden._fields) for one in hidden]
-        for hidden in (made.hidden, made.hidden_of_counting, made.hidden_of_recording)
+        for hidden in (getattr(made, name) for name in _HIDDEN)
     ]
     facts = tuple(getattr(made, fact) for fact in _FACTS)
     notes = marshal.dumps((tuple(parts), facts, *described))

@@ -49,7 +49,7 @@ class KernelDerivatives:
         self._plain.clear()
 
     def adjoint(
-        self, native, active, unique=True, tape=None, apart=(), same=()
+        self, native, active, unique=True, tape=None, apart=(), same=(), unrecorded=False
     ) -> KernelDerivative:
         """The derivative of a native kernel in reverse mode.
 
@@ -62,17 +62,21 @@ class KernelDerivatives:
                 empty.
             same: for each array the number of the one to use in its place (`same_arrays`); may be
                 empty.
+            unrecorded: there are no copies of what the launch has overwritten.
 
         Raises:
             WarpCodegenError: something active has no derivative.
         """
-        return self._find(native, active, False, unique, **self._options(tape, apart, same))
+        options = self._options(tape, apart, same, unrecorded)
+        return self._find(native, active, False, unique, **options)
 
-    def _options(self, tape=None, apart=(), same=()) -> dict:
+    def _options(self, tape=None, apart=(), same=(), unrecorded=False) -> dict:
         """The options of `differentiate` in reverse mode."""
         options = {"tape": tape or self.kernel.option("tape"), "apart": apart}
         if same:
             options["same"] = same
+        if unrecorded:
+            options["unrecorded"] = True
         return options
 
     @staticmethod
@@ -121,12 +125,13 @@ class KernelDerivatives:
             kept = made is not None
             if not kept:
                 made = differentiate(native, active, forward, unique, **options)
-            found = KernelDerivative(self.kernel, made, "tangent" if forward else "adjoint", unique)
+            mode, unrecorded = "tangent" if forward else "adjoint", options.get("unrecorded", False)
+            found = KernelDerivative(self.kernel, made, mode, unique, unrecorded)
             if name is not None and not kept:
                 kept_derivatives.keep(name, made, found)
             self._made[key] = found
             self.notice(made.notices)
-            given = options.get("apart") or options.get("same")
+            given = unrecorded or options.get("apart") or options.get("same")
             if self.kernel.module.saved and unique and not forward and not given:
                 self._use_saved(found, native, active)
         return found
@@ -160,7 +165,7 @@ class KernelDerivatives:
                 _make_gradients(call)
             wide = WideGradients(call)
             wide.load()
-            self.run_adjoint(call, wide.values, same=same)
+            self.run_adjoint(call, wide.values, same=same, unrecorded=True)
             wide.store()
 
     def plain(self, native, arrays) -> KernelDerivative | None:
@@ -181,7 +186,9 @@ class KernelDerivatives:
             self._plain[key] = None if narrow or not made.is_plain else made
         return self._plain[key]
 
-    def run_adjoint(self, call: Call, values, initial=None, saved=(), apart=(), same=()) -> None:
+    def run_adjoint(
+        self, call: Call, values, initial=None, saved=(), apart=(), same=(), unrecorded=False
+    ) -> None:
         """Runs the adjoint of a launch.
 
         Args:
@@ -191,13 +198,17 @@ class KernelDerivatives:
             saved: what `run_augmented` of the adjoint has returned.
             apart: arrays that are read and written in different places, see `adjoint`.
             same: arguments that are one array, see `adjoint`.
+            unrecorded: nobody has kept what the launch has overwritten.
         """
         made = self.adjoint(call.native, call.active, apart=apart, same=same)
+        unrecorded = unrecorded and made.may_run_again
+        if unrecorded:
+            made = self.adjoint(call.native, call.active, True, None, apart, same, True)
         made.check_threads(call)
         # True if threads with different indices may meet at a gradient, also by handles.
         if _native.shares_elements([*gradients_of(call, values, same), *show_gradients()]):
             tape = "checkpoints" if made.counting is None else "global"
-            made = self.adjoint(call.native, call.active, False, tape, apart, same)
+            made = self.adjoint(call.native, call.active, False, tape, apart, same, unrecorded)
         made.run(call, values, initial or {}, saved)
 
 
@@ -212,13 +223,15 @@ class KernelDerivative:
         hidden: arguments after those of the primal; each has `kind`, `leaf`, `type`
             and `places`.
         hidden_of_counting: the same of `counting`.
-        recording: runs the launch again and keeps what loops read, or None if none needs that.
-        hidden_of_recording: the same of `recording`.
+        sizing, recording: run the launch again and keep what loops read, or None if none needs
+            that.
+        hidden_of_sizing, hidden_of_recording: the same of those.
         needed: numbers of the arrays whose contents are read.
         one_thread: why only launches of one thread are right; empty if all are.
+        unrecorded: what the launch has left takes the place of what it has overwritten.
     """
 
-    def __init__(self, kernel, made, mode, unique=False):
+    def __init__(self, kernel, made, mode, unique=False, unrecorded=False):
         self.kernel = kernel
         # An adjoint asserts what its derivatives require of the operands, always.
         checked = mode == "adjoint" and made.metrics.get("assertions", 0) > 0
@@ -232,11 +245,13 @@ class KernelDerivative:
         self.counting = None
         if made.counting is not None:
             self.counting = kernel.compile_module(made.counting)
-        self.recording = None
+        self.sizing = self.recording = None
         if made.recording is not None:
+            self.sizing = kernel.compile_module(made.sizing)
             self.recording = kernel.compile_module(made.recording)
         self.hidden = made.hidden
         self.hidden_of_counting = made.hidden_of_counting
+        self.hidden_of_sizing = made.hidden_of_sizing
         self.hidden_of_recording = made.hidden_of_recording
         self.needed = made.needed
         self._preserved = {
@@ -245,6 +260,7 @@ class KernelDerivative:
             if hidden.kind == "preserved"
         }
         self.one_thread = made.one_thread
+        self.unrecorded = unrecorded
         self._metrics = made.metrics
 
     @property
@@ -276,6 +292,13 @@ class KernelDerivative:
     def counts(self) -> bool:
         """True if it counts singular points."""
         return any(hidden.kind == "counters" for hidden in self.hidden)
+
+    @property
+    def may_run_again(self) -> bool:
+        """True if arrays as they were before the launch are only needed to run that again."""
+        return self.recording is not None and not any(
+            one.kind in ("preserved", "saved") for one in self.hidden
+        )
 
     @property
     def preserved(self) -> set[int]:
@@ -404,9 +427,21 @@ class KernelDerivative:
     @staticmethod
     def not_recorded(call, hidden):
         """The error for a value that only a tape could have."""
-        what = "values that the launch overwrote, or that atomics returned"
         if hidden.kind == "preserved":
-            what = f"array '{call.leaves[hidden.leaf][0]}' as it was before the launch"
+            return KernelDerivative.overwritten(call, hidden.leaf)
+        return KernelDerivative._needs_tape(
+            call, "values that the launch overwrote, or that atomics returned"
+        )
+
+    @staticmethod
+    def overwritten(call, leaf):
+        """The error for contents of an array that only a tape could have."""
+        return KernelDerivative._needs_tape(
+            call, f"array '{call.leaves[leaf][0]}' as it was before the launch"
+        )
+
+    @staticmethod
+    def _needs_tape(call, what):
         return errors.WarpGradientError(
             f"launch('{call.kernel.key}', adjoint=True): the derivative depends on {what}, "
             f"record the launch on a `wp.Tape`",

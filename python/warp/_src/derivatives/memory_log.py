@@ -1,10 +1,10 @@
 """Values that loops of a kernel have read from arrays that it overwrites, kept before its adjoint.
 
-The compiler makes a kernel that runs a launch again, on copies of the arrays that it updates, made
-before the launch (lib/Transforms/Autodiff/Loops/MemoryLog.cpp). It runs twice: first it counts how
-often each thread comes to each place, then it fills the log. The log lasts as long as the adjoint
-runs. The kernel also finds out whether a thread has touched what another one has written, where
-indices do not tell; the derivative would be wrong then.
+The compiler makes kernels that run a launch again, on copies of the arrays that it updates, made
+before the launch (lib/Transforms/Autodiff/Loops/MemoryLog.cpp). The first one counts how often each
+thread comes to each place and computes no more than that needs, the second one fills the log. The
+log lasts as long as the adjoint runs. They also find out whether a thread has touched what another
+one has written, where indices do not tell; the derivative would be wrong then.
 """
 
 from __future__ import annotations
@@ -13,9 +13,14 @@ from warp import _native
 from warp._src import errors
 from warp._src.arrays.create import zeros
 from warp._src.arrays.observers import copy_layout
-from warp._src.derivatives.global_tape import allocate_tapes, join_stream, thread_arrays
+from warp._src.derivatives.global_tape import (
+    ThreadTrips,
+    allocate_tapes,
+    counted_loops,
+    join_stream,
+)
 from warp._src.devices import devices
-from warp._src.types import dtypes, scalars
+from warp._src.types import dtypes
 
 
 def record(made, call, values, initial, saved) -> dict[tuple[str, int], list]:
@@ -28,7 +33,8 @@ def record(made, call, values, initial, saved) -> dict[tuple[str, int], list]:
         saved: what the launch itself has kept.
 
     Raises:
-        WarpGradientError: a graph is being captured, or threads have met.
+        WarpGradientError: a graph is being captured, threads have met, or nobody has kept what
+            the launch has overwritten.
         WarpMemoryError: there is not enough memory. Nothing has been changed then.
     """
     if _native.is_capturing(call.device):
@@ -40,40 +46,34 @@ def record(made, call, values, initial, saved) -> dict[tuple[str, int], list]:
             line=call.event.line,
         )
     device = devices.by_index(call.device)
-    hidden = made.hidden_of_recording
-    sites = 1 + max(one.leaf for one in hidden if one.kind == "trips")
-    found = thread_arrays(call, sites)
-    totals = zeros(sites, scalars.int64, device)
-    state = {
-        (one.kind, one.leaf): [_zeros_for(one, call, device)]
-        for one in hidden
-        if one.kind in ("claims", "counters")
-    }
-    state |= found | {("totals", -1): [totals]}
-    no_tape = {one.leaf: [] for one in hidden if one.kind == "tape"}
-    for one in hidden:
-        if one.kind == "tape":
-            no_tape[one.leaf].append(zeros((1, 1), dtypes.dtype_of(one.type).dtype, device))
-    tapes = {("tape", leaf): made_for for leaf, made_for in no_tape.items()}
-    _run(made, call, values, (initial, saved), state | tapes)
-    counts = totals.numpy().tolist()
-    tapes = allocate_tapes([one for one in hidden if one.kind == "tape"], counts, call)
-    _run(made, call, values, (initial, saved), state | tapes)
+    loops = counted_loops(made.hidden_of_sizing)
+    numbers = {one.leaf for one in made.hidden_of_recording if one.kind == "offsets"} - {*loops}
+    trips, threads = ThreadTrips(call, loops), ThreadTrips(call, numbers)
+    threads.number_threads()
+    state = trips.found | threads.found
+    for one in made.hidden_of_recording:
+        if one.kind in ("claims", "counters"):
+            state[one.kind, one.leaf] = [_zeros_for(one, call, device)]
+    kept = initial, saved
+    _run(made.sizing, made.hidden_of_sizing, made, call, values, kept, state)
+    tapes = [one for one in made.hidden_of_recording if one.kind == "tape"]
+    tapes = allocate_tapes(tapes, trips.add_up(), call)
+    _run(made.recording, made.hidden_of_recording, made, call, values, kept, state | tapes)
     _check(made, call, state)
-    return found | tapes
+    return trips.found | tapes
 
 
-def _run(made, call, values, kept, state) -> None:
-    """Runs the launch again, on copies of what it updates."""
+def _run(native, hidden, made, call, values, kept, state) -> None:
+    """Runs the launch, or a part of it, again, on copies of what it updates."""
     initial, saved = kept
     copies = {
         ("preserved", one.leaf): [_copy_of(one, made, call, initial)]
-        for one in made.hidden_of_recording
+        for one in hidden
         if one.kind == "preserved"
     }
     join_stream(call)
-    hidden = made.hidden_values(call, initial, saved, state | copies, made.hidden_of_recording)
-    made.recording.launch(call.dim, values, hidden, call.device, call.stream, call.block_dim or 0)
+    given = made.hidden_values(call, initial, saved, state | copies, hidden)
+    native.launch(call.dim, values, given, call.device, call.stream, call.block_dim or 0)
 
 
 def _copy_of(one, made, call, initial):
@@ -81,9 +81,9 @@ def _copy_of(one, made, call, initial):
     if found is None or not found.size:
         return found
     contents = initial.get(one.leaf)
-    if contents is None:
+    if contents is None and not made.unrecorded:
         raise made.not_recorded(call, one)
-    return copy_layout(contents)
+    return copy_layout(found if contents is None else contents)
 
 
 def _zeros_for(one, call, device):
@@ -100,6 +100,8 @@ def _check(made, call, state) -> None:
         if one.kind != "counters":
             continue
         counts = state["counters", one.leaf][0].numpy().tolist()
+        if one.leaf >= 0 and any(counts):
+            raise made.overwritten(call, one.leaf)
         for place, count in zip(one.places, counts, strict=False):
             if count:
                 raise errors.WarpGradientError(

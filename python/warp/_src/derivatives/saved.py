@@ -4,7 +4,8 @@ The adjoint of a kernel depends on which of its arrays have a gradient, so a fil
 such set. It is saved like any kernel, as `<kernel>.adjoint.<set>`, a digit for each array among
 the parameters; `<kernel>.augmented.<set>` is the forward launch that keeps what it needs,
 `<kernel>.counting.<set>` the one that finds how much memory its loops need,
-`<kernel>.recording.<set>` the one that runs again what overwrites what its loops read, and
+`<kernel>.sizing.<set>` and `<kernel>.recording.<set>` run again what overwrites what its loops
+read, and
 `<kernel>.sums.<set>` with `<kernel>.rest.<set>` are the parts of an adjoint that gathers. A program
 that has loaded the file still derives the adjoint from the kernel's source, which takes a few
 milliseconds and says whether the saved code is that of today's source; it compiles nothing.
@@ -27,6 +28,7 @@ def parts(derivative) -> dict:
         "adjoint": derivative.native,
         "augmented": derivative.augmented,
         "counting": derivative.counting,
+        "sizing": derivative.sizing,
         "recording": derivative.recording,
     }
     if derivative.gathered is not None:
