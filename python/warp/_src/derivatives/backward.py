@@ -117,16 +117,16 @@ class BackwardPass:
     def _set_aside(self) -> list:
         """Clears what the last pass has left in gradients of results; (gradient, contents).
 
-        A gradient that the caller has written since is a seed and stays.
+        A gradient that the caller has written since is a seed and stays, and one that gets a seed
+        is overwritten by that.
         """
         seeded = {id(one.grad) for one in self.seeds}
         kept: list = []
         for version in self.tape._left:
             grad = version.array
-            if version.overwriter() is not None or _is_zero(grad):
+            if id(grad) in seeded or version.overwriter() is not None or _is_zero(grad):
                 continue
-            if id(grad) not in seeded:
-                kept.append((grad, copy_layout(grad)))
+            kept.append((grad, copy_layout(grad)))
             grad.zero_()
         return kept
 
