@@ -101,9 +101,11 @@ def record(pick):
     fields = pick([2, 5, 12])
     body = "".join(f"    f{k}: {'wp.vec3' if k % 3 == 2 else 'float'}\n" for k in range(fields))
     terms = [f"wp.length(s{{n}}.f{k})" if k % 3 == 2 else f"s{{n}}.f{k}" for k in range(fields)]
+    # Zeros that nobody has written are one page of memory, where the peer has them.
+    made = "wp.array(np.ones(N, dtype=S{n}.numpy_dtype()), dtype=S{n}, device=data.device)"
     return Part(
         f"s{{n}} = r{{n}}[i]\na = a + T({' + '.join(terms)})",
-        (("r{n}", "wp.array(dtype=S{n})", "wp.zeros(N, dtype=S{n}, device=data.device)"),),
+        (("r{n}", "wp.array(dtype=S{n})", made),),
         f"@wp.struct\nclass S{{n}}:\n{body}",
         weight=4 * fields,
     )
