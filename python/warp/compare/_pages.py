@@ -42,6 +42,12 @@ def markdown(head, records):
     device = head["devices"].get(head["device"], head["device"])
     machine = device if head["device"] != "cpu" else f"{head['processor']}, {head['cores']} cores"
     lines = [f"# {TITLE}", "", f"{head['time'][:10]}, {machine}. {', '.join(versions)}.", "", NOTES]
+    if head.get("load", 0.0) > 1.5 * head["cores"]:
+        lines += [
+            "",
+            f"Other processes ran at the same time: {head['load']:.0f} wanted {head['cores']} "
+            "cores. Times are longer than on a machine at rest, by different factors.",
+        ]
     if head["quick"]:
         lines += ["", "Sizes are those of a quick run, which measures launches more than work."]
     for title, key in (

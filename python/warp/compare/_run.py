@@ -127,4 +127,5 @@ def compare(
                 asked = _ask(package, python, name, device, file, repeats, budget, limit)
                 records.append(record | asked)
                 progress.step(f"{name} {package}")
+                head["load"] = max(head.get("load", 0.0), os.getloadavg()[1])
     return head, records

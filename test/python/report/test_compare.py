@@ -71,6 +71,15 @@ def test_a_package_that_is_not_there_has_a_record(tmp_path):
     assert "| saxpy | warp-mlir |" in text
 
 
+@pytest.mark.parametrize("load, said", [(1.2, False), (17.0, True)])
+def test_a_busy_machine_is_named(load, said):
+    """Times of a run that shared its cores are not those of a machine at rest."""
+    head = {"time": "2026-01-01T00:00:00", "processor": "P", "cores": 2, "device": "cpu"}
+    head |= {"devices": {}, "quick": False, "load": load}
+    text = "\n".join(markdown(head, []))
+    assert ("17 wanted 2 cores" in text) == said
+
+
 def test_a_process_that_does_not_end_is_ended(tmp_path):
     slow = tmp_path / "python"
     slow.write_text("#!/bin/sh\nexec sleep 60\n")
