@@ -40,9 +40,11 @@ template <typename T> struct ArrayArgument {
   ArrayDescriptor descriptor;
 };
 
+/// `gradient` is memory of the same shape and strides, in elements.
 template <typename T>
 ArrayArgument<T> view(T *data, std::initializer_list<int64_t> shape,
-                      std::initializer_list<int64_t> strides = {}) {
+                      std::initializer_list<int64_t> strides = {},
+                      std::remove_const_t<T> *gradient = nullptr) {
   if (shape.size() < 1 || shape.size() > maxRank ||
       (strides.size() && strides.size() != shape.size()))
     throw Error(Error::Kind::Value,
@@ -50,6 +52,7 @@ ArrayArgument<T> view(T *data, std::initializer_list<int64_t> shape,
   ArrayArgument<T> result;
   ArrayDescriptor &array = result.descriptor;
   array.data = const_cast<std::remove_const_t<T> *>(data);
+  array.grad = gradient;
   array.ndim = static_cast<int32_t>(shape.size());
   int64_t packed = sizeof(T);
   for (int i = array.ndim - 1; i >= 0; --i) {
@@ -63,6 +66,7 @@ ArrayArgument<T> view(T *data, std::initializer_list<int64_t> shape,
     array.strides[i] = static_cast<int32_t>(stride);
     packed *= extent;
   }
+  array.flags = arrayFacts(array, sizeof(T));
   return result;
 }
 
@@ -88,6 +92,7 @@ private:
   Array(int device, ArrayArgument<T> shaped)
       : argument(shaped), buffer(device, bytesOf(shaped.descriptor)) {
     argument.descriptor.data = buffer.data();
+    argument.descriptor.flags = arrayFacts(argument.descriptor, sizeof(T));
   }
   static size_t bytesOf(const ArrayDescriptor &array) {
     size_t bytes = sizeof(T);

@@ -130,7 +130,8 @@ public:
     /// CUDA: nobody asked for a block of a certain size.
     bool openBlock = false;
     int64_t items = 0;
-    /// Bytes of the arrays and their gradients.
+    /// Bytes of the arrays and their gradients, if the schedule may reverse the
+    /// order of blocks.
     int64_t bytes = 0;
     /// CPU: rough operations of the whole launch.
     double work = 0;

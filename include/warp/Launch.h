@@ -37,7 +37,8 @@ struct ArrayDescriptor {
   /// In bytes.
   int32_t strides[maxRank] = {0, 0, 0, 0};
   int32_t ndim = 0;
-  /// Facts that whoever makes the array knows; 0 says nothing.
+  /// A mask of `ArrayFact`; 0 says nothing. To be made again, or cleared, when
+  /// another field changes.
   int32_t flags = 0;
 };
 static_assert(sizeof(ArrayDescriptor) == 56 && alignof(ArrayDescriptor) == 8 &&
@@ -48,8 +49,25 @@ static_assert(sizeof(ArrayDescriptor) == 56 && alignof(ArrayDescriptor) == 8 &&
               offsetof(ArrayDescriptor, ndim) == 48 &&
               offsetof(ArrayDescriptor, flags) == 52);
 
-/// A bit of `ArrayDescriptor::flags`: elements are packed in row-major order.
-inline constexpr int32_t packedFlag = 1 << 17;
+/// Facts that are found when an array is made (`arrayFacts` of warp/Memory.h),
+/// so that launches need not look at extents and strides.
+enum ArrayFact : int32_t {
+  /// The others have been looked for; a launch does so if this is missing.
+  arrayKnown = 1 << 17,
+  /// Elements are packed in row-major order.
+  arrayPacked = 1 << 18,
+  /// Data and gradient lie at multiples of `packedAlignment`.
+  arrayAligned = 1 << 19,
+  /// All elements lie in the `shape[0] * strides[0]` bytes at `data`.
+  arraySpan = 1 << 20,
+  /// Rows begin a multiple of 2 KiB apart: elements of many fall into one set
+  /// of a CPU's cache.
+  arrayFarRows = 1 << 21,
+  /// 2^31 elements or more.
+  arrayLong = 1 << 22,
+  arrayFactMask = arrayKnown | arrayPacked | arrayAligned | arraySpan |
+                  arrayFarRows | arrayLong
+};
 
 /// Alignment of the data and gradient of an array that a GPU's code takes for
 /// packed: 16 bytes at most, for an access of that many.
@@ -63,8 +81,8 @@ struct LaunchHeader {
   union {
     /// Address of the record that checks write to, in code that has checks.
     uint64_t errorRecord = 0;
-    /// GPU code without checks whose schedule has `reverseOrder`: 1 if this
-    /// launch runs its blocks last to first.
+    /// GPU code without checks whose schedule may reverse the order of blocks:
+    /// 1 if this launch runs them last to first.
     uint64_t reversed;
   };
 };

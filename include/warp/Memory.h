@@ -85,6 +85,8 @@ struct ArrayView {
 
 /// True if the elements lie packed in row-major order.
 WARP_API bool isContiguous(const ArrayDescriptor &array, size_t elementSize);
+/// The mask of `ArrayFact` for an array with elements of that size.
+WARP_API int32_t arrayFacts(const ArrayDescriptor &array, size_t elementSize);
 /// Copies between views of equal shape, whatever their strides and devices.
 WARP_API void copyArray(ArrayView dst, ArrayView src, size_t elementSize,
                         const Stream *stream = nullptr);

@@ -8,8 +8,8 @@
 // dimensions around a run is left.
 //
 // The device copies that (cpu/Copy.cpp, cuda/Copy.cpp). Views of two memories
-// never meet directly: a strided side is packed into a temporary first, or
-// unpacked from one, so that what travels is contiguous.
+// are never copied directly: a strided side is packed into a temporary first,
+// or unpacked from one, so that what travels is contiguous.
 //
 //===----------------------------------------------------------------------===//
 
@@ -34,23 +34,6 @@ static std::string shapeText(const ArrayDescriptor &array) {
   for (int i = 0; i < array.ndim; ++i)
     text += (i ? ", " : "") + std::to_string(array.shape[i]);
   return text + (array.ndim == 1 ? ",)" : ")");
-}
-
-int64_t warp::countElements(const ArrayDescriptor &array) {
-  int64_t count = 1;
-  for (int i = 0; i < array.ndim; ++i)
-    count *= array.shape[i];
-  return count;
-}
-
-bool warp::isContiguous(const ArrayDescriptor &array, size_t elementSize) {
-  int64_t expected = static_cast<int64_t>(elementSize);
-  for (int i = array.ndim - 1; i >= 0; --i) {
-    if (array.shape[i] != 1 && array.strides[i] != expected)
-      return countElements(array) == 0;
-    expected *= array.shape[i];
-  }
-  return true;
 }
 
 CopyNest warp::simplifyCopy(const ArrayDescriptor &dst,

@@ -172,9 +172,12 @@ Kernel::Plan Kernel::Impl::plan(int device, const LaunchDim &dim, void *params,
       applyNeeds(*known, plan, params, needed);
     plan.variant = choose(needed, dim.rank, plan.items, mayMake);
   } while (known != needs.load(std::memory_order_acquire));
-  if (plan.variant)
-    plan.work =
-        plan.variant->code.schedule.cost * static_cast<double>(plan.items);
+  if (plan.variant) {
+    const Schedule &schedule = plan.variant->code.schedule;
+    plan.work = schedule.cost * static_cast<double>(plan.items);
+    if (schedule.reverseOrder)
+      plan.bytes = arrayBytes(params);
+  }
   return plan;
 }
 

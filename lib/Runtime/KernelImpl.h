@@ -1,4 +1,4 @@
-//===- KernelImpl.h - Inside of a kernel ------------------------*- C++ -*-===//
+//===- KernelImpl.h - Implementation of kernels -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -48,7 +48,7 @@ struct QuickCode {
   /// code is asked for.
   std::atomic<int64_t> patience{0};
   std::function<void()> ask;
-  /// Held while better code is made.
+  /// Held while tier-1 code is made.
   ForkMutex mutex;
 
   void spend(int64_t amount);
@@ -69,7 +69,7 @@ public:
                       const Stream *stream) const = 0;
   /// Threads that a block may have.
   virtual int maxThreads() const { return INT_MAX; }
-  /// True if better code for the same variant can be made.
+  /// True if faster code for the same variant can be made.
   virtual bool isProvisional() const { return false; }
   /// Registers of a thread and bytes of its local memory; 0 on CPUs.
   virtual std::pair<int, int> threadResources() const { return {0, 0}; }
@@ -87,7 +87,7 @@ struct Kernel::Variant {
   std::vector<std::unique_ptr<DeviceCode>> loaded;
   /// True if tier-0 code runs.
   std::atomic<bool> isQuick{false};
-  /// Stays when better code has come: some may still run it.
+  /// Stays when tier-1 code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
   /// The check of the lanes, if there is one, and the code that they are
   /// checked against until it is over.
@@ -241,6 +241,8 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   Variant *choose(const VariantKey &key, int rank, int64_t items, bool mayMake);
   VariantKey keyFor(int device, const LaunchDim &dim, const void *params,
                     int blockDim, Plan &plan) const;
+  /// Bytes of the arrays of a launch and their gradients.
+  int64_t arrayBytes(const void *params) const;
   CompileOptions compileOptions(const VariantKey &key, int arch) const;
   /// The key of a launch over packed arrays that do not overlap.
   VariantKey usualKey(int rank) const;

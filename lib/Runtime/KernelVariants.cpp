@@ -16,6 +16,7 @@
 #include "KernelImpl.h"
 #include "PrivateCopies.h"
 #include "Support.h"
+#include "warp/Memory.h"
 #include "warp/ThreadPool.h"
 
 #include <algorithm>
@@ -36,9 +37,6 @@ static constexpr int leastRow = 4, mostRow = 32;
 /// Operations of a launch for which code for rows of any length does, where
 /// there is some.
 static constexpr double smallWork = 1e5;
-/// Bytes between rows of which few elements are in a cache at once: a set of
-/// 8 lines of 64 bytes is for every 2 or 4 KiB.
-static constexpr int32_t setStride = 2048;
 /// Extents from which on squares of 32 indices are mostly full.
 static constexpr int64_t wideExtent = 96;
 /// Several threads must share the first dimension for one to take many indices
@@ -116,20 +114,18 @@ void Kernel::Impl::setRows(VariantKey &key, const LaunchDim &dim) const {
       key.innerExtent = row;
 }
 
-/// Elements of a packed array are then aligned, too.
-static bool isAligned(const ArrayDescriptor &array, int64_t elementSize) {
-  auto places = reinterpret_cast<uintptr_t>(array.data) |
-                reinterpret_cast<uintptr_t>(array.grad);
-  return places % packedAlignment(elementSize) == 0;
+static const ArrayDescriptor &arrayAt(const void *params, int64_t offset) {
+  return *reinterpret_cast<const ArrayDescriptor *>(
+      static_cast<const char *>(params) + offset);
 }
 
-/// True if elements of neighbouring rows fall into one set of the cache.
-static bool hasFarRows(const ArrayDescriptor &array) {
-  for (int d = 0; d + 1 < array.ndim; ++d)
-    if (array.strides[d] != 0 && array.strides[d] % setStride == 0 &&
-        array.shape[d] > 1)
-      return true;
-  return false;
+int64_t Kernel::Impl::arrayBytes(const void *params) const {
+  int64_t bytes = 0;
+  for (const ArrayArgument &argument : arrays) {
+    const ArrayDescriptor &array = arrayAt(params, argument.offset);
+    bytes += countElements(array) * argument.elementSize * (array.grad ? 2 : 1);
+  }
+  return bytes;
 }
 
 /// Threads of a block, at most.
@@ -165,24 +161,26 @@ VariantKey Kernel::Impl::keyFor(int device, const LaunchDim &dim,
   // The last GPU block may count beyond the end by its threads and items.
   key.index32 = items <= INT32_MAX - 4096;
   auto *bytes = static_cast<const char *>(params);
+  bool isCpu = isHost(device);
   bool choosesLanes =
-      isHost(device) && saved.empty() && !options.debug && options.lanes == 0;
+      isCpu && saved.empty() && !options.debug && options.lanes == 0;
   for (const IntegerArgument &integer : integers)
     if (bytes[integer.highByte] >= 0)
       key.nonNegative |= integer.bit;
+  int32_t packed = isCpu ? arrayPacked : arrayPacked | arrayAligned;
+  int32_t anyFacts = 0;
   for (const ArrayArgument &argument : arrays) {
-    ArrayDescriptor array;
-    std::memcpy(&array, bytes + argument.offset, sizeof(array));
-    int64_t count = countElements(array);
-    if ((array.flags & packedFlag ||
-         isContiguous(array, argument.elementSize)) &&
-        (isHost(device) || isAligned(array, argument.elementSize)))
+    const ArrayDescriptor &array = arrayAt(params, argument.offset);
+    int32_t facts = array.flags;
+    if (!(facts & arrayKnown))
+      facts = arrayFacts(array, argument.elementSize);
+    if ((facts & packed) == packed)
       key.packed |= argument.bit;
-    key.index32 &= count <= INT32_MAX;
-    key.farRows |= choosesLanes && hasFarRows(array);
-    plan.bytes += count * argument.elementSize * (array.grad ? 2 : 1);
+    anyFacts |= facts;
   }
-  if (isHost(device)) {
+  key.index32 &= !(anyFacts & arrayLong);
+  key.farRows = choosesLanes && anyFacts & arrayFarRows;
+  if (isCpu) {
     // Sums keep their order in launches of any size where that is asked for.
     key.underfilled = items < fewLanes && options.lanes == 0 &&
                       !options.debug && !options.deterministic;

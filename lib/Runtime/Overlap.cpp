@@ -1,9 +1,10 @@
-//===- Overlap.cpp - Memory of a launch's arrays --------------------------===//
+//===- Overlap.cpp - Alias checks of launch arguments ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Asked at every launch, so overlaps are found by ranges of addresses: two
-// columns of one matrix count as overlapping.
+// columns of one matrix count as overlapping. A packed array has its range as a
+// fact; that of another follows from its extents and strides.
 //
 //===----------------------------------------------------------------------===//
 
@@ -60,6 +61,27 @@ std::optional<AddressRange> warp::possibleRangeOf(const void *data,
   return AddressRange{uint64_t(begin), uint64_t(end)};
 }
 
+static AddressRange dataRange(const Access &access,
+                              const ArrayDescriptor &array) {
+  if (!(array.flags & arraySpan))
+    return rangeOf(array.data, array, access.elementSize, 1);
+  auto start = reinterpret_cast<uint64_t>(array.data);
+  return {start, start + int64_t(array.shape[0]) * array.strides[0]};
+}
+
+static AddressRange gradientRange(const Access &access,
+                                  const ArrayDescriptor &array) {
+  if (!array.grad)
+    return {};
+  int64_t scale = access.gradientSize == access.elementSize
+                      ? 1
+                      : access.gradientSize / access.elementSize;
+  if (!(array.flags & arraySpan))
+    return rangeOf(array.grad, array, access.gradientSize, scale);
+  auto start = reinterpret_cast<uint64_t>(array.grad);
+  return {start, start + int64_t(array.shape[0]) * array.strides[0] * scale};
+}
+
 bool warp::areDisjoint(const std::vector<Access> &accesses,
                        const void *params) {
   AddressRange written[mostRanges], all[mostRanges];
@@ -67,9 +89,8 @@ bool warp::areDisjoint(const std::vector<Access> &accesses,
   for (const Access &access : accesses) {
     if (count + 2 > mostRanges)
       return false;
-    ArrayDescriptor array;
-    std::memcpy(&array, static_cast<const char *>(params) + access.offset,
-                sizeof(array));
+    const auto &array = *reinterpret_cast<const ArrayDescriptor *>(
+        static_cast<const char *>(params) + access.offset);
     bool isWritten = access.stored || access.combined;
     auto add = [&](AddressRange range) {
       for (int i = 0; i < (isWritten ? count : writtenCount); ++i)
@@ -80,10 +101,8 @@ bool warp::areDisjoint(const std::vector<Access> &accesses,
         written[writtenCount++] = range;
       return true;
     };
-    if (!add(rangeOf(array.data, array, access.elementSize, 1)) ||
-        (access.gradientSize &&
-         !add(rangeOf(array.grad, array, access.gradientSize,
-                      access.gradientSize / access.elementSize))))
+    if (!add(dataRange(access, array)) ||
+        (access.gradientSize && !add(gradientRange(access, array))))
       return false;
   }
   return true;

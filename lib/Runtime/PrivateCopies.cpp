@@ -1,4 +1,4 @@
-//===- PrivateCopies.cpp - Launches on copies of arrays -------------------===//
+//===- PrivateCopies.cpp - Launches on privatized arrays ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -66,7 +66,10 @@ UpdateMode warp::chooseUpdates(const CopiedArrays &copied, const void *params,
   bool packed = true;
   for (const CopiedArray &array : copied.list) {
     ArrayDescriptor descriptor = descriptorOf(array, params);
-    packed &= isContiguous(descriptor, array.elementSize);
+    int32_t facts = descriptor.flags;
+    if (!(facts & arrayKnown))
+      facts = arrayFacts(descriptor, array.elementSize);
+    packed &= (facts & arrayPacked) != 0;
     int64_t count = countElements(descriptor) * array.numbers;
     double of = static_cast<double>(count) * (width - 1);
     numbers += of;

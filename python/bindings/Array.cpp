@@ -75,6 +75,11 @@ static void setTypeResolver(py::object resolver) {
 // The object
 //===----------------------------------------------------------------------===//
 
+/// To be called whenever the descriptor has changed.
+static void findFacts(ArrayObject *array) {
+  array->descriptor.flags = arrayFacts(array->descriptor, array->itemSize);
+}
+
 static PyObject *newArray(PyTypeObject *type, PyObject *, PyObject *) {
   PyObject *object = type->tp_alloc(type, 0);
   if (!object)
@@ -83,7 +88,7 @@ static PyObject *newArray(PyTypeObject *type, PyObject *, PyObject *) {
   array->descriptor = ArrayDescriptor();
   array->typeId = array->packId = -1;
   array->device = defaultDevice;
-  array->contiguous = true;
+  findFacts(array);
   return object;
 }
 
@@ -101,6 +106,7 @@ static int clearArray(PyObject *self) {
   ArrayObject *array = asArray(self);
   // Whoever still sees the array must not see memory that is gone.
   array->descriptor = ArrayDescriptor();
+  findFacts(array);
   Py_CLEAR(array->dtype);
   Py_CLEAR(array->owner);
   Py_CLEAR(array->shape);
@@ -204,8 +210,7 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
   array->readOnly = false;
   array->device = device;
   array->pinned = pinned;
-  array->contiguous = isContiguous(array->descriptor, itemSize);
-  array->descriptor.flags = array->contiguous ? packedFlag : 0;
+  findFacts(array);
   Py_XSETREF(array->dtype, Py_NewRef(dtype));
   Py_XSETREF(array->owner, Py_NewRef(owner));
   Py_CLEAR(array->shape);
@@ -274,24 +279,30 @@ static PyObject *getGradPtr(PyObject *self, void *) {
   return fromPointer(asArray(self)->descriptor.grad);
 }
 
-/// An address, or None for null.
-static int toPointer(PyObject *value, void *&result) {
+/// Sets an address of the descriptor; None is null.
+static int setPointer(PyObject *self, PyObject *value,
+                      void *ArrayDescriptor::*field) {
   void *pointer = nullptr;
   if (value && value != Py_None) {
     pointer = PyLong_AsVoidPtr(value);
     if (!pointer && PyErr_Occurred())
       return -1;
   }
-  result = pointer;
+  asArray(self)->descriptor.*field = pointer;
+  findFacts(asArray(self));
   return 0;
 }
 
 static int setGradPtr(PyObject *self, PyObject *value, void *) {
-  return toPointer(value, asArray(self)->descriptor.grad);
+  return setPointer(self, value, &ArrayDescriptor::grad);
 }
 
 static int setPtr(PyObject *self, PyObject *value, void *) {
-  return toPointer(value, asArray(self)->descriptor.data);
+  return setPointer(self, value, &ArrayDescriptor::data);
+}
+
+static PyObject *isContiguousArray(PyObject *self, void *) {
+  return PyBool_FromLong(asArray(self)->isContiguous());
 }
 
 static PyObject *getOwner(PyObject *self, void *) {
@@ -320,6 +331,8 @@ static PyGetSetDef attributes[] = {
     {"shape", getShape, nullptr, "Extents.", nullptr},
     {"strides", getStrides, nullptr, "Strides in bytes.", nullptr},
     {"size", getSize, nullptr, "Number of elements.", nullptr},
+    {"is_contiguous", isContiguousArray, nullptr,
+     "Whether elements are packed in row-major order.", nullptr},
     {"_owner", getOwner, nullptr, "What keeps the memory alive.", nullptr},
     {"dtype", getDtype, setDtype, "Type of the elements.", nullptr},
     {nullptr, nullptr, nullptr, nullptr, nullptr}};
@@ -327,12 +340,11 @@ static PyGetSetDef attributes[] = {
 #define WARP_FIELD(name) offsetof(ArrayObject, name)
 static PyMemberDef members[] = {
     {"ndim", T_INT, WARP_FIELD(descriptor.ndim), READONLY, nullptr},
-    {"flags", T_INT, WARP_FIELD(descriptor.flags), 0, nullptr},
+    {"_facts", T_INT, WARP_FIELD(descriptor.flags), READONLY, nullptr},
     {"item_size", T_LONGLONG, WARP_FIELD(itemSize), READONLY, nullptr},
     {"type_id", T_INT, WARP_FIELD(typeId), READONLY, nullptr},
     {"device_index", T_INT, WARP_FIELD(device), READONLY, nullptr},
     {"pinned", T_BOOL, WARP_FIELD(pinned), READONLY, nullptr},
-    {"is_contiguous", T_BOOL, WARP_FIELD(contiguous), READONLY, nullptr},
     {"read_only", T_BOOL, WARP_FIELD(readOnly), READONLY,
      "Whether the memory must not be written."},
     {nullptr, 0, 0, 0, nullptr}};
@@ -388,6 +400,7 @@ void python::bindArray(py::module_ &m) {
   m.attr("DESCRIPTOR_FIELDS") = describeLayout();
   m.attr("DESCRIPTOR_SIZE") = sizeof(ArrayDescriptor);
   m.attr("READ_ONLY_FLAG") = readOnlyFlag;
+  m.attr("OWNER_MASK") = ownerMask;
   m.def(
       "type_id", [](const std::string &text) { return typeId(text); },
       py::arg("text"), "Number of a native type's text.");

@@ -139,7 +139,7 @@ static const ArrayObject &packedArray(const std::string &name,
                                        "', but got '" +
                                        Py_TYPE(object.ptr())->tp_name + "'");
   const ArrayObject &array = *asArray(object.ptr());
-  if (!array.contiguous)
+  if (!array.isContiguous())
     throw Error(Error::Kind::Value, "expects a contiguous array for '" + name +
                                         "', but got one with strides");
   return array;

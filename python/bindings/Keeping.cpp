@@ -1,4 +1,4 @@
-//===- Keeping.cpp - Copies of what is about to be overwritten ------------===//
+//===- Keeping.cpp - Copy-on-write of recorded memory ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -61,11 +61,11 @@ static py::object copyBlock(const MemoryBlock &block, const ArrayObject *like,
     throw py::error_already_set();
   ArrayObject *array = asArray(made.ptr());
   array->descriptor = to;
+  array->descriptor.flags = arrayFacts(to, size_t(block.item));
   array->itemSize = block.item;
   array->typeId = array->packId = like->typeId;
   array->device = like->device;
   array->pinned = false;
-  array->contiguous = true;
   Py_XSETREF(array->dtype, Py_NewRef(like->dtype));
   Py_XSETREF(array->owner, py::cast(std::move(buffer)).release().ptr());
   return made;
@@ -92,7 +92,7 @@ static py::object keepBlocks(const Region &region, py::handle array,
 
 PyObject *python::keptContents(VersionObject *version, PyObject *value) {
   const ArrayObject *array = asArray(value);
-  if (!version->complete || version->lent || !array->contiguous ||
+  if (!version->complete || version->lent || !array->isContiguous() ||
       !version->pieces || PyList_GET_SIZE(version->pieces) != 1)
     return nullptr;
   static PyObject *const regionName = PyUnicode_InternFromString("region");
@@ -111,7 +111,7 @@ PyObject *python::keptContents(VersionObject *version, PyObject *value) {
     return nullptr;
   // The piece holds it.
   PyObject *copy = PyList_GET_ITEM(copies.ptr(), 0);
-  return isArray(copy) && asArray(copy)->contiguous ? copy : nullptr;
+  return isArray(copy) && asArray(copy)->isContiguous() ? copy : nullptr;
 }
 
 void python::bindKeeping(py::module_ &m) {

@@ -62,9 +62,10 @@ inline void hold(int device, PyObject *object) {
 /// The same for work of this thread on the host.
 inline void hold(PyObject *object) { hold(cpuDevice, object); }
 
-/// The bits of `ArrayDescriptor::flags` in Python's structs: the memory must
-/// not be written. The bits below are the array's device plus 2, or 0.
-constexpr int readOnlyFlag = 1 << 16;
+/// Bits of `ArrayDescriptor::flags` below those of `ArrayFact`, in Python's
+/// structs: the memory must not be written; the array's device plus 2, or 0 if
+/// all devices reach it.
+constexpr int readOnlyFlag = 1 << 16, ownerMask = readOnlyFlag - 1;
 
 /// The instance layout of `warp._native.Array`.
 struct ArrayObject {
@@ -81,9 +82,10 @@ struct ArrayObject {
   int packId;
   int device;
   bool pinned;
-  bool contiguous;
   /// Memory of a library that allows no writing.
   bool readOnly;
+
+  bool isContiguous() const { return descriptor.flags & arrayPacked; }
 };
 
 extern PyTypeObject *arrayType;

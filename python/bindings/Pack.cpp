@@ -1,4 +1,4 @@
-//===- Pack.cpp - From Python arguments to a parameter block --------------===//
+//===- Pack.cpp - Marshalling of kernel arguments -------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -184,7 +184,7 @@ static bool readDescriptor(const Packer &packer, const PackParam &param,
   if (std::strcmp(Py_TYPE(value)->tp_name, "ArrayDescriptor") != 0 ||
       !copyBytes(value, reinterpret_cast<char *>(&out), sizeof(out)))
     return false;
-  int reach = out.flags & ~readOnlyFlag, owner = reach - 2;
+  int reach = out.flags & ownerMask, owner = reach - 2;
   if (out.ndim != param.param->rank || out.ndim == 0)
     throw packer.error(param, value,
                        " of " + std::to_string(out.ndim) + " dimensions");
@@ -219,7 +219,8 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
                       "'\nhint: copy it there with `.to(\"" +
                       deviceName(device) + "\")`");
     descriptor = array->descriptor;
-    descriptor.flags = array->readOnly ? readOnlyFlag : 0;
+    descriptor.flags =
+        (fits ? descriptor.flags : 0) | (array->readOnly ? readOnlyFlag : 0);
     fitRank(descriptor, param.param->rank);
   } else if (!readDescriptor(*this, param, value, device, descriptor) &&
              !readForeignArray(*this, param, value, device, descriptor, keep)) {
@@ -227,7 +228,7 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
   }
   if (descriptor.flags & readOnlyFlag)
     checkUse(param, param.offset);
-  descriptor.flags = 0;
+  descriptor.flags &= arrayFactMask;
   std::memcpy(block + param.offset, &descriptor, sizeof(descriptor));
 }
 
@@ -243,7 +244,7 @@ void Packer::checkStructArrays(const PackParam &param, PyObject *value,
   for (int64_t offset : param.param->arrays) {
     ArrayDescriptor array;
     std::memcpy(&array, bytes + offset, sizeof(array));
-    int reach = array.flags & ~readOnlyFlag, owner = reach - 2;
+    int reach = array.flags & ownerMask, owner = reach - 2;
     if (reach != 0 && owner != device &&
         (isHost(owner) || !canAccess(device, owner, array.data)))
       throw error(param, value,

@@ -1,4 +1,4 @@
-//===- Reverse.cpp - Records of a tape, backwards -------------------------===//
+//===- Reverse.cpp - Reverse pass over a tape's launches ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -109,18 +109,20 @@ static bool findFormer(const RecordObject *record,
 /// Lets the descriptor at a place in a block of parameters lead to other
 /// contents.
 static void replaceData(char *descriptor, PyObject *contents) {
-  std::memcpy(descriptor + offsetof(ArrayDescriptor, data),
-              &asArray(contents)->descriptor.data, sizeof(void *));
+  auto *array = reinterpret_cast<ArrayDescriptor *>(descriptor);
+  array->data = asArray(contents)->descriptor.data;
+  array->flags &= ~arrayFactMask;
 }
 
 /// Structs have the gradients that there were when they were copied.
 static void showGradients(char *block, const RecordObject *record,
                           const LaunchRecorder &recorder) {
-  for (size_t i = 0; i < recorder.fields.size(); ++i)
-    std::memcpy(block + recorder.arrayAccesses()[i].offset +
-                    offsetof(ArrayDescriptor, grad),
-                &asArray(record->items[recorder.arrays[i]])->descriptor.grad,
-                sizeof(void *));
+  for (size_t i = 0; i < recorder.fields.size(); ++i) {
+    auto *array = reinterpret_cast<ArrayDescriptor *>(
+        block + recorder.arrayAccesses()[i].offset);
+    array->grad = asArray(record->items[recorder.arrays[i]])->descriptor.grad;
+    array->flags &= ~arrayAligned;
+  }
 }
 
 /// The gradients of arrays, which are there from then on.

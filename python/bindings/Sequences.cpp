@@ -35,7 +35,7 @@ struct Argument {
   template <typename T> T *as() const { return static_cast<T *>(data()); }
   /// Elements in a row, whatever the rank of a contiguous array.
   Sequence sequence() const {
-    bool packed = array->contiguous || array->descriptor.ndim != 1;
+    bool packed = array->isContiguous() || array->descriptor.ndim != 1;
     return {data(), packed ? array->itemSize : array->descriptor.strides[0]};
   }
 

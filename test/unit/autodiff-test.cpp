@@ -33,9 +33,7 @@ namespace {
 /// A view with a gradient.
 ArrayArgument<float> argument(std::vector<float> &data,
                               std::vector<float> &grad) {
-  auto result = view(data.data(), {int64_t(data.size())});
-  result.descriptor.grad = grad.data();
-  return result;
+  return view(data.data(), {int64_t(data.size())}, {}, grad.data());
 }
 
 } // namespace

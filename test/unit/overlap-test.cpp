@@ -5,6 +5,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "Runtime/Overlap.h"
+#include "warp/Memory.h"
 
 #include "gtest/gtest.h"
 
@@ -38,7 +39,15 @@ struct Arrays {
     for (Access &access : accesses)
       access.gradientSize = size;
   }
-  bool disjoint() const { return areDisjoint(accesses, descriptors.data()); }
+  /// The answer, which is the same with and without facts.
+  bool disjoint() const {
+    bool answer = areDisjoint(accesses, descriptors.data());
+    std::vector<ArrayDescriptor> described = descriptors;
+    for (size_t i = 0; i < described.size(); ++i)
+      described[i].flags = arrayFacts(described[i], accesses[i].elementSize);
+    EXPECT_EQ(areDisjoint(accesses, described.data()), answer);
+    return answer;
+  }
 };
 
 } // namespace

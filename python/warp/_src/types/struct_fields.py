@@ -101,7 +101,7 @@ class Field:
         if not descriptor.data:
             return None
         ndim = min(max(descriptor.ndim, 1), self.dtype.ndim)
-        reach = descriptor.flags & ~_native.READ_ONLY_FLAG
+        reach = descriptor.flags & _native.OWNER_MASK
         layout = {
             "dtype": self.dtype.dtype,
             "shape": tuple(descriptor.shape[:ndim]),
@@ -185,7 +185,10 @@ class Field:
                 raise self._error(value)
             self._check_descriptor(value)
         # A gradient that nobody has used is looked for again when somebody does.
-        self.raw.__set__(instance, describe(value, getattr(value, "grad_in_use", None)))
+        descriptor = describe(value, getattr(value, "grad_in_use", None))
+        if value is not None:
+            descriptor.flags |= value._facts
+        self.raw.__set__(instance, descriptor)
         instance._held[self.name] = value
 
     def _check_descriptor(self, value):
