@@ -28,7 +28,7 @@ struct StreamUse;
 inline constexpr int cpuDevice = -1;
 /// True if memory of a device is memory of the host, and work is done on
 /// return.
-inline bool isHost(int device) { return device == cpuDevice; }
+constexpr bool isHost(int device) { return device == cpuDevice; }
 
 /// Memory by who gave it; the peer package uses the same numbers.
 enum class MemoryKind : int {

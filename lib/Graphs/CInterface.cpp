@@ -34,7 +34,7 @@ struct warp_memory {
   warp::Buffer buffer;
 };
 
-static_assert(WARP_MAX_RANK == warp::maxRank && WARP_CPU == warp::cpuDevice);
+static_assert(WARP_MAX_RANK == warp::maxRank && warp::isHost(WARP_CPU));
 
 static thread_local std::string lastError;
 
@@ -128,7 +128,7 @@ int warp_copy(void *target, int to, const void *source, int from,
   return guarded([&] {
     warp::copyMemory(target, to, source, from, bytes);
     for (int device : {to, from})
-      if (device != warp::cpuDevice)
+      if (!warp::isHost(device))
         warp::synchronizeDevice(device);
   });
 }

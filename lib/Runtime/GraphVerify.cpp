@@ -1,4 +1,4 @@
-//===- GraphVerify.cpp - Two orders of a graph, compared ------------------===//
+//===- GraphVerify.cpp - Comparison of two orders of a graph --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -50,16 +50,16 @@ public:
     synchronizeDevice(device);
     for (const Memory &range : ranges) {
       contents.emplace_back(range.end - range.begin, '\0');
-      copyMemory(contents.back().data(), cpuDevice,
-                 reinterpret_cast<const void *>(range.begin), range.device,
-                 contents.back().size());
+      download(contents.back().data(),
+               reinterpret_cast<const void *>(range.begin), range.device,
+               contents.back().size());
     }
     synchronizeDevice(device);
   }
   void restore() const {
     for (size_t i = 0; i < ranges.size(); ++i)
-      copyMemory(reinterpret_cast<void *>(ranges[i].begin), ranges[i].device,
-                 contents[i].data(), cpuDevice, contents[i].size());
+      upload(reinterpret_cast<void *>(ranges[i].begin), ranges[i].device,
+             contents[i].data(), contents[i].size());
     synchronizeDevice(device);
   }
 

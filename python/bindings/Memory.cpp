@@ -30,9 +30,7 @@ static void runUnlocked(size_t bytes, Fn &&fn, bool waits = false) {
 }
 
 /// True if a copy waits for what a GPU does to its source.
-static bool isRead(int to, int from) {
-  return to == cpuDevice && from != cpuDevice;
-}
+static bool isRead(int to, int from) { return isHost(to) && !isHost(from); }
 
 static ArrayObject *expectArray(const py::handle &object, const char *what) {
   if (!isArray(object.ptr()))

@@ -56,7 +56,7 @@ inline bool answerMetadata(const xla::Frame &frame, bool recordable = false) {
 
 /// The device of a call, and its stream if that is a CUDA device.
 struct CallPlace {
-  int device = cpuDevice;
+  int device = defaultDevice;
   void *stream = nullptr;
 };
 

@@ -47,7 +47,7 @@ def grid_to_tris(Nx: int, Ny: int):
 def grid_to_tets(Nx: int, Ny: int, Nz: int):
     """Tetrahedra of a grid, five a cell, conforming: an array (5 Nx Ny Nz, 4).
 
-    Neighbours are mirror images, so that faces match; their orientation alternates.
+    Neighbours are mirror images, so that faces match; each has the other orientation.
     """
     resolution = (Nx, Ny, Nz)
     corners = (_TETS[..., None] >> np.array([2, 1, 0])) & 1
