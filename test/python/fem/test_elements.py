@@ -8,7 +8,7 @@ from warp._src.fem.cells.cell import CUBE, LINE, SQUARE, TET, TRIANGLE
 from warp._src.fem.cells.element import ElementBasis, make_element
 from warp._src.fem.cells.functions import element_functions
 from warp._src.fem.cells.polynomial import Polynomial
-from warp._src.fem.cells.rules import nodal_rule, rule
+from warp._src.fem.cells.rules import rule
 
 CELLS = [LINE, TRIANGLE, SQUARE, TET, CUBE]
 
@@ -38,7 +38,7 @@ def test_nodes(element):
     values, gradients = element.tabulate(points_in(element.cell))
     np.testing.assert_allclose(values.sum(axis=1), 1.0, atol=1e-12)
     np.testing.assert_allclose(gradients.sum(axis=1), 0.0, atol=1e-11)
-    assert nodal_rule(element).weights.sum() == pytest.approx(1.0, abs=1e-14)
+    assert element.node_weights.sum() == pytest.approx(1.0, abs=1e-14)
 
 
 @pytest.mark.parametrize("element", elements(), ids=name)

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 import warp as wp
 from warp._src.distributed.communicator import flat
 
@@ -18,8 +16,6 @@ BITS = 28
 # Digits of sums of float32 and float64; three words behind count infinities and NaN.
 _DIGITS = {wp.float32: 11, wp.float64: 76}
 FORMATS = {dtype: count + 3 for dtype, count in _DIGITS.items()}
-_LOW = {wp.float32: -149, wp.float64: -1074}
-_PRECISION = {wp.float32: 24, wp.float64: 53}
 # Elements whose digits are there at a time, when arrays are reduced.
 _CHUNK = 1 << 20
 _THREADS = 64
@@ -264,30 +260,3 @@ def add_digits(arrays, digits) -> None:
 def words_of(dtype, products=False) -> int:
     """How many words a sum of numbers of a type has; products of float32 have those of float64."""
     return FORMATS[wp.float64 if products else dtype]
-
-
-def round_words(words, dtype) -> float:
-    """The float nearest to the sum that words stand for.
-
-    Args:
-        words: NumPy integers.
-        dtype: float32 or float64, of the digits.
-    """
-    count = _DIGITS[dtype]
-    plus, minus, nans = (int(one) for one in words[count : count + 3])
-    if nans or (plus and minus):
-        return float("nan")
-    if plus or minus:
-        return float("inf") if plus else float("-inf")
-    total = sum(int(one) << (BITS * k) for k, one in enumerate(words[:count]) if one)
-    size, precision = abs(total), _PRECISION[dtype]
-    drop = max(size.bit_length() - precision, 0)
-    kept, rest = size >> drop, size & ((1 << drop) - 1)
-    half = (1 << drop) >> 1
-    if drop and (rest > half or (rest == half and kept & 1)):
-        kept += 1
-    try:
-        result = float(np.ldexp(float(kept), drop + _LOW[dtype]))
-    except OverflowError:
-        result = float("inf")
-    return -result if total < 0 else result

@@ -209,11 +209,6 @@ class GeometryDomain(RecordFunctions):
         """Dimension of the elements."""
         return self.geometry.dimension - (0 if self.is_cells else 1)
 
-    @property
-    def element_index_func(self) -> wp.Function:
-        """Function of kernels: number in the geometry of an element of the domain."""
-        return self.functions.element_index
-
     def geometry_element_count(self) -> int:
         """Number of such elements in the geometry."""
         return self.geometry.cell_count() if self.is_cells else self.geometry.side_count()

@@ -107,12 +107,6 @@ class Prototype:
 Cell.prototype = property(Prototype)
 
 
-@functools.cache
-def nodal_rule(element) -> Rule:
-    """The rule whose points are the nodes of an element; exact for constants at least."""
-    return make_rule(element.cell, element.node_coords, element.node_weights, 0)
-
-
 def _product(lines):
     """Points and weights of products of lines, the last axis first."""
     parameters = np.array(list(itertools.product(*(points for points, _ in lines))))
