@@ -216,7 +216,7 @@ class Driver:
 
 
 def rates(functions, synchronize, seconds):
-    """Bytes per second of each, in the fastest of passes that take turns."""
+    """Bytes per second of each, in the fastest of alternating passes."""
     best = dict.fromkeys(functions, float("inf"))
     for function in functions.values():
         function()

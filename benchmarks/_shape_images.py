@@ -218,7 +218,7 @@ def dither_kernel(image: wp.array2d(dtype=float), y: wp.array2d(dtype=wp.uint8))
 
 @case
 def dither(data):
-    """Rows of an image in black and white, errors handed on."""
+    """Rows of an image in black and white, errors diffused."""
     n = data.size(512, 4096)
     image = data.real((n, n), grad=False)
     return Case(dither_kernel, n, [image], [data.out((n, n), wp.uint8, False)], n * n, "pixel")

@@ -5,7 +5,7 @@
 A step of a small scene moves bodies; a stage for contacts follows, of which there are none. Python
 knows (a launch of no threads), the device knows (a launch of as many threads as there is room, each
 of which asks the count), or a graph asks the count before the stage. Shown is what each adds to a
-step without the stage, the fastest of rounds in which all take turns; the goal is 5 %.
+step without the stage, the fastest of interleaved rounds; the goal is 5 %.
 """
 
 import argparse

@@ -5,7 +5,7 @@
 
 Each seed is a program (_random_programs.py): streams, gathers, loops with bounds from data, shared
 lists, break, recurrences through arrays, tables, small matrices, structs, branches, atomics, from
-one thread to millions. It runs forward and backward in processes that take turns: this package,
+one thread to millions. It runs forward and backward in alternating processes: this package,
 this package with scalar threads (CPU), and, with `--peer`, NVIDIA Warp. Where this package takes
 more than `--plain-limit` times the plain schedule's time, or is less than `--peer-limit` times as
 fast as the peer, the program is a loser: parts are taken away as long as it stays one, and what is

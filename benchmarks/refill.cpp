@@ -27,7 +27,7 @@ struct Points {
   Floats x, y;
 };
 
-/// Escape times of 16 points under way.
+/// Escape times of 16 points in flight.
 struct State {
   Vector x, y, zx = _mm512_setzero_ps(), zy = _mm512_setzero_ps();
   __m512i steps = _mm512_setzero_si512();

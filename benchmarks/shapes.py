@@ -5,7 +5,7 @@
 
 The kernels (_shape_*.py) are not tuned for any compiler: one
 per shape of program, forward and, where it has one, adjoint. `--peer` names a Python that has
-NVIDIA Warp; it runs the same text. Two processes, one per package, take turns case by case, so
+NVIDIA Warp; it runs the same text. Two processes, one per package, alternate case by case, so
 that other work on the machine hits both; a time is that of the fastest batch in all rounds. With
 `--processor` times are those of one processor that works for the program alone, whoever else does.
 Columns: rate of ours, adjoint over forward, first launch, how many times faster than the peer it

@@ -1,4 +1,4 @@
-//===- Autodiff.h - From a kernel to its derivative -------------*- C++ -*-===//
+//===- Autodiff.h - Automatic differentiation of kernels --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -40,7 +40,7 @@ struct AutodiffOptions {
   bool forward = false;
   /// Forward mode: how many directions tangents are along.
   int width = 1;
-  /// Forward mode: the launch after one of several threads that meet at atomic
+  /// Forward mode: the launch after one whose threads share elements of atomic
   /// minima or maxima. It assigns the tangents of those who have won.
   bool winners = false;
   /// One flag for each array among the arguments, in order, those in structs in

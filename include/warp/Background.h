@@ -11,7 +11,7 @@
 
 namespace warp {
 
-/// Waits until all better code that was asked for is in use.
+/// Waits until all tier-1 code that was asked for is in use.
 WARP_API void waitForBackground();
 /// Has the task in progress end soon, waits for it, and drops the others and all
 /// to come. To be called when the process begins to exit.

@@ -1,4 +1,4 @@
-//===- Builder.h - Build kernels without seeing MLIR ------------*- C++ -*-===//
+//===- Builder.h - Kernel builder without MLIR types ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

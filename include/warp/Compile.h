@@ -1,4 +1,4 @@
-//===- Compile.h - From a module to code that runs --------------*- C++ -*-===//
+//===- Compile.h - Compilation of modules to machine code -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

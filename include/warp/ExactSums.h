@@ -1,4 +1,4 @@
-//===- ExactSums.h - Sums that do not depend on their order -----*- C++ -*-===//
+//===- ExactSums.h - Reproducible sums, independent of order ----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

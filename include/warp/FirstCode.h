@@ -1,4 +1,4 @@
-//===- FirstCode.h - Code for the first launches ----------------*- C++ -*-===//
+//===- FirstCode.h - Tier-0 code for first launches -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -32,7 +32,7 @@ WARP_API CompileOptions quickOptions(CompileOptions wanted);
 /// threads: it computes the same bits, and the launch has little work, or the
 /// code is so long that compiling it well takes longer than most of its
 /// launches, whatever its loops may cost. Where threads share the launch, they
-/// go over to better code as soon as it is there.
+/// go over to tier-1 code as soon as it is there.
 WARP_API bool isQuickEnough(const Code &code, int64_t items);
 
 /// Compiles a variant quickly if that does for a launch of so many threads, and

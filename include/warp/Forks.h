@@ -1,4 +1,4 @@
-//===- Forks.h - Locks and forks --------------------------------*- C++ -*-===//
+//===- Forks.h - Fork-safe locks --------------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Graph.h - Recorded work, replayed at once ----------------*- C++ -*-===//
+//===- Graph.h - Graphs: recorded work, one call to replay ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Handle.h - Geometry that kernels know by a number --------*- C++ -*-===//
+//===- Handle.h - Handles of geometry objects -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- HashGrid.h - Points by the cells of a grid ---------------*- C++ -*-===//
+//===- HashGrid.h - Hash grids: neighbour search of points ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- JitListener.h - Who is told of loaded code ---------------*- C++ -*-===//
+//===- JitListener.h - JIT event listeners ----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LaneTrials.h - A check of lanes while they run -----------*- C++ -*-===//
+//===- LaneTrials.h - Run-time check of vectorised code ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LibraryCode.h - Code for GPUs that is in the library -----*- C++ -*-===//
+//===- LibraryCode.h - Precompiled GPU code of the library ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

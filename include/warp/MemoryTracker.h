@@ -1,4 +1,4 @@
-//===- MemoryTracker.h - Who uses the memory --------------------*- C++ -*-===//
+//===- MemoryTracker.h - Memory tracker by call site ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

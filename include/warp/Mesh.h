@@ -1,4 +1,4 @@
-//===- Mesh.h - Triangle meshes that kernels search -------------*- C++ -*-===//
+//===- Mesh.h - Triangle meshes for queries in kernels ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- NativeCode.h - Functions that users wrote in C++ ---------*- C++ -*-===//
+//===- NativeCode.h - User functions in C++ ---------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

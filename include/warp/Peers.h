@@ -1,4 +1,4 @@
-//===- Peers.h - Memory that others reach -----------------------*- C++ -*-===//
+//===- Peers.h - Peer access, memory pools, shared memory -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PrivateCopies.h - Arrays that each worker updates alone -*- C++ -*--===//
+//===- PrivateCopies.h - Privatized arrays: one copy per worker -*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

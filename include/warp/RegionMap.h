@@ -1,4 +1,4 @@
-//===- RegionMap.h - Regions of memory by place -----------------*- C++ -*-===//
+//===- RegionMap.h - Interval map of memory regions -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- SavedModule.h - Kernels compiled ahead of time -----------*- C++ -*-===//
+//===- SavedModule.h - Ahead-of-time compiled kernels -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

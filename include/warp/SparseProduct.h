@@ -1,4 +1,4 @@
-//===- SparseProduct.h - A sparse matrix times a vector ---------*- C++ -*-===//
+//===- SparseProduct.h - Sparse matrix-vector product -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

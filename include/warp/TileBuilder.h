@@ -1,4 +1,4 @@
-//===- TileBuilder.h - Build what blocks of threads do ----------*- C++ -*-===//
+//===- TileBuilder.h - Builder of tile operations ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

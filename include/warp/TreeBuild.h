@@ -1,4 +1,4 @@
-//===- TreeBuild.h - Hierarchies that a GPU builds --------------*- C++ -*-===//
+//===- TreeBuild.h - BVH construction on devices ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

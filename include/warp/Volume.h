@@ -1,4 +1,4 @@
-//===- Volume.h - Sparse grids that kernels read ----------------*- C++ -*-===//
+//===- Volume.h - Sparse volumes (NanoVDB) for kernels ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- VoxelGrids.h - Sparse grids as bytes ---------------------*- C++ -*-===//
+//===- VoxelGrids.h - NanoVDB grids: construction and files -----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ArrayOrigins.cpp - Which memory an array stands for ----------------===//
+//===- ArrayOrigins.cpp - Underlying memory of array values ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

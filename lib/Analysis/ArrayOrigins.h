@@ -1,4 +1,4 @@
-//===- ArrayOrigins.h - Which memory an array stands for --------*- C++ -*-===//
+//===- ArrayOrigins.h - Underlying memory of array values -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- FormAlgebra.cpp - Sums, differences and products of forms ----------===//
+//===- FormAlgebra.cpp - Arithmetic on affine forms -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Forms.cpp - Integers as sums of what a launch knows ----------------===//
+//===- Forms.cpp - Affine forms of integers -------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

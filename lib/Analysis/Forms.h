@@ -1,4 +1,4 @@
-//===- Forms.h - Integers as sums of what a launch knows --------*- C++ -*-===//
+//===- Forms.h - Affine forms of integers -----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -15,7 +15,7 @@ namespace warp {
 /// Functions.td has as `ReadOnly`, such as the cells of a hash grid: no store
 /// of a kernel aliases it.
 bool isGeometryMemory(mlir::Value array);
-/// True if an array is what a handle leads to, whoever writes there.
+/// True if an array is memory behind a handle, which any thread may write.
 bool isBehindHandle(mlir::Value array);
 
 } // namespace warp

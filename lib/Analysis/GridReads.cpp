@@ -1,4 +1,4 @@
-//===- GridReads.cpp - Where a thread is in a GPU's grid ------------------===//
+//===- GridReads.cpp - Reads of grid and thread indices -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GridReads.h - Where a thread is in a GPU's grid ----------*- C++ -*-===//
+//===- GridReads.h - Reads of grid and thread indices -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Ranges.cpp - Between which numbers an integer lies -----------------===//
+//===- Ranges.cpp - Integer range analysis --------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

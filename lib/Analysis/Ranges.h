@@ -1,4 +1,4 @@
-//===- Ranges.h - Between which numbers an integer lies ---------*- C++ -*-===//
+//===- Ranges.h - Integer range analysis ------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RegionForms.cpp - Indices as what is known at a launch -------------===//
+//===- RegionForms.cpp - Affine forms of indices in access regions --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

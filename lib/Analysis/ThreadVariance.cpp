@@ -1,4 +1,4 @@
-//===- ThreadVariance.cpp - How values vary over threads ------------------===//
+//===- ThreadVariance.cpp - Divergence analysis over threads --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

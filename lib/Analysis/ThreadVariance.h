@@ -1,4 +1,4 @@
-//===- ThreadVariance.h - How values vary over threads ----------*- C++ -*-===//
+//===- ThreadVariance.h - Divergence analysis over threads ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ThreadVarianceQueries.cpp - Answers about how values vary ----------===//
+//===- ThreadVarianceQueries.cpp - Queries of the divergence analysis -----===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

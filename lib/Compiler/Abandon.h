@@ -1,4 +1,4 @@
-//===- Abandon.h - Compilations that nobody wants any more ------*- C++ -*-===//
+//===- Abandon.h - Cancellation of compilations -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

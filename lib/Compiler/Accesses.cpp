@@ -1,4 +1,4 @@
-//===- Accesses.cpp - Which arrays a kernel reads and writes --------------===//
+//===- Accesses.cpp - Array access analysis of a kernel -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Apart.h - Compilations beside others ---------------------*- C++ -*-===//
+//===- Apart.h - Compilation concurrent with others -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

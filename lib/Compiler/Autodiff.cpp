@@ -1,4 +1,4 @@
-//===- Autodiff.cpp - From a kernel to its derivative ---------------------===//
+//===- Autodiff.cpp - Automatic differentiation of kernels ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

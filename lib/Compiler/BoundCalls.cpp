@@ -1,4 +1,4 @@
-//===- BoundCalls.cpp - Copies of functions that call functions -----------===//
+//===- BoundCalls.cpp - Inlining within a code size budget ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Compile.cpp - From a module to code that runs ----------------------===//
+//===- Compile.cpp - Compilation of modules to machine code ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Cost.cpp - How much work one thread is -----------------------------===//
+//===- Cost.cpp - Cost estimate of one thread -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Emit.cpp - The compiler's door -------------------------------------===//
+//===- Emit.cpp - Entry points of the compiler ----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -45,7 +45,7 @@ warp::Code warp::compile(const Module &module, const CompileOptions &options) {
 }
 
 /// Operations of the largest launch that begins with quickly compiled code: it
-/// is over before better code would be there.
+/// is over before tier-1 code would be there.
 static constexpr double mostQuickWork = 4e6;
 
 bool warp::isQuickEnough(const Code &code, int64_t items) {

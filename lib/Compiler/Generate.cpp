@@ -1,4 +1,4 @@
-//===- Generate.cpp - From the LLVM dialect to bytes ----------------------===//
+//===- Generate.cpp - Code generation from the LLVM dialect ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Jit.cpp - Loads CPU objects into the process -----------------------===//
+//===- Jit.cpp - JIT linking of CPU objects -------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- JitListeners.cpp - Loaded code for profilers and debuggers ---------===//
+//===- JitListeners.cpp - JIT listeners: profilers, debuggers -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

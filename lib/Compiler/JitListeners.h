@@ -1,4 +1,4 @@
-//===- JitListeners.h - Loaded code for profilers and debuggers -*- C++ -*-===//
+//===- JitListeners.h - JIT listeners: profilers, debuggers -----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- KeptCalls.cpp - Functions that stay calls --------------------------===//
+//===- KeptCalls.cpp - Out-of-line functions ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- KeptCalls.h - Functions that stay calls ------------------*- C++ -*-===//
+//===- KeptCalls.h - Out-of-line functions ----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- NativeCode.cpp - Functions that users wrote in C++ -----------------===//
+//===- NativeCode.cpp - User functions in C++ -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -158,7 +158,7 @@ void warp::declareForNativeCode(llvm::Module &module,
 }
 
 void warp::keepNativeCalls(llvm::Module &module) {
-  // Threads may meet in them.
+  // They may contain barriers.
   for (const std::string &name : missingNames(module))
     module.getFunction(name)->setConvergent();
 }

@@ -1,4 +1,4 @@
-//===- NativeCompilers.cpp - Compilers for functions of users -------------===//
+//===- NativeCompilers.cpp - Compilers for user functions -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- NativeCompilers.h - Compilers for functions of users -----*- C++ -*-===//
+//===- NativeCompilers.h - Compilers for user functions ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Pipelines.cpp - Every sequence of passes ---------------------------===//
+//===- Pipelines.cpp - Pass pipelines -------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

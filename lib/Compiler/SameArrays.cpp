@@ -1,10 +1,10 @@
-//===- SameArrays.cpp - Arguments that are one array ----------------------===//
+//===- SameArrays.cpp - Aliasing of kernel arguments ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A launch may get one array as several arguments. A derivative that took them
 // for different ones would read what the launch has overwritten by another
-// name, and would not see that threads meet. So the derivative is made of a
+// name, and would not see that threads conflict. So the derivative is made of a
 // kernel with one argument for all of them, of which everything is known that
 // is known of any array that is read and written. The others stay, unused. A
 // struct with such an array becomes one with the array that is used.

@@ -1,4 +1,4 @@
-//===- SameArrays.h - Arguments that are one array --------------*- C++ -*-===//
+//===- SameArrays.h - Aliasing of kernel arguments --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Schedule.cpp - Decisions about a variant, for readers --------------===//
+//===- Schedule.cpp - Schedule of a variant as text -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -37,7 +37,7 @@ static std::pair<std::string, std::string> describeForm(Operation *access,
         "vectors, or gathered",
         "elements of neighbouring threads follow each other, but at borders"};
   if (form == warp::LaneForm::gather)
-    return {"gathered", "elements of neighbouring threads lie anywhere"};
+    return {"gathered", "elements of neighbouring threads are scattered"};
   if (stride != 1)
     return {"vectors, " + std::to_string(stride) + " apart",
             "neighbouring threads have elements that far from each other"};

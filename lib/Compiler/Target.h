@@ -1,4 +1,4 @@
-//===- Target.h - From LLVM IR to machine code ------------------*- C++ -*-===//
+//===- Target.h - Lowering of LLVM IR to machine code -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

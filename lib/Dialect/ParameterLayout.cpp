@@ -1,4 +1,4 @@
-//===- ParameterLayout.cpp - Where kernel arguments lie -------------------===//
+//===- ParameterLayout.cpp - Layout of kernel parameter blocks ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

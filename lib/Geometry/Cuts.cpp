@@ -1,4 +1,4 @@
-//===- Cuts.cpp - Where ranges of primitives are cut in two ---------------===//
+//===- Cuts.cpp - Binned splits of BVH builds -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

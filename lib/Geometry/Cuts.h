@@ -1,4 +1,4 @@
-//===- Cuts.h - Where ranges of primitives are cut in two -------*- C++ -*-===//
+//===- Cuts.h - Binned splits of BVH builds ---------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- DeviceTree.h - A hierarchy where its device reads it -----*- C++ -*-===//
+//===- DeviceTree.h - Device copy of a BVH ----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- HandleContents.cpp - Pointers among the words of a handle ----------===//
+//===- HandleContents.cpp - Pointer fields of handle slots ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

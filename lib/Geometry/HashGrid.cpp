@@ -1,4 +1,4 @@
-//===- HashGrid.cpp - Points by the cells of a grid -----------------------===//
+//===- HashGrid.cpp - Hash grids: neighbour search of points --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

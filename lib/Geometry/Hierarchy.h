@@ -1,4 +1,4 @@
-//===- Hierarchy.h - A tree in host memory ----------------------*- C++ -*-===//
+//===- Hierarchy.h - BVH in host memory -------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- HierarchyBuilder.cpp - Topology of a hierarchy ---------------------===//
+//===- HierarchyBuilder.cpp - BVH construction on the host ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- HierarchyBuilder.h - Topology of a hierarchy -------------*- C++ -*-===//
+//===- HierarchyBuilder.h - BVH construction on the host --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

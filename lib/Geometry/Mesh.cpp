@@ -1,4 +1,4 @@
-//===- Mesh.cpp - Triangle meshes that kernels search ---------------------===//
+//===- Mesh.cpp - Triangle meshes for queries in kernels ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

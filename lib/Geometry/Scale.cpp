@@ -1,4 +1,4 @@
-//===- Scale.cpp - The power of two of a hierarchy's coordinates ----------===//
+//===- Scale.cpp - Power-of-two scale of BVH coordinates ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

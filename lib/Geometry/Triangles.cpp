@@ -1,4 +1,4 @@
-//===- Triangles.cpp - Corners of faces in the user's arrays --------------===//
+//===- Triangles.cpp - Triangle vertices of user arrays -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -63,7 +63,7 @@ Triangles::primitives(const HostElements<int32_t> &groups) const {
 }
 
 Bounds Triangles::bounds() const {
-  // Eight points are three vectors, in whose lanes axes take turns.
+  // Eight points are three vectors, whose lanes alternate between the axes.
   static_assert(sizeof(Float3) == 3 * sizeof(float));
   const float *numbers = points.size() ? points[0].at : nullptr;
   Floats low[3], high[3], rest = 0;

@@ -1,4 +1,4 @@
-//===- Triangles.h - Corners of faces in the user's arrays ------*- C++ -*-===//
+//===- Triangles.h - Triangle vertices of user arrays -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

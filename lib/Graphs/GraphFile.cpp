@@ -1,4 +1,4 @@
-//===- GraphFile.cpp - The file of a saved graph --------------------------===//
+//===- GraphFile.cpp - File format of saved graphs ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GraphFile.h - The file of a saved graph ------------------*- C++ -*-===//
+//===- GraphFile.h - File format of saved graphs ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

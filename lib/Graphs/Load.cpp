@@ -1,4 +1,4 @@
-//===- Load.cpp - From files to a graph that runs -------------------------===//
+//===- Load.cpp - Deserialisation of saved graphs -------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

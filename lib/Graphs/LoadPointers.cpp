@@ -1,9 +1,9 @@
-//===- LoadPointers.cpp - Pointers of a graph that is loaded --------------===//
+//===- LoadPointers.cpp - Pointer relocation of loaded graphs -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Pointers are put back twice: first to memory that there is not yet, so that
-// no file is believed that it needs more than its operations reach, and then to
+// no file is trusted to need more than its operations reach, and then to
 // what was allocated.
 //
 //===----------------------------------------------------------------------===//

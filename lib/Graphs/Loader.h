@@ -1,4 +1,4 @@
-//===- Loader.h - From files to a graph that runs ---------------*- C++ -*-===//
+//===- Loader.h - Deserialisation of saved graphs ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RepeatOperations.cpp - Operations of saved graphs, done again ------===//
+//===- RepeatOperations.cpp - Replay of saved operations ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Save.cpp - From a captured graph to files --------------------------===//
+//===- Save.cpp - Serialisation of captured graphs ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- SaveMemory.cpp - The memory that a saved graph reaches -------------===//
+//===- SaveMemory.cpp - Reachable memory of a saved graph -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Saver.h - State of saving a graph ------------------------*- C++ -*-===//
+//===- Saver.h - State of graph serialisation -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

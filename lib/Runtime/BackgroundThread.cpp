@@ -1,4 +1,4 @@
-//===- BackgroundThread.cpp - Compilations on other threads ---------------===//
+//===- BackgroundThread.cpp - Background compilation threads --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- BackgroundThread.h - Compilations on other threads -------*- C++ -*-===//
+//===- BackgroundThread.h - Background compilation threads ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Bytes.cpp - Numbers and strings in files ---------------------------===//
+//===- Bytes.cpp - Binary serialisation -----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Bytes.h - Numbers and strings in files -------------------*- C++ -*-===//
+//===- Bytes.h - Binary serialisation ---------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CopyNest.h - A strided copy in its simplest form ---------*- C++ -*-===//
+//===- CopyNest.h - Canonical form of strided copies ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- FileFormat.cpp - Files that say what they are ----------------------===//
+//===- FileFormat.cpp - File header: magic, version, hash -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- FileFormat.h - Files that say what they are --------------*- C++ -*-===//
+//===- FileFormat.h - File header: magic, version, hash ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

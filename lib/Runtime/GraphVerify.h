@@ -1,4 +1,4 @@
-//===- GraphVerify.h - Two orders of a graph, compared ----------*- C++ -*-===//
+//===- GraphVerify.h - Comparison of two orders of a graph ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

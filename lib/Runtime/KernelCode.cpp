@@ -1,4 +1,4 @@
-//===- KernelCode.cpp - Where the code of variants comes from -----------===//
+//===- KernelCode.cpp - Code lookup: caches, files, compiler --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -12,7 +12,7 @@
 // background, and puts the new entry in the place of the old one: both compute
 // the same bits, so launches, on CPUs recorded ones and those in graphs too, go
 // over to it without knowing. A launch of many operations on a CPU waits for
-// the better code, but for that of long code; so does one that a CUDA graph
+// the tier-1 code, but for that of long code; so does one that a CUDA graph
 // records.
 //
 //===----------------------------------------------------------------------===//
@@ -153,12 +153,12 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
   return variant.release();
 }
 
-/// Nanoseconds that quick code runs for before better code is made, which is
+/// Nanoseconds that tier-0 code runs for before tier-1 code is made, which is
 /// worth it if it will run for longer than that takes: a tenth of the time that
 /// code of its size does.
 static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 
-/// Launches of a GPU's quick code, with which better code is asked for: what is
+/// Launches of a GPU's tier-0 code that ask for tier-1 code: what is
 /// launched again may well be launched often. One launch will do if it fills a
 /// card.
 static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;

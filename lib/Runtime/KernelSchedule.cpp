@@ -1,4 +1,4 @@
-//===- KernelSchedule.cpp - How launches of a kernel are made -------------===//
+//===- KernelSchedule.cpp - Schedules of a kernel's variants --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,10 +1,10 @@
-//===- KernelTrial.cpp - The code that lanes are checked against ----------===//
+//===- KernelTrial.cpp - Scalar code for the check of lanes ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A variant whose lanes the cost model chose has a trial (LaneTrial.h). Its times
-// are kept in the cache under the name of the code with lanes, so another process
-// begins with the quicker code.
+// A variant whose lanes the cost model chose has a trial (LaneTrial.h). Its
+// times are kept in the cache under the name of the code with lanes, so another
+// process begins with the quicker code.
 //
 //===----------------------------------------------------------------------===//
 

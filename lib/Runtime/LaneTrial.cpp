@@ -1,4 +1,4 @@
-//===- LaneTrial.cpp - Lanes against scalar threads, live -----------------===//
+//===- LaneTrial.cpp - Run-time check of vectorised code ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

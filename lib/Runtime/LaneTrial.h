@@ -1,4 +1,4 @@
-//===- LaneTrial.h - Lanes against scalar threads, live ---------*- C++ -*-===//
+//===- LaneTrial.h - Run-time check of vectorised code ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

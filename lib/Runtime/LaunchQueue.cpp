@@ -1,4 +1,4 @@
-//===- LaunchQueue.cpp - Operations behind code that is missing -----------===//
+//===- LaunchQueue.cpp - Operations queued behind compilation -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

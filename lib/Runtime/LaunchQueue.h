@@ -1,4 +1,4 @@
-//===- LaunchQueue.h - Operations behind code that is missing ---*- C++ -*-===//
+//===- LaunchQueue.h - Operations queued behind compilation -----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -8,7 +8,7 @@
 // alone, which compiles PTX as a part of programs to come: kernels that divide
 // call functions for rare operands. An entry is `isBest` if that costs nothing:
 // the kernel is no worse than the one that the driver makes of the whole
-// program. Others run until better code is there.
+// program. Others run until tier-1 code is there.
 //
 //===----------------------------------------------------------------------===//
 

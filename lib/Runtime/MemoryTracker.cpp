@@ -1,4 +1,4 @@
-//===- MemoryTracker.cpp - Who uses the memory ----------------------------===//
+//===- MemoryTracker.cpp - Memory tracker: allocations by call site -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Overlap.h - Memory of a launch's arrays ------------------*- C++ -*-===//
+//===- Overlap.h - Alias checks of launch arguments -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Pool.h - The threads behind parallel loops ---------------*- C++ -*-===//
+//===- Pool.h - Thread pool state -------------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PoolCpus.cpp - CPUs of the thread pool -----------------------------===//
+//===- PoolCpus.cpp - CPU affinity of pool threads ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

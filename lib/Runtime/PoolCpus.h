@@ -1,4 +1,4 @@
-//===- PoolCpus.h - CPUs of the thread pool ---------------------*- C++ -*-===//
+//===- PoolCpus.h - CPU affinity of pool threads ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

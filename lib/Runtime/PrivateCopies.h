@@ -1,4 +1,4 @@
-//===- PrivateCopies.h - Launches on copies of arrays -----------*- C++ -*-===//
+//===- PrivateCopies.h - Launches on privatized arrays ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

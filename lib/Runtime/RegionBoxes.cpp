@@ -1,4 +1,4 @@
-//===- RegionBoxes.cpp - Elements of an array that are touched ------------===//
+//===- RegionBoxes.cpp - Bounding boxes of accessed elements --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

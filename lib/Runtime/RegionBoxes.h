@@ -1,4 +1,4 @@
-//===- RegionBoxes.h - Elements of an array that are touched ----*- C++ -*-===//
+//===- RegionBoxes.h - Bounding boxes of accessed elements ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RegionFormula.cpp - From a launch to what it touches ---------------===//
+//===- RegionFormula.cpp - Evaluation of access region formulas -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

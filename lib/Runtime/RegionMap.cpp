@@ -1,4 +1,4 @@
-//===- RegionMap.cpp - Regions of memory by place -------------------------===//
+//===- RegionMap.cpp - Interval map of memory regions ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Regions.cpp - Blocks of memory that may overlap --------------------===//
+//===- Regions.cpp - Overlap tests of strided memory blocks ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

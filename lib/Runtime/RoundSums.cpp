@@ -1,4 +1,4 @@
-//===- RoundSums.cpp - From the digits of a sum to a float ----------------===//
+//===- RoundSums.cpp - Rounding of exact sums -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

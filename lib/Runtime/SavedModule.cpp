@@ -1,4 +1,4 @@
-//===- SavedModule.cpp - Kernels compiled ahead of time -------------------===//
+//===- SavedModule.cpp - Ahead-of-time compiled kernels -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

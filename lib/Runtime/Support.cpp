@@ -1,4 +1,4 @@
-//===- Support.cpp - Small helpers of the runtime -------------------------===//
+//===- Support.cpp - Utilities of the runtime -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Support.h - Small helpers of the runtime -----------------*- C++ -*-===//
+//===- Support.h - Utilities of the runtime ---------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

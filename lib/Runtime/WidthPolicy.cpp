@@ -1,4 +1,4 @@
-//===- WidthPolicy.cpp - How many threads a loop gets ---------------------===//
+//===- WidthPolicy.cpp - Adaptive thread count of parallel loops ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- WidthPolicy.h - How many threads a loop gets -------------*- C++ -*-===//
+//===- WidthPolicy.h - Adaptive thread count of parallel loops --*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Embedded.h - Bytes that the build has embedded -----------*- C++ -*-===//
+//===- Embedded.h - Embedded resources of the build -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Forks.cpp - Locks and forks ----------------------------------------===//
+//===- Forks.cpp - Fork-safe locks ----------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

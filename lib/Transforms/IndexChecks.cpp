@@ -1,4 +1,4 @@
-//===- IndexChecks.cpp - Indices that debug launches check ----------------===//
+//===- IndexChecks.cpp - Bounds checks of debug launches ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

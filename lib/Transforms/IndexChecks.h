@@ -1,4 +1,4 @@
-//===- IndexChecks.h - Indices that debug launches check --------*- C++ -*-===//
+//===- IndexChecks.h - Bounds checks of debug launches ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RareBranch.h - Branches that are rarely taken ------------*- C++ -*-===//
+//===- RareBranch.h - Branch weights of rare branches -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

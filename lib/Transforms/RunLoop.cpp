@@ -1,4 +1,4 @@
-//===- RunLoop.cpp - Loops through runs of a list -------------------------===//
+//===- RunLoop.cpp - Loops over runs of neighbours ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

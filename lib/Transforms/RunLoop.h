@@ -1,4 +1,4 @@
-//===- RunLoop.h - Loops through runs of a list -----------------*- C++ -*-===//
+//===- RunLoop.h - Loops over runs of neighbours ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- WrongRewrites.cpp - Replacements of wrong rewrites of LLVM ---------===//
+//===- WrongRewrites.cpp - Replacements of incorrect LLVM rewrites --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -15,7 +15,7 @@ using namespace mlir;
 
 namespace {
 
-/// Values that a loop hands on to its body and, in the end, to its results.
+/// Values that a loop forwards to its body and, in the end, to its results.
 class HandedOn {
 public:
   /// The position of a value; it is added if it is not there.

@@ -1,4 +1,4 @@
-//===- WrongRewrites.h - Rewrites of LLVM that are not used -----*- C++ -*-===//
+//===- WrongRewrites.h - Disabled rewrites of LLVM --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,9 +16,9 @@
 namespace warp {
 
 /// Names of canonicalizations that give wrong code, for whoever runs those of
-/// other dialects. LLVM 22 moves a branch that ends the condition of a loop into
-/// its body, and gets it wrong where the condition hands on one result of it
-/// twice.
+/// other dialects. LLVM 22 moves a branch that ends the condition of a loop
+/// into its body, and gets it wrong where the condition forwards one result of
+/// it twice.
 inline llvm::SmallVector<std::string> wrongRewrites() {
   return {"(anonymous namespace)::WhileMoveIfDown"};
 }

@@ -1,4 +1,4 @@
-//===- Errors.cpp - From warp::Error to Python exceptions -----------------===//
+//===- Errors.cpp - Python exceptions of warp::Error ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

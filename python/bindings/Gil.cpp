@@ -1,4 +1,4 @@
-//===- Gil.cpp - Work without Python's lock -------------------------------===//
+//===- Gil.cpp - Release of the GIL ---------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Gil.h - Work without Python's lock -----------------------*- C++ -*-===//
+//===- Gil.h - Release of the GIL -------------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Keeping.h - Copies of what is about to be overwritten ----*- C++ -*-===//
+//===- Keeping.h - Copy-on-write of recorded memory -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

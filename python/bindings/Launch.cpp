@@ -1,4 +1,4 @@
-//===- Launch.cpp - Running kernels from Python ---------------------------===//
+//===- Launch.cpp - Launches from Python ----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

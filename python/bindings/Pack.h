@@ -1,4 +1,4 @@
-//===- Pack.h - From Python arguments to a parameter block ------*- C++ -*-===//
+//===- Pack.h - Marshalling of kernel arguments -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

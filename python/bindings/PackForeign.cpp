@@ -1,4 +1,4 @@
-//===- PackForeign.cpp - Arrays of other libraries as arguments -----------===//
+//===- PackForeign.cpp - Marshalling of foreign arrays --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

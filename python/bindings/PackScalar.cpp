@@ -1,4 +1,4 @@
-//===- PackScalar.cpp - Python numbers as scalars -------------------------===//
+//===- PackScalar.cpp - Marshalling of numbers ----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PackedLaunch.cpp - Launches packed once ----------------------------===//
+//===- PackedLaunch.cpp - Recorded launches: packed once ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -22,7 +22,7 @@ struct LaunchRegions {
   std::vector<ArrayRegions> arrays;
 
   Region touched(size_t array) const;
-  /// Pairs (written, other) of different arrays that meet.
+  /// Pairs (written, other) of different arrays that overlap.
   std::vector<std::pair<size_t, size_t>> meetings() const;
   /// Arrays of which no element is both read and written.
   std::vector<bool> apart() const;

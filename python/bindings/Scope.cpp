@@ -1,4 +1,4 @@
-//===- Scope.cpp - Blocks and finalizers that interrupts cannot break -----===//
+//===- Scope.cpp - Interrupt-safe scopes and finalizers -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -4,7 +4,7 @@
 //
 // The part of `Version` and `Memory` (python/warp/_src/arrays/versions.py) that
 // each recorded launch needs: to find the version of a region, and to end those
-// that a write meets and nobody wants. Python keeps the regions to copy.
+// that a write overlaps and nobody needs. Python keeps the regions to copy.
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,6 +1,6 @@
 // RUN: warp-opt %s | warp-opt | FileCheck %s
 
-// Where threads meet survives a round trip.
+// Convergent operations survive a round trip.
 // CHECK-LABEL: func.func @meet
 func.func @meet(%own: i32, %hint: i32) -> i32 {
   // CHECK: warp.agree %{{.*}}, %{{.*}} : i32

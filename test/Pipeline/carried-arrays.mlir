@@ -1,4 +1,4 @@
-// Loops may hand on arrays; the schedules of GPUs that share a loop's iterations,
+// Loops may carry arrays; the schedules of GPUs that share a loop's iterations,
 // or run it for two threads at a time, leave those alone.
 //
 // RUN: warp-opt %s --warp-emit=ptx --warp-options="target=sm_90" | FileCheck %s

@@ -3,7 +3,7 @@
 // RUN: FileCheck %s --input-file=%t.ptx --check-prefix=AWAITED
 // RUN: %if ptxas %{ ptxas -arch=sm_90a -v %t.ptx -o %t.cubin 2>&1 | FileCheck %s --check-prefix=ASSEMBLED %}
 
-// Products of halves by warpgroups: copies are published before threads meet,
+// Products of halves by warpgroups: copies are published before barriers,
 // and the assembler keeps what is asynchronous so, without memory for sums.
 // CHECK: .target sm_90a
 // CHECK: .align 1024

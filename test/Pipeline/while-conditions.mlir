@@ -1,5 +1,5 @@
 // A branch before the end of a loop's condition becomes part of the body, which
-// has what it gives where the loop goes on, though it is handed on twice: LLVM
+// has what it gives where the loop goes on, though it is forwarded twice: LLVM
 // 22 would give the body what the branch yields when the loop ends.
 //
 // RUN: warp-opt %s --warp-emit=thread | FileCheck %s

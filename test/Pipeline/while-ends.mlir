@@ -1,5 +1,5 @@
 // The final value of a loop is the one that the branch yields then; the value
-// that it takes from the condition is handed on.
+// that it takes from the condition is forwarded.
 //
 // RUN: warp-opt %s --warp-emit=thread | FileCheck %s
 

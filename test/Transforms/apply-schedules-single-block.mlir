@@ -2,7 +2,7 @@
 
 #gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
-// A launch of one block: its threads take turns at all indices of the launch,
+// A launch of one block: its threads stride over all indices of the launch,
 // and their sums are combined in the block's order.
 // CHECK-LABEL: llvm.func ptx_kernelcc @block
 // CHECK: %[[ROWS:.*]] = warp.parameter %{{.*}}[0] : !llvm.ptr -> i32

@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --warp-forward-stores --warp-differentiate-kernel=active=1111 --canonicalize --cse --warp-clean-up-adjoint | FileCheck %s
 
 // Memory says which place of `best` a thread updates. The launch, which keeps
-// what the counter returns, must be right whether threads meet there or not.
+// what the counter returns, must be right whether threads conflict there or not.
 // CHECK-LABEL: func @rows(
 // CHECK-SAME: warp.augmented
 // CHECK: %[[V:.*]] = warp.load %arg0
@@ -21,7 +21,7 @@
 // CHECK: warp.atomic exch
 // CHECK-NOT: warp.load
 
-// The recording finds out whether threads meet.
+// The recording finds out whether threads conflict.
 // CHECK-LABEL: func @rows_record(
 // CHECK-SAME: kind = claims
 // CHECK: warp.atomic exch

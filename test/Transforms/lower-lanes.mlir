@@ -122,7 +122,7 @@ llvm.func @counter(%m: vector<4xi1>, %v: vector<4xi32>, %block: !llvm.ptr)
 
 // -----
 
-// Where lanes have counters of their own, or exchange, they take turns.
+// Where lanes have counters of their own, or exchange, they are serialised.
 // CHECK-LABEL: llvm.func @turns
 // CHECK: scf.for
 // CHECK: warp.atomic_components add
@@ -153,7 +153,7 @@ llvm.func @turns(%m: vector<4xi1>, %at: vector<4xi32>, %block: !llvm.ptr)
 // -----
 
 // A branch before the end of a loop's condition becomes part of the body, as
-// often as it is handed on: see WrongRewrites.h.
+// often as it is forwarded: see WrongRewrites.h.
 // CHECK-LABEL: llvm.func @steps
 // CHECK: scf.while
 // CHECK: scf.condition(%{{.*}}) %[[AT:.*]] : i32

@@ -5,7 +5,7 @@
 // RUN: warp-opt %s --warp-pipeline="to-llvm target=sm_90" | FileCheck %s --check-prefix=GPU
 
 // Indices that no two threads share need no atomic. They are unique up to a
-// rank of the launch; beyond it, threads meet.
+// rank of the launch; beyond it, threads conflict.
 // CHECK-LABEL: func.func @update
 // CHECK: %[[G:.*]] = warp.grad
 // CHECK: %[[OLD:.*]] = warp.load %[[G]]

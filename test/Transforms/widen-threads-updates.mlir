@@ -36,7 +36,7 @@ func.func @one_element(%s: !warp.array<1 x f32>, %x: !warp.array<1 x f32>,
       lanes = 4>
 
 // An old value that is used, or an exchange, says which lane was first: they
-// take turns, with what they share as it is.
+// are serialised, with what they share as it is.
 // CHECK-LABEL: func.func @turns
 // CHECK: ^bb0(%{{.*}}: i32, %[[LIVE:.*]]: vector<4xi1>):
 // CHECK: %[[V:.*]] = warp.load_lanes

@@ -4,7 +4,7 @@
 WARP_TEST_DEVICE="cuda:0" (or a comma-separated list) overrides the choice.
 Tests marked `cuda` are skipped, and counted so, where there is no device.
 WARP_TEST_LEVEL is the optimization level of kernels that ask for none: with one
-there is no quick first code.
+there is no tier-0 code.
 Every session compiles into its own empty kernel cache.
 """
 

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Takes the place of lib/DeviceLib/gpu/Gpu.h: the threads of a block are
-// contexts that take turns and wait for each other where the kernel says so,
+// contexts that alternate and wait for each other where the kernel says so,
 // the blocks run one after the other.
 //
 //===----------------------------------------------------------------------===//

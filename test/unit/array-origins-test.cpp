@@ -1,4 +1,4 @@
-//===- array-origins-test.cpp - Which memory an array stands for ----------===//
+//===- array-origins-test.cpp - Underlying memory of array values ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -450,7 +450,7 @@ func.func @cast(%mesh: ui64, %x: !warp.array<1 x f32>) attributes {warp.kernel} 
 };
 } // namespace
 
-// The first code of a kernel that searches is linked, better code comes with
+// The tier-0 code of a kernel that searches is linked, tier-1 code comes with
 // the second launch, with a first one of many threads, or by a graph.
 TEST_F(LinkedCode, IsThereFirst) {
   std::unique_ptr<Kernel> small = kernelOf(true), large = kernelOf(true);

@@ -1,4 +1,4 @@
-//===- geometry-sign-test.cpp - Which side of a mesh a point is on --------===//
+//===- geometry-sign-test.cpp - Inside-outside tests of meshes ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -98,7 +98,7 @@ TEST_F(MachineCodeTest, ALaterProcessAssemblesNothing) {
   EXPECT_EQ(run(3, /*quickFirst=*/false), 0);
 }
 
-// Linked code that is worse runs until there is better code.
+// Linked code that is worse runs until there is tier-1 code.
 TEST_F(MachineCodeTest, WorseCodeIsReplaced) {
   setLinkedStack(32);
   EXPECT_EQ(run(), 2);

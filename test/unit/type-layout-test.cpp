@@ -1,4 +1,4 @@
-//===- type-layout-test.cpp - How values lie in memory --------------------===//
+//===- type-layout-test.cpp - Memory layout of values ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- width-policy-test.cpp - How many threads a loop gets ---------------===//
+//===- width-policy-test.cpp - Adaptive thread count of loops -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Build.cpp - The bytes of a grid over its topology ------------------===//
+//===- Build.cpp - NanoVDB grid serialisation -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

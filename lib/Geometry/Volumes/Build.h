@@ -1,4 +1,4 @@
-//===- Build.h - The bytes of a grid over its topology ----------*- C++ -*-===//
+//===- Build.h - NanoVDB grid serialisation ---------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

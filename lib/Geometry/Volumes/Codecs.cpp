@@ -1,4 +1,4 @@
-//===- Codecs.cpp - How grids are packed in files -------------------------===//
+//===- Codecs.cpp - Compression codecs of grid files ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Codecs.h - How grids are packed in files -----------------*- C++ -*-===//
+//===- Codecs.h - Compression codecs of grid files --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

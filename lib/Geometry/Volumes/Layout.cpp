@@ -1,4 +1,4 @@
-//===- Layout.cpp - Offsets of grids by the type of their values ----------===//
+//===- Layout.cpp - NanoVDB offsets by value type -------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Layout.h - Where a grid of NanoVDB has what --------------*- C++ -*-===//
+//===- Layout.h - NanoVDB memory layout -------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

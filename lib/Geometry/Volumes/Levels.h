@@ -1,8 +1,8 @@
-//===- Levels.h - The nodes of a grid ---------------------------*- C++ -*-===//
+//===- Levels.h - NanoVDB tree levels ---------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Grids come from files, so nothing in them is believed: `Levels` finds the
+// Grids come from files, so nothing in them is trusted: `Levels` finds the
 // levels of nodes and throws if they are not within the bytes, `check` also
 // follows every child, so that kernels need not look.
 //

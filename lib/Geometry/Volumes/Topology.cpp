@@ -1,4 +1,4 @@
-//===- Topology.cpp - Sorts tiles by the nodes that they lie in -----------===//
+//===- Topology.cpp - NanoVDB topology: tiles sorted by node --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Topology.h - The nodes over some tiles -------------------*- C++ -*-===//
+//===- Topology.h - NanoVDB topology of a list of tiles ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

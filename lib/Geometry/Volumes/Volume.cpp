@@ -1,4 +1,4 @@
-//===- Volume.cpp - Sparse grids that kernels read ------------------------===//
+//===- Volume.cpp - Sparse volumes (NanoVDB) for kernels ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

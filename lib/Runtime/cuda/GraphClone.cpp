@@ -1,4 +1,4 @@
-//===- GraphClone.cpp - Graphs with branches inside of graphs -------------===//
+//===- GraphClone.cpp - Inlining of conditional child graphs --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

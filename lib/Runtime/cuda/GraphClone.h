@@ -1,4 +1,4 @@
-//===- GraphClone.h - Graphs with branches inside of graphs -----*- C++ -*-===//
+//===- GraphClone.h - Inlining of conditional child graphs ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -68,7 +68,7 @@ struct KernelNode {
 };
 static_assert(sizeof(KernelNode) == 72);
 
-/// CUDA_MEMCPY3D and CUDA_MEMSET_NODE_PARAMS; only handed on.
+/// CUDA_MEMCPY3D and CUDA_MEMSET_NODE_PARAMS; only passed on.
 struct CopyNode {
   uint64_t words[25] = {};
 };

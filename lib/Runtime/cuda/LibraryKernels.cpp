@@ -1,4 +1,4 @@
-//===- LibraryKernels.cpp - Kernels of the library itself -----------------===//
+//===- LibraryKernels.cpp - Precompiled runtime kernels -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LibraryKernels.h - Kernels of the library itself ---------*- C++ -*-===//
+//===- LibraryKernels.h - Precompiled runtime kernels -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- AssembledLibrary.cpp - The device library as GPU code --------------===//
+//===- AssembledLibrary.cpp - Cubins of the device library ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -43,7 +43,7 @@ AssembledCalls::AssembledCalls(llvm::Module &module, llvm::StringRef target)
     : module(module) {
   for (llvm::Function &function : module)
     if (function.isDeclaration() && isAssembled(function.getName(), target)) {
-      // Threads may meet in them.
+      // They may contain barriers.
       function.setConvergent();
       function.setName(hidden + function.getName());
     }

@@ -1,11 +1,11 @@
-//===- AssembledLibrary.h - The device library as GPU code ------*- C++ -*-===//
+//===- AssembledLibrary.h - Cubins of the device library --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The counterpart of LibraryObject.h: searches and the algebra of tiles, for
 // which the driver's assembler needs most of a first launch, are assembled when
 // the library is built, once for each family of GPUs. Quickly compiled kernels
-// call them, and the driver links both. In better code they are part of the
+// call them, and the driver links both. In tier-1 code they are part of the
 // kernel, for what it passes and with its registers.
 //
 //===----------------------------------------------------------------------===//

@@ -1,4 +1,4 @@
-//===- Reductions.cpp - Updates whose old value nobody wants --------------===//
+//===- Reductions.cpp - Atomic reductions without result ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

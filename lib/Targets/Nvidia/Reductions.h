@@ -1,4 +1,4 @@
-//===- Reductions.h - Updates whose old value nobody wants ------*- C++ -*-===//
+//===- Reductions.h - Atomic reductions without result ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Activity.cpp - Which values carry derivatives ----------------------===//
+//===- Activity.cpp - Activity analysis -----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

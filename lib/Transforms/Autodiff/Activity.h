@@ -1,4 +1,4 @@
-//===- Activity.h - Which values carry derivatives --------------*- C++ -*-===//
+//===- Activity.h - Activity analysis ---------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ApartArrays.h - Read and written in different places -----*- C++ -*-===//
+//===- ApartArrays.h - Arrays with disjoint reads and writes ----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ChosenArrays.cpp - Arrays that control flow chooses ----------------===//
+//===- ChosenArrays.cpp - Arrays selected by control flow -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ChosenArrays.h - Arrays that control flow chooses --------*- C++ -*-===//
+//===- ChosenArrays.h - Arrays selected by control flow ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CleanUpAdjoint.cpp - Loads and arguments that a derivative needs ---===//
+//===- CleanUpAdjoint.cpp - Dead code elimination in derivatives ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

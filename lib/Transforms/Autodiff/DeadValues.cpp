@@ -1,4 +1,4 @@
-//===- DeadValues.cpp - Values that code with loops really uses -----------===//
+//===- DeadValues.cpp - Liveness through loops ----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- DeadValues.h - Values that code with loops really uses ---*- C++ -*-===//
+//===- DeadValues.h - Liveness through loops --------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

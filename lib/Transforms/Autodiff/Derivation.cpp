@@ -1,4 +1,4 @@
-//===- Derivation.cpp - Derivatives that passes ask for -------------------===//
+//===- Derivation.cpp - Derivatives on request of passes ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Derivation.h - Derivatives that passes ask for -----------*- C++ -*-===//
+//===- Derivation.h - Derivatives on request of passes ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

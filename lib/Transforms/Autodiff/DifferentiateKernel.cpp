@@ -1,4 +1,4 @@
-//===- DifferentiateKernel.cpp - The pass that makes a derivative ---------===//
+//===- DifferentiateKernel.cpp - Automatic differentiation ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ExpandBuiltins.cpp - Builtins without a rule become scalars --------===//
+//===- ExpandBuiltins.cpp - Expansion of builtins without a rule ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- FlattenStructs.cpp - Struct values become their fields -------------===//
+//===- FlattenStructs.cpp - Scalar replacement of structs -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

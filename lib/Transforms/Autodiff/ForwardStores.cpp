@@ -1,4 +1,4 @@
-//===- ForwardStores.cpp - Values through memory become values ------------===//
+//===- ForwardStores.cpp - Store-to-load forwarding -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

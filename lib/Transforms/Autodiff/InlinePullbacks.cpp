@@ -1,4 +1,4 @@
-//===- InlinePullbacks.cpp - Derivatives of functions become code ---------===//
+//===- InlinePullbacks.cpp - Inlining of pullbacks ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

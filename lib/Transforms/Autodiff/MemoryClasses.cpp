@@ -4,8 +4,8 @@
 //
 // An adjoint runs after its launch, when arrays hold what the launch left. For
 // every load of an array that the kernel also writes, this file answers whether
-// its value can be had again, from the array or from a copy made before the
-// launch; for every access of a gradient, whether threads can meet there.
+// its value can be recovered, from the array or from a copy made before the
+// launch; for every access of a gradient, whether threads can conflict there.
 //
 // Both questions are about indices: MemorySharing.cpp asks them about threads.
 // Within a thread, two accesses are apart if their indices differ by a constant

@@ -1,4 +1,4 @@
-//===- MemoryOrder.cpp - Which access of a thread comes first -------------===//
+//===- MemoryOrder.cpp - Order of a thread's accesses ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

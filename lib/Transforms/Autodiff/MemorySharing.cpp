@@ -1,4 +1,4 @@
-//===- MemorySharing.cpp - Which threads touch which elements -------------===//
+//===- MemorySharing.cpp - Element sharing among threads ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- OwnUpdates.cpp - Atomics at places of one thread -------------------===//
+//===- OwnUpdates.cpp - Atomics on thread-exclusive elements --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -8,7 +8,7 @@
 //   old = atomic min v, a[i]        old = a[i];  a[i] = min(old, v)
 //
 // which the rest knows how to differentiate. Where indices come from memory,
-// the launch shows whether threads meet (Loops/MemoryLog.cpp).
+// the launch shows whether threads conflict (Loops/MemoryLog.cpp).
 //
 //===----------------------------------------------------------------------===//
 

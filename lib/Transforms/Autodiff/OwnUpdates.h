@@ -1,4 +1,4 @@
-//===- OwnUpdates.h - Atomics at places of one thread -----------*- C++ -*-===//
+//===- OwnUpdates.h - Atomics on thread-exclusive elements ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -29,7 +29,7 @@ struct SplitUpdate {
 };
 
 struct TrustedUpdates {
-  /// Arrays of which the launch has to show that threads do not meet, by leaf,
+  /// Arrays for which the launch has to show that no threads conflict, by leaf,
   /// and where that matters.
   llvm::MapVector<unsigned, mlir::Location> arrays;
   llvm::SmallVector<SplitUpdate> updates;
@@ -41,7 +41,7 @@ TrustedUpdates splitTrustedUpdates(mlir::FunctionOpInterface kernel,
                                    const ArrayLeaves &leaves,
                                    llvm::ArrayRef<bool> active);
 
-/// Makes them atomics again, for a launch in which threads may meet.
+/// Makes them atomics again, for a launch in which threads may conflict.
 void joinUpdates(llvm::ArrayRef<SplitUpdate> updates);
 
 } // namespace warp::autodiff

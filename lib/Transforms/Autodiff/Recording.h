@@ -1,4 +1,4 @@
-//===- Recording.h - A second run of the kernel -----------------*- C++ -*-===//
+//===- Recording.h - Replay of the forward kernel ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ResolveDerivatives.cpp - Derivatives that a kernel calls -----------===//
+//===- ResolveDerivatives.cpp - Derivatives called by kernels -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -325,7 +325,7 @@ ResolveDerivatives::withoutEffects(func::FuncOp function) {
       isChanged |= *other != callee;
       call.setCallee(other->getName());
     } else if (warp::isObservable(op) && !op->use_empty()) {
-      op->emitError("the old value cannot be had again when '")
+      op->emitError("the old value cannot be recovered when '")
           << function.getName() << "' is differentiated; say with "
           << "`@wp.func_replay` how its results are";
       return WalkResult::interrupt();

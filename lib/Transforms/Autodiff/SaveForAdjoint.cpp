@@ -1,4 +1,4 @@
-//===- SaveForAdjoint.cpp - Values that a launch keeps for its adjoint ----===//
+//===- SaveForAdjoint.cpp - Residuals saved for the adjoint ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- SaveForAdjoint.h - Values kept for an adjoint ------------*- C++ -*-===//
+//===- SaveForAdjoint.h - Residuals saved for the adjoint -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- SimplifyAdjoint.cpp - Sums out of loops, dead code gone ------------===//
+//===- SimplifyAdjoint.cpp - Sums hoisted out of adjoint loops ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- SpectralMatch.cpp - Where U diag(f(s)) V^T is computed -------------===//
+//===- SpectralMatch.cpp - Pattern match of U diag(f(s)) V^T --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- SpectralMatch.h - Where U diag(f(s)) V^T is computed -----*- C++ -*-===//
+//===- SpectralMatch.h - Pattern match of U diag(f(s)) V^T ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- IntegerFold.h - Operations on integers that are known ----*- C++ -*-===//
+//===- IntegerFold.h - Constant folding of integers -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LocalMemory.cpp - Components in memory of a thread -----------------===//
+//===- LocalMemory.cpp - Composites in thread-private memory --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LocalMemory.h - Components in memory of a thread ---------*- C++ -*-===//
+//===- LocalMemory.h - Composites in thread-private memory ------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LocalSums.cpp - Sums with composites of one number -----------------===//
+//===- LocalSums.cpp - Sparse updates of long composites ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

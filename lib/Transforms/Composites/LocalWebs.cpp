@@ -1,4 +1,4 @@
-//===- LocalWebs.cpp - Composites that can share one memory ---------------===//
+//===- LocalWebs.cpp - Live ranges that share memory (webs) ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -168,14 +168,14 @@ static bool isNeeded(Value version, Operation *op) {
   if (!isDefinedBefore(version, op))
     return false;
   return llvm::any_of(version.getUses(), [&](OpOperand &use) {
-    // All values that an operation hands on are handed on at once.
+    // An operation forwards all its values at once.
     if (use.getOwner() == op)
       return !isa<warp::InsertOp>(op);
     return mayComeAfter(version, use.getOwner(), op);
   });
 }
 
-/// True if an operation that writes the next version of a variable hands on
+/// True if an operation that writes the next version of a variable forwards
 /// this one to another.
 static bool isHandedOnElsewhere(Value version, OpOperand &source) {
   return llvm::any_of(version.getUses(), [&](OpOperand &use) {

@@ -1,9 +1,9 @@
-//===- LocalWebs.h - Composites that can share one memory -------*- C++ -*-===//
+//===- LocalWebs.h - Live ranges that share memory (webs) -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Versions of one variable of a thread: what an insertion makes of a composite,
-// what loops carry and branches yield. A version is handed on along edges, from
+// what loops carry and branches yield. A version is forwarded along edges, from
 // the target of an insertion to its result, from what a loop begins with or
 // yields to what it carries. A web is a set of versions that are never needed
 // at once, so that one memory holds them all; an edge that leaves a web, or
@@ -21,7 +21,7 @@
 
 namespace warp {
 
-/// A version that an operation hands on.
+/// A version that an operation forwards.
 struct LocalEdge {
   mlir::OpOperand *source;
   /// One, or for the condition of a loop what its body gets and its result.

@@ -1,4 +1,4 @@
-//===- LowerComposites.cpp - Composite values become scalars --------------===//
+//===- LowerComposites.cpp - Scalar replacement of composites -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LowerCompositesPass.cpp - The pass ---------------------------------===//
+//===- LowerCompositesPass.cpp - The pass warp-lower-composites -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

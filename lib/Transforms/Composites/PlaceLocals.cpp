@@ -1,4 +1,4 @@
-//===- PlaceLocals.cpp - Long composites in memory ------------------------===//
+//===- PlaceLocals.cpp - Stack placement of composites --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PlaceLocals.h - Long composites in memory ----------------*- C++ -*-===//
+//===- PlaceLocals.h - Stack placement of composites ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ConvertToLLVM.cpp - The rest goes to the LLVM dialect --------------===//
+//===- ConvertToLLVM.cpp - Conversion to the LLVM dialect -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

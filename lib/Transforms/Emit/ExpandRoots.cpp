@@ -1,4 +1,4 @@
-//===- ExpandRoots.cpp - Square roots of a GPU without branches -----------===//
+//===- ExpandRoots.cpp - Branch-free square roots on GPUs -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

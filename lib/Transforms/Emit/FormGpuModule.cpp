@@ -1,4 +1,4 @@
-//===- FormGpuModule.cpp - The kernel of a GPU as a module of its own -----===//
+//===- FormGpuModule.cpp - Outlining of kernels to gpu.module -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ForwardElements.cpp - Loads of what was just stored ----------------===//
+//===- ForwardElements.cpp - Store-to-load forwarding of elements ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

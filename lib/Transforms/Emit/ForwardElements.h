@@ -1,4 +1,4 @@
-//===- ForwardElements.h - Loads of what was just stored --------*- C++ -*-===//
+//===- ForwardElements.h - Store-to-load forwarding of elements -*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LaneAccess.h - Where lanes find their elements -----------*- C++ -*-===//
+//===- LaneAccess.h - Addresses of lane accesses ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

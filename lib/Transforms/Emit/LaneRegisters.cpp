@@ -1,4 +1,4 @@
-//===- LaneRegisters.cpp - Elements taken apart in registers --------------===//
+//===- LaneRegisters.cpp - Deinterleaving of lanes' elements --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- LowerFunctions.cpp - Functions that stay calls ---------------------===//
+//===- LowerFunctions.cpp - Lowering of out-of-line functions -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

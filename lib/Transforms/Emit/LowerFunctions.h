@@ -1,4 +1,4 @@
-//===- LowerFunctions.h - Functions that stay calls -------------*- C++ -*-===//
+//===- LowerFunctions.h - Lowering of out-of-line functions -----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,10 +1,10 @@
-//===- LowerLaneAccesses.cpp - Elements of neighbouring threads -----------===//
+//===- LowerLaneAccesses.cpp - Vector loads and stores of lanes -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Lanes whose elements follow each other read and write whole vectors, which
 // are taken apart and put together in registers (LaneRegisters.cpp), or rows
-// of each element (LowerLaneRows.cpp). Elements that lie anywhere are rows,
+// of each element (LowerLaneRows.cpp). Scattered elements are rows,
 // or are gathered and scattered, component by component.
 //
 //===----------------------------------------------------------------------===//

@@ -1,4 +1,4 @@
-//===- LowerLaneBytes.cpp - Elements of a few bytes that lie anywhere -----===//
+//===- LowerLaneBytes.cpp - Gathers of elements below 32 bits -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

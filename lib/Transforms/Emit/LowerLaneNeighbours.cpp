@@ -1,4 +1,4 @@
-//===- LowerLaneNeighbours.cpp - Elements that mostly follow each other ---===//
+//===- LowerLaneNeighbours.cpp - Nearly contiguous lane accesses ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -145,7 +145,7 @@ SmallVector<mlir::Value> ArrayLowering::loadNeighbours(LoadLanesOp op) {
       });
 }
 
-/// Plain updates: lanes at elements that follow each other do not meet.
+/// Plain updates: lanes at consecutive elements do not conflict.
 void ArrayLowering::updateNeighbours(UpdateLanesOp op) {
   ifNeighbours(
       cast<AccessOp>(op.getOperation()), op.getMask(), op.getNonNegative(), {},

@@ -1,4 +1,4 @@
-//===- LowerLaneRows.cpp - Elements as rows of numbers --------------------===//
+//===- LowerLaneRows.cpp - Transposed loads of whole elements -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,11 +1,11 @@
-//===- LowerLaneWords.cpp - Small elements anywhere, lane by lane ---------===//
+//===- LowerLaneWords.cpp - Scattered elements, lane by lane --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Elements of several numbers that lie anywhere are loaded lane by lane, as
+// Scattered elements of several numbers are loaded lane by lane, as
 // rows (LowerLaneRows.cpp). Updates go through memory the other way: values are
 // transposed into rows, and a loop over the lanes adds row after row, in the
-// order of the lanes, as they may meet.
+// order of the lanes, as their elements may be the same.
 //
 //===----------------------------------------------------------------------===//
 

@@ -1,4 +1,4 @@
-//===- LowerScratch.cpp - Memory of one thread ----------------------------===//
+//===- LowerScratch.cpp - Thread-private scratch memory -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

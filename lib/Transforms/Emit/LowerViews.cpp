@@ -1,4 +1,4 @@
-//===- LowerViews.cpp - Where arrays come from and what is asked of them --===//
+//===- LowerViews.cpp - Array parameters, views and extents ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- InStep.cpp - Loops that lanes go through in step -------------------===//
+//===- InStep.cpp - Lockstep loops of lanes -------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

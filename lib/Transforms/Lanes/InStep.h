@@ -1,4 +1,4 @@
-//===- InStep.h - Loops that lanes go through in step -----------*- C++ -*-===//
+//===- InStep.h - Lockstep loops of lanes -----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Neighbours.cpp - Elements that mostly follow each other ------------===//
+//===- Neighbours.cpp - Nearly contiguous accesses of lanes ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Neighbours.h - Elements that mostly follow each other ----*- C++ -*-===//
+//===- Neighbours.h - Nearly contiguous accesses of lanes -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -12,7 +12,7 @@
 namespace warp {
 
 namespace attr {
-/// On an access of lanes to elements that may lie anywhere: it asks first
+/// On an access of lanes to elements that may be scattered: it asks first
 /// whether they follow each other.
 constexpr llvm::StringLiteral neighbours = "warp.neighbours";
 } // namespace attr

@@ -1,4 +1,4 @@
-//===- ShareRuns.cpp - Lanes meet where they go through the same ----------===//
+//===- ShareRuns.cpp - Reconvergence in neighbour loops -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ShareRuns.h - Lanes meet where they go through the same --*- C++ -*-===//
+//===- ShareRuns.h - Reconvergence in neighbour loops -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

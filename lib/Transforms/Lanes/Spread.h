@@ -1,4 +1,4 @@
-//===- Spread.h - One value in all lanes ------------------------*- C++ -*-===//
+//===- Spread.h - Broadcast to all lanes ------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

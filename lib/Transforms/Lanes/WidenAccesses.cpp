@@ -248,7 +248,7 @@ void Widening::widenUpdate(warp::AtomicComponentsOp op) {
   int64_t stride = unitStride(op.getArray(), op.getIndices(), where);
   if (!warp::getSchedule(kernel).getExclusive() || stride == 0)
     return updateOneByOne(op);
-  // Lanes do not meet, and no other thread is there.
+  // Lanes do not conflict, and there is no other thread.
   SmallVector<Type> types;
   for (Type type : op.getResultTypes())
     types.push_back(lanesOf(type));

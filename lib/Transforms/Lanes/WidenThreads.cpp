@@ -1,4 +1,4 @@
-//===- WidenThreads.cpp - Threads become lanes ----------------------------===//
+//===- WidenThreads.cpp - Vectorisation: threads as lanes -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

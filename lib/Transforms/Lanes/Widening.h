@@ -1,4 +1,4 @@
-//===- Widening.h - Threads as the lanes of vectors -------------*- C++ -*-===//
+//===- Widening.h - State of thread vectorisation ---------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Batches.cpp - Blocks of a CPU that solve systems together ----------===//
+//===- Batches.cpp - Batched linear systems of CPU blocks -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

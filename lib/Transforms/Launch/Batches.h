@@ -1,4 +1,4 @@
-//===- Batches.h - Blocks of a CPU that solve systems together --*- C++ -*-===//
+//===- Batches.h - Batched linear systems of CPU blocks ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CheckVariance.cpp - Tests of what is known about values ------------===//
+//===- CheckVariance.cpp - Run-time checks of divergence facts ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ElementStage.cpp - Code of accesses that warps share ---------------===//
+//===- ElementStage.cpp - Warp-cooperative element accesses ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

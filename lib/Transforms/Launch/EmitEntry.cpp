@@ -1,4 +1,4 @@
-//===- EmitEntry.cpp - From a group of threads to the entry of a launch ---===//
+//===- EmitEntry.cpp - Kernel entry of a launch ---------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -3,7 +3,7 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // State of warp-emit-entry. EmitEntryCpu.cpp has the loops over a range of
-// threads, EmitEntryBatches.cpp those of blocks that take turns, EmitEntry.cpp
+// threads, EmitEntryBatches.cpp those of interleaved blocks, EmitEntry.cpp
 // the rest. On a GPU schedules have mapped threads to the grid.
 //
 //===----------------------------------------------------------------------===//

@@ -1,4 +1,4 @@
-//===- FormLaunch.cpp - From one thread to a group of threads -------------===//
+//===- FormLaunch.cpp - Launch region around a thread ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- FuseMultiplyAdd.cpp - Products and sums of them --------------------===//
+//===- FuseMultiplyAdd.cpp - Contraction to multiply-add ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

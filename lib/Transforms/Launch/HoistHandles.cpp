@@ -1,4 +1,4 @@
-//===- HoistHandles.cpp - Handles are looked at once ----------------------===//
+//===- HoistHandles.cpp - Hoisting of handle lookups ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

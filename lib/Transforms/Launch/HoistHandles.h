@@ -1,4 +1,4 @@
-//===- HoistHandles.h - Handles are looked at once --------------*- C++ -*-===//
+//===- HoistHandles.h - Hoisting of handle lookups --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

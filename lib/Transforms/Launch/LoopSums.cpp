@@ -1,4 +1,4 @@
-//===- LoopSums.cpp - Loops that carry nothing but sums -------------------===//
+//===- LoopSums.cpp - Loops that are reductions only ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

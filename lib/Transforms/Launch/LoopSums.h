@@ -1,4 +1,4 @@
-//===- LoopSums.h - Loops that carry nothing but sums -----------*- C++ -*-===//
+//===- LoopSums.h - Loops that are reductions only --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

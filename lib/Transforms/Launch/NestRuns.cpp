@@ -1,4 +1,4 @@
-//===- NestRuns.cpp - Runs are loops of their own -------------------------===//
+//===- NestRuns.cpp - Loop nests of neighbour runs ------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- NestRuns.h - Runs are loops of their own -----------------*- C++ -*-===//
+//===- NestRuns.h - Loop nests of neighbour runs ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

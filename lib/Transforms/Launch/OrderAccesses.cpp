@@ -1,4 +1,4 @@
-//===- OrderAccesses.cpp - Loads first, stores last -----------------------===//
+//===- OrderAccesses.cpp - Scheduling: loads first, stores last -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -23,7 +23,7 @@
 //      a write that stayed, or a loop: what it loads has its own order.
 //
 // Both moves keep values alive for longer, so they end at a number of
-// registers. Two accesses meet only if their arrays may overlap: the launch
+// registers. Two accesses alias only if their arrays may overlap: the launch
 // says that no written array does (`disjoint`), and an array's gradient
 // counts as an array of its own. Arrays that come from anywhere but the
 // parameter block may be any.

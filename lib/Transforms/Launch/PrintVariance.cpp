@@ -1,4 +1,4 @@
-//===- PrintVariance.cpp - How values vary, as text -----------------------===//
+//===- PrintVariance.cpp - Text of the divergence analysis ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- StageElements.cpp - Warps move whole elements together -------------===//
+//===- StageElements.cpp - Coalesced accesses of wide elements ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -25,7 +25,7 @@
 // keep the order of its accesses: there is one before every staged access,
 // which also frees the slab; one within, where share and element are exchanged;
 // and one after a store. Loads with nothing but arithmetic between them are
-// under way together.
+// in flight together.
 //
 // Here is what finds such accesses; ElementStage.cpp writes their code.
 //

@@ -1,4 +1,4 @@
-//===- StageElements.h - Warps move whole elements together -----*- C++ -*-===//
+//===- StageElements.h - Coalesced accesses of wide elements ----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

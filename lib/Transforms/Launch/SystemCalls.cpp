@@ -1,4 +1,4 @@
-//===- SystemCalls.cpp - Factors and solves in turn -----------------------===//
+//===- SystemCalls.cpp - Factorisations followed by solves ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

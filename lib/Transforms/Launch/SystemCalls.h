@@ -1,4 +1,4 @@
-//===- SystemCalls.h - Factors and solves in turn ---------------*- C++ -*-===//
+//===- SystemCalls.h - Factorisations followed by solves --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- UnrollLoop.cpp - Copies in the place of a loop ---------------------===//
+//===- UnrollLoop.cpp - Full unrolling of a loop --------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- UnrollLoop.h - Copies in the place of a loop -------------*- C++ -*-===//
+//===- UnrollLoop.h - Full unrolling of a loop ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- UnrollLoops.cpp - Several iterations of a GPU's loops at once ------===//
+//===- UnrollLoops.cpp - Partial unrolling of GPU loops -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Lowerings.h - How builtins become scalar operations ------*- C++ -*-===//
+//===- Lowerings.h - Lowering rules of builtins -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -6,7 +6,7 @@
 // dimensions: each corner of the cell around a point has a random gradient,
 // and the linear functions with these gradients, zero at their corners, are
 // blended by a polynomial whose first two derivatives vanish at its ends. The
-// gradients are those of the peer, so its images can be had again.
+// gradients are those of the peer, so its images are reproduced.
 //
 //===----------------------------------------------------------------------===//
 

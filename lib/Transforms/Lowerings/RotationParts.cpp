@@ -1,4 +1,4 @@
-//===- RotationParts.cpp - Lowerings that take rotations apart ------------===//
+//===- RotationParts.cpp - Euler angles, axes and angles ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Table.cpp - From the name of a builtin to its lowering -------------===//
+//===- Table.cpp - Table of lowering rules by builtin ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

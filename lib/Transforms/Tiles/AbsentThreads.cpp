@@ -1,4 +1,4 @@
-//===- AbsentThreads.cpp - Elements of threads that are not there ---------===//
+//===- AbsentThreads.cpp - Masking of absent threads ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

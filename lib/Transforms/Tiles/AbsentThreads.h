@@ -1,4 +1,4 @@
-//===- AbsentThreads.h - Elements of threads that are not there -*- C++ -*-===//
+//===- AbsentThreads.h - Masking of absent threads --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- EarlyLoads.cpp - Hoist loads, to wait for memory once --------------===//
+//===- EarlyLoads.cpp - Hoisting of independent loads ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- EarlyLoads.h - Hoist loads, to wait for memory once ------*- C++ -*-===//
+//===- EarlyLoads.h - Hoisting of independent loads -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

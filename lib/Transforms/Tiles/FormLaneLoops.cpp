@@ -1,4 +1,4 @@
-//===- FormLaneLoops.cpp - Threads of a block in loops --------------------===//
+//===- FormLaneLoops.cpp - Loop fission over a block's threads ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- FuseTiles.cpp - Functions of elements become one -------------------===//
+//===- FuseTiles.cpp - Elementwise fusion of tile operations --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

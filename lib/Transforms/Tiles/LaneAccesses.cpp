@@ -1,4 +1,4 @@
-//===- LaneAccesses.cpp - Tiles that threads access each elsewhere --------===//
+//===- LaneAccesses.cpp - Tile accesses with an index per thread ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

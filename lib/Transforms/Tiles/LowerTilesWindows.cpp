@@ -1,4 +1,4 @@
-//===- LowerTilesWindows.cpp - Loops that may cross the edges of arrays ---===//
+//===- LowerTilesWindows.cpp - Bounds-checked loops at array edges --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

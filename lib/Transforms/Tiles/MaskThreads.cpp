@@ -1,4 +1,4 @@
-//===- MaskThreads.cpp - Threads that are not there, or have left ---------===//
+//===- MaskThreads.cpp - Predication of inactive threads ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Parts.cpp - Models of operations on elements and parts of tiles ----===//
+//===- Parts.cpp - Models of element and subtile operations ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PlaceBarriers.cpp - Where threads of a block wait ------------------===//
+//===- PlaceBarriers.cpp - Barrier insertion ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -9,7 +9,7 @@
 // An access that a thread makes by itself waits for those that the block made
 // together, and not for those of other threads.
 // Threads make an access of their own elements if the operation treats element
-// e in thread e mod B; two of those with equal tiles never meet.
+// e in thread e mod B; two of those with equal tiles never conflict.
 //
 // Accesses before an operation enter its regions, and those that leave a loop's
 // body enter it again, so loops begin with a barrier if their bodies

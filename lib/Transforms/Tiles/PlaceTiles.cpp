@@ -1,4 +1,4 @@
-//===- PlaceTiles.cpp - Which tiles are kept, and where they change -------===//
+//===- PlaceTiles.cpp - Materialisation of tiles, in-place updates --------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PlanLoads.cpp - How loops load the factors of products -------------===//
+//===- PlanLoads.cpp - K-step and pipeline stages of products -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ScalarizeTiles.cpp - Tiles of one element are numbers --------------===//
+//===- ScalarizeTiles.cpp - Scalar replacement of 1-element tiles ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

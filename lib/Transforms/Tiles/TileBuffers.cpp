@@ -1,4 +1,4 @@
-//===- TileBuffers.cpp - Which tiles share memory -------------------------===//
+//===- TileBuffers.cpp - Buffer sharing of tiles --------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TileBuffers.h - Which tiles share memory -----------------*- C++ -*-===//
+//===- TileBuffers.h - Buffer sharing of tiles ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

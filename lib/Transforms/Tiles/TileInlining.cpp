@@ -1,4 +1,4 @@
-//===- TileInlining.cpp - Tiles that are computed where used --------------===//
+//===- TileInlining.cpp - Recomputation of tiles at their uses ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TileInlining.h - Tiles that are computed where used ------*- C++ -*-===//
+//===- TileInlining.h - Recomputation of tiles at their uses ----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Views.cpp - Models of operations that give other elements a place --===//
+//===- Views.cpp - Models of tile views -----------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

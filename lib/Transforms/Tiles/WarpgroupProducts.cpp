@@ -1,4 +1,4 @@
-//===- WarpgroupProducts.cpp - Products by four warps together ------------===//
+//===- WarpgroupProducts.cpp - Warpgroup matrix products ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- BlockReduce.cpp - Combine a value over a GPU block -----------------===//
+//===- BlockReduce.cpp - Block reductions ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

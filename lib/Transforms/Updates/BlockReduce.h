@@ -1,4 +1,4 @@
-//===- BlockReduce.h - Combine a value over a GPU block ---------*- C++ -*-===//
+//===- BlockReduce.h - Block reductions -------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

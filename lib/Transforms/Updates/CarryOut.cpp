@@ -1,4 +1,4 @@
-//===- CarryOut.cpp - Values combined on the way out of regions -----------===//
+//===- CarryOut.cpp - Reductions carried out of regions -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CarryOut.h - Values combined on the way out of regions ---*- C++ -*-===//
+//===- CarryOut.h - Reductions carried out of regions -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

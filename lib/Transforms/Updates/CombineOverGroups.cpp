@@ -1,4 +1,4 @@
-//===- CombineOverGroups.cpp - One update for many threads ----------------===//
+//===- CombineOverGroups.cpp - Aggregated atomics of CPU groups -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CombineOverWarps.cpp - One atomic for the threads of a warp --------===//
+//===- CombineOverWarps.cpp - Warp-aggregated atomics ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CopiedArrays.cpp - Arrays that workers may have copies of ----------===//
+//===- CopiedArrays.cpp - Privatization of updated arrays -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

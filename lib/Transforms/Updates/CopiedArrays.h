@@ -1,4 +1,4 @@
-//===- CopiedArrays.h - Arrays that workers may have copies of --*- C++ -*-===//
+//===- CopiedArrays.h - Privatization of updated arrays ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

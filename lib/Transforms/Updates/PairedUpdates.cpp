@@ -1,4 +1,4 @@
-//===- PairedUpdates.cpp - Two components per atomic addition -------------===//
+//===- PairedUpdates.cpp - Vector atomics of two components ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- PairedUpdates.h - Two components per atomic addition -----*- C++ -*-===//
+//===- PairedUpdates.h - Vector atomics of two components -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,10 +1,10 @@
-//===- PlanUpdates.cpp - How each atomic update is to be made -------------===//
+//===- PlanUpdates.cpp - Choice of atomic, plain or reduced updates -------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A sum into one element, `atomic_add(loss, 0, e)`, has every thread of a
 // launch update the same address: a locked instruction each on the CPU, and a
-// queue at one place of the memory on a GPU. The order of atomic updates is
+// contend for one address on a GPU. The order of atomic updates is
 // open, so threads may make one update together. Which of them do is settled
 // here for every update, by what the analysis knows of its address; a pass for
 // each scope carries it out.

@@ -55,7 +55,7 @@ private:
             mlir::ValueRange operands, Body body);
   void buildAdd(mlir::ValueRange arguments, bool shared);
   void buildAddToWindow(mlir::ValueRange arguments);
-  /// Takes a float apart, and hands on the weight and digits of a finite one.
+  /// Takes a float apart, and gives the weight and digits of a finite one.
   void takeApart(mlir::Value value, const SumPlace &to,
                  llvm::function_ref<void(mlir::Value, mlir::ValueRange)> add);
   void buildAddSum(mlir::ValueRange arguments, unsigned width, bool shared);

@@ -5,7 +5,7 @@
 // The gradient of a few parameters, `for k in range(8): y += w[k] * f(k)`, is a
 // loop with an update of `w[k]` by every thread. Unrolled, it is eight updates
 // of fixed addresses, each of which can be accumulated privately, where else
-// all threads would queue at eight elements.
+// all threads would contend for eight elements.
 //
 //===----------------------------------------------------------------------===//
 

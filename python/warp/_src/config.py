@@ -1,7 +1,7 @@
 """Settings: `wp.config.<name>`, each with a type, a default, an environment variable and a doc.
 
 The settings are the attributes of the module `warp.config`, so reading one costs an attribute
-lookup. Assigning checks name and type; some settings are handed on to the runtime at once. The
+lookup. Assigning checks name and type; some settings are passed on to the runtime at once. The
 environment variable `WARP_<NAME>` sets the initial value. Settings that exist for programs written
 for NVIDIA Warp and change nothing here are marked as such.
 """

@@ -1,4 +1,4 @@
-"""Where the package's lines go: a logger that programs may replace."""
+"""The package's logger, which programs may replace."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where programs find files of examples: those of NVIDIA Warp read meshes and volumes from there.
+"""Asset folder of examples: programs of NVIDIA Warp read meshes and volumes from there.
 
 Such files are not part of this package; the environment variable WARP_EXAMPLE_ASSETS names the
 folder that has them, "warp/examples/assets" in a copy of that project.

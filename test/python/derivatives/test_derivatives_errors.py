@@ -215,7 +215,7 @@ def test_old_values_of_atomics_need_a_replay():
     with pytest.raises(wp.WarpError) as problem:
         tape.backward(out)
     text = message(problem)
-    assert "the old value cannot be had again when 'count' is differentiated" in text
+    assert "the old value cannot be recovered when 'count' is differentiated" in text
     assert "`@wp.func_replay`" in text
 
 

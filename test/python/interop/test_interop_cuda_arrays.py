@@ -147,7 +147,7 @@ def test_from_cupy(cupy):
     assert wp.array(c.astype(cupy.int64)).dtype is wp.int64
 
 
-# CuPy's stream and ours take turns on one array.
+# CuPy's stream and ours alternate on one array.
 def test_cupy_streams(cupy):
     side = cupy.cuda.Stream(non_blocking=True)
     with side:

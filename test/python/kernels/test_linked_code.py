@@ -1,6 +1,6 @@
 """First launches of searches, solves and tile products on a GPU run linked machine code.
 
-Later launches run better code, with the same bits.
+Later launches run tier-1 code, with the same bits.
 """
 
 import numpy as np

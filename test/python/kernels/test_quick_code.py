@@ -1,4 +1,4 @@
-"""Small first launches on a CPU run quickly compiled code, and better code later, with the same
+"""Small first launches on a CPU run quickly compiled code, and tier-1 code later, with the same
 bits."""
 
 import gc
@@ -130,7 +130,7 @@ def run_long(kernel, count=24, most=3):
 
 @pytest.mark.parametrize("shared", [False, True])
 def test_long_code_is_quick_first_whatever_its_loops_may_cost(fresh_cache, shared):
-    """Threads that come later have better code as soon as it is there, with the same bits."""
+    """Threads that come later have tier-1 code as soon as it is there, with the same bits."""
     kernel = make_long(shared)
     first = run_long(kernel)
     large = [run_long(kernel, count=2000, most=6) for _ in range(3)]

@@ -1,4 +1,4 @@
-"""Which module imports which: no cycles, and nothing heavy before it is needed."""
+"""Import graph: no cycles, and nothing heavy before it is needed."""
 
 import ast
 import re

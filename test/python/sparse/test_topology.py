@@ -1,4 +1,4 @@
-"""How matrices get their blocks: triplets, padded rows, compression, captures, wrong arguments."""
+"""Topology of sparse matrices: triplets, padded rows, compression, captures, wrong arguments."""
 
 import numpy as np
 import pytest

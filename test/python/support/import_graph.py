@@ -1,4 +1,4 @@
-"""Which module of the package imports which, read from its text: at the top and in functions."""
+"""Import graph of the package, read from its text: at the top and in functions."""
 
 import ast
 import re

@@ -1,4 +1,4 @@
-"""How many random programs the tests make.
+"""Number of random programs that the tests make.
 
 WARP_TEST_RUNS=50 makes 50 times as many, most of them new ones: a long run by hand.
 """

@@ -469,7 +469,7 @@ struct KernelParams {
   void **arguments, **extra;
   void *kernel, *context;
 };
-/// The driver's struct is larger; only handed on.
+/// The driver's struct is larger; only passed on.
 struct CopyParams {
   Node *node;
 };

@@ -1,4 +1,4 @@
-//===- Forward.cpp - Kernels with tangents --------------------------------===//
+//===- Forward.cpp - Forward mode: tangents of a kernel -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

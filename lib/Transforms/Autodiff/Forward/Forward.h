@@ -1,4 +1,4 @@
-//===- Forward.h - Kernels with tangents ------------------------*- C++ -*-===//
+//===- Forward.h - Forward mode: tangents of a kernel -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

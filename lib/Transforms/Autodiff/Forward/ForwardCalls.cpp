@@ -1,4 +1,4 @@
-//===- ForwardCalls.cpp - Tangents by derivatives of functions ------------===//
+//===- ForwardCalls.cpp - Tangents of calls -------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ForwardVaried.cpp - Which values have tangents ---------------------===//
+//===- ForwardVaried.cpp - Activity analysis of forward mode --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GatherBuilder.cpp - The kernel that gathers sums -------------------===//
+//===- GatherBuilder.cpp - Builder of gather kernels ----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

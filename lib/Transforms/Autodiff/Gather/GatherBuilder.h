@@ -1,4 +1,4 @@
-//===- GatherBuilder.h - The kernel that gathers sums -----------*- C++ -*-===//
+//===- GatherBuilder.h - Builder of gather kernels --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GatherGuard.cpp - Which threads a sum comes from -------------------===//
+//===- GatherGuard.cpp - Bounds of gathered contributions -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GatherGuard.h - Which threads a sum comes from -----------*- C++ -*-===//
+//===- GatherGuard.h - Bounds of gathered contributions ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

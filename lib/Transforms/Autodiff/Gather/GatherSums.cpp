@@ -1,4 +1,4 @@
-//===- GatherSums.cpp - Sums over neighbours without atomics --------------===//
+//===- GatherSums.cpp - Gathers in place of scatter atomics ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

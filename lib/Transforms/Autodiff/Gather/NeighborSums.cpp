@@ -1,4 +1,4 @@
-//===- NeighborSums.cpp - Sums into elements around a thread's ------------===//
+//===- NeighborSums.cpp - Stencil updates around a thread -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

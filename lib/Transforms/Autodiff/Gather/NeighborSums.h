@@ -1,4 +1,4 @@
-//===- NeighborSums.h - Sums into elements around a thread's ----*- C++ -*-===//
+//===- NeighborSums.h - Stencil updates around a thread ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CarryElements.cpp - Elements that a loop updates become values -----===//
+//===- CarryElements.cpp - Scalar promotion of loop updates ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

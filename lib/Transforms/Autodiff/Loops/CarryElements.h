@@ -1,4 +1,4 @@
-//===- CarryElements.h - Elements that a loop updates -----------*- C++ -*-===//
+//===- CarryElements.h - Scalar promotion of loop updates -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

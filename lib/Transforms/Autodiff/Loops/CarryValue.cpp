@@ -1,4 +1,4 @@
-//===- CarryValue.cpp - One more value through loops and branches ---------===//
+//===- CarryValue.cpp - Additional loop-carried value ---------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- CarryValue.h - One more value through loops and branches -*- C++ -*-===//
+//===- CarryValue.h - Additional loop-carried value -------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Checkpoints.cpp - Carried values from fixed memory -----------------===//
+//===- Checkpoints.cpp - Checkpointing of carried values ------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

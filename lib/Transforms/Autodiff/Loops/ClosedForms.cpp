@@ -1,4 +1,4 @@
-//===- ClosedForms.cpp - Carried values by a formula ----------------------===//
+//===- ClosedForms.cpp - Closed forms of carried values -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

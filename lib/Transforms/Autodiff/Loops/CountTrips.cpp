@@ -1,4 +1,4 @@
-//===- CountTrips.cpp - How much tape a launch needs ----------------------===//
+//===- CountTrips.cpp - Tape size of a launch -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

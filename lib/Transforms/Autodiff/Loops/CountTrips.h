@@ -1,4 +1,4 @@
-//===- CountTrips.h - How much tape a launch needs --------------*- C++ -*-===//
+//===- CountTrips.h - Tape size of a launch ---------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GlobalTape.cpp - Carried values from allocated memory --------------===//
+//===- GlobalTape.cpp - Tape in global memory -----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

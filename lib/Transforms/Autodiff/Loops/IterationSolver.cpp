@@ -1,4 +1,4 @@
-//===- IterationSolver.cpp - An iteration from what it left ---------------===//
+//===- IterationSolver.cpp - Inversion of loop iterations -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

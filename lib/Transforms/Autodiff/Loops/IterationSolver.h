@@ -1,4 +1,4 @@
-//===- IterationSolver.h - An iteration from what it left -------*- C++ -*-===//
+//===- IterationSolver.h - Inversion of loop iterations ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

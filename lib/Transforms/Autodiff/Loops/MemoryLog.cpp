@@ -1,4 +1,4 @@
-//===- MemoryLog.cpp - Values that a loop read from memory ----------------===//
+//===- MemoryLog.cpp - Log of loaded values -------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- MemoryLog.h - Values that a loop read from memory --------*- C++ -*-===//
+//===- MemoryLog.h - Log of loaded values -----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -39,7 +39,7 @@ struct MemoryLog {
 /// Chooses the loads, counts iterations in the kernel and makes the function
 /// that fills the log, next to the kernel. Returns whether there is anything to
 /// keep or to check; nothing has changed if not. `shared` are arrays of which
-/// indices don't tell whether threads meet.
+/// indices do not show whether threads conflict.
 bool makeMemoryLog(mlir::func::FuncOp kernel, const MemoryClasses &memory,
                    llvm::ArrayRef<unsigned> shared, MemoryLog &log);
 

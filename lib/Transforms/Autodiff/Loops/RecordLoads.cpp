@@ -1,4 +1,4 @@
-//===- RecordLoads.cpp - A second run that keeps what loops read ----------===//
+//===- RecordLoads.cpp - Replay that records loads of loops ---------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -13,7 +13,7 @@
 //              loop:  v = load;  if position < room:  log[offset + position] =
 //              v
 //
-// In arrays of which indices do not tell whether threads meet, each element has
+// In arrays whose indices do not show whether threads conflict, an element has
 // an owner: a thread that writes it leaves its number, and whoever finds
 // another one's counts a conflict, which is an error of the backward pass. The
 // second run sees what any thread has written in the first. It leaves the

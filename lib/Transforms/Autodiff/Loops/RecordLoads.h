@@ -1,4 +1,4 @@
-//===- RecordLoads.h - A second run that keeps what loops read --*- C++ -*-===//
+//===- RecordLoads.h - Replay that records loads of loops -------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

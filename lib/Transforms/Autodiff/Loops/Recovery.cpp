@@ -1,4 +1,4 @@
-//===- Recovery.cpp - Carried values from scratch memory ------------------===//
+//===- Recovery.cpp - Tape in thread-private memory -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

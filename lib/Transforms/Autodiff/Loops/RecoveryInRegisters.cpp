@@ -1,4 +1,4 @@
-//===- RecoveryInRegisters.cpp - Carried values without memory ------------===//
+//===- RecoveryInRegisters.cpp - Recomputed carried values ----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GuardArms.cpp - Arms of a choice are computed where they count -----===//
+//===- GuardArms.cpp - Guarded evaluation of select operands --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- GuardArms.h - Arms of a choice ---------------------------*- C++ -*-===//
+//===- GuardArms.h - Guarded select operands --------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- ReverseLoops.cpp - Counted loops, backwards ------------------------===//
+//===- ReverseLoops.cpp - Reversal of counted loops -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

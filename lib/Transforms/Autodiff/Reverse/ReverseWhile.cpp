@@ -1,4 +1,4 @@
-//===- ReverseWhile.cpp - Other loops, backwards --------------------------===//
+//===- ReverseWhile.cpp - Reversal of while loops -------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RulesByFunction.h - Derivatives that are no formula ------*- C++ -*-===//
+//===- RulesByFunction.h - Derivative rules in C++ --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

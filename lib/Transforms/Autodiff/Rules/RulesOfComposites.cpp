@@ -1,4 +1,4 @@
-//===- RulesOfComposites.cpp - Derivatives without a record ---------------===//
+//===- RulesOfComposites.cpp - Derivative rules of composites -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

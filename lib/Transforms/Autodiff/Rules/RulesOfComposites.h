@@ -1,4 +1,4 @@
-//===- RulesOfComposites.h - Derivatives without a record -------*- C++ -*-===//
+//===- RulesOfComposites.h - Derivative rules of composites -----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-"""From Python data to arrays: lists, NumPy arrays, array interfaces, single elements.
+"""Conversion of Python data to arrays: lists, NumPy arrays, array interfaces, single elements.
 
 Data becomes a NumPy array first. If type and place already fit and no copy is asked for, the array
 aliases it; otherwise NumPy converts straight into the new array's memory (on CUDA into a host

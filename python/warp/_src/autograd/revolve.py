@@ -1,4 +1,4 @@
-"""Where to keep copies of the state of a long computation, to run it backwards in little memory.
+"""Checkpoint schedules: which states of a long computation to keep for its reverse pass.
 
 Binomial checkpointing: with c copies, a sequence of up to C(c + r, c) steps is reversed so that no
 step runs forward more than r times besides the run that is recorded (Griewank and Walther,

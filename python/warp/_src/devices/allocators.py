@@ -1,4 +1,4 @@
-"""Where the memory of arrays comes from: pools, custom allocators, and the tracker's hook.
+"""Allocators of array memory: pools, custom allocators, and the tracker's hook.
 
 The native buffer serves almost all requests. `special` names the reasons to look here instead;
 while it is empty, allocating an array costs nothing more.

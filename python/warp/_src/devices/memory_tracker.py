@@ -1,4 +1,4 @@
-"""Who uses the memory: allocations of arrays by place in the program.
+"""Memory tracker: allocations of arrays by call site.
 
 `wp.config.track_memory = True`, or a `ScopedMemoryTracker`, switches it on. Allocations made
 before are not seen. Out-of-memory errors name the largest users while something is tracked.

@@ -1,4 +1,4 @@
-"""From a kernel object to its module."""
+"""Translation of a kernel object to its module."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which arguments a call updates, found before anything is translated."""
+"""Arguments that calls update, found before translation."""
 
 from __future__ import annotations
 

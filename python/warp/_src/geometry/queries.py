@@ -1,4 +1,4 @@
-"""Which function advances a query of a loop."""
+"""Functions that advance the queries of loops."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class Place:
     """Makes the device and the stream of a call the current ones for a block.
 
     XLA calls from threads of its own, several at once. The device is the default of the calling
-    thread alone; the stream is that of its device for everybody, so calls on a GPU take turns.
+    thread alone; the stream is that of its device for everybody, so calls on a GPU are serialised.
 
     Where JAX records a graph, what the block uses is kept for good: JAX does not tell when the
     graph goes.

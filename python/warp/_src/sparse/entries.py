@@ -1,4 +1,4 @@
-"""How a matrix is made of contributions, the one way for all operations.
+"""Assembly of matrices from contributions, shared by all operations.
 
 An operation lists what goes where: row, column and number of each contribution. `collect` sorts
 them by place (stably, so that sums are made in the order of the list), gives the destination its

@@ -1,4 +1,4 @@
-"""How textures are read: between their points, outside, and between levels."""
+"""Texture modes: filtering, addressing, and filtering between mip levels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Between NumPy's dtypes and ours."""
+"""Conversion between NumPy's dtypes and ours."""
 
 from __future__ import annotations
 

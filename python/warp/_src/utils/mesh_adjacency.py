@@ -1,4 +1,4 @@
-"""Which triangles of a mesh share an edge."""
+"""Edge adjacency of the triangles of a mesh."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
 
     @wp.func
     def boundary_side_index(arg: SideArg, boundary_side: int):
-        """Number of a side of the boundary; lower and upper sides take turns."""
+        """Number of a side of the boundary; lower and upper sides alternate."""
         sides = sides_of(arg)
         per_copy = 2 * (sides - d * arg.cell_count)
         copy = boundary_side // per_copy

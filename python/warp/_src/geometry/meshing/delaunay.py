@@ -34,7 +34,7 @@ def _area(a: wp.vec2, b: wp.vec2, c: wp.vec2):
 def _is_in_circle(a: wp.vec2, b: wp.vec2, c: wp.vec2, d: wp.vec2):
     """True if d is inside the circle through a, b, c; not where rounding decides.
 
-    So no two edges take turns, and points on one circle stay as they are.
+    So no two edges alternate, and points on one circle stay as they are.
     """
     at = wp.vec2d(wp.float64(d[0]), wp.float64(d[1]))
     p = wp.vec2d(wp.float64(a[0]), wp.float64(a[1])) - at

@@ -160,7 +160,7 @@ class Light:
 
 @wp.struct
 class Path:
-    """A path of light under way, and its first surface."""
+    """A path of light in progress, and its first surface."""
 
     origin: wp.vec3
     dir: wp.vec3
