@@ -100,6 +100,19 @@ def test_matrix_and_refill_have_the_same_bits(form):
         assert reused.columns is again.columns
 
 
+def test_batches_leave_the_bits(monkeypatch):
+    """Values in float32 are rounded once, whatever number of batches adds to them."""
+    found, given = [], Form(64)
+    for limit in (10**6, 5, 1):
+        monkeypatch.setattr(patterns, "batch_size", lambda block_bytes, limit=limit: limit)
+        form = Form(64)
+        form.source.assign(given.source)
+        found.append(assemble_matrix(form).values.numpy())
+        assert len(pattern_of(form).batches) == max(1, -(-len(TABLE) // limit))
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
+
+
 def test_output_is_added_to(form):
     matrix = assemble_matrix(form, output_dtype=wp.float64)
     assert matrix.dtype is wp.float64

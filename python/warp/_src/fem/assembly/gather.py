@@ -2,7 +2,7 @@
 
 A plan kernel writes the blocks of a batch of elements to scratch memory; a thread per target
 (a nonzero of a matrix, a node of a vector) then adds its contributions in element order. The bits
-do not depend on threads. A batch has at most 64 MiB of blocks.
+do not depend on threads. A batch has at most 64 MiB of blocks, of matrices on CPUs 3 MiB.
 """
 
 import functools
@@ -13,7 +13,7 @@ from warp._src.fem.assembly.pattern import Batch
 
 
 @functools.cache
-def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool):
+def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool, has_carries: bool):
     """Sums contributions of type `block` as `wide` into values of type `out`."""
 
     def gather(
@@ -22,6 +22,8 @@ def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool):
         entries: wp.array(dtype=int),
         heads: wp.array(dtype=int),
         targets: wp.array(dtype=int),
+        carries: wp.array(dtype=int),
+        sums: wp.array(dtype=wide),
         adds: int,
         values: wp.array(dtype=out),
     ):
@@ -33,11 +35,19 @@ def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool):
         total = wide()
         if adds != 0:
             total = wide(values[target])
+        carry = int(-1)
+        if wp.static(has_carries):
+            carry = carries[k]
+            if carry >= 0:
+                total += sums[carry]
         if wp.static(has_heads):
             total += wide(blocks[heads[k]])
             begin += 1
         for at in range(begin, end):
             total += wide(blocks[entries[at]])
+        if wp.static(has_carries):
+            if carry >= 0:
+                sums[carry] = total
         values[target] = out(total)
 
     return wp.kernel(gather, enable_backward=False)
@@ -75,7 +85,12 @@ def with_scalar(dtype, scalar):
     return scalar
 
 
-def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64) -> None:
+def wide_type(blocks, accumulate=wp.float64):
+    """The type of the sums of blocks in a scalar type."""
+    return with_scalar(extend.canonical(blocks.dtype), accumulate)
+
+
+def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64, sums=None) -> None:
     """Sums the blocks of a batch into values.
 
     Args:
@@ -84,14 +99,18 @@ def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64) 
         values: one element per target.
         adds: if the values are added to; set otherwise.
         accumulate: scalar type of sums.
+        sums: of targets that several batches add to, zero before the first one, so that results
+            are rounded once whatever the batches are.
     """
-    wide = with_scalar(extend.canonical(blocks.dtype), accumulate)
-    has_heads = batch.heads is not None
-    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, batch.targets is not None, has_heads)
-    targets = batch.entries if batch.targets is None else batch.targets
-    heads = batch.heads if has_heads else batch.entries
-    inputs = [blocks, batch.begins, batch.entries, heads, targets, int(adds), values]
-    wp.launch(kernel, batch.target_count, inputs, device=values.device)
+    wide = wide_type(blocks, accumulate)
+    of_batch = batch.targets, batch.heads, batch.carries if sums is not None else None
+    given = (one is not None for one in of_batch)
+    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, *given)
+    targets, heads, carries = (batch.entries if one is None else one for one in of_batch)
+    if sums is None:
+        sums = wp.empty(0, dtype=wide, device=values.device)
+    inputs = [blocks, batch.begins, batch.entries, heads, targets, carries, sums]
+    wp.launch(kernel, batch.target_count, [*inputs, int(adds), values], device=values.device)
 
 
 def spread_adjoint(batch: Batch, adjoints, block_adjoints) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warp as wp
 from warp import extend
-from warp._src.fem.assembly.gather import add_blocks, spread_adjoint, with_scalar
+from warp._src.fem.assembly.gather import add_blocks, spread_adjoint, wide_type, with_scalar
 from warp._src.fem.assembly.pattern import Pattern
 from warp._src.fem.temporaries import borrow_temporary
 from warp.sparse import bsr_assign, bsr_axpy, bsr_compress, bsr_set_zero, bsr_zeros
@@ -227,12 +227,13 @@ def fill(form, pattern, values, accumulate_dtype=wp.float64, temporary_store=Non
         temporary_store: where element blocks come from.
     """
     is_recorded = extend.is_recording() and values.requires_grad
-    is_single = len(pattern.batches) == 1
-    if not is_single:
+    size = max((batch.count for batch in pattern.batches), default=0) * pattern.width
+    shared = sums = None
+    # Batches of vectors have all nodes as targets.
+    adds = len(pattern.batches) > 1 and pattern.batches[0].targets is None
+    if adds:
         with extend.unrecorded():
             values.zero_()
-    size = max((batch.count for batch in pattern.batches), default=0) * pattern.width
-    shared = None
     for number, batch in enumerate(pattern.batches):
         if shared is None or is_recorded:
             shared = borrow_temporary(
@@ -247,7 +248,10 @@ def fill(form, pattern, values, accumulate_dtype=wp.float64, temporary_store=Non
         if is_recorded:
             _record(batch, blocks, values, number == 0)
         with extend.unrecorded():
-            add_blocks(batch, blocks, values, not is_single, accumulate_dtype)
+            if sums is None and batch.carries is not None:
+                wide = wide_type(blocks, accumulate_dtype)
+                sums = wp.zeros(pattern.carry_count, dtype=wide, device=form.device)
+            add_blocks(batch, blocks, values, adds, accumulate_dtype, sums)
     if shared is not None and not is_recorded:
         shared.release()
 

@@ -18,6 +18,9 @@ from warp._src.fem.assembly.merge import Rows, find_runs, sort_pairs
 # Bytes of the blocks of one batch of elements, and entries whose sort takes as much.
 BLOCK_BYTES = 64 << 20
 ENTRIES = 4 << 20
+# Bytes for matrices on CPUs, whose caches keep blocks until they are gathered.
+CACHED_BYTES = 3 << 20
+_FEWEST_ELEMENTS = 256
 
 
 @dataclasses.dataclass
@@ -31,6 +34,8 @@ class Batch:
         entries: int32, positions in the blocks of the batch, in element order.
         heads: int32, the first entry of each target, which threads read side by side; None if
             most targets have others, or the number of targets is not known.
+        carries: int32, where targets of several batches keep their sums, -1 for others; None if
+            there is one batch.
     """
 
     first: int
@@ -39,6 +44,7 @@ class Batch:
     begins: wp.array
     entries: wp.array
     heads: wp.array | None = None
+    carries: wp.array | None = None
 
     @property
     def target_count(self) -> int:
@@ -144,6 +150,30 @@ def _heads(found):
 
 
 @wp.kernel(enable_backward=False)
+def _count(targets: wp.array(dtype=int), counts: wp.array(dtype=int)):
+    # A batch has a target once.
+    counts[targets[wp.tid()]] += 1
+
+
+@wp.kernel(enable_backward=False)
+def _mark_shared(counts: wp.array(dtype=int), marks: wp.array(dtype=int)):
+    k = wp.tid()
+    marks[k] = wp.where(counts[k] > 1, 1, 0)
+
+
+@wp.kernel(enable_backward=False)
+def _read_carries(
+    targets: wp.array(dtype=int),
+    counts: wp.array(dtype=int),
+    numbers: wp.array(dtype=int),
+    carries: wp.array(dtype=int),
+):
+    k = wp.tid()
+    target = targets[k]
+    carries[k] = wp.where(counts[target] > 1, numbers[target] - 1, -1)
+
+
+@wp.kernel(enable_backward=False)
 def _shift(values: wp.array(dtype=int), by: int):
     i = wp.tid()
     values[i] += by
@@ -163,6 +193,7 @@ class Pattern:
         columns: int32, ascending in each row.
         nnz: number of blocks.
         batches: contributions, by ranges of elements.
+        carry_count: number of blocks that several batches add to.
     """
 
     def __init__(self, test_table, trial_table, row_count, column_count, block_bytes=4):
@@ -176,6 +207,10 @@ class Pattern:
         self.row_count, self.column_count = row_count, column_count
         self.width = test_width * trial_table.shape[1]
         limit = min(batch_size(self.width * block_bytes), max(1, ENTRIES // max(self.width, 1)))
+        # A capture cannot read the sizes of several batches.
+        if not self.device.is_cuda and not self.device.is_capturing:
+            cached = batch_size(self.width * block_bytes * (BLOCK_BYTES // CACHED_BYTES))
+            limit = min(limit, max(cached, _FEWEST_ELEMENTS))
         ranges = [(i, min(limit, elements - i)) for i in range(0, elements, limit)] or [(0, 0)]
         found = [self._sorted(test_table, trial_table, first, count) for first, count in ranges]
         targets = [None] * len(found)
@@ -194,6 +229,22 @@ class Pattern:
         ]
         self.offsets, self.columns = rows.offsets, rows.columns
         self.nnz = self.columns.shape[0]
+        self.carry_count = self._find_carries() if len(found) > 1 else 0
+
+    def _find_carries(self) -> int:
+        """Numbers the targets that several batches add to; gives how many they are."""
+        device = self.device
+        counts = wp.zeros(self.nnz, dtype=int, device=device)
+        numbers = wp.empty(self.nnz, dtype=int, device=device)
+        for batch in self.batches:
+            wp.launch(_count, batch.target_count, [batch.targets, counts], device=device)
+        wp.launch(_mark_shared, self.nnz, [counts, numbers], device=device)
+        wp.utils.array_scan(numbers, numbers)
+        for batch in self.batches:
+            batch.carries = wp.empty(batch.target_count, dtype=int, device=device)
+            inputs = [batch.targets, counts, numbers, batch.carries]
+            wp.launch(_read_carries, batch.target_count, inputs, device=device)
+        return int(numbers[self.nnz - 1 :].numpy()[0]) if self.nnz else 0
 
     def _sorted(self, test_table, trial_table, first, count) -> Rows:
         """Rows of a range of elements."""
