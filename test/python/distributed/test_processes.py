@@ -4,9 +4,13 @@ import os
 import subprocess
 import sys
 import time
+import types
 
 import launcher
 import pytest
+
+from warp._src.distributed import start
+from warp.distributed import DistributedError
 
 THREADS = """
 import os, warp as wp
@@ -88,3 +92,25 @@ except Exception as problem:
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert "mpi4py" in done.stdout and "install it" in done.stdout, done.stdout + done.stderr
+
+
+def test_more_ranks_than_gpus_and_launchers_that_show_one(monkeypatch):
+    chosen = []
+    monkeypatch.setattr(start.wp, "get_cuda_device_count", lambda: 1)
+    monkeypatch.setattr(start.wp, "get_device", chosen.append)
+    monkeypatch.setattr(start.wp, "set_device", lambda device: None)
+    monkeypatch.delenv("CUDA_VISIBLE_DEVICES", raising=False)
+    with pytest.raises(DistributedError, match=r"rank 3: no GPU is left for it, 2 ranks .* have 1"):
+        start._device(3, 1, 2, None)
+    # A launcher shows each rank its own GPU as the only one.
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "3")
+    start._device(3, 1, 2, None)
+    assert chosen == ["cuda:0"]
+
+
+def test_ranks_without_gpus_beside_ranks_with_some():
+    comm = types.SimpleNamespace(rank=0, device="cuda:0", gather_objects=lambda one: [one, "cpu"])
+    with pytest.raises(DistributedError, match="rank 0: init: rank 1 computes on 'cpu'"):
+        start._check_devices(comm)
+    comm.gather_objects = lambda one: ["cuda:0", "cuda:1"]
+    start._check_devices(comm)

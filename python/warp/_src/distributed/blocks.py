@@ -297,7 +297,7 @@ class Blocks:
         recorded = Observers.tape is not None and any(one.requires_grad for one in fields)
         symmetric = repr((name, described, _items_key(items), recorded, forward.Along.count))
         kinds = [one.dtype for one in fields]
-        exchange = Exchange(self.comm, text, sides, kinds, self._plans.get(symmetric))
+        exchange = Exchange(self.comm, text, sides, kinds, recorded, self._plans.get(symmetric))
         self._plans[symmetric] = exchange.plan
         exchange.grads = _grads(fields)
         # The key stays that of these objects.

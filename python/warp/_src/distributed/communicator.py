@@ -6,6 +6,7 @@ import os
 import pickle
 import threading
 import typing
+import weakref
 
 import numpy as np
 
@@ -15,6 +16,16 @@ from warp._src.distributed.failures import DistributedError, RankLog
 from warp._src.types import dtypes
 
 OPERATIONS = ("sum", "min", "max")
+_alive: weakref.WeakSet = weakref.WeakSet()
+
+
+def _leave_to_parent() -> None:
+    """In a fork: messages are those of the parent."""
+    for one in _alive:
+        one.closed = True
+
+
+os.register_at_fork(after_in_child=_leave_to_parent)
 
 
 def flat(array, scalar=None):
@@ -72,6 +83,7 @@ class Communicator:
         self.plan_names: dict[int, str] = {}
         self.plans: dict = {}
         self.log = RankLog(size, rank)
+        _alive.add(self)
         # The thread that makes a plan.
         self.user = None
 
@@ -194,14 +206,14 @@ class Communicator:
         Raises:
             DistributedError: one of these.
         """
-        if self.closed:
-            raise DistributedError(
-                f"rank {self.rank}: {what} after its communicator was closed: make a new one"
-            )
         if os.getpid() != self.process:
             raise DistributedError(
                 f"rank {self.rank}: {what} in process {os.getpid()}, a fork, but the communicator "
                 f"is of process {self.process}: call `wd.init` in each process"
+            )
+        if self.closed:
+            raise DistributedError(
+                f"rank {self.rank}: {what} after its communicator was closed: make a new one"
             )
         thread = threading.get_ident()
         user = self.user

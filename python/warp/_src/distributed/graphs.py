@@ -163,7 +163,7 @@ class Neighbours:
         recorded = Observers.tape is not None and x.requires_grad
         symmetric = name, dtypes.type_repr(x.dtype), recorded, forward.Along.count
         text, plan = f"{name} of {self.kind}", self._plans.get(symmetric)
-        exchange = Exchange(self.comm, text, sides, [x.dtype], plan)
+        exchange = Exchange(self.comm, text, sides, [x.dtype], recorded, plan)
         self._plans[symmetric] = exchange.plan
         while len(self._exchanges) >= 64:
             self._exchanges.pop(next(iter(self._exchanges)))

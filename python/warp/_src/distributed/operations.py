@@ -67,10 +67,16 @@ def _unflat(memory, like):
     return memory._view(0, like.shape, strides, like.dtype)
 
 
-def _plan(comm, key, name, common):
-    """The number of a collective plan and its step, made and checked once for each key."""
+def _plan(comm, key, name, common, recorded=False):
+    """The number of a collective plan and its step, made and checked once for each key.
+
+    Args:
+        recorded: a tape records it, so that all ranks have to take part in its adjoint.
+    """
     if forward.Along.count:
         key = key, forward.Along.count
+    if recorded:
+        key, common = (key, "tape"), f"{common}, on a tape"
     found = comm.plans.get(key)
     if found is None or comm.closed:
         comm.check_use(name)
@@ -78,6 +84,10 @@ def _plan(comm, key, name, common):
     found[1] += 1
     comm.log.begin(*found)
     return found
+
+
+def _is_recorded(x) -> bool:
+    return Observers.tape is not None and x.requires_grad
 
 
 def _described(array) -> str:
@@ -246,7 +256,8 @@ def replicate(x, comm=None):
     checked(comm, "replicate", x)
     if Observers.executor is not None:
         return forward.produced(x, lambda x: replicate(x, comm))
-    _plan(comm, ("replicate", _described(x)), "replicate", _described(x))
+    common = _described(x)
+    _plan(comm, ("replicate", common), "replicate", common, _is_recorded(x))
     if config.mode == "debug":
         _compare(comm, x)
     y = wp.clone(x)
@@ -394,7 +405,7 @@ def reduce_scatter(x, comm=None):
     if Observers.executor is not None:
         return forward.produced(x, lambda x: reduce_scatter(x, comm))
     common = f"of {_described(x)}"
-    _plan(comm, ("reduce_scatter", common), "reduce_scatter", common)
+    _plan(comm, ("reduce_scatter", common), "reduce_scatter", common, _is_recorded(x))
     ends = [rows_of(x.shape[0], rank, comm.size) for rank in range(comm.size)]
     first, last = ends[comm.rank]
     step = _row_bytes(x)
@@ -437,7 +448,7 @@ def all_to_all(x, counts, comm=None):
     if Observers.executor is not None:
         return forward.produced(x, lambda x: all_to_all(x, counts, comm))
     common = f"of rows of {dtypes.type_repr(x.dtype)} {x.shape[1:]}"
-    _plan(comm, ("all_to_all", common), "all_to_all", common)
+    _plan(comm, ("all_to_all", common), "all_to_all", common, _is_recorded(x))
     table = np.zeros((comm.size, comm.size), np.int64)
     table[comm.rank] = counts
     found = comm.check_sum(table.reshape(-1)).reshape(comm.size, comm.size)

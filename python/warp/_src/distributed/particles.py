@@ -20,7 +20,13 @@ from warp._src.distributed.communicator import flat, resolve
 from warp._src.distributed.curves import hilbert_keys
 from warp._src.distributed.failures import DistributedError, DistributedValueError
 from warp._src.distributed.graphs import Neighbours, _take
-from warp._src.distributed.operations import _Movement, _row_bytes, checked
+from warp._src.distributed.operations import (
+    _is_recorded,
+    _Movement,
+    _plan,
+    _row_bytes,
+    checked,
+)
 from warp._src.distributed.plans import without_tape
 from warp._src.types import dtypes
 
@@ -193,6 +199,10 @@ class Particles:
                     f"rank {comm.rank}: migrate expects {x.shape[0]} rows in each array, but got "
                     f"{one!r}"
                 )
+        all_ = (x, *arrays)
+        kinds = [f"{dtypes.type_repr(one.dtype)} {one.shape[1:]}" for one in all_]
+        common = f"of rows of {', '.join(kinds)}"
+        _plan(comm, ("migrate", common), "migrate", common, any(map(_is_recorded, all_)))
         if self.numbers is None:
             ahead = np.zeros(comm.size, np.int64)
             ahead[comm.rank] = x.shape[0]

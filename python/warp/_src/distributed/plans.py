@@ -174,11 +174,13 @@ class Exchange:
         name: in messages, such as `halo of 'f'`.
         sides: what goes where; parts of the same memory every time.
         dtypes: of the arrays, the same on ranks without neighbours, too.
+        is_recorded: a tape records it, so that all ranks have to take part in its adjoint.
         plan: number and step of one that was checked, with sides of these types and sizes.
     """
 
-    def __init__(self, comm, name, sides, dtypes, plan=None):
-        self.comm, self.name, self.dtypes = comm, name, dtypes
+    def __init__(self, comm, name, sides, dtypes, is_recorded, plan=None):
+        self.comm, self.name = comm, name
+        self.dtypes, self.is_recorded = dtypes, is_recorded
         self.sides = [
             side
             for side in sides
@@ -203,8 +205,7 @@ class Exchange:
             for side in self.sides
         ]
         kinds = sorted({type_repr(one) for one in self.dtypes})
-        tape = ", on a tape" if Observers.tape is not None else ""
-        common = f"of {', '.join(kinds)}{tape}"
+        common = f"of {', '.join(kinds)}{', on a tape' if self.is_recorded else ''}"
         return [check_plan(self.comm, self.name, common, facts), 0]
 
     # Running.

@@ -60,8 +60,20 @@ def init(engine="auto", timeout=300, device=None) -> Communicator:
     set_current(comm)
     _share_cpus(comm)
     if comm.size > 1:
+        _check_devices(comm)
         failures.install_hook(comm)
     return comm
+
+
+def _check_devices(comm) -> None:
+    """Rejects ranks of which some have a GPU and some have none, on all of them."""
+    found = comm.gather_objects(str(comm.device))
+    for rank, one in enumerate(found):
+        if (one == "cpu") != (found[0] == "cpu"):
+            raise failures.DistributedError(
+                f"rank {comm.rank}: init: rank {rank} computes on '{one}', but rank 0 on "
+                f"'{found[0]}': let all ranks see a GPU (CUDA_VISIBLE_DEVICES), or pass `device`"
+            )
 
 
 def _check_installed(name) -> None:

@@ -139,6 +139,49 @@ def halo_values(comm):
             assert (lead == wanted[..., None]).all(), (shape, field.dtype, lead[..., 0], wanted)
 
 
+@wp.struct
+class Cell:
+    mass: wp.float64
+    velocity: wp.vec3
+    kind: wp.int8
+
+
+def halo_of_any_type(comm):
+    """Structs, narrow types, strided fields and part of a field, in one message and alone."""
+    blocks = wd.Blocks((4 * comm.size, 5), 1, True, ranks=(comm.size, 1), comm=comm)
+    number = np.arange(20 * comm.size).reshape(4 * comm.size, 5)
+    places = [
+        np.arange(o - 1, o + n + 1) % extent
+        for o, n, extent in zip(blocks.offset, blocks.owned, blocks.shape, strict=True)
+    ]
+    wanted = number[np.ix_(*places)]
+    inner = (slice(1, -1), slice(1, -1))
+
+    def started(values):
+        """Values with ghosts that are no right ones yet."""
+        made = np.zeros_like(values)
+        made[inner] = values[inner]
+        return made
+
+    structs = np.zeros(blocks.local, dtype=wp.zeros(1, dtype=Cell).numpy().dtype)
+    structs["mass"], structs["kind"] = wanted, wanted % 100
+    structs["velocity"] = wanted[..., None] + np.arange(3)
+    cases = [
+        (wp.array(started(structs), dtype=Cell), lambda a: a.numpy(), structs),
+        (wp.array(started(wanted % 100).astype(np.float32), dtype=wp.bfloat16), None, wanted % 100),
+        (wp.array(started(wanted % 2 == 1), dtype=wp.bool), None, wanted % 2 == 1),
+        (wp.array(started(wanted), dtype=wp.uint16), None, wanted),
+        # Axes exchanged, and every other element of a wider array.
+        (wp.array(started(wanted).T.copy(), dtype=float).transpose(), None, wanted),
+        (wp.array(np.repeat(started(wanted), 2, 1), dtype=float)[:, ::2], None, wanted),
+    ]
+    for fields in (*([one] for one, *_ in cases), [one for one, *_ in cases]):
+        blocks.halo(*fields)
+    for field, read, values in cases:
+        found = read(field) if read else np.reshape(field.list(), values.shape)
+        assert np.array_equal(found, values), (field, found, values)
+
+
 def random_partitions(comm):
     """Random extents, widths and ranks, against the whole array."""
     rng = np.random.default_rng(3)
@@ -246,4 +289,7 @@ def bad_blocks(comm):
     checking.fails(lambda: blocks.halo(locked), who, *words)
 
 
-CHECKS = [jacobi, gradient, halo_values, random_partitions, push_and_halo, capture, bad_blocks]
+CHECKS = [
+    *(jacobi, gradient, halo_values, halo_of_any_type, random_partitions, push_and_halo),
+    *(capture, bad_blocks),
+]

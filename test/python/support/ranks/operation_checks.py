@@ -1,5 +1,6 @@
 """Checks of reductions and movements: values, types, strides, adjoints, bad input."""
 
+import contextlib
 import math
 import os
 import threading
@@ -188,6 +189,29 @@ def disagreement(comm):
         wd.broadcast(x, 0) if odd else wd.all_reduce(wp.zeros(2, dtype=wp.float64))
 
     checking.fails(other, who, "broadcast", "all_reduce")
+    # A tape on one rank alone: the others would not take part in the adjoint.
+    y = wp.ones(5 * comm.size, dtype=float, requires_grad=True)
+    field = blocks.zeros(float, requires_grad=True)
+    points = wd.Particles(((0.0,), (1.0,)), 0.1)
+    places = wp.array([0.5], dtype=float, requires_grad=True)
+    for operation in (
+        lambda: wd.replicate(y),
+        lambda: wd.reduce_scatter(y),
+        lambda: wd.all_to_all(y, [5] * comm.size),
+        lambda: blocks.halo(field),
+        lambda: points.migrate(places),
+    ):
+
+        def on_a_tape(operation=operation):
+            with wp.Tape() if odd else contextlib.nullcontext():
+                operation()
+
+        checking.fails(on_a_tape, who, "on a tape", "on all ranks")
+
+    def arrays():
+        points.migrate(places, *([y[:1]] if odd else []))
+
+    checking.fails(arrays, who, "of rows of float32 (), float32 ()", "on all ranks")
 
 
 def bad_input(comm):
@@ -226,6 +250,15 @@ def lifetime(comm):
         assert wd.all_reduce(x, comm=part).numpy()[0] == part.size
     part.close()
     checking.fails(lambda: wd.all_reduce(x, comm=part), f"rank {part.rank}", "closed")
+    other = comm.split(0)
+    blocks = wd.Blocks((4 * comm.size,), ranks=(comm.size,), comm=other)
+    field = blocks.zeros()
+    blocks.halo(field)
+    other.close()
+    checking.fails(lambda: blocks.halo(field), who, "closed")
+    blocks = wd.Blocks((4 * comm.size,), ranks=(comm.size,), comm=comm)
+    field = blocks.zeros()
+    blocks.halo(field)
     import pickle
 
     checking.fails(lambda: pickle.dumps(comm), "wd.init")
@@ -234,6 +267,8 @@ def lifetime(comm):
     if child == 0:
         try:
             text = checking.fails(lambda: wd.all_reduce(x, "min"), "fork", "wd.init")
+            # An exchange that is there already.
+            checking.fails(lambda: blocks.halo(field), "fork", "wd.init")
         except BaseException as problem:
             text = repr(problem)
         os.write(write, text.encode())
