@@ -254,11 +254,9 @@ class Blocks:
                 (an array of `ndim` columns), so that those travel that cross a face.
         """
         found = self._exchanges.get((id(fields[0]), None)) if len(fields) == 1 else None
-        observed = Observers.tape is not None or Observers.executor is not None
-        if found is None or items is not None or observed:
+        if found is None or items is not None or Observers.active:
             found = self._exchange("halo", fields, items)
-        found.start()
-        found.finish()
+        found.run()
 
     def push(self, *fields) -> None:
         """Adds the values of ghosts to their owners' cells; ghosts keep theirs.

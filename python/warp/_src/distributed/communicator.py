@@ -237,6 +237,11 @@ class Repeated:
         """Waits until all is sent and received."""
         self.comm.exchange(self.messages)
 
+    def run(self) -> None:
+        """Sends and receives."""
+        self.start()
+        self.finish()
+
     def free(self) -> None:
         """Nothing is held."""
 

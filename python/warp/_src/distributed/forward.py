@@ -42,6 +42,11 @@ class Apart:
     def __init__(self, exchange, tape):
         self.exchange, self.tape = exchange, tape
 
+    def run(self) -> None:
+        """Sends and receives."""
+        self.start()
+        self.finish()
+
     def start(self) -> None:
         """Packs and begins to send."""
         with Observing(executor=None, tape=self.tape):

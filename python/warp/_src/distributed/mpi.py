@@ -24,7 +24,19 @@ _NUMBERS = {
 }
 
 
-_start_all, _test_all = MPI.Prequest.Startall, MPI.Request.Testall
+_start_all = MPI.Prequest.Startall
+# Looks at a request before a wait tests the clock: half a millisecond.
+_QUICK = range(4000)
+
+
+def ranks_of_host(comm) -> tuple[int, int, int]:
+    """Number of this rank on its host, how many there are, and CPUs that any of them may use."""
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    # A launcher may have bound each rank to a CPU of its own.
+    cpus = set().union(*node.allgather(os.sched_getaffinity(0)))
+    found = node.rank, node.size, len(cpus)
+    node.Free()
+    return found
 
 
 class MpiCommunicator(Communicator):
@@ -42,15 +54,15 @@ class MpiCommunicator(Communicator):
         # Messages of others do not mix with these, and errors are exceptions.
         self.comm = comm.Dup()
         self.comm.Set_errhandler(MPI.ERRORS_RETURN)
-        if local is None:
-            node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-            local = node.rank, node.size
-            node.Free()
-        super().__init__(comm.rank, comm.size, *local, device=device, timeout=timeout)
+        local_rank, local_size, cpus = local or ranks_of_host(comm)
+        super().__init__(
+            comm.rank, comm.size, local_rank, local_size, device=device, timeout=timeout
+        )
         self.checks = comm.Dup()
         self.is_direct = False
         # Ranks that share CPUs give them up at once.
-        self.spins = 400 if self.local_size <= len(os.sched_getaffinity(0)) else 0
+        shared = self.local_size > cpus
+        self.quick, self.spins = (range(1), 0) if shared else (_QUICK, 400)
         if self.size > 1:
             self.log = failures.RankLog.shared(self)
         if self.device.is_cuda and self.size > 1:
@@ -119,6 +131,10 @@ class MpiCommunicator(Communicator):
     def _collective(self, begin, what) -> None:
         try:
             request = begin()
+            test = request.Test
+            for _ in self.quick:
+                if test():
+                    return
         except MPI.Exception as problem:
             raise self.failed(what, f"MPI says '{problem.Get_error_string()}'") from None
         self.wait([request], what)
@@ -251,6 +267,7 @@ class Persistent:
                 view = comm.view(one.give, self.given)
                 request = comm.comm.Send_init(_bytes(view), one.peer, one.give_tag)
                 self.requests.append(request)
+        self.tests = [one.Test for one in self.requests]
         self.what = "exchange"
 
     def start(self) -> None:
@@ -263,16 +280,41 @@ class Persistent:
 
     def finish(self) -> None:
         """Waits until all is sent and received."""
-        if not _test_all(self.requests):
-            self.comm.wait(self.requests, self.what, self.peers)
+        self._wait()
         for staging, array in self.taken:
             wp.copy(array, staging)
+
+    def run(self) -> None:
+        """Sends and receives."""
+        if self.on_gpu:
+            self.start()
+            self.finish()
+        else:
+            _start_all(self.requests)
+            self._wait()
+
+    def _wait(self) -> None:
+        # One request at a time: a look at all of them takes twice as long, and messages of many
+        # fragments go on while MPI is looked at.
+        comm = self.comm
+        try:
+            for test in self.tests:
+                if not test():
+                    for _ in comm.quick:
+                        if test():
+                            break
+                    else:
+                        comm.wait(self.requests, self.what, self.peers)
+                        return
+        except MPI.Exception as problem:
+            text = f"MPI says '{problem.Get_error_string()}'"
+            raise comm.failed(self.what, text) from None
 
     def free(self) -> None:
         """Gives the requests back."""
         for one in self.requests:
             one.Free()
-        self.requests = []
+        self.requests, self.tests = [], []
 
     def __del__(self):
         # An exchange lives as long as a tape that has recorded it.

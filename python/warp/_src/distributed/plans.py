@@ -212,8 +212,20 @@ class Exchange:
 
     def run(self) -> None:
         """Sends and receives."""
-        self.start()
-        self.finish()
+        if captures or Observers.active or not self.is_direct:
+            self.start()
+            self.finish()
+            return
+        # Small messages take two microseconds in all.
+        comm = self.comm
+        if comm.closed:
+            comm.check_use(self.name)
+        work = self._direct or self._direct_work()
+        number, step = plan = self.plan
+        plan[1] = step = step + 1
+        own = comm.log.own
+        own[1], own[2] = number, step
+        work.run()
 
     def start(self) -> None:
         """Packs and begins to send."""
@@ -225,14 +237,8 @@ class Exchange:
             self._pack()
             run_or_record(comm, self.name, self._start_packed)
         else:
-            # As `_begin`, without its calls: small messages take two microseconds in all.
             work = self._direct or self._direct_work()
-            number, step = plan = self.plan
-            plan[1] = step + 1
-            own = comm.log.own
-            own[1] = number
-            own[2] = step + 1
-            work.start()
+            self._begin(work)
 
     def finish(self) -> None:
         """Waits, and unpacks."""
@@ -342,6 +348,7 @@ class Work:
             self.engine.what = name
             if not self.local:
                 self.start, self.finish = self.engine.start, self.engine.finish
+                self.run = self.engine.run
 
     def start(self) -> None:
         """Begins to send and receive."""
@@ -355,6 +362,11 @@ class Work:
         """Waits until all is sent and received."""
         if self.engine is not None:
             self.engine.finish()
+
+    def run(self) -> None:
+        """Sends and receives."""
+        self.start()
+        self.finish()
 
 
 def _memory(array):

@@ -88,12 +88,10 @@ def _mpi(timeout, device):
     _check_installed("mpi4py")
     from mpi4py import MPI
 
-    from warp._src.distributed.mpi import MpiCommunicator
+    from warp._src.distributed.mpi import MpiCommunicator, ranks_of_host
 
-    node = MPI.COMM_WORLD.Split_type(MPI.COMM_TYPE_SHARED)
-    local = node.rank, node.size
-    node.Free()
-    chosen = _device(MPI.COMM_WORLD.rank, *local, device)
+    local = ranks_of_host(MPI.COMM_WORLD)
+    chosen = _device(MPI.COMM_WORLD.rank, *local[:2], device)
     return MpiCommunicator(MPI.COMM_WORLD, chosen, timeout, local)
 
 

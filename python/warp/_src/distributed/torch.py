@@ -229,5 +229,10 @@ class Repeated:
         for staging, array in self.taken:
             wp.copy(array, staging)
 
+    def run(self) -> None:
+        """Sends and receives."""
+        self.start()
+        self.finish()
+
     def free(self) -> None:
         """Nothing is held."""
