@@ -16,6 +16,7 @@
 #include "warp/Compile.h"
 #include "warp/Export.h"
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -52,6 +53,21 @@ struct Translation {
 WARP_API std::optional<Translation> findTranslation(const std::string &name);
 WARP_API void storeTranslation(const std::string &name,
                                const Translation &translation);
+
+class KernelClaim;
+
+/// The right of one process to translate what has a name. The others of the
+/// host wait in the constructor until it is given back, two seconds at most.
+class WARP_API TranslationClaim {
+public:
+  explicit TranslationClaim(const std::string &name);
+  ~TranslationClaim();
+  /// True if another process had it: the translation may be there now.
+  bool hasWaited() const;
+
+private:
+  std::unique_ptr<KernelClaim> claim;
+};
 
 /// The file format, exposed for tests.
 WARP_API std::string serialize(const std::string &name,

@@ -6,13 +6,15 @@
 // first to miss an entry creates `<key>.claim` beside it; others wait until
 // that file is gone and read the entry. They wait for two seconds at most, and
 // only while the claiming process lives, so a killed or a slow process costs
-// others time and never their result.
+// others time and never their result. A process that has compiled nothing yet
+// and has just waited lets others claim first, for some milliseconds.
 //
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_RUNTIME_KERNELCLAIM_H
 #define WARP_LIB_RUNTIME_KERNELCLAIM_H
 
+#include <chrono>
 #include <string>
 
 namespace warp {
@@ -30,9 +32,13 @@ public:
   /// True if another process had the claim: the entry may be there now.
   bool hasWaited() const { return waited; }
 
+  /// As if this process had compiled nothing yet, for tests.
+  static void forgetWork();
+
 private:
   /// Empty if this process has no claim.
   std::string file;
+  std::chrono::steady_clock::time_point begin;
   bool waited = false;
 };
 

@@ -10,6 +10,7 @@
 
 #include "Bytes.h"
 #include "FileChecks.h"
+#include "KernelClaim.h"
 #include "warp/KernelCache.h"
 
 #include <string_view>
@@ -72,6 +73,13 @@ std::optional<Translation> warp::findTranslation(const std::string &name) {
     cache.remove(name + suffix);
   return found;
 }
+
+TranslationClaim::TranslationClaim(const std::string &name)
+    : claim(std::make_unique<KernelClaim>(name)) {}
+
+TranslationClaim::~TranslationClaim() = default;
+
+bool TranslationClaim::hasWaited() const { return claim->hasWaited(); }
 
 void warp::storeTranslation(const std::string &name,
                             const Translation &translation) {

@@ -212,6 +212,13 @@ static void bindTranslation(py::module_ &m) {
       .def_property_readonly("notes", [](const Translation &translation) {
         return py::bytes(translation.notes);
       });
+  py::class_<TranslationClaim>(
+      m, "TranslationClaim",
+      "The right of this process to translate what has a name, as long as the "
+      "object lives; waits for another process of the host that has it.")
+      .def(py::init<const std::string &>(), py::arg("name"),
+           py::call_guard<warp::python::Unlocked>())
+      .def_property_readonly("has_waited", &TranslationClaim::hasWaited);
   m.def("find_translation", findTranslation, py::arg("name"),
         "The translation of a name of 64 hexadecimal digits, or None.");
   m.def("store_translation", keepTranslation, py::arg("name"),

@@ -369,3 +369,30 @@ TEST_F(KernelClaims, EndWithTheirProcess) {
                                   std::chrono::seconds(5));
   EXPECT_LT(secondsToClaim(waited), 0.5);
 }
+
+// A process that has waited lets others claim first, until it has compiled.
+TEST_F(KernelClaims, LetWarmProcessesGoFirst) {
+  pid_t child = fork();
+  if (child == 0) {
+    KernelClaim::forgetWork();
+    fs::create_directories(folder);
+    {
+      std::ofstream(file()) << "1 another-host\n";
+    }
+    fs::last_write_time(file(), fs::file_time_type::clock::now() -
+                                    std::chrono::seconds(5));
+    bool waited = false;
+    secondsToClaim(waited);
+    bool isPolite = secondsToClaim(waited) > 0.015 && waited;
+    {
+      // It compiles.
+      KernelClaim claim(keyOf('c'));
+      usleep(5'000);
+    }
+    bool isPrompt = secondsToClaim(waited) < 0.015 && !waited;
+    _exit(isPolite && isPrompt ? 0 : 1);
+  }
+  int status = -1;
+  waitpid(child, &status, 0);
+  EXPECT_EQ(status, 0);
+}

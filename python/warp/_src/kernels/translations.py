@@ -37,6 +37,11 @@ def native_kernel(kernel, arguments, threads, constants):
             name = None
     if name is not None:
         name, known, facts = _find(name, found.functions)
+        if known is None:
+            # Processes that start together translate a function once. The object is the claim.
+            claim = _native.TranslationClaim(name)
+            if claim.has_waited:
+                name, known, facts = _find(name, found.functions)
         if known is not None:
             _tell(kernel, *facts)
             native = kernel.compile_module(known)
