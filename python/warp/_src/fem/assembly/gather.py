@@ -2,7 +2,7 @@
 
 A plan kernel writes the blocks of a batch of elements to scratch memory; a thread per target
 (a nonzero of a matrix, a node of a vector) then adds its contributions in element order. The bits
-do not depend on threads. A batch has at most 64 MiB of blocks, of matrices on CPUs 3 MiB.
+do not depend on threads. A batch has at most 64 MiB of blocks.
 """
 
 import functools

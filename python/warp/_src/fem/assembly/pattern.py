@@ -18,9 +18,10 @@ from warp._src.fem.assembly.merge import Rows, find_runs, sort_pairs
 # Bytes of the blocks of one batch of elements, and entries whose sort takes as much.
 BLOCK_BYTES = 64 << 20
 ENTRIES = 4 << 20
-# Bytes for matrices on CPUs, whose caches keep blocks until they are gathered.
+# Bytes for matrices of large blocks on CPUs, whose caches keep blocks until they are gathered. For
+# numbers, lists of targets cost as much as is saved.
 CACHED_BYTES = 3 << 20
-_FEWEST_ELEMENTS = 256
+_FEWEST_ELEMENTS, _LARGE_BLOCK = 256, 16
 
 
 @dataclasses.dataclass
@@ -208,7 +209,8 @@ class Pattern:
         self.width = test_width * trial_table.shape[1]
         limit = min(batch_size(self.width * block_bytes), max(1, ENTRIES // max(self.width, 1)))
         # A capture cannot read the sizes of several batches.
-        if not self.device.is_cuda and not self.device.is_capturing:
+        is_cached = block_bytes >= _LARGE_BLOCK and not self.device.is_cuda
+        if is_cached and not self.device.is_capturing:
             cached = batch_size(self.width * block_bytes * (BLOCK_BYTES // CACHED_BYTES))
             limit = min(limit, max(cached, _FEWEST_ELEMENTS))
         ranges = [(i, min(limit, elements - i)) for i in range(0, elements, limit)] or [(0, 0)]
