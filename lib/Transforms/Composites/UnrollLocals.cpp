@@ -7,7 +7,9 @@
 // of a Fourier transform of fixed length do, the loops are written out: each
 // operation is copied with what is known by then and folded. That is tried
 // beside the code and taken if no index is left that is known at run time only,
-// and if the code is short and the values fit registers.
+// and if the code is short and the values fit registers. Iterations of a loop
+// that may end early are branches in each other, of which the innermost is the
+// last.
 //
 // Reversed loops also keep what short composites were, iteration by iteration,
 // so before a kernel is differentiated these count, too. There, what is known
@@ -33,6 +35,8 @@ using namespace mlir;
 
 /// Components that loops carry.
 constexpr int64_t mostComponents = 64;
+/// Iterations of a loop that may end early.
+constexpr int mostBranches = 16;
 
 namespace {
 
@@ -56,6 +60,8 @@ private:
   bool isWorthTrying();
   bool emitBlock(Block &block);
   bool emitLoop(scf::ForOp loop, int64_t first, int64_t count, int64_t step);
+  bool emitIterations(scf::WhileOp loop, SmallVector<Value> carried, int count,
+                      SmallVectorImpl<Value> &results);
   bool emitBranch(scf::IfOp branch);
   bool emitAround(Operation *op);
   bool emit(Operation *op);
@@ -112,11 +118,20 @@ bool LoopWriter::isMadeOfCounters(Value value) {
     return llvm::all_of(values, [&](Value v) { return comesFromCounters(v); });
   };
   if (auto argument = dyn_cast<BlockArgument>(value)) {
-    auto loop = dyn_cast<scf::ForOp>(argument.getOwner()->getParentOp());
+    Operation *around = argument.getOwner()->getParentOp();
+    unsigned number = argument.getArgNumber();
+    if (auto loop = dyn_cast<scf::WhileOp>(around)) {
+      if (takesAll)
+        return false;
+      return argument.getOwner() == loop.getAfterBody()
+                 ? all(loop.getConditionOp().getArgs()[number])
+                 : all({loop.getInits()[number],
+                        loop.getYieldOp()->getOperand(number)});
+    }
+    auto loop = dyn_cast<scf::ForOp>(around);
     if (!loop ||
         !all({loop.getLowerBound(), loop.getUpperBound(), loop.getStep()}))
       return false;
-    unsigned number = argument.getArgNumber();
     return number == 0 || all({loop.getInitArgs()[number - 1],
                                loop.getYieldedValues()[number - 1]});
   }
@@ -143,11 +158,11 @@ bool LoopWriter::isWorthTrying() {
       else
         ++unknown;
     }
-    auto loop = dyn_cast<scf::ForOp>(op);
+    auto loop = dyn_cast<LoopLikeOpInterface>(op);
     if (!loop)
       return;
     int64_t components = 0;
-    for (Value carried : loop.getInitArgs())
+    for (Value carried : loop.getInits())
       if (warp::isComposite(carried.getType()) && counts(carried.getType()))
         components += warp::getComponentCount(carried.getType());
     fits &= components <= mostComponents;
@@ -188,6 +203,49 @@ bool LoopWriter::emitLoop(scf::ForOp loop, int64_t first, int64_t count,
     });
   }
   map.map(loop.getResults(), carried);
+  return true;
+}
+
+/// The iterations of a loop from one with these values on: the next one is
+/// within the branch of this one, unless what it depends on is known.
+bool LoopWriter::emitIterations(scf::WhileOp loop, SmallVector<Value> carried,
+                                int count, SmallVectorImpl<Value> &results) {
+  if (count > mostBranches)
+    return false;
+  auto lookUp = [&](ValueRange values) {
+    return llvm::map_to_vector(values,
+                               [&](Value v) { return map.lookupOrDefault(v); });
+  };
+  auto condition = loop.getConditionOp();
+  map.map(loop.getBeforeArguments(), carried);
+  if (!emitBlock(*loop.getBeforeBody()))
+    return false;
+  SmallVector<Value> passed = lookUp(condition.getArgs());
+  Value holds = map.lookupOrDefault(condition.getCondition());
+  std::optional<int64_t> isKnown = valueOf(holds);
+  if (isKnown && *isKnown == 0) {
+    results.assign(passed.begin(), passed.end());
+    return true;
+  }
+  auto emitRest = [&](SmallVectorImpl<Value> &rest) {
+    map.map(loop.getAfterArguments(), passed);
+    return emitBlock(*loop.getAfterBody()) &&
+           emitIterations(loop, lookUp(loop.getYieldOp()->getOperands()),
+                          count + 1, rest);
+  };
+  if (isKnown)
+    return emitRest(results);
+  auto branch = scf::IfOp::create(b, loop.getLoc(), loop.getResultTypes(),
+                                  holds, /*withElse=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(b, loop.getLoc(), passed);
+  b.setInsertionPointToStart(branch.thenBlock());
+  SmallVector<Value> rest;
+  if (!emitRest(rest))
+    return false;
+  scf::YieldOp::create(b, loop.getLoc(), rest);
+  results.assign(branch.getResults().begin(), branch.getResults().end());
   return true;
 }
 
@@ -250,9 +308,15 @@ Value LoopWriter::known(Operation *op) {
   auto first = constantOf(x[0]);
   if (name == "where" && first)
     return first->isZero() ? x[2] : x[1];
+  if (name == "bit_and" && x[0].getType().isInteger(1))
+    for (unsigned i : {0, 1})
+      if (auto bit = constantOf(x[i]))
+        return bit->isZero() ? x[i] : x[1 - i];
   auto type = dyn_cast<IntegerType>(op->getResult(0).getType());
   if (!type || !first)
     return nullptr;
+  if (name == "unot" && type.isInteger(1))
+    return constant(op, ~*first);
   if (isa<warp::CastOp>(op))
     return type.getWidth() == first->getBitWidth() ? constant(op, *first)
                                                    : Value();
@@ -292,6 +356,17 @@ bool LoopWriter::emit(Operation *op) {
           loop, *first,
           std::max<int64_t>(0, llvm::divideCeilSigned(*end - *first, *step)),
           *step);
+  }
+  if (auto loop = dyn_cast<scf::WhileOp>(op);
+      loop && accesses && !takesAll &&
+      llvm::any_of(loop.getAfterArguments(), isFollowed)) {
+    SmallVector<Value> results,
+        inits = llvm::map_to_vector(
+            loop.getInits(), [&](Value v) { return map.lookupOrDefault(v); });
+    if (!emitIterations(loop, inits, 0, results))
+      return false;
+    map.map(loop.getResults(), results);
+    return true;
   }
   if (accesses)
     return emitAround(op);

@@ -148,3 +148,98 @@ def test_loops_that_are_copied_several_times(device):
             else:
                 out[0] += part[2]
     np.testing.assert_allclose(y.numpy(), expected, rtol=1e-5)
+
+
+normals_type = wp.types.matrix(shape=(6, 3), dtype=float)
+
+
+@wp.func
+def separated(a: wp.mat33, b: wp.mat33, between: wp.vec3):
+    """The number of the first of six axes on which two unit boxes are apart, or -1."""
+    normals = normals_type()
+    for r in range(3):
+        normals[r] = wp.vec3(a[0, r], a[1, r], a[2, r])
+        normals[r + 3] = wp.vec3(b[0, r], b[1, r], b[2, r])
+    for j in range(2):
+        for k in range(3):
+            axis = normals[3 * j + k]
+            size = float(0.0)
+            for i in range(2):
+                for r in range(3):
+                    size += wp.abs(wp.dot(normals[3 * i + r], axis))
+            if wp.abs(wp.dot(between, axis)) > size:
+                return 3 * j + k
+    return -1
+
+
+@wp.kernel
+def boxes(
+    a: wp.array(dtype=wp.mat33),
+    b: wp.array(dtype=wp.mat33),
+    d: wp.array(dtype=wp.vec3),
+    out: wp.array(dtype=int),
+):
+    i = wp.tid()
+    out[i] = separated(a[i], b[i], d[i])
+
+
+@wp.kernel
+def breaks(
+    x: wp.array2d(dtype=float), limit: float, y: wp.array(dtype=float), n: wp.array(dtype=int)
+):
+    """Sums elements in another order until the sum is above a limit; continues where negative."""
+    i = wp.tid()
+    kept = wp.zeros(shape=(N,), dtype=float)
+    for k in range(N):
+        kept[k] = x[i, k]
+    total = float(0.0)
+    last = int(-1)
+    for k in range(0, N, 2):
+        if kept[(5 * k + 3) % N] < 0.0:
+            continue
+        total += kept[(5 * k + 3) % N]
+        last = k
+        if total > limit:
+            break
+    y[i] = total
+    n[i] = last
+
+
+def test_loops_that_end_early(device):
+    x = np.random.default_rng(3).uniform(-1.0, 2.0, (50, N)).astype(np.float32)
+    for limit in (-1.0, 2.0, 100.0):
+        y, n = (wp.zeros(50, dtype=t, device=device) for t in (float, int))
+        wp.launch(breaks, 50, [wp.array(x, device=device), limit, y, n], device=device)
+        for i in range(50):
+            total, last = np.float32(0.0), -1
+            for k in range(0, N, 2):
+                value = x[i, (5 * k + 3) % N]
+                if value < 0.0:
+                    continue
+                total, last = total + value, k
+                if total > limit:
+                    break
+            assert (y.numpy()[i], n.numpy()[i]) == (total, last)
+
+
+def test_returns_from_nested_loops(device):
+    random = np.random.default_rng(4)
+    a, b = (np.linalg.qr(random.standard_normal((300, 3, 3)))[0] for _ in range(2))
+    d = random.uniform(-3.0, 3.0, (300, 3))
+    normals = np.concatenate([a.swapaxes(1, 2), b.swapaxes(1, 2)], axis=1)
+    sizes = np.abs(np.einsum("nij,nkj->nik", normals, normals)).sum(1)
+    apart = np.abs(np.einsum("nij,nj->ni", normals, d)) - sizes
+    # None is so near that rounding decides.
+    assert np.abs(apart).min() > 1e-5
+    expected = np.where((apart > 0).any(1), (apart > 0).argmax(1), -1)
+    out = wp.zeros(300, dtype=int, device=device)
+    given = [wp.array(m, dtype=wp.mat33, device=device) for m in (a, b)]
+    wp.launch(boxes, 300, [*given, wp.array(d, dtype=wp.vec3, device=device), out], device=device)
+    np.testing.assert_array_equal(out.numpy(), expected)
+    assert len(set(expected)) == 7
+
+
+@pytest.mark.parametrize("kernel", [boxes, breaks])
+def test_loops_that_end_early_need_no_memory(kernel):
+    assert "warp.scratch" not in kernel.ir("thread")
+    assert ".local" not in kernel.ir("ptx", arch=90)
