@@ -76,6 +76,13 @@ void AccumulatorLowering::set(Operation *op) {
   call("set", op->getResult(0), {operand});
 }
 
+void AccumulatorLowering::take(TileMapOp op) {
+  ArrayRef<int64_t> shape = tileType(op.getResult(0)).getShape();
+  call("take", op.getResult(0),
+       {addressOf(memoryOf(getStrided(op.getInputs()[0])->memory)),
+        number(shape[0]), number(shape[1])});
+}
+
 void AccumulatorLowering::give(TileMapOp op) {
   Value tile = op.getInputs()[0];
   ArrayRef<int64_t> shape = tileType(tile).getShape();

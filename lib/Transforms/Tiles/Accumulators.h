@@ -19,6 +19,8 @@ struct AccumulatorLowering : TileLowering {
 
   /// A number in all elements.
   void set(mlir::Operation *op);
+  /// The elements of a tile in memory.
+  void take(TileMapOp op);
   /// A copy in memory.
   void give(TileMapOp op);
   void storeTile(TileStoreOp op);

@@ -82,11 +82,15 @@ void distributeTiles(FunctionOpInterface kernel, int64_t threads) {
   for (auto &[root, members] : byRoot) {
     bool all =
         llvm::all_of(members, [&](Value tile) { return fits(tile, threads); });
-    // Copies of accumulators have another order of elements.
+    // Accumulators, which are copied, have another order of elements.
+    auto isSum = [&](Value value) {
+      return isTile(value) && buffers.isInRegisters(value);
+    };
     all &= llvm::none_of(members, [&](Value tile) {
       Operation *def = tile.getDefiningOp();
-      return def && llvm::any_of(def->getOperands(), [&](Value operand) {
-               return isTile(operand) && buffers.isInRegisters(operand);
+      return (def && llvm::any_of(def->getOperands(), isSum)) ||
+             llvm::any_of(getReaders(tile), [&](Operation *reader) {
+               return llvm::any_of(reader->getResults(), isSum);
              });
     });
     if (all)

@@ -204,7 +204,10 @@ struct MapModel : TileModel<MapModel, TileMapOp> {
   }
   void lower(Operation *op, TileLowering &lowering) const {
     Value input = op->getOperand(0);
-    if (getLayout(op).getStorage() == TileStorage::accumulators)
+    bool isSum = getLayout(op).getStorage() == TileStorage::accumulators;
+    if (isSum && !input.getDefiningOp<TileSplatOp>())
+      AccumulatorLowering(lowering.state).take(cast<TileMapOp>(op));
+    else if (isSum)
       AccumulatorLowering(lowering.state).set(op);
     else if (isTile(input) && lowering.buffers.isInRegisters(input) &&
              !isDistributed(input))

@@ -9,10 +9,12 @@
 //
 // Before that, what a `tile_map` computes again is read: adjoints recompute
 // what they need of a function of elements, also where its results are kept.
-// And a product that is added to a tile adds to it itself.
+// And a product that is added to a tile adds to it itself, also to one that is
+// carried in another shape (CarryReshaped.h).
 //
 //===----------------------------------------------------------------------===//
 
+#include "CarryReshaped.h"
 #include "TileBuffers.h"
 
 #include "mlir/IR/IRMapping.h"
@@ -221,6 +223,7 @@ namespace {
 struct FuseTiles : warp::impl::FuseTilesBase<FuseTiles> {
   void runOnOperation() override {
     auto work = [](FunctionOpInterface kernel, int64_t) {
+      carryReshaped(kernel);
       SmallVector<TileMapOp> maps;
       kernel->walk([&](TileMapOp map) { maps.push_back(map); });
       llvm::erase_if(maps, addProduct);

@@ -117,15 +117,17 @@ private:
     if (isInline(op))
       return touches;
     // Sums of products lie otherwise among threads.
-    bool takesSums = llvm::any_of(op->getOperands(), [&](Value operand) {
-      return isTile(operand) && buffers.isInRegisters(operand) &&
-             !isDistributed(operand);
-    });
+    auto isSum = [&](Value tile) {
+      return isTile(tile) && buffers.isInRegisters(tile) &&
+             !isDistributed(tile);
+    };
+    bool movesSums = llvm::any_of(op->getOperands(), isSum) ||
+                     llvm::any_of(op->getResults(), isSum);
     // Matrices are copied by whole runs.
     auto window = dyn_cast<TileAccessOp>(op);
     bool isCopied = window && getLayout(op).getPitch() != 0;
     auto tileOp = dyn_cast<TileOpInterface>(op);
-    bool byOwners = !takesSums && !isCopied && tileOp && tileOp.isByOwners();
+    bool byOwners = !movesSums && !isCopied && tileOp && tileOp.isByOwners();
     auto ownedOf = [&](Value tile) {
       return byOwners ? tileType(tile).getNumElements() : 0;
     };

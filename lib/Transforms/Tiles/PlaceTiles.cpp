@@ -12,7 +12,8 @@
 //              replaces afterwards
 //   copies     where loops and branches carry tiles, each carried tile has one
 //              piece of memory; what is not computed in it is copied there.
-//              A tile that only one branch changes stays where it is
+//              A tile that only one branch changes stays where it is, and so
+//              does one that the condition of a loop passes on
 //   registers  on a GPU, accumulators of products (PlanAccumulators.cpp) and
 //              elements of their owners (DistributeTiles.h)
 //
@@ -117,6 +118,18 @@ static Value copy(OpBuilder &b, Location loc, Value tile, Value into = {}) {
 
 static Value sharedOrigin(scf::IfOp branch, unsigned result);
 
+/// The number of the initial value that the condition of a loop passes on,
+/// once, as one of its operands; none if that is something else.
+static std::optional<unsigned> findPassedOn(scf::WhileOp loop,
+                                            unsigned operand) {
+  ValueRange passed = loop.getConditionOp().getArgs();
+  auto argument = dyn_cast<BlockArgument>(passed[operand]);
+  if (!argument || argument.getOwner() != loop.getBeforeBody() ||
+      llvm::count(passed, argument) != 1)
+    return std::nullopt;
+  return argument.getArgNumber();
+}
+
 /// The tile whose memory a chain of changes in place began with, through loops
 /// and branches that have been placed.
 static Value originOf(Value tile, Block *block) {
@@ -128,6 +141,12 @@ static Value originOf(Value tile, Block *block) {
       before = sharedOrigin(branch, cast<OpResult>(tile).getResultNumber());
     else if (auto loop = dyn_cast<scf::ForOp>(def))
       before = loop.getInitArgs()[cast<OpResult>(tile).getResultNumber()];
+    else if (auto loop = dyn_cast<scf::WhileOp>(def))
+      if (auto passed =
+              findPassedOn(loop, cast<OpResult>(tile).getResultNumber()))
+        before = loop.getInits()[*passed];
+      else
+        return tile;
     else if (auto operand =
                  def->getAttrOfType<IntegerAttr>(tiles::attr::inPlace))
       before = def->getOperand(operand.getInt());
@@ -161,18 +180,19 @@ static void copyInits(OpBuilder &b, Operation *loop,
       init.set(copy(b, loop->getLoc(), init.get()));
 }
 
-static void placeFor(OpBuilder &b, scf::ForOp loop) {
-  copyInits(b, loop, loop.getInitArgsMutable());
-  Operation *yield = loop.getBody()->getTerminator();
-  Location loc = loop.getLoc();
+/// Has a loop's body end with each carried tile in the memory of the argument
+/// that it is carried by, null for one that is not carried.
+static void placeYields(OpBuilder &b, Operation *yield,
+                        ArrayRef<Value> arguments) {
+  Location loc = yield->getParentOp()->getLoc();
   b.setInsertionPoint(yield);
   SmallVector<std::pair<OpOperand *, Value>> moved;
   bool cross = false;
   for (auto [operand, argument] :
-       llvm::zip_equal(yield->getOpOperands(), loop.getRegionIterArgs())) {
-    if (!isTile(argument))
+       llvm::zip_equal(yield->getOpOperands(), arguments)) {
+    if (!argument || !isTile(argument))
       continue;
-    Value origin = originOf(operand.get(), loop.getBody());
+    Value origin = originOf(operand.get(), yield->getBlock());
     if (origin == argument && operand.get().hasOneUse())
       continue;
     if (operand.get() == argument)
@@ -185,6 +205,12 @@ static void placeFor(OpBuilder &b, scf::ForOp loop) {
       operand->set(copy(b, loc, operand->get()));
   for (auto &[operand, argument] : moved)
     operand->set(copy(b, loc, operand->get(), argument));
+}
+
+static void placeFor(OpBuilder &b, scf::ForOp loop) {
+  copyInits(b, loop, loop.getInitArgsMutable());
+  SmallVector<Value> arguments(loop.getRegionIterArgs());
+  placeYields(b, loop.getBody()->getTerminator(), arguments);
 }
 
 /// True if a result can stay in the memory that both branches give: nobody
@@ -225,14 +251,21 @@ static void placeWhile(OpBuilder &b, scf::WhileOp loop) {
   copyInits(b, loop, loop.getInitsMutable());
   Operation *yield = loop.getYieldOp();
   auto condition = loop.getConditionOp();
-  for (auto [operand, init] :
-       llvm::zip_equal(yield->getOpOperands(), loop.getInits()))
-    if (isTile(init)) {
+  // The argument of the body with the memory of each initial value.
+  SmallVector<Value> arguments(loop.getInits().size());
+  for (unsigned i = 0; i < condition.getArgs().size(); ++i)
+    if (auto passed = findPassedOn(loop, i))
+      arguments[*passed] = loop.getAfterArguments()[i];
+  placeYields(b, yield, arguments);
+  for (auto [operand, init, argument] :
+       llvm::zip_equal(yield->getOpOperands(), loop.getInits(), arguments))
+    if (isTile(init) && !argument) {
       b.setInsertionPoint(yield);
       operand.set(copy(b, loc, operand.get(), init));
     }
   for (OpOperand &operand : condition.getArgsMutable())
-    if (isTile(operand.get())) {
+    if (isTile(operand.get()) &&
+        !findPassedOn(loop, operand.getOperandNumber() - 1)) {
       b.setInsertionPoint(loop);
       Value into = TileEmptyOp::create(b, loc, operand.get().getType());
       b.setInsertionPoint(condition);

@@ -4,8 +4,10 @@
 //
 // A tile that products of a GPU kernel add to, and that otherwise is only
 // stored or copied, has no memory: each thread holds its sums in registers, in
-// the layout of the product's form. A loop that loads both factors of a product
-// and does nothing else loads those of the next iterations while it multiplies.
+// the layout of the product's form, also throughout loops and branches that
+// carry it. A loop that begins with a tile in memory takes it into registers
+// first. A loop that loads both factors of a product and does nothing else
+// loads those of the next iterations while it multiplies.
 //
 //===----------------------------------------------------------------------===//
 
@@ -33,6 +35,7 @@ public:
         products.push_back(op);
       }
     });
+    takeInits(products);
     llvm::MapVector<Value, SmallVector<Value>> byRoot;
     for (Value tile : buffers.getTiles())
       byRoot[buffers.rootOf(tile)].push_back(tile);
@@ -41,6 +44,7 @@ public:
     for (auto &[root, members] : byRoot)
       if (canAccumulate(members))
         accumulate(members);
+    dropCopies();
     for (TileMatmulOp op : products)
       if (getLayout(op).getStorage() == TileStorage::accumulators)
         loadAhead(op);
@@ -48,6 +52,54 @@ public:
   }
 
 private:
+  static bool isCarrier(Operation *op) {
+    return isa<scf::ForOp, scf::WhileOp, scf::IfOp>(op);
+  }
+
+  /// Has loops whose products add to what they carry begin with a copy of it,
+  /// if it is in memory: in registers, if these hold it.
+  void takeInits(ArrayRef<TileMatmulOp> products) {
+    llvm::DenseSet<Value> roots;
+    for (TileMatmulOp op : products)
+      if (auto operand = op->getAttrOfType<IntegerAttr>(attr::inPlace);
+          operand && operand.getInt() == 2)
+        roots.insert(buffers.rootOf(op.getResult()));
+    kernel->walk([&](LoopLikeOpInterface loop) {
+      for (OpOperand &init : loop.getInitsMutable()) {
+        Operation *def = init.get().getDefiningOp();
+        if (isTile(init.get()) && def && !isCarrier(def) &&
+            !isa<TileMatmulOp>(def) && !splatBehind(def) &&
+            roots.contains(buffers.rootOf(init.get())))
+          copies.insert(copyFor(init.get(), &init));
+      }
+    });
+    // Nobody else reads a view that a loop begins with.
+    for (Operation *copy : copies)
+      if (auto view = copy->getOperand(0).getDefiningOp<TileReshapeOp>())
+        keepView(view, TileStorage::inlined);
+    if (!copies.empty())
+      buffers = TileBuffers(kernel);
+  }
+
+  /// Has a view of packed memory kept, or not.
+  static void keepView(TileReshapeOp view, TileStorage storage) {
+    TileLayoutAttr layout = getLayout(view);
+    setLayout(view, layout.withStorage(TileStorage::inlined));
+    if (storage != TileStorage::inlined || !getStrided(view.getResult()))
+      setLayout(view, layout.withStorage(TileStorage::memory));
+  }
+
+  /// Drops the copies that are in memory.
+  void dropCopies() {
+    for (Operation *copy : copies)
+      if (getLayout(copy).getStorage() != TileStorage::accumulators) {
+        if (auto view = copy->getOperand(0).getDefiningOp<TileReshapeOp>())
+          keepView(view, TileStorage::memory);
+        copy->replaceAllUsesWith(copy->getOperands());
+        copy->erase();
+      }
+  }
+
   /// If threads can accumulate the sums and the factors are loaded ahead.
   void multiplyByWarpgroups(TileMatmulOp op, ArrayRef<Value> members) {
     auto form = findWarpgroupForm(op, threads, target);
@@ -64,7 +116,7 @@ private:
                             std::optional<std::string> &layout) const {
     Operation *def = tile.getDefiningOp();
     if (!def)
-      return isa<scf::ForOp>(tile.getParentBlock()->getParentOp());
+      return isCarrier(tile.getParentBlock()->getParentOp());
     if (auto product = dyn_cast<TileMatmulOp>(def)) {
       auto form = getProductForm(product);
       auto operand = def->getAttrOfType<IntegerAttr>(attr::inPlace);
@@ -82,7 +134,7 @@ private:
       layout = form->layout;
       return true;
     }
-    return isa<scf::ForOp>(def) || splatBehind(def);
+    return isCarrier(def) || copies.contains(def) || splatBehind(def);
   }
 
   /// The number in all elements of what is made, or copied, from a splat.
@@ -117,7 +169,7 @@ private:
   }
 
   bool usesInPlace(Operation *user, Value tile) const {
-    return isa<scf::ForOp>(user) || user->hasTrait<OpTrait::IsTerminator>() ||
+    return isCarrier(user) || user->hasTrait<OpTrait::IsTerminator>() ||
            (isa<TileMatmulOp>(user) && user->hasAttr(attr::inPlace) &&
             cast<TileMatmulOp>(user).getC() == tile) ||
            canStore(user, tile);
@@ -125,9 +177,11 @@ private:
 
   bool canAccumulate(ArrayRef<Value> members) const {
     std::optional<std::string> layout;
+    bool isTaken = false;
     for (Value tile : members) {
       if (!canStartAccumulators(tile, layout))
         return false;
+      isTaken |= copies.contains(tile.getDefiningOp());
       // Copies stand behind the operation that made the tile.
       if (isa<BlockArgument>(tile) &&
           !llvm::all_of(tile.getUsers(), [&](Operation *user) {
@@ -135,17 +189,12 @@ private:
           }))
         return false;
     }
-    return layout.has_value();
+    // Warpgroups have no function that takes sums.
+    return layout && !(isTaken && StringRef(*layout).starts_with("wg_"));
   }
 
-  /// Others read a copy in memory.
-  void copyForOthers(Value tile) {
-    SmallVector<OpOperand *> uses;
-    for (OpOperand &use : tile.getUses())
-      if (!usesInPlace(use.getOwner(), tile))
-        uses.push_back(&use);
-    if (uses.empty())
-      return;
+  /// Has uses of a tile use a copy of it.
+  Operation *copyFor(Value tile, ArrayRef<OpOperand *> uses) {
     OpBuilder b(kernel.getContext());
     b.setInsertionPointAfterValue(tile);
     auto map = TileMapOp::create(b, tile.getLoc(), tile.getType(), tile);
@@ -154,12 +203,23 @@ private:
     TileYieldOp::create(b, tile.getLoc(), ValueRange(body->getArgument(0)));
     for (OpOperand *use : uses)
       use->set(map.getResult(0));
+    return map;
+  }
+
+  /// Others read a copy in memory.
+  void copyForOthers(Value tile) {
+    SmallVector<OpOperand *> uses;
+    for (OpOperand &use : tile.getUses())
+      if (!usesInPlace(use.getOwner(), tile))
+        uses.push_back(&use);
+    if (!uses.empty())
+      copyFor(tile, uses);
   }
 
   void accumulate(ArrayRef<Value> members) {
     for (Value tile : members) {
       Operation *def = tile.getDefiningOp();
-      if (def && !isa<scf::ForOp>(def))
+      if (def && !isCarrier(def))
         setLayout(def, getLayout(def).withStorage(TileStorage::accumulators));
       if (def)
         copyForOthers(tile);
@@ -273,6 +333,8 @@ private:
 
   FunctionOpInterface kernel;
   TileBuffers buffers;
+  /// Copies of tiles in memory that loops begin with.
+  llvm::SetVector<Operation *> copies;
   int64_t threads;
   const TargetInfo &target;
 };

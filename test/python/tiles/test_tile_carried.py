@@ -76,3 +76,71 @@ def test_branch_changes_its_tile_alone(device):
         y.zero_()
         wp.launch_tiled(border, dim=blocks, inputs=[*given, n, y], block_dim=threads, device=device)
         np.testing.assert_array_equal(y.numpy(), expected)
+
+
+@wp.kernel
+def products(a: wp.array3d[float], m: wp.array2d[float], last: int, y: wp.array2d[float]):
+    """Adds squares of matrices to a tile that is carried as a vector, until one is the last."""
+    i = wp.tid()
+    flat = wp.tile_load(m[i], shape=1024)
+    total = wp.tile_reshape(flat, (32, 32))
+    for k in range(12):
+        if k > last:
+            break
+        t = wp.tile_load(a[k], shape=(32, 32))
+        total += wp.tile_matmul(t, t)
+    wp.tile_store(y, total, offset=(32 * i, 0))
+
+
+@wp.kernel
+def exchanged(x: wp.array2d[float], n: int, y: wp.array2d[float]):
+    """Exchanges two tiles, one of which grows, as long as an element of it is small."""
+    u = wp.tile_load(x[0], shape=48)
+    v = wp.tile_load(x[1], shape=48)
+    k = int(0)
+    while k < n and u[3] < 50.0:
+        w = u
+        u = v + wp.tile_ones(shape=48, dtype=float)
+        v = w
+        k += 1
+    wp.tile_store(y[0], u)
+    wp.tile_store(y[1], v)
+
+
+def test_products_are_added_until_a_loop_ends(device):
+    random = np.random.default_rng(7)
+    a = random.integers(-4, 5, (12, 32, 32)).astype(np.float32)
+    m = random.integers(-4, 5, (3, 1024)).astype(np.float32)
+    given = [wp.array(one, device=device) for one in (a, m)]
+    y = wp.zeros((96, 32), dtype=float, device=device)
+    for last in (-1, 0, 4, 30):
+        squares = sum((a[k] @ a[k] for k in range(min(last + 1, 12))), np.zeros((32, 32)))
+        for threads in (32, 64, 128):
+            y.zero_()
+            inputs = [*given, last, y]
+            wp.launch_tiled(products, dim=3, inputs=inputs, block_dim=threads, device=device)
+            # Integers below 2^24.
+            got = y.numpy().reshape(3, 32, 32)
+            np.testing.assert_array_equal(got, m.reshape(3, 32, 32) + squares)
+
+
+def test_sums_of_a_loop_that_ends_stay_in_registers():
+    text = products.ir("launch", arch=90)
+    before, loop = text.split("scf.while")
+    assert before.count("warp_tile_take") == 1
+    assert "warp_tile_take" not in loop and "warp_tile_give" not in loop
+    assert loop.count("warp_tile_multiply") == loop.count("warp_tile_store") == 1
+
+
+def test_loops_exchange_tiles(device):
+    x = np.random.default_rng(9).uniform(0.0, 40.0, (2, 48)).astype(np.float32)
+    for n in (0, 1, 5, 30):
+        u, v = x
+        for _ in range(n):
+            if u[3] >= 50.0:
+                break
+            u, v = v + np.float32(1.0), u
+        y = wp.zeros((2, 48), dtype=float, device=device)
+        inputs = [wp.array(x, device=device), n, y]
+        wp.launch_tiled(exchanged, dim=1, inputs=inputs, block_dim=32, device=device)
+        np.testing.assert_array_equal(y.numpy(), np.stack([u, v]))
