@@ -93,3 +93,50 @@ func.func @iterations(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
   }
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, thread_order = true, lanes = 4>
+
+// Who takes a gradient first shows. Each thread takes one, and nothing else
+// sees it, so lanes do it one after the other.
+// CHECK-LABEL: func.func @winner
+// CHECK: %[[GRAD:.*]] = warp.grad %arg1
+// CHECK: warp.each_lane
+// CHECK: warp.atomic_components exch({{.*}}), %[[GRAD]]
+func.func @winner(%x: !warp.array<1 x f32>, %best: !warp.array<1 x f32>,
+                  %at: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %none = arith.constant 0.0 : f32
+  %gradient = warp.grad %best : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  %k = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
+  %g = warp.atomic_components exch(%none), %gradient[%k] : (f32), !warp.array<1 x f32>, i32 -> f32
+  %e = math.exp %g : f32
+  warp.store_components(%e), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, thread_order = true, lanes = 4>
+
+// A gradient that is read by another name may be that of a thread before.
+// CHECK-LABEL: func.func @seen
+// CHECK-NOT: warp.each_lane
+func.func @seen(%x: !warp.array<1 x f32>, %best: !warp.array<1 x f32>,
+                %at: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %none = arith.constant 0.0 : f32
+  %gradient = warp.grad %best : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  %again = warp.grad %best : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  %k = warp.load_components %at[%i] : !warp.array<1 x si32>, i32 -> i32
+  %g = warp.atomic_components exch(%none), %gradient[%k] : (f32), !warp.array<1 x f32>, i32 -> f32
+  %h = warp.load_components %again[%i] : !warp.array<1 x f32>, i32 -> f32
+  %e = arith.addf %g, %h : f32
+  warp.store_components(%e), %x[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}

@@ -77,14 +77,25 @@ static bool mayWait(scf::WhileOp loop, const ThreadVariance &variance) {
   return shared.contains(condition);
 }
 
+/// True if no other operation sees the gradients of an array.
+static bool isOnlyGradient(warp::GradOp grad) {
+  return isa<BlockArgument>(grad.getArray()) &&
+         llvm::none_of(grad.getArray().getUsers(), [&](Operation *user) {
+           return user != grad && isa<warp::GradOp>(user);
+         });
+}
+
 /// True if threads come to an update once, and nothing else to its array: lanes
 /// that make it one after another are as good as threads that do.
 static bool isOnlyTurn(Operation *update, FunctionOpInterface kernel) {
   auto access = dyn_cast<warp::AccessOp>(update);
-  return access && warp::getVariant(kernel).getDisjoint() &&
-         isa<BlockArgument>(access.getArray()) &&
-         !update->getParentOfType<LoopLikeOpInterface>() &&
-         llvm::all_of(access.getArray().getUsers(), [&](Operation *user) {
+  if (!access || !warp::getVariant(kernel).getDisjoint() ||
+      update->getParentOfType<LoopLikeOpInterface>())
+    return false;
+  Value array = access.getArray();
+  auto grad = array.getDefiningOp<warp::GradOp>();
+  return (grad ? isOnlyGradient(grad) : isa<BlockArgument>(array)) &&
+         llvm::all_of(array.getUsers(), [&](Operation *user) {
            return user == update || isa<warp::DimOp>(user);
          });
 }
