@@ -48,6 +48,39 @@ def test_both_times_are_told():
     assert "lanes took" in line and "scalar code" in line
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_kernels_with_atomics_are_checked(threads, monkeypatch):
+    """Pieces of launches update each element as often as it has to be, alone or in copies."""
+
+    @wp.kernel(module="unique")
+    def counted(
+        x: wp.array(dtype=float), count: wp.array(dtype=int), total: wp.array(dtype=wp.float64)
+    ):
+        i = wp.tid()
+        s = float(0.0)
+        for k in range(8):
+            s += wp.sqrt(x[i] + float(k))
+        wp.atomic_add(count, i % 10, 1)
+        wp.atomic_add(total, i % 10, wp.float64(s))
+
+    monkeypatch.setattr(wp.config, "num_threads", threads)
+    x = np.linspace(0.0, 9.0, 1 << 16, dtype=np.float32)
+    given = wp.array(x, dtype=float, device="cpu")
+    count = wp.zeros(10, dtype=int, device="cpu")
+    total = wp.zeros(10, dtype=wp.float64, device="cpu")
+    roots = sum(np.sqrt(x.astype(np.float64) + k) for k in range(8))
+    wanted = [roots[first::10].sum() for first in range(10)]
+    end = time.monotonic() + 120
+    while time.monotonic() < end and not measured(counted):
+        for _ in range(50):
+            count.zero_()
+            total.zero_()
+            wp.launch(counted, len(x), [given, count, total], device="cpu")
+            np.testing.assert_array_equal(count.numpy(), [len(x[k::10]) for k in range(10)])
+            np.testing.assert_allclose(total.numpy(), wanted, rtol=1e-6)
+    assert len(measured(counted)) == 1
+
+
 @pytest.mark.parametrize("options", [{"deterministic": True}, {"cpu_lanes": 8}])
 def test_lanes_that_are_settled_stay(options):
     """Deterministic kernels keep their bits, and lanes that are asked for are there."""
