@@ -160,6 +160,18 @@ public:
   bool queue(const Plan &plan, int device, const LaunchDim &dim,
              const void *params, const Stream *stream = nullptr,
              int blockDim = 0);
+  /// A launch whose code is made beside that of others; `params` as for
+  /// `prepare`.
+  struct CodeRequest {
+    Kernel *kernel = nullptr;
+    int device = cpuDevice;
+    LaunchDim dim;
+    const void *params = nullptr;
+    int blockDim = 0;
+  };
+  /// Has other threads make code for launches, and waits for it. Throws the
+  /// first error when all are done.
+  static void makeCode(const std::vector<CodeRequest> &requests);
   /// True if `queue` is to be asked about a launch on a device with a variant.
   static bool mustQueue(int device);
 

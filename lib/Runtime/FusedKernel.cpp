@@ -195,32 +195,79 @@ static std::string whyWorse(const std::vector<const GraphOperation *> &launches,
   return "";
 }
 
-FusedLaunch warp::fuse(const std::vector<const GraphOperation *> &launches,
-                       std::string &whyNot) {
+/// The kernel and the arguments of a fused launch. Says why not if there is no
+/// kernel.
+static FusedLaunch assemble(const std::vector<const GraphOperation *> &launches,
+                            std::string &whyNot) {
   FusedLaunch fused;
   Arguments arguments;
-  const GraphOperation &first = *launches.front();
   for (const GraphOperation *launch : launches)
     arguments.add(*launch);
-  try {
-    fused.kernel = kernelFor(launches, arguments);
-    size_t size = fused.kernel->parameterSize();
-    if (size > mostBytes) {
-      whyNot = "it would have too many arguments";
-      return {};
+  fused.kernel = kernelFor(launches, arguments);
+  size_t size = fused.kernel->parameterSize();
+  if (size > mostBytes) {
+    whyNot = "it would have too many arguments";
+    return {};
+  }
+  fused.params.resize(size / 8);
+  auto *bytes = reinterpret_cast<char *>(fused.params.data());
+  const std::vector<Param> &params = fused.kernel->parameters();
+  for (size_t i = 0; i < params.size(); ++i)
+    std::memcpy(bytes + params[i].offset, arguments.values[i].data(),
+                arguments.values[i].size());
+  return fused;
+}
+
+/// Threads of a block that the launches asked for, 0 if they left it open.
+static int blockDimOf(const GraphOperation &launch) {
+  return launch.plan.openBlock ? 0 : launch.plan.variant->key.blockDim;
+}
+
+void warp::prepareCode(
+    const std::vector<std::vector<const GraphOperation *>> &groups) {
+  std::vector<FusedLaunch> missing;
+  std::vector<Kernel::CodeRequest> requests;
+  for (const std::vector<const GraphOperation *> &launches : groups) {
+    const GraphOperation &first = *launches.front();
+    std::string whyNot;
+    try {
+      FusedLaunch fused = assemble(launches, whyNot);
+      if (!fused.kernel ||
+          fused.kernel
+              ->tryPrepare(first.plan.device, first.dim, fused.params.data(),
+                           blockDimOf(first))
+              .variant)
+        continue;
+      missing.push_back(std::move(fused));
+      FusedLaunch &made = missing.back();
+      requests.push_back({made.kernel.get(), first.plan.device, first.dim,
+                          made.params.data(), blockDimOf(first)});
+    } catch (const Error &) {
+      // `fuse` has it again.
     }
-    fused.params.resize(size / 8);
-    auto *bytes = reinterpret_cast<char *>(fused.params.data());
-    const std::vector<Param> &params = fused.kernel->parameters();
-    for (size_t i = 0; i < params.size(); ++i)
-      std::memcpy(bytes + params[i].offset, arguments.values[i].data(),
-                  arguments.values[i].size());
-    int blockDim = first.plan.openBlock ? 0 : first.plan.variant->key.blockDim;
+  }
+  if (requests.size() < 2)
+    return;
+  try {
+    Kernel::makeCode(requests);
+  } catch (const Error &) {
+  }
+}
+
+FusedLaunch warp::fuse(const std::vector<const GraphOperation *> &launches,
+                       std::string &whyNot) {
+  const GraphOperation &first = *launches.front();
+  try {
+    FusedLaunch fused = assemble(launches, whyNot);
+    if (!fused.kernel)
+      return {};
     fused.plan = fused.kernel->prepare(first.plan.device, first.dim,
-                                       fused.params.data(), blockDim);
+                                       fused.params.data(), blockDimOf(first));
     whyNot = whyWorse(launches, fused);
+    if (whyNot.empty())
+      return fused;
   } catch (const Error &error) {
     whyNot = error.message;
   }
-  return whyNot.empty() ? std::move(fused) : FusedLaunch();
+  return {};
 }

@@ -18,6 +18,11 @@ namespace warp {
 /// if it can.
 std::string whyApart(const GraphOperation &launch);
 
+/// Makes the code of several fused launches at a time, that `fuse` will ask
+/// for. Errors come there.
+void prepareCode(
+    const std::vector<std::vector<const GraphOperation *>> &groups);
+
 /// Launches of equal extents and options as one. Says why not if `kernel` is
 /// null.
 FusedLaunch fuse(const std::vector<const GraphOperation *> &launches,

@@ -66,6 +66,7 @@ private:
   std::vector<int> before(int group) const;
   int readyOf(int group) const;
   bool reaches(int from, int to) const;
+  std::vector<const GraphOperation *> launchesOf(int group) const;
   FusedLaunch fuseGroup(int group);
   void merge(const std::vector<int> &nodes, NodeRecord &record) const;
 
@@ -268,15 +269,19 @@ void Fusing::merge(const std::vector<int> &nodes, NodeRecord &record) const {
   }
 }
 
+std::vector<const GraphOperation *> Fusing::launchesOf(int group) const {
+  std::vector<const GraphOperation *> launches;
+  for (int node : groups[group])
+    launches.push_back(records[node].launch);
+  return launches;
+}
+
 /// Makes a group's launch of as many of its first launches as have good code
 /// together; the others are launches of their own.
 FusedLaunch Fusing::fuseGroup(int group) {
   while (groups[group].size() > 1) {
-    std::vector<const GraphOperation *> parts;
-    for (int node : groups[group])
-      parts.push_back(records[node].launch);
     std::string why;
-    FusedLaunch fused = fuse(parts, why);
+    FusedLaunch fused = fuse(launchesOf(group), why);
     if (fused.kernel)
       return fused;
     int last = groups[group].back();
@@ -292,6 +297,11 @@ FusedNodes Fusing::run() {
   for (size_t i = 0; i < records.size() && fusesLaunches(); ++i)
     if (records[i].launch)
       join(int(i));
+  std::vector<std::vector<const GraphOperation *>> parts;
+  for (size_t group = 0; group < groups.size(); ++group)
+    if (groups[group].size() > 1)
+      parts.push_back(launchesOf(int(group)));
+  prepareCode(parts);
   std::map<int, FusedLaunch> made;
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)

@@ -288,6 +288,22 @@ std::shared_ptr<CodeTicket::State> Kernel::Impl::order(Order order) {
   return code;
 }
 
+void Kernel::makeCode(const std::vector<CodeRequest> &requests) {
+  std::vector<std::shared_ptr<CodeTicket::State>> codes;
+  for (const CodeRequest &request : requests) {
+    Impl &impl = *request.kernel->impl;
+    impl.checkParameterSize(deviceInfo(request.device).arch);
+    if (!impl.hasAccesses.load(std::memory_order_acquire))
+      impl.findAccesses();
+    auto *bytes = static_cast<const char *>(request.params);
+    auto data =
+        std::make_shared<std::vector<char>>(bytes, bytes + impl.paramSize);
+    codes.push_back(impl.order(
+        {request.device, request.dim, data, request.blockDim, nullptr}));
+  }
+  waitForCode(codes);
+}
+
 void Kernel::Impl::makeOrders() {
   for (;;) {
     Order next;
