@@ -13,7 +13,7 @@
 
 namespace warp {
 
-/// The release, "0.1.0".
+/// The release of the package, such as "1.19.0".
 WARP_API const char *version();
 
 /// Hexadecimal digits that differ between any two builds whose machine code

@@ -50,7 +50,7 @@ typedef struct warp_memory warp_memory;
 
 /* The reason for which the last call of this thread failed; empty before. */
 WARP_C_API const char *warp_last_error(void);
-/* The release, such as "0.1.0". */
+/* The release of the package, such as "1.19.0". */
 WARP_C_API const char *warp_version(void);
 
 /* Memory of a device. On the CPU any memory will do as well. */

@@ -13,6 +13,7 @@
 #include "warp/Memory.h"
 #include "warp/SavedGraph.h"
 #include "warp/SavedModule.h"
+#include "warp/Version.h"
 #include "warp/warp.h"
 
 #include <cstring>
@@ -110,7 +111,7 @@ extern "C" {
 
 const char *warp_last_error(void) { return lastError.c_str(); }
 
-const char *warp_version(void) { return WARP_VERSION; }
+const char *warp_version(void) { return warp::version(); }
 
 int warp_memory_allocate(int device, size_t bytes, warp_memory **memory) {
   return guarded(

@@ -63,13 +63,13 @@ int visit(dl_phdr_info *info, size_t, void *data) {
 
 } // namespace
 
-const char *warp::version() { return WARP_VERSION; }
+const char *warp::version() { return WARP_RELEASE; }
 
 const std::string &warp::buildId() {
   static const std::string id = [] {
     Search search{reinterpret_cast<uintptr_t>(&warp::version), {}};
     dl_iterate_phdr(visit, &search);
-    return search.found.empty() ? WARP_VERSION " " __DATE__ " " __TIME__
+    return search.found.empty() ? WARP_RELEASE " " __DATE__ " " __TIME__
                                 : search.found;
   }();
   return id;

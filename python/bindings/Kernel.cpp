@@ -224,6 +224,7 @@ static void bindTranslation(py::module_ &m) {
   m.def("store_translation", keepTranslation, py::arg("name"),
         py::arg("kernel"), py::arg("notes"),
         "Writes the translation of a kernel to the cache.");
+  m.attr("VERSION") = version();
   m.def("build_id", buildId, "Digits that differ between builds.");
 }
 

@@ -11,7 +11,7 @@
 namespace {
 
 TEST(Version, StatesRelease) {
-  EXPECT_STREQ(warp::version(), WARP_VERSION);
+  EXPECT_STREQ(warp::version(), WARP_RELEASE);
 }
 
 // lld writes a SHA-1 build id: 20 bytes.

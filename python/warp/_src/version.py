@@ -3,8 +3,8 @@
 import os
 import sys
 
-# That of the API, which clients ask for: NVIDIA Warp's, up to the second number.
-VERSION = "1.19.0"
+from warp._native import VERSION as VERSION
+
 PACKAGE = os.path.dirname(os.path.dirname(__file__)) + os.sep
 
 

@@ -41,7 +41,7 @@ def test_c_program(program, tmp_path, device, monkeypatch):
     lines = done.stdout.splitlines()
     assert lines[0] == "launch('saxpy'): expects 3 arguments, but got 2"
     assert lines[1] == "launch('saxpy'): argument 'a' expects f32, but got si32"
-    assert lines[2].startswith("1000 elements, release ")
+    assert lines[2].startswith(f"1000 elements, release {wp.__version__}")
 
 
 def test_files_that_are_not_there_are_named(program):
