@@ -2,11 +2,13 @@
 
     check_language.py [FILE ...]
 
-Without arguments every source and document is checked that git tracks or does not ignore. Three
+Without arguments every source and document is checked that git tracks or does not ignore. Four
 rules, each printed as `file:line: rule`:
 
 - No sentence of a comment, docstring or document begins with one of `OPENINGS`: such a clause has
   no subject that a reader could look up.
+- No title, the first line of a C++ file or a Python module, begins with one of `QUESTIONS`: it is
+  the field's term, then the effect.
 - No text contains one of `PRIVATE`, expressions that the field has a standard term for.
 - `lib` and `include` contain each of `REQUIRED` at least once, so that a search for the standard
   term finds the place.
@@ -26,13 +28,21 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 OPENINGS = ("What", "Whether", "Of", "Those")
+QUESTIONS = ("What", "Which", "Where", "How", "Who", "Whether", "Between", "From", "Of", "Those")
 PRIVATE = {
     r"copy engine": "TMA (the copy engine is the unit behind cudaMemcpyAsync)",
     r"memory of (?:the|a|its) block|block's memory|block memory": "shared memory",
     r"squares? (?:of elements )?changes? hands": "a tile is transposed through shared memory",
-    r"(?:is|are) under way": "in flight",
-    r"(?:is|are) had again": "recovered",
+    r"under way": "in flight, in progress",
+    r"had again": "recovered",
     r"queue at one bank": "bank conflict",
+    r"queues? at": "contention",
+    r"lies? anywhere": "scattered",
+    r"threads (?:that )?(?:may |can |do not )?meet\b": "threads conflict, or wait at a barrier",
+    r"hand(?:s|ed)? on\b": "forward, pass on",
+    r"takes? turns": "alternate, serialised",
+    r"\bdear\b": "expensive",
+    r"first code|better code": "tier-0 code, tier-1 code",
     r"sums that travel": "ring reduction",
     r"whole lines of memory": "coalesced accesses",
 }
@@ -118,9 +128,22 @@ def sentences(lines: Iterator[Comment]) -> Iterator[Comment]:
             ended = line.rstrip().endswith((".", ":", "!", "?", "```"))
 
 
+def title_of(path: str, source: str) -> str:
+    """The title in the first line of a C++ file or a Python module."""
+    first = source.split("\n", 1)[0]
+    if path.endswith(".py"):
+        match = re.match(r'[rR]?"""(.*)', first)
+    else:
+        match = re.match(r"//===-+ \S+ - (.*)", first)
+    return match[1] if match else ""
+
+
 def broken_rules(path: str, source: str) -> Iterator[tuple[int, str]]:
     """Line and message of each broken rule of one file."""
     lines = list(text_of(path, source))
+    opening = re.match(r"\w*", title_of(path, source))[0]
+    if opening in QUESTIONS:
+        yield 1, f"a title begins with '{opening}'; begin with the field's term"
     for number, word in sentences(iter(lines)):
         if word in OPENINGS:
             yield number, f"a sentence begins with '{word}'; begin with its subject"

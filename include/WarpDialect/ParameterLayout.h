@@ -1,4 +1,4 @@
-//===- ParameterLayout.h - Where kernel arguments lie -----------*- C++ -*-===//
+//===- ParameterLayout.h - Layout of kernel parameter blocks ----*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

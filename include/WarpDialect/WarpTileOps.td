@@ -1,4 +1,4 @@
-//===- WarpTileOps.td - What a block of threads does together *- tablegen -*-=//
+//===- WarpTileOps.td - Cooperative operations of a block --*- tablegen -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

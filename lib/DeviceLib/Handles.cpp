@@ -1,4 +1,4 @@
-//===- Handles.cpp - Places that handles lead to --------------------------===//
+//===- Handles.cpp - Addresses of handle slots ----------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

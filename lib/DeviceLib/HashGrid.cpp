@@ -1,4 +1,4 @@
-//===- HashGrid.cpp - Which cells a query of a hash grid has --------------===//
+//===- HashGrid.cpp - Cell ranges of hash grid queries --------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Meshes.cpp - Searches of meshes ------------------------------------===//
+//===- Meshes.cpp - Mesh queries ------------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

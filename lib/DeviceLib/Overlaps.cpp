@@ -1,4 +1,4 @@
-//===- Overlaps.cpp - Searches of hierarchies -----------------------------===//
+//===- Overlaps.cpp - BVH overlap queries ---------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

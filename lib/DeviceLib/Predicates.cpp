@@ -1,4 +1,4 @@
-//===- Predicates.cpp - Signs of determinants -----------------------------===//
+//===- Predicates.cpp - Robust geometric predicates -----------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Shares.cpp - Threads' shares of a search ---------------------------===//
+//===- Shares.cpp - Work division of block-wide queries -------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

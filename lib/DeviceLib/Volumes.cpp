@@ -1,4 +1,4 @@
-//===- Volumes.cpp - Voxels of volumes ------------------------------------===//
+//===- Volumes.cpp - Voxel access -----------------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

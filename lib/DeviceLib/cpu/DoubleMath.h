@@ -233,7 +233,7 @@ template <int n> struct DoubleMath {
     constexpr u64 sqrtHalf = 0x3fe6a09e667f3bcd;
     auto subnormal = x < 0x1.0p-1022;
     U bits = cast<U>(subnormal ? x * 0x1.0p+54 : x);
-    // Arithmetic shifts of 64 bits are dear before AVX-512; this is positive.
+    // Arithmetic shifts of 64 bits are slow before AVX-512; this is positive.
     U biased = (bits - sqrtHalf + (1024ull << 52)) >> 52;
     D exponent = cast<D>(biased | 0x4330000000000000ull) - (0x1.0p+52 + 1024.0);
     fraction = cast<D>(bits - ((biased - 1024) << 52));

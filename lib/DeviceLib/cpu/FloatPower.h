@@ -47,7 +47,7 @@ template <int n> struct FloatPower {
                          0x1.4795463b406c3p-2, 0x1.21b245a850e1dp-2};
     constexpr u64 sqrtHalf = 0x3fe6a09e667f3bcd;
     U bits = cast<U>(x);
-    // Arithmetic shifts of 64 bits are dear before AVX-512; this is positive.
+    // Arithmetic shifts of 64 bits are slow before AVX-512; this is positive.
     U biased = (bits - sqrtHalf + (1024ull << 52)) >> 52;
     D exponent = cast<D>(biased | 0x4330000000000000ull) -
                  (0x1.0p+52 + 1024.0);

@@ -1,4 +1,4 @@
-//===- Lanes.h - Values of several threads at once ------------------------===//
+//===- Lanes.h - SIMD vectors of lane values --------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

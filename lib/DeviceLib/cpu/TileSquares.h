@@ -1,4 +1,4 @@
-//===- TileSquares.h - Squares of a matrix in registers ---------*- C++ -*-===//
+//===- TileSquares.h - Register blocks of a matrix --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

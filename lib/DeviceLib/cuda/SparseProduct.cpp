@@ -1,4 +1,4 @@
-//===- SparseProduct.cpp - A sparse matrix times a vector on CUDA ---------===//
+//===- SparseProduct.cpp - Sparse matrix-vector product on CUDA -----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TreeFill.cpp - Writes hierarchies of ordered primitives, on CUDA ---===//
+//===- TreeFill.cpp - BVH nodes of ordered primitives, on CUDA ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TreeHalves.cpp - Orders primitives by halving them, on CUDA --------===//
+//===- TreeHalves.cpp - Median splits of BVH builds, on CUDA --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

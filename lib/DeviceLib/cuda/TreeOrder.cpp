@@ -1,4 +1,4 @@
-//===- TreeOrder.cpp - Orders primitives for a hierarchy, on CUDA ---------===//
+//===- TreeOrder.cpp - Primitive order of BVH builds, on CUDA -------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

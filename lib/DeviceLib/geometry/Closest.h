@@ -1,4 +1,4 @@
-//===- Closest.h - The closest point of a mesh ----------------------------===//
+//===- Closest.h - Closest-point queries of a mesh --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

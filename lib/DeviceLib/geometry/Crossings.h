@@ -1,4 +1,4 @@
-//===- Crossings.h - How often a ray crosses a mesh -------------*- C++ -*-===//
+//===- Crossings.h - Ray crossing counts of a mesh --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

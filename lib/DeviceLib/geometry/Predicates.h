@@ -1,4 +1,4 @@
-//===- Predicates.h - Signs of determinants, exactly ------------*- C++ -*-===//
+//===- Predicates.h - Exact geometric predicates ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

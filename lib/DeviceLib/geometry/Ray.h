@@ -1,4 +1,4 @@
-//===- Ray.h - Where a ray meets a mesh -----------------------------------===//
+//===- Ray.h - Ray-mesh intersection ----------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Shares.h - One query, divided among the threads of a block ---------===//
+//===- Shares.h - Block-wide queries: shared traversal ----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Sign.h - Which side of a mesh a point is on ------------------------===//
+//===- Sign.h - Inside-outside tests of meshes ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Tree.h - Bounding volume hierarchies as queries see them -----------===//
+//===- Tree.h - BVH layout for queries --------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

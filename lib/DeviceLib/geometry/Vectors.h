@@ -1,4 +1,4 @@
-//===- Vectors.h - Eight numbers at once, and points of space -------------===//
+//===- Vectors.h - 8-wide vectors and points in space -----------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Volume.h - Sparse grids as kernels see them --------------*- C++ -*-===//
+//===- Volume.h - NanoVDB tree access ---------------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Winding.h - How often a mesh goes around a point ---------*- C++ -*-===//
+//===- Winding.h - Generalised winding numbers ------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TileReductions.cpp - Numbers of a block's threads, combined --------===//
+//===- TileReductions.cpp - Block reductions ------------------------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TileCopies.cpp - From arrays to shared memory ----------------------===//
+//===- TileCopies.cpp - Asynchronous copies to shared memory --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -77,7 +77,7 @@ struct Ring {
   WARP_INLINE u32 full(i32 place) const { return barriers + 8 * place; }
   WARP_INLINE u32 empty(i32 place) const { return full(places + place); }
 
-  /// Before threads meet: so many teams will say that they have read a place.
+  /// Before a barrier: so many teams will say that they have read a place.
   WARP_INLINE void open(i32 teams) const {
     if (threadNumber() != 0)
       return;

@@ -1,4 +1,4 @@
-//===- TileSums.h - Sums that threads hold ----------------------*- C++ -*-===//
+//===- TileSums.h - Register accumulators -----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- TileWarpgroupProducts.cpp - Products by four warps together --------===//
+//===- TileWarpgroupProducts.cpp - Warpgroup matrix products --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

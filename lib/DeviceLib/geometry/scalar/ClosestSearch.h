@@ -1,4 +1,4 @@
-//===- ClosestSearch.h - The closest triangle, by threads of a GPU --------===//
+//===- ClosestSearch.h - Closest-point traversal on GPUs --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RayBoxes.h - Which children of a node a ray meets, with scalars ----===//
+//===- RayBoxes.h - Ray-box tests of a BVH node -----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

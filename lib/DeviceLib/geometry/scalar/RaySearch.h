@@ -1,4 +1,4 @@
-//===- RaySearch.h - Where a ray meets a mesh, by one thread of a GPU -----===//
+//===- RaySearch.h - Ray traversal by one GPU thread ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- RayTriangle.h - A ray and one triangle, with scalars ---------------===//
+//===- RayTriangle.h - Ray-triangle intersection ----------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

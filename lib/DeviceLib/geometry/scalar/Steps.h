@@ -1,4 +1,4 @@
-//===- Steps.h - Nodes as a thread with scalars reads them ----------------===//
+//===- Steps.h - BVH node access of scalar traversal ------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -1,4 +1,4 @@
-//===- Team.h - Threads that search together ------------------------------===//
+//===- Team.h - Cooperative traversal by several threads --------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

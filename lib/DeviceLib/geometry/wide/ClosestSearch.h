@@ -1,4 +1,4 @@
-//===- ClosestSearch.h - The closest triangle, eight children at once -----===//
+//===- ClosestSearch.h - 8-wide closest-point traversal ---------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

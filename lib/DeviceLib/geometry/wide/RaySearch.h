@@ -1,4 +1,4 @@
-//===- RaySearch.h - Where a ray meets a mesh, eight children at once -----===//
+//===- RaySearch.h - 8-wide ray traversal -----------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

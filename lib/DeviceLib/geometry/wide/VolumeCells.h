@@ -1,4 +1,4 @@
-//===- VolumeCells.h - Cells of a volume for all lanes ----------*- C++ -*-===//
+//===- VolumeCells.h - Vectorised voxel cells -------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
