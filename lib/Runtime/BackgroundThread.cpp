@@ -92,7 +92,7 @@ Workers::Workers(bool urgent) : urgent(urgent) {
 void Workers::setMost(int count) {
   std::lock_guard lock(mutex);
   int all = std::clamp(CPU_COUNT(&processors), 1, mostThreads);
-  most = !urgent ? std::max(1, all / 8) : count > 0 ? count : all;
+  most = !urgent ? std::max(1, all / 4) : count > 0 ? count : all;
 }
 
 void Workers::add(std::function<void()> task) {
