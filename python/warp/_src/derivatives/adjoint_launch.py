@@ -128,25 +128,28 @@ def launch_plain(kernel, native, dim, values, gradients, place) -> bool:
     # Tapes watch what arrays hold, of which an adjoint writes none.
     if not dim or Observers.executor is not None or Observers.timer is not None:
         return False
-    arrays = [values[i] for i, _ in signature.arrays]
-    memory = list(arrays)
-    for value, gradient in zip(values, gradients, strict=False):
-        if gradient is not None and (type(value) is not array or value.grad is not gradient):
-            return False
-    for one in arrays:
+    arrays, memory, count = [], [], len(gradients)
+    for i, _ in signature.arrays:
+        one = values[i]
         if type(one) is not array:
             return False
-        gradient = one.grad_in_use
+        gradient, named = one._grad, gradients[i] if i < count else None
+        if named is not None and named is not gradient:
+            return False
         if gradient is not None:
             if gradient.read_only:
                 return False
             memory.append(gradient)
-        elif one.requires_grad:
+        elif one._requires_grad:
             return False
+        arrays.append(one)
     made = kernel.derivatives.plain(native, arrays)
-    if made is None or _native.shares_elements(memory):
+    if made is None or _native.shares_elements(arrays + memory):
         return False
-    made.launch(Call(kernel, native, dim, values, index, None, block_dim), values)
+    if made.gathered is None:
+        made.native.launch(dim, values, (), index, None, block_dim)
+    else:
+        made.launch(Call(kernel, native, dim, values, index, None, block_dim), values)
     return True
 
 
