@@ -30,21 +30,21 @@ static std::pair<std::string, std::string> describeForm(Operation *access,
                                                         int64_t stride) {
   if (access->hasAttr(warp::attr::run))
     return {"rows, transposed",
-            "neighbouring threads go along rows, so many elements at once: " +
+            "each lane reads its own row, elements per load: " +
                 std::to_string(components)};
   if (access->hasAttr(warp::attr::neighbours))
     return {
         "vectors, or gathered",
-        "elements of neighbouring threads follow each other, but at borders"};
+        "neighbouring threads have consecutive elements, except at borders"};
   if (form == warp::LaneForm::gather)
     return {"gathered", "elements of neighbouring threads are scattered"};
   if (stride != 1)
     return {"vectors, " + std::to_string(stride) + " apart",
-            "neighbouring threads have elements that far from each other"};
+            "constant stride between neighbouring threads"};
   if (components == 1)
-    return {"vectors", "neighbouring threads have neighbouring elements"};
-  return {"vectors, permuted", "elements of " + std::to_string(components) +
-                                   " numbers follow each other"};
+    return {"vectors", "neighbouring threads have consecutive elements"};
+  return {"vectors, permuted",
+          "consecutive elements of " + std::to_string(components) + " numbers"};
 }
 
 /// Appends what an operation of phase `launch` shows; nothing for most.
@@ -62,14 +62,14 @@ static void describe(Operation *op, std::vector<Choice> &choices) {
         op, store.getForm(), store.getComponents().size(), store.getStride());
     add("store", form == "gathered" ? "scattered" : form, reason);
   } else if (isa<warp::UpdateLanesOp>(op)) {
-    add("update", "lane by lane", "threads may meet at an element");
+    add("update", "lane by lane", "threads may update the same element");
   } else if (isa<warp::EachLaneOp>(op)) {
-    add("lanes", "one after the other", "there is no form for lanes");
+    add("lanes", "one after the other", "there is no vector form");
   } else if (isa<warp::AtomicComponentsOp>(op)) {
     if (op->getParentOfType<warp::OnceOp>())
-      add("update", "one for a group", "all threads update the same element");
+      add("update", "one per group", "all threads update the same element");
     else
-      add("update", "one for a thread", "elements differ between threads");
+      add("update", "one per thread", "elements differ between threads");
   }
 }
 

@@ -46,7 +46,7 @@ func.func @exchange(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
   %i = warp.tid : si32
   %zero = warp.constant 0 : si32
   %a = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
-  // expected-error @+1 {{has no derivative: what it leaves depends on the order of threads}}
+  // expected-error @+1 {{has no derivative: its result depends on the order of threads}}
   %b = warp.atomic exch %a, %y[%zero] : f32, !warp.array<1 x f32>, si32 -> f32
   return
 }

@@ -20,7 +20,7 @@ func.func @fold(%a: !warp.array<1 x f32>, %o: !warp.array<1 x f32>)
   %i = warp.tid : si32
   %x = warp.load %a[%i] : !warp.array<1 x f32>, si32 -> f32
   %t = warp.tile_load %a[%c0] : !warp.array<1 x f32>, (si32) -> !warp.tile<8 x f32>
-  // expected-error @below {{a function of elements uses what differs between the threads of a block}}
+  // expected-error @below {{a function of elements uses a value that differs between the threads of a block}}
   %s = warp.tile_fold %t {
   ^bb0(%p: f32, %q: f32):
     %r = warp.add(%p, %x) : (f32, f32) -> f32

@@ -43,8 +43,9 @@ Value gradientAddress(Value array) {
 LogicalResult checkAddress(AccessOp write) {
   if (!gradientAddress(write.getArray()))
     return success();
-  return write->emitError("what lies at an address and has gradients is read "
-                          "only, but is written here");
+  return write->emitError(
+      "cannot write through an address: memory with gradients "
+      "is read-only in a differentiated kernel");
 }
 
 Value ifThere(OpBuilder &builder, Location loc, Value address, Type type,

@@ -273,12 +273,14 @@ LogicalResult BlockLoops::emitShared(Operation *op) {
     yields = {branch.getResults(), branch.getResults()};
   } else {
     return op->emitError(
-        "blocks of a CPU have tiles in branches and loops only");
+        "tile operations are only supported directly in 'if', 'for' and "
+        "'while' when 'enable_cpu_blocks' is set");
   }
   for (ValueRange values : yields)
     if (!llvm::all_of(values, isCarried))
-      return op->emitError("carries what differs between the threads of a "
-                           "block and is no number, vector, matrix or struct");
+      return op->emitError(
+          "carries a value that differs between the threads of "
+          "a block and is no number, vector, matrix or struct");
   SmallVector<Type> types;
   for (Value result : op->getResults())
     types.push_back(varying.contains(result) ? Type(laneType(result.getType()))

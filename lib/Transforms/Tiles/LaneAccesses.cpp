@@ -158,9 +158,11 @@ LogicalResult LaneLoops::emitWithCaptures(Operation *op, Values operands,
       continue;
     }
     if (!isa<TileMapOp>(op) || !isStorable(value))
-      return op->emitError("a function of elements uses what differs between "
-                           "the threads of a block, which blocks of a CPU "
-                           "(enable_cpu_blocks) allow for values of elements");
+      return op->emitError(
+          "a function of elements uses a value that differs "
+          "between the threads of a block, which blocks of a "
+          "CPU (enable_cpu_blocks) allow in maps of numbers, vectors, matrices "
+          "and structs");
     own.emplace_back(value, spread(value, shape));
   }
   Operation *made = b.clone(*op, shared);

@@ -82,7 +82,7 @@ def test_lanes_and_sums_of_a_processor():
     found = only(scale.schedule("cpu", dim=1000))
     assert found.launch.startswith("cpu, 1 dimension")
     assert "load" not in found or found["load"] == "vectors"
-    assert only(total.schedule("cpu", dim=1000))["update"] == "one for a group"
+    assert only(total.schedule("cpu", dim=1000))["update"] == "one per group"
 
 
 def test_launches_made_are_listed(device):

@@ -152,8 +152,8 @@ LogicalResult ReverseBuilder::reverseWrite(AccessOp op) {
 }
 
 static LogicalResult refuseOrder(Operation *op) {
-  return op->emitOpError("has no derivative: what it leaves depends on the "
-                         "order of threads; use 'atomic_add', 'atomic_min' or "
+  return op->emitOpError("has no derivative: its result depends on the order "
+                         "of threads; use 'atomic_add', 'atomic_min' or "
                          "'atomic_max', or a function with a derivative of its "
                          "own");
 }

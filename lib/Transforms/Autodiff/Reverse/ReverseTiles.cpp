@@ -38,9 +38,9 @@ LogicalResult ReverseBuilder::replayTileAccess(TileAccessOp op) {
   if (op.mayWrite()) {
     if (op->use_empty())
       return success();
-    return op->emitOpError("returns what was there before, which depends on "
-                           "the order of threads; a derivative cannot go "
-                           "through it");
+    return op->emitOpError(
+        "returns the old value, which depends on the order of "
+        "threads; a derivative cannot go through it");
   }
   std::string why;
   bool needsOneThread;

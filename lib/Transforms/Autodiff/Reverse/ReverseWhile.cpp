@@ -308,9 +308,9 @@ LogicalResult WhileReversal::run() {
   if (isZero(given))
     return success();
   if (op.getNumResults() == 0)
-    return op.emitError("how often this loop runs depends on memory that the "
-                        "kernel changes; keep what its condition tests in a "
-                        "variable");
+    return op.emitError("the trip count of this loop depends on memory that "
+                        "the kernel writes; keep the operands of its "
+                        "condition in variables");
   count();
   if (failed(reverseLast(given)))
     return failure();
