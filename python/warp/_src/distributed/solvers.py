@@ -50,6 +50,13 @@ class RankDots(Dots):
             super().compute(a, b, k)
         self._sum_rows(0, len(pairs))
 
+    def compute_three(self, r, u, w):
+        if self.exact:
+            self._sum_exactly([(r, u), (w, u), (r, r)], 0)
+            return
+        super().compute_three(r, u, w)
+        self._sum_rows(0, 3)
+
     def _sum_rows(self, first, columns) -> None:
         found = self.results[first : first + columns]
         run_or_record(self.comm, "dots", lambda: self._sum(found))

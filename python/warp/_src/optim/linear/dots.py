@@ -27,6 +27,29 @@ def _kernels(scalar, result_type):
             total += wp.float64(a[column, i]) * wp.float64(b[column, i])
         partial[column, batch, thread] = total
 
+    @kernel(name=f"linear_dot_three_{suffix}")
+    def multiply_three(
+        r: wp.array(dtype=scalar),
+        u: wp.array(dtype=scalar),
+        w: wp.array(dtype=scalar),
+        offsets: wp.array(dtype=int),
+        partial: wp.array3d(dtype=wp.float64),
+    ):
+        """r.u, w.u and r.r in one pass, each in the order of `multiply`."""
+        batch, thread = wp.tid()
+        ru = wp.float64(0.0)
+        wu = wp.float64(0.0)
+        rr = wp.float64(0.0)
+        for i in range(offsets[batch] + thread, offsets[batch + 1], partial.shape[2]):
+            a = wp.float64(r[i])
+            b = wp.float64(u[i])
+            ru += a * b
+            wu += wp.float64(w[i]) * b
+            rr += a * a
+        partial[0, batch, thread] = ru
+        partial[1, batch, thread] = wu
+        partial[2, batch, thread] = rr
+
     @kernel(name=f"linear_dot_end_{suffix}")
     def finish(
         partial: wp.array3d(dtype=wp.float64), first: int, result: wp.array2d(dtype=result_type)
@@ -37,7 +60,7 @@ def _kernels(scalar, result_type):
             total += partial[column, batch, i]
         result[first + column, batch] = result_type(total)
 
-    return multiply, finish
+    return multiply, multiply_three, finish
 
 
 @wp.kernel(enable_backward=False)
@@ -90,9 +113,15 @@ class Dots:
         if a.ndim == 1:
             a, b = a.reshape((1, a.size)), b.reshape((1, b.size))
         columns = a.shape[0]
-        multiply, finish = self.kernels
-        partial, sums = self.partial[:columns], self.sums[:columns]
+        partial = self.partial[:columns]
+        multiply, *_ = self.kernels
         wp.launch(multiply, partial.shape, [a, b, self.offsets, partial], device=self.device)
+        self._finish(columns, first)
+
+    def _finish(self, columns, first) -> None:
+        """Adds up the sums that threads have found."""
+        *_, finish = self.kernels
+        partial, sums = self.partial[:columns], self.sums[:columns]
         if self.sums is not self.partial:
             wp.launch(_add_partials, sums.shape, [partial, sums], device=self.device)
         inputs = [sums, first, self.results]
@@ -102,6 +131,13 @@ class Dots:
         """Multiplies pairs of vectors; over ranks with one sum for all."""
         for k, (a, b) in enumerate(pairs):
             self.compute(a, b, first=k)
+
+    def compute_three(self, r, u, w):
+        """The products r.u, w.u and r.r in rows 0, 1 and 2; over ranks with one sum for all."""
+        _, multiply, _ = self.kernels
+        inputs = [r, u, w, self.offsets, self.partial[:3]]
+        wp.launch(multiply, self.partial.shape[1:], inputs, device=self.device)
+        self._finish(3, 0)
 
     def row(self, column=0):
         """The results of a column, one per batch."""

@@ -158,7 +158,7 @@ class FusedCG(_Restartable):
         u = self.precondition(self.r, self.u)
         self.A.matvec(u, self.w, self.w, 1.0, 0.0)
         r, u, w = numbers(self.r), numbers(u), numbers(self.w)
-        self.dots.compute_all([(r, u), (w, u), (r, r)])
+        self.dots.compute_three(r, u, w)
         kernel, _ = _factor_kernels()
         state = (self.r_norm_sq, self.atol_sq, self.progress, self.broken, self.least)
         factors = (self.shortest, self.signs, self.gammas, self.alphas, self.beta)
