@@ -31,6 +31,12 @@ def Launch_NonNegative : VariantFact<"non_negative", LaunchMask<>,
     "bit i: argument i is an integer that is not negative, so that indices made "
     "of it need not be wrapped", Key>;
 
+def Launch_Zeros : VariantFact<"zeros", LaunchMask<>,
+    "bit i: argument i, or on a CPU the first element of such an array, is a zero "
+    "that leaves out code", Key> {
+  let phrase = "zeros that leave out code";
+}
+
 def Launch_Large : VariantFact<"large", LaunchFlag<>,
     "GPU: the launch fills the device many times over", KeyIfUsed> {
   let phrase = "many threads";
@@ -158,6 +164,9 @@ def Launch_Sums : ScheduleFact<"sums",
     "arrays with exact sums, for each of which the parameter block has a "
     "`SumDescriptor` after the arguments, then the others; none without exact "
     "sums">;
+def Launch_Switches : ScheduleFact<"switches", LaunchMask<>,
+    "bit i: a good part of the code would be left out if argument i, or the first "
+    "element of such an array, were zero">;
 def Launch_Cost : ScheduleFact<"cost", LaunchAmount<>,
     "rough operations of one thread, where loops count 32 times their body">;
 def Launch_Width : ScheduleFact<"lanes", LaunchNumber<1, 1, 64>,

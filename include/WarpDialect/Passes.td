@@ -477,6 +477,28 @@ def PrintVariance : WarpPass<"warp-print-variance"> {
   }];
 }
 
+def FoldZeroArguments : WarpPass<"warp-fold-zero-arguments"> {
+  let summary = "Leave out loops and branches of arguments that are zero";
+  let description = [{
+    In a variant with `zeros`, loops without iterations and branches that are
+    not taken go; the products that they used keep their rounding, so results
+    have the same bits. In others `switches` of the schedule names the arguments
+    that would leave out a tenth of the kernel. On CPUs the first element of an
+    array that the kernel only reads counts, too.
+
+    ```mlir
+    %s = scf.for %k = %c0 to %n step %c1 iter_args(%a = %x) -> (f32) : i32 {
+      %v = warp.load %p[%k] : !warp.array<1 x f32>, i32 -> f32
+      %t = arith.addf %a, %v : f32
+      scf.yield %t : f32
+    }
+    warp.store %s, %y[%i] : f32, !warp.array<1 x f32>, i32
+    // ==> %n is zero
+    warp.store %x, %y[%i] : f32, !warp.array<1 x f32>, i32
+    ```
+  }];
+}
+
 def CheckVariance : WarpPass<"warp-check-variance"> {
   let summary = "Test what is known of the values of a kernel while it runs";
   let description = [{

@@ -129,6 +129,8 @@ public:
     int device = cpuDevice;
     /// CUDA: nobody asked for a block of a certain size.
     bool openBlock = false;
+    /// CPU: the variant is for what memory holds now, so for one launch.
+    bool readsMemory = false;
     int64_t items = 0;
     /// Bytes of the arrays and their gradients, if the schedule may reverse the
     /// order of blocks.

@@ -206,6 +206,8 @@ void warp::addPhase(OpPassManager &pm, Phase phase) {
     // Values are signless from here on.
     pm.addPass(createQuickCanonicalizer());
     pm.addPass(createCSEPass());
+    // Once conditions are folded, and before costs are estimated.
+    pm.addPass(createFoldZeroArguments());
     // Facts about the values that launches decide on, as these find them.
     pm.addPass(createCheckVariance());
     pm.addPass(createVerifyThread());

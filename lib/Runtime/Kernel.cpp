@@ -71,6 +71,10 @@ void Kernel::Impl::setParameters(std::vector<Param> list) {
     if (isIntegerScalar(param))
       integers.push_back({param.offset + param.size - 1, bit});
     bool isWhole = param.kind == Param::Kind::Array;
+    if (bit && param.kind == Param::Kind::Scalar)
+      switches.push_back({param.offset, param.size, false, bit});
+    if (bit && isWhole)
+      switches.push_back({param.offset, param.elementSize, true, bit});
     for (int64_t offset : param.arrays)
       arrays.push_back({param.offset + offset, isWhole ? bit : 0,
                         isWhole ? param.elementSize : 0});

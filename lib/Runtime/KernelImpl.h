@@ -119,6 +119,16 @@ struct IntegerArgument {
   uint64_t bit;
 };
 
+/// An argument that may leave out code: an integer, or an array of integers.
+struct SwitchArgument {
+  int64_t offset;
+  /// Bytes of the integer, or an element.
+  int64_t size;
+  bool isArray;
+  /// Its bit of `LaunchFacts::zeros`.
+  uint64_t bit;
+};
+
 /// An array among the arguments, or in a struct among them.
 struct ArrayArgument {
   int64_t offset;
@@ -138,6 +148,8 @@ struct LaunchNeeds {
   /// Private copies are worth it, by this code's estimates.
   CopiedArrays copied;
   double cost = 1;
+  /// Arguments that leave out code where they are zero.
+  uint64_t switches = 0;
 
   /// Adds what code needs; false if it is nothing new.
   bool add(const Schedule &schedule);
@@ -160,6 +172,11 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// The arguments from which launches read facts.
   std::vector<IntegerArgument> integers;
   std::vector<ArrayArgument> arrays;
+  std::vector<SwitchArgument> switches;
+  /// The zeros that there is a version for; none until several launches had
+  /// them.
+  mutable std::atomic<uint64_t> versionZeros{0};
+  mutable std::atomic<int> launchesWithZeros{0};
   /// Accesses of the kernel to its arrays; found at the first launch.
   std::vector<Access> accesses;
   std::atomic<bool> hasAccesses{false};
@@ -233,8 +250,15 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// Sets the facts about the inner extent of a launch on a CPU.
   void setRows(VariantKey &key, const LaunchDim &dim) const;
   /// Weakens the key of a launch that does not have what code needs.
-  void applyNeeds(const LaunchNeeds &needs, const Plan &plan,
-                  const void *params, VariantKey &key) const;
+  void applyNeeds(const LaunchNeeds &needs, Plan &plan, const void *params,
+                  VariantKey &key) const;
+  /// The zeros among the arguments of a launch that code is left out for.
+  /// `reads` is set if the memory of an array decided.
+  uint64_t findZeros(uint64_t among, const VariantKey &key, const void *params,
+                     bool &reads) const;
+  /// Has the key say which zeros leave out code, if there is such a version.
+  void setZeros(VariantKey &key, uint64_t among, const void *params,
+                bool &reads) const;
   /// With the mutex held.
   void noteNeeds(const Schedule &schedule);
   /// The variant of a launch; null if there is none yet and none may be made.

@@ -12,8 +12,10 @@
 
 #include "CopyNest.h"
 #include "ExactSums.h"
+#include "GraphImpl.h"
 #include "Grid.h"
 #include "KernelImpl.h"
+#include "Overlap.h"
 #include "PrivateCopies.h"
 #include "Support.h"
 #include "warp/Memory.h"
@@ -39,6 +41,9 @@ static constexpr int leastRow = 4, mostRow = 32;
 static constexpr double smallWork = 1e5;
 /// Extents from which on squares of 32 indices are mostly full.
 static constexpr int64_t wideExtent = 96;
+/// Launches with zeros that leave out code until there is a version without it:
+/// a kernel that is launched once is compiled once.
+static constexpr int launchesUntilVersion = 2;
 /// Several threads must share the first dimension for one to take many indices
 /// of it.
 static constexpr int64_t fewPlanes = 64;
@@ -227,6 +232,8 @@ static bool merge(std::vector<Entry> &list, const std::vector<Entry> &more) {
 
 bool LaunchNeeds::add(const Schedule &schedule) {
   bool isNew = merge(sums, schedule.sums);
+  isNew |= (schedule.switches & ~switches) != 0;
+  switches |= schedule.switches;
   isNew |= merge(tensorMaps, schedule.tensorMaps);
   if (!schedule.copied.list.empty() && copied.list.empty()) {
     copied = schedule.copied;
@@ -246,7 +253,49 @@ void Kernel::Impl::noteNeeds(const Schedule &schedule) {
   needsMade.push_back(std::move(more));
 }
 
-void Kernel::Impl::applyNeeds(const LaunchNeeds &needs, const Plan &plan,
+uint64_t Kernel::Impl::findZeros(uint64_t among, const VariantKey &key,
+                                 const void *params, bool &reads) const {
+  auto *bytes = static_cast<const char *>(params);
+  // A graph runs later, when the memory may hold something else.
+  bool mayRead = isHost(key.device) && !hostRecorder();
+  uint64_t found = 0, inArrays = 0;
+  for (const SwitchArgument &argument : switches) {
+    if (!(among & argument.bit))
+      continue;
+    const char *value = bytes + argument.offset;
+    if (argument.isArray) {
+      ArrayDescriptor array;
+      std::memcpy(&array, value, sizeof(array));
+      value = static_cast<const char *>(array.data);
+      if (!mayRead || !value || countElements(array) == 0)
+        continue;
+      reads = true;
+    }
+    if (std::all_of(value, value + argument.size,
+                    [](char byte) { return byte == 0; }))
+      (argument.isArray ? inArrays : found) |= argument.bit;
+  }
+  // The launch itself might write them.
+  bool isConstant = inArrays && (key.disjoint || areDisjoint(accesses, params));
+  return isConstant ? found | inArrays : found;
+}
+
+/// One version at most, for the zeros of the launch that was asked for it: what
+/// a scene leaves out, it leaves out for long.
+void Kernel::Impl::setZeros(VariantKey &key, uint64_t among, const void *params,
+                            bool &reads) const {
+  uint64_t zeros = findZeros(among, key, params, reads);
+  uint64_t version = versionZeros.load(std::memory_order_relaxed);
+  if (zeros && !version &&
+      launchesWithZeros.fetch_add(1, std::memory_order_relaxed) + 1 >=
+          launchesUntilVersion &&
+      versionZeros.compare_exchange_strong(version, zeros))
+    version = zeros;
+  if (version && (zeros & version) == version)
+    key.zeros = version;
+}
+
+void Kernel::Impl::applyNeeds(const LaunchNeeds &needs, Plan &plan,
                               const void *params, VariantKey &key) const {
   Device &device = deviceAt(plan.device);
   bool isCpu = device.isHost();
@@ -254,6 +303,8 @@ void Kernel::Impl::applyNeeds(const LaunchNeeds &needs, const Plan &plan,
       (!isCpu || options.sameOnDevices) && overlap(needs.sums, params);
   key.unmapped =
       !needs.tensorMaps.empty() && !device.canMap(needs.tensorMaps, params);
+  if (needs.switches && saved.empty())
+    setZeros(key, needs.switches, params, plan.readsMemory);
   // Code that does not know that arrays are disjoint makes no copies.
   if (isCpu && !needs.copied.list.empty() &&
       isWorthThreads(needs.cost * static_cast<double>(plan.items)) &&

@@ -175,7 +175,7 @@ void PackedLaunch::makePlan() {
       plan = native().tryPrepare(device, dim, bytes(), blockDim);
   }
   copies = Kernel::reports(plan) || !Kernel::isShort(plan);
-  planned = true;
+  planned = !plan.readsMemory;
 }
 
 void PackedLaunch::launch(PyObject *other) {
