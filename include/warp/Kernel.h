@@ -56,7 +56,9 @@ struct KernelOptions {
   /// CPU: threads that are lanes of a vector together; 0 leaves it open.
   int lanes = 0;
 
+#if __cplusplus >= 202002L // programs of users may be C++17
   bool operator==(const KernelOptions &) const = default;
+#endif
 };
 
 struct RegionFormula;

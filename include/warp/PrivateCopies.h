@@ -39,7 +39,9 @@ struct CopiedArray {
   int64_t isUnsigned = 0;
   CopyKind kind = CopyKind::sum;
 
+#if __cplusplus >= 202002L // programs of users may be C++17
   bool operator==(const CopiedArray &) const = default;
+#endif
 };
 
 /// The compiler's facts about copies for a kernel.

@@ -15,7 +15,6 @@ from warp._src.arrays.create import empty, zeros
 from warp._src.devices import devices
 from warp._src.devices.scoped import ScopedStream
 from warp._src.types import dtypes, scalars
-from warp._src.utils.sequences import array_scan
 
 # A tape has rows of so many elements (lib/Transforms/Autodiff/GlobalTape.cpp).
 ROW = 1 << 16
@@ -121,7 +120,8 @@ class ThreadTrips:
         """Makes offsets of trips; returns the trips of all threads, per loop."""
         with ScopedStream(self._stream):
             for trips, offsets in self._pairs.values():
-                array_scan(trips, offsets, inclusive=False)
+                # `warp.utils` stands on this module.
+                _native.scan_numbers(trips, offsets, "int64", 1, trips.size, False)
             return {loop: int(pair[1][-1:].numpy()[0]) for loop, pair in self._pairs.items()}
 
     def number_threads(self) -> None:

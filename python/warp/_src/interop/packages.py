@@ -3,7 +3,11 @@
 import functools
 import importlib
 
-_EXTRAS = {"torch": "PyTorch", "jax": "JAX"}
+# Names are written out for what reads imports, such as the test of cycles.
+_PACKAGES = {
+    "torch": ("PyTorch", lambda rest: importlib.import_module(f"torch{rest}")),
+    "jax": ("JAX", lambda rest: importlib.import_module(f"jax{rest}")),
+}
 
 
 @functools.cache
@@ -13,16 +17,17 @@ def load(name):
     Raises:
         ImportError: it is not installed.
     """
-    package = name.partition(".")[0]
+    package, dot, rest = name.partition(".")
+    title, find = _PACKAGES[package]
     try:
-        found = importlib.import_module(package)
+        found = find("")
     except ModuleNotFoundError as error:
         if error.name != package:
             raise
         raise ImportError(
-            f"exchange with {_EXTRAS[package]} needs the package '{package}': "
+            f"exchange with {title} needs the package '{package}': "
             f'pip install "warp-mlir[{package}]"',
             name=package,
         ) from error
-    importlib.import_module(name)
+    find(dot + rest)
     return found

@@ -180,6 +180,9 @@ class FusedCG(_Restartable):
 
     def has_drifted(self, squares, limits) -> bool:
         """True if a residual may have drifted, by the squares that the host has read."""
+        if self.restart is not None:
+            # Each cycle ends with a new residual; a graph of it does not run `start` here.
+            return False
         highest = squares if self._highest is None else np.maximum(self._highest, squares)
         ratio = _DRIFT[self.scalar] ** 2
         due = bool(((squares > limits) & (squares < ratio * highest)).any())

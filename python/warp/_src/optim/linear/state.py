@@ -136,13 +136,16 @@ class LinearSolverState(Loops):
     ):
         if type(self) is LinearSolverState:
             raise NotImplementedError("use CG, CR, BiCGSTAB or GMRES")
-        self.options = (tol, atol, callback, check_every, use_cuda_graph)
         self._source, self._source_M = A, M
         self.A, self.M = trusted(aslinearoperator(A)), aslinearoperator(M)
         self.b, self.x = b, x
         self._check(b, x)
         # An operator may be a part of one over several ranks.
         self.comm = getattr(self.A, "comm", None)
+        if self.comm is not None and b.device.is_cuda:
+            # Messages of the host are in no graph of a GPU.
+            use_cuda_graph = use_cuda_graph and self.comm.supports(wp.float32, capture=True)
+        self.options = (tol, atol, callback, check_every, use_cuda_graph)
         self.maxiter = int(maxiter) or getattr(self.A, "rows", self.A.shape[0])
         self.scalar = type_scalar_type(b.dtype)
         self.device, self.breakdown = b.device, None
