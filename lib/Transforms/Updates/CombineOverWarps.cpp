@@ -94,7 +94,7 @@ struct Team {
 };
 } // namespace
 
-/// True in lane `number` of each team that has something to add.
+/// True where `isIt` holds in a team that has something to add.
 static Value isLane(OpBuilder &b, Location loc, Value isIt, const Team &team) {
   return team.any ? arith::AndIOp::create(b, loc, isIt, team.any) : isIt;
 }
@@ -189,14 +189,28 @@ static void update(OpBuilder &b, AtomicComponentsOp op, const Team &team) {
     updateOnce(b, op, team);
 }
 
+/// Makes the update of a team where `together` holds, and else that of each
+/// lane, if `isHere` is null or holds in it.
+static void updateTogether(OpBuilder &b, AtomicComponentsOp op, Value together,
+                           Value isHere, const Team &team) {
+  Location loc = op.getLoc();
+  auto branch = scf::IfOp::create(b, loc, together, /*withElseRegion=*/true);
+  Block *alone = branch.elseBlock();
+  if (isHere) {
+    b.setInsertionPointToStart(alone);
+    alone =
+        scf::IfOp::create(b, loc, isHere, /*withElseRegion=*/false).thenBlock();
+  }
+  op->moveBefore(alone->getTerminator());
+  b.setInsertionPointToStart(branch.thenBlock());
+  update(b, op, team);
+}
+
 static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   OpBuilder b(op);
-  Location loc = op.getLoc();
-  Value together = warp::isWarpTogether(b, loc, compared);
-  auto branch = scf::IfOp::create(b, loc, together, /*withElseRegion=*/true);
-  op->moveBefore(branch.elseBlock()->getTerminator());
-  b.setInsertionPointToStart(branch.thenBlock());
-  update(b, op, {warp::subgroupSizeAt(b), op.getIndices(), Value()});
+  Value together = warp::isWarpTogether(b, op.getLoc(), compared);
+  updateTogether(b, op, together, Value(),
+                 {warp::subgroupSizeAt(b), op.getIndices(), Value()});
 }
 
 /// The outermost branch that an iteration of the loop around an update takes on
@@ -250,13 +264,7 @@ static void combineInTeams(AtomicComponentsOp op, Value isHere, int64_t size) {
   int64_t least = warp::cost::leastCombined * (warp::subgroupSizeAt(b) / size);
   warp::WarpVote vote =
       warp::voteInWarp(b, loc, isHere, op.getIndices(), size, least);
-  auto branch =
-      scf::IfOp::create(b, loc, vote.together, /*withElseRegion=*/true);
-  b.setInsertionPointToStart(branch.elseBlock());
-  auto alone = scf::IfOp::create(b, loc, isHere, /*withElseRegion=*/false);
-  op->moveBefore(alone.thenBlock()->getTerminator());
-  b.setInsertionPointToStart(branch.thenBlock());
-  update(b, op, {size, vote.agreed, vote.any});
+  updateTogether(b, op, vote.together, isHere, {size, vote.agreed, vote.any});
 }
 
 namespace {

@@ -307,9 +307,11 @@ void GatherBuilder::addValues(Group sums, IRMapping map,
   }
 }
 
-/// Adds the sums of a group that are in a block or in branches in it.
-void GatherBuilder::addBlock(Block &block, const Guard &guard, Group group,
-                             IRMapping map, MutableArrayRef<Partial> partials) {
+/// The sums of a group that a block makes itself, and the branches in it that
+/// make others.
+static std::pair<SmallVector<std::pair<unsigned, Operation *>>,
+                 llvm::SetVector<Operation *>>
+split(ArrayRef<std::pair<unsigned, Operation *>> group, Block &block) {
   SmallVector<std::pair<unsigned, Operation *>> own;
   llvm::SetVector<Operation *> branches;
   for (auto [number, op] : group) {
@@ -319,6 +321,13 @@ void GatherBuilder::addBlock(Block &block, const Guard &guard, Group group,
     else if (ancestor)
       branches.insert(ancestor);
   }
+  return {std::move(own), std::move(branches)};
+}
+
+/// Adds the sums of a group that are in a block or in branches in it.
+void GatherBuilder::addBlock(Block &block, const Guard &guard, Group group,
+                             IRMapping map, MutableArrayRef<Partial> partials) {
+  auto [own, branches] = split(group, block);
   if (!own.empty())
     addGuarded(
         guard.build(*this, back, halo), partials,
@@ -371,15 +380,7 @@ IRMapping GatherBuilder::mapAt(const Offsets &offsets) {
 /// whether they are made depends on more than where the thread is.
 bool GatherBuilder::collect(Block &block, const Guard &guard, Group group,
                             IRMapping map, std::vector<Term> &terms) {
-  SmallVector<std::pair<unsigned, Operation *>> own;
-  llvm::SetVector<Operation *> branches;
-  for (auto [number, op] : group) {
-    Operation *ancestor = block.findAncestorOpInBlock(*op);
-    if (ancestor == op)
-      own.emplace_back(number, op);
-    else if (ancestor)
-      branches.insert(ancestor);
-  }
+  auto [own, branches] = split(group, block);
   if (!own.empty())
     terms.push_back({guard, back, map, own});
   for (Operation *op : branches) {
