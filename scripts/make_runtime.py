@@ -34,18 +34,19 @@ def get_include() -> str:
     return str(FOLDER / "include")
 '''
 MAIN = "from warp_runtime import get_cmake_dir\n\nprint(get_cmake_dir())\n"
-CONFIG = """# find_package(warp_runtime): the target warp::runtime, headers and
-# libwarp_runtime.so.
-get_filename_component(_warp_root "${CMAKE_CURRENT_LIST_DIR}/.." ABSOLUTE)
-if(NOT TARGET warp::runtime)
-  add_library(warp::runtime SHARED IMPORTED)
-  set_target_properties(warp::runtime PROPERTIES
-    IMPORTED_LOCATION "${_warp_root}/libwarp_runtime.so"
-    INTERFACE_INCLUDE_DIRECTORIES "${_warp_root}/include")
-  target_compile_features(warp::runtime INTERFACE cxx_std_17)
-endif()
-unset(_warp_root)
-"""
+
+
+def cmake_config() -> str:
+    """The configuration of `warp`, for the package, target and library of this wheel."""
+    text = (ROOT / "cmake" / "warpConfig.cmake").read_text()
+    names = {
+        **{"find_package(warp)": "find_package(warp_runtime)", "warp::warp": "warp::runtime"},
+        **{"libwarp.so": "libwarp_runtime.so", "`warp/cmake`": "`warp_runtime/cmake`"},
+        "warp_FOUND": "warp_runtime_FOUND",
+    }
+    for name, own in names.items():
+        text = text.replace(name, own)
+    return text
 
 
 def headers(build: Path) -> dict[str, bytes]:
@@ -73,7 +74,7 @@ def main() -> None:
         files = {"warp_runtime/libwarp_runtime.so": stripped.read_bytes()}
     files["warp_runtime/__init__.py"] = MODULE.encode()
     files["warp_runtime/__main__.py"] = MAIN.encode()
-    files["warp_runtime/cmake/warp_runtimeConfig.cmake"] = CONFIG.encode()
+    files["warp_runtime/cmake/warp_runtimeConfig.cmake"] = cmake_config().encode()
     files |= headers(options.library.parent.parent)
     for name in ("LICENSE", "THIRD_PARTY.md"):
         info = f"warp_mlir_runtime-{version}.dist-info"

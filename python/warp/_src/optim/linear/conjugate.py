@@ -72,6 +72,25 @@ def step_length(
 
 
 @wp.func
+def definite_length(
+    length: wp.float64,
+    above: wp.float64,
+    below: wp.float64,
+    signs: wp.array2d(dtype=wp.float64),
+    iteration: int,
+    broken: wp.array(dtype=int),
+    batch: int,
+):
+    """The length of a step, 0 and a breakdown where its terms show an indefinite matrix."""
+    if length != wp.float64(0.0):
+        above_fits = is_definite(above, signs[0], batch)
+        if not (is_definite(below, signs[1], batch) and above_fits):
+            broken[batch] = iteration
+            return wp.float64(0.0)
+    return length
+
+
+@wp.func
 def watch(
     residual: wp.float64,
     least: wp.array(dtype=wp.float64),
@@ -104,11 +123,8 @@ def _factor_kernels():
     ):
         i = wp.tid()
         length = quotient(above[i], below[i], residuals[i], limits[i], progress[0], broken, i)
-        if definite and length != wp.float64(0.0):
-            above_fits = is_definite(above[i], signs[0], i)
-            if not (is_definite(below[i], signs[1], i) and above_fits):
-                broken[i] = progress[0]
-                length = wp.float64(0.0)
+        if definite:
+            length = definite_length(length, above[i], below[i], signs, progress[0], broken, i)
         alpha[i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name="linear_turn")
