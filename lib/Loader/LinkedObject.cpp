@@ -275,7 +275,7 @@ private:
   std::vector<Symbol> symbols;
   /// Entries of the symbol table; each has a stub and a slot.
   size_t count = 0;
-  /// Where stubs and slots begin, and what is executed ends.
+  /// Offsets: the first stub, the first slot, the end of executable code.
   size_t stubs = 0, slots = 0, executed = 0;
 };
 } // namespace warp

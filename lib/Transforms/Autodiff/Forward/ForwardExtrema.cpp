@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where several threads update one element, it is known only after the launch
-// which one's value is the extremum. So a second launch computes the values
+// Several threads may update one element, and the launch has to end before the
+// extremum among their values is known. So a second launch computes the values
 // again, without writing any, and the thread that finds its own in the array
 // assigns its tangents. Among several with that value the first one does, as in
 // reverse mode: it claims the element by an exchange. The value that the first
