@@ -191,9 +191,13 @@ std::string warp::ArrayLeaves::getName(unsigned leaf) const {
 
 namespace {
 
+using CallSites = DenseMap<StringAttr, SmallVector<Operation *, 2>>;
+
 class Search {
 public:
-  explicit Search(const warp::ArrayLeaves &leaves) : leaves(leaves) {}
+  /// `calls`: all of the module, by callee, if they are known.
+  Search(const warp::ArrayLeaves &leaves, const CallSites *calls)
+      : leaves(leaves), calls(calls) {}
   warp::ArrayOrigin run(Value array);
 
 private:
@@ -212,6 +216,7 @@ private:
   }
 
   const warp::ArrayLeaves &leaves;
+  const CallSites *calls;
   SmallVector<Place> seen;
   warp::ArrayOrigin origin;
 };
@@ -258,10 +263,18 @@ void Search::visitArgument(const Place &place, FunctionOpInterface function,
                            unsigned argument) {
   if (function == leaves.getFunction())
     return arrive(leaves.getFirst(argument) + place.number, place.isGradient);
+  auto pass = [&](Operation *call) {
+    push({call->getOperand(argument), place.number, place.isGradient});
+  };
+  if (calls) {
+    if (auto found = calls->find(function.getNameAttr()); found != calls->end())
+      llvm::for_each(found->second, pass);
+    return;
+  }
   auto module = function->getParentOfType<ModuleOp>();
   module.walk([&](func::CallOp call) {
     if (call.getCallee() == function.getName())
-      push({call.getOperand(argument), place.number, place.isGradient});
+      pass(call);
   });
 }
 
@@ -305,8 +318,21 @@ void Search::visitOperands(const Place &place, Operation *op) {
 warp::ArrayOrigins::ArrayOrigins(FunctionOpInterface function, bool disjoint)
     : leaves(function), disjoint(disjoint) {}
 
+void warp::ArrayOrigins::freeze() {
+  frozen = std::make_unique<Frozen>();
+  auto module = leaves.getFunction()->getParentOfType<ModuleOp>();
+  module.walk([&](func::CallOp call) {
+    frozen->calls[call.getCalleeAttr().getAttr()].push_back(call);
+  });
+}
+
 warp::ArrayOrigin warp::ArrayOrigins::of(Value array) const {
-  return Search(leaves).run(array);
+  if (!frozen)
+    return Search(leaves, nullptr).run(array);
+  auto [found, isNew] = frozen->known.try_emplace(array);
+  if (isNew)
+    found->second = Search(leaves, &frozen->calls).run(array);
+  return found->second;
 }
 
 bool warp::ArrayOrigins::mayAlias(Value a, Value b) const {

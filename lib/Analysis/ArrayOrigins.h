@@ -6,7 +6,8 @@
 // the shortest way for views (`rootOf`), by number for the arguments of a
 // function and for arrays in structs (`ArrayLeaves`), and through loops,
 // branches and calls (`ArrayOrigins`). Nothing is stored, so that passes may
-// ask while they change the program.
+// ask while they change the program, unless an analysis says that nothing
+// changes (`freeze`).
 //
 //===----------------------------------------------------------------------===//
 
@@ -15,6 +16,10 @@
 
 #include "mlir/IR/Value.h"
 #include "mlir/Interfaces/FunctionInterfaces.h"
+
+#include "llvm/ADT/DenseMap.h"
+
+#include <memory>
 
 namespace warp {
 
@@ -88,6 +93,11 @@ public:
   explicit ArrayOrigins(mlir::FunctionOpInterface function,
                         bool disjoint = false);
 
+  /// The program stays as it is as long as this lives: calls are looked for
+  /// once instead of once for each array that a function gets, and answers are
+  /// kept.
+  void freeze();
+
   ArrayOrigin of(mlir::Value array) const;
   /// True if an element of one may be an element of the other, when one of
   /// them is written.
@@ -97,6 +107,13 @@ public:
 private:
   ArrayLeaves leaves;
   bool disjoint;
+  /// Known if the program is frozen: calls by callee, and answers.
+  struct Frozen {
+    llvm::DenseMap<mlir::StringAttr, llvm::SmallVector<mlir::Operation *, 2>>
+        calls;
+    llvm::DenseMap<mlir::Value, ArrayOrigin> known;
+  };
+  std::unique_ptr<Frozen> frozen;
 };
 
 } // namespace warp

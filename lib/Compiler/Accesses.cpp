@@ -32,7 +32,9 @@ public:
       : kernel(kernel), origins(kernel), accesses(origins.getLeaves().size()),
         hasWhile(
             module.walk([](scf::WhileOp) { return WalkResult::interrupt(); })
-                .wasInterrupted()) {}
+                .wasInterrupted()) {
+    origins.freeze();
+  }
 
   void add(warp::AccessOp op);
   void add(warp::TileAccessOp op);

@@ -316,30 +316,42 @@ class _Analysis:
 
     def _scan(self, node, uses, defs, parts):
         """Names an expression or statement reads, assigns, or assigns a part of."""
-        kind = type(node)
-        if kind is ast.Name:
-            if isinstance(node.ctx, ast.Load):
-                uses.add(node.id)
-                self._add_viewed(node, uses)
-            else:
-                defs.add(node.id)
-            return
-        if kind in (ast.Attribute, ast.Subscript) and isinstance(node.ctx, ast.Store):
-            _add_base(node, parts)
-            self._add_viewed(node, parts)
-        elif kind is ast.AugAssign:
-            _add_base(node.target, uses)
-            self._add_viewed(node.target, uses)
-            self._add_viewed(node.target, parts)
-        elif kind is ast.Call:
-            for argument in self.updated_arguments(node):
-                _add_base(argument, parts)
-                self.updated.add(argument)
-                self._add_viewed(argument, parts)
-        elif kind is ast.Assign:
-            self._note_view(node)
-        for child in children(node):
-            self._scan(child, uses, defs, parts)
+        pending = [node]
+        while pending:
+            node = pending.pop()
+            kind = type(node)
+            if kind is ast.Constant:
+                continue
+            if kind is ast.Name:
+                if type(node.ctx) is ast.Load:
+                    uses.add(node.id)
+                    self._add_viewed(node, uses)
+                else:
+                    defs.add(node.id)
+                continue
+            if kind is ast.Attribute or kind is ast.Subscript:
+                if type(node.ctx) is ast.Store:
+                    _add_base(node, parts)
+                    self._add_viewed(node, parts)
+                pending.append(node.value)
+                if kind is ast.Subscript:
+                    pending.append(node.slice)
+                continue
+            if kind is ast.BinOp:
+                pending += (node.left, node.right)
+                continue
+            if kind is ast.AugAssign:
+                _add_base(node.target, uses)
+                self._add_viewed(node.target, uses)
+                self._add_viewed(node.target, parts)
+            elif kind is ast.Call:
+                for argument in self.updated_arguments(node):
+                    _add_base(argument, parts)
+                    self.updated.add(argument)
+                    self._add_viewed(argument, parts)
+            elif kind is ast.Assign:
+                self._note_view(node)
+            pending += children(node)
 
     def _note_view(self, node):
         """Remembers that `view = tile[i]` or `view = wp.tile_view(tile, ...)`."""
