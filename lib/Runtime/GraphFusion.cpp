@@ -169,8 +169,7 @@ int Fusing::readyOf(int group) const {
 
 bool Fusing::isShort(int node) const {
   const Kernel::Plan &plan = records[node].launch->plan;
-  return plan.variant->code.schedule.cost <= shortThread &&
-         Kernel::isShort(plan);
+  return plan.variant->code.schedule.cost <= shortThread && isCheap(plan);
 }
 
 /// Why the order does not let a node join a group; empty if it does.

@@ -195,8 +195,21 @@ Kernel::Plan Kernel::prepare(int device, const LaunchDim &dim, void *params,
   return impl->plan(device, dim, params, blockDim, true);
 }
 
-bool Kernel::isShort(const Plan &plan) {
+bool warp::isCheap(const Kernel::Plan &plan) {
   return !plan.variant || !isHost(plan.device) || !isWorthThreads(plan.work);
+}
+
+bool Kernel::isShort(const Plan &plan) {
+  return isCheap(plan) || plan.variant->isBrief(plan.items);
+}
+
+bool Kernel::Variant::isBrief(int64_t items) const {
+  // Where threads share sums, their order is not to depend on times, and lanes
+  // are still to be checked.
+  const Schedule &schedule = code.schedule;
+  return history.isBrief(items) && !schedule.exclusive && !schedule.atomics &&
+         !schedule.usesPrintf && code.sites.empty() &&
+         !(trial && trial->takes(items));
 }
 
 bool Kernel::prints(const Plan &plan) {

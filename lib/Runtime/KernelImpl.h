@@ -106,6 +106,9 @@ struct Kernel::Variant {
 
   /// Launches run it from now on.
   void place(std::unique_ptr<DeviceCode> code);
+  /// True if launches of so many items were lately over before another thread
+  /// would have woken, and nothing is to be learned from the next one.
+  bool isBrief(int64_t items) const;
   /// True if launches of this kind may run it.
   bool serves(const VariantKey &asked) const {
     return key.matches(asked, code.schedule.sizeFacts);
@@ -338,6 +341,9 @@ bool isTooSlow(const Kernel::Variant &variant, int64_t items);
 
 /// True if a launch on a CPU of so many operations is shared by threads.
 bool isWorthThreads(double work);
+/// True for a launch on a CPU whose cost, as the compiler estimates it, is not
+/// worth a second thread, and for all on GPUs.
+bool isCheap(const Kernel::Plan &plan);
 
 Error launchError(Error::Kind kind, const std::string &kernel,
                   const std::string &message);

@@ -70,6 +70,10 @@ public:
 
   /// False once it is over: launches need not ask again.
   bool isOpen() const { return open.load(std::memory_order_relaxed); }
+  /// True if launches with so many indices are still of use to it.
+  bool takes(int64_t items) const {
+    return isOpen() && ratios.pieceOf(items) != 0;
+  }
   /// The code without lanes, which belongs to somebody else; null if there is
   /// none to compare.
   void begin(const DeviceCode *code);

@@ -174,6 +174,9 @@ void ThreadPool::parallelFor(int64_t begin, int64_t end, int64_t grain,
     if (!policy || !lock.try_lock())
       return;
   }
-  if (policy)
+  if (policy) {
     policy->record(items, plan.width, static_cast<double>(wallTime() - start));
+    if (history->isBrief(items) != policy->isBrief(items))
+      history->setBrief(items, policy->isBrief(items));
+  }
 }

@@ -78,6 +78,10 @@ void WidthPolicy::record(int64_t items, int width, double nanoseconds) {
     recordTrial(width, perItem);
 }
 
+bool WidthPolicy::isBrief(int64_t items) const {
+  return lastWork > 0 && lastWork * static_cast<double>(items) < share / 2;
+}
+
 void WidthPolicy::recordTrial(int width, double perItem) {
   bool other = role == Role::Other;
   role = Role::None;

@@ -19,6 +19,7 @@
 #define WARP_LIB_RUNTIME_WIDTHPOLICY_H
 
 #include <array>
+#include <atomic>
 #include <climits>
 #include <cstdint>
 
@@ -37,6 +38,8 @@ public:
 
   /// The time of a launch of `width` threads.
   void record(int64_t items, int width, double nanoseconds);
+  /// True if the launch before was over before a thread would have woken.
+  bool isBrief(int64_t items) const;
 
 private:
   /// The time of the pairs seen so far, by the item.
@@ -73,12 +76,28 @@ private:
 /// them by its lock.
 class LoopHistory {
 public:
-  WidthPolicy &of(int64_t items) {
-    return policies[63 - __builtin_clzll(static_cast<uint64_t>(items))];
+  WidthPolicy &of(int64_t items) { return policies[bucketOf(items)]; }
+
+  /// True while loops of so many items are brief: they run without the pool,
+  /// and nobody takes their time. Needs no lock.
+  bool isBrief(int64_t items) const {
+    return brief.load(std::memory_order_relaxed) >> bucketOf(items) & 1;
+  }
+  void setBrief(int64_t items, bool isBrief) {
+    uint64_t bit = uint64_t(1) << bucketOf(items);
+    if (isBrief)
+      brief.fetch_or(bit, std::memory_order_relaxed);
+    else
+      brief.fetch_and(~bit, std::memory_order_relaxed);
   }
 
 private:
+  static int bucketOf(int64_t items) {
+    return 63 - __builtin_clzll(static_cast<uint64_t>(items));
+  }
+
   std::array<WidthPolicy, 63> policies;
+  std::atomic<uint64_t> brief{0};
 };
 
 /// Chunks shrink: a quarter of what is left of a stretch, never below `least`.

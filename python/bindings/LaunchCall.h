@@ -89,10 +89,10 @@ inline void noteQueued(const Kernel::Plan &plan) {
 /// may take long.
 template <typename MakeHold>
 void runPlan(Kernel &kernel, const Kernel::Plan &plan, void *block,
-             const Stream *stream, MakeHold &&makeHold) {
+             const Stream *stream, bool isShort, MakeHold &&makeHold) {
   if (Kernel::prints(plan))
     flushPythonOutput();
-  if (Kernel::isShort(plan))
+  if (isShort)
     return kernel.run(plan, block, stream);
   auto hold = makeHold();
   Unlocked unlocked;
@@ -114,7 +114,7 @@ void launchPacked(Kernel &kernel, int device, const LaunchDim &dim, char *block,
     ForkSection section;
     plan = kernel.prepare(device, dim, block, blockDim);
   }
-  runPlan(kernel, plan, block, stream, makeHold);
+  runPlan(kernel, plan, block, stream, Kernel::isShort(plan), makeHold);
 }
 
 } // namespace warp::python

@@ -56,7 +56,7 @@ private:
   std::vector<bool> isRaw;
   bool hasStructs = false;
   Kernel::Plan plan;
-  bool planned = false, copies = false;
+  bool planned = false, reports = false;
   unsigned version = 0;
 };
 
@@ -174,7 +174,7 @@ void PackedLaunch::makePlan() {
     if (before == version)
       plan = native().tryPrepare(device, dim, bytes(), blockDim);
   }
-  copies = Kernel::reports(plan) || !Kernel::isShort(plan);
+  reports = Kernel::reports(plan);
   planned = !plan.readsMemory;
 }
 
@@ -204,12 +204,14 @@ void PackedLaunch::launch(PyObject *other) {
       return;
   }
   auto makeHold = [this] { return arguments; };
-  if (!copies)
-    return runPlan(native(), plan, bytes(), where, makeHold);
+  // Asked once: what it says may change meanwhile.
+  bool isShort = Kernel::isShort(plan);
+  if (isShort && !reports)
+    return runPlan(native(), plan, bytes(), where, isShort, makeHold);
   Block copy(native().parameterSize());
   std::memcpy(copy.data(), block.data(), native().parameterSize());
   Kernel::Plan copiedPlan = plan;
-  runPlan(native(), copiedPlan, copy.data(), where, makeHold);
+  runPlan(native(), copiedPlan, copy.data(), where, isShort, makeHold);
 }
 
 //===----------------------------------------------------------------------===//

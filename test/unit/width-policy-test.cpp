@@ -143,6 +143,31 @@ TEST(WidthPolicy, FewerThreadsThanPlannedEndATrial) {
   EXPECT_EQ(policy.plan(manyItems, threads).width, threads);
 }
 
+// Waking a thread takes longer than such a launch, and so does asking.
+TEST(WidthPolicy, LaunchesThatAreOverBeforeAThreadWakesAreBrief) {
+  WidthPolicy policy;
+  EXPECT_FALSE(policy.isBrief(256));
+  policy.record(256, 1, 1000);
+  EXPECT_TRUE(policy.isBrief(256));
+  EXPECT_FALSE(policy.isBrief(4096));
+  policy.record(256, 1, 1e5);
+  EXPECT_FALSE(policy.isBrief(256));
+}
+
+TEST(LoopHistory, IsBriefForSizesOfOnePowerOfTwo) {
+  LoopHistory history;
+  EXPECT_FALSE(history.isBrief(256));
+  history.setBrief(300, true);
+  for (int64_t items : {256, 300, 511})
+    EXPECT_TRUE(history.isBrief(items)) << items;
+  for (int64_t items : {1, 255, 512, 1 << 20})
+    EXPECT_FALSE(history.isBrief(items)) << items;
+  history.setBrief(1, true);
+  history.setBrief(256, false);
+  EXPECT_TRUE(history.isBrief(1));
+  EXPECT_FALSE(history.isBrief(300));
+}
+
 TEST(Chunks, ShrinkTowardsTheEndAndCoverAll) {
   for (int64_t items : {1, 63, 64, 1000, 123456}) {
     int64_t left = items, last = items, count = 0;

@@ -224,7 +224,7 @@ std::unique_ptr<CaptureBase> CpuDevice::beginCapture(std::shared_ptr<Stream>,
 static Step stepOf(Kernel &kernel, const Kernel::Plan &plan, uint64_t *data) {
   const Kernel::Variant &variant = *plan.variant;
   bool reports = Kernel::reports(plan);
-  if (Kernel::isShort(plan) && !reports && !variant.code.schedule.exclusive &&
+  if (isCheap(plan) && !reports && !variant.code.schedule.exclusive &&
       !variant.code.schedule.atomics && variant.code.schedule.sums.empty() &&
       !variant.code.schedule.usesPrintf)
     return {EntryStep{&variant, data, plan.items}, kernel.name()};
@@ -237,7 +237,7 @@ static Step stepOf(Kernel &kernel, const Kernel::Plan &plan, uint64_t *data) {
       kernel.run(plan, own.data());
     };
   }
-  return {std::move(run), kernel.name(), !Kernel::isShort(plan)};
+  return {std::move(run), kernel.name(), !isCheap(plan)};
 }
 
 void HostCapture::launch(Kernel &kernel, const Kernel::Plan &plan,

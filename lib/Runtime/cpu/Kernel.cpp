@@ -30,6 +30,8 @@ static constexpr double chunkWork = 16384;
 /// its sums are then made in one order, and programs that decide by them, such
 /// as optimisers, take the same way in every run. Some tens of microseconds.
 static constexpr double orderedWork = 262144;
+/// Some microseconds.
+static constexpr uint64_t mostTicks = 16384;
 
 /// Held alone by code that updates arrays without atomic instructions, shared
 /// by code that does so with them: other threads may launch on the same array.
@@ -149,10 +151,32 @@ static void launchTimed(const Kernel::Variant &variant, const void *params,
   variant.trial->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
+/// A clock without a unit that takes a few nanoseconds to read.
+static uint64_t ticks() {
+#ifdef __x86_64__
+  return __builtin_ia32_rdtsc();
+#else
+  return static_cast<uint64_t>(
+      std::chrono::steady_clock::now().time_since_epoch().count());
+#endif
+}
+
+/// Runs a launch that is expected to be brief; notes it if it was not, so that
+/// the next one asks the pool.
+static void launchBriefly(const Kernel::Variant &variant, const void *params,
+                          int64_t items) {
+  uint64_t start = ticks();
+  runOnCpu(variant, params, 0, items);
+  if (ticks() - start > mostTicks)
+    variant.history.setBrief(items, false);
+}
+
 void CpuCode::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
                      const Stream *) const {
   const Kernel::Variant &variant = *plan.variant;
-  bool serial = Kernel::isShort(plan) ||
+  if (!isCheap(plan) && variant.isBrief(plan.items))
+    return launchBriefly(variant, params, plan.items);
+  bool serial = isCheap(plan) ||
                 (variant.code.schedule.atomics && plan.work < orderedWork);
   if (variant.code.sites.empty()) {
     launchTimed(variant, params, paramSize, plan.items, serial);
