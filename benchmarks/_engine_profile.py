@@ -18,12 +18,15 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-# The folder of this file has modules whose names others may mean.
+# The folder of this file has modules whose names others may mean: it comes last.
 sys.path[:] = [path for path in sys.path if Path(path or ".").resolve() != Path(__file__).parent]
 
 import numpy as np  # noqa: E402
 
 import warp as wp  # noqa: E402
+
+sys.path.append(str(Path(__file__).parent))
+from _engine_newton import newton_scene  # noqa: E402
 
 wp.config.log_level = 30
 
@@ -37,10 +40,6 @@ MUJOCO = {
     "tendon": "tendon/wrap.xml",
     "flex": "flex/floppy.xml",
 }
-ANTS = {"newton_ant": "SolverFeatherstone", "newton_ant_xpbd": "SolverXPBD"}
-CLOTH = "newton_cloth"
-HUMANOIDS = "newton_humanoid"
-SCENES = (*MUJOCO, *ANTS, CLOTH, HUMANOIDS)
 
 
 def mujoco_scene(name: str, worlds: int):
@@ -56,74 +55,6 @@ def mujoco_scene(name: str, worlds: int):
     mujoco.mj_forward(model, data)
     state = engine.put_model(model), engine.put_data(model, data, nworld=worlds)
     return lambda: engine.step(*state), lambda: state[1].qpos.numpy()[0]
-
-
-def newton_scene(name: str, worlds: int):
-    """A step of two substeps, so that states are where they were, and coordinates."""
-    import newton
-    import newton.examples
-
-    builder = newton.ModelBuilder()
-    builder.add_ground_plane()
-    if name == CLOTH:
-        builder.add_cloth_grid(
-            pos=wp.vec3(0.0, 0.0, 4.0),
-            rot=wp.quat_from_axis_angle(wp.vec3(0.0, 0.0, 1.0), wp.pi * 0.5),
-            vel=wp.vec3(0.0, 0.0, 0.0),
-            dim_x=max(8, worlds),
-            dim_y=32,
-            cell_x=0.1,
-            cell_y=0.1,
-            mass=0.1,
-            fix_left=True,
-            edge_ke=1.0e1,
-            edge_kd=0.0,
-            particle_radius=0.05,
-            tri_ke=1.0e3,
-            tri_ka=1.0e3,
-            tri_kd=1.0e2,
-        )
-        builder.color(include_bending=True)
-    else:
-        body = newton.ModelBuilder()
-        file = "nv_humanoid.xml" if name == HUMANOIDS else "nv_ant.xml"
-        body.add_mjcf(
-            newton.examples.get_asset(file),
-            ignore_names=["floor", "ground"],
-            xform=wp.transform((0.0, 0.0, 1.0), wp.quat_identity()),
-            parse_sites=False,
-        )
-        builder.replicate(body, worlds)
-    model = builder.finalize()
-    if name == CLOTH:
-        solver = newton.solvers.SolverVBD(model, iterations=10)
-    elif name == HUMANOIDS:
-        solver = newton.solvers.SolverMuJoCo(model, njmax=200, nconmax=50)
-    else:
-        solver = getattr(newton.solvers, ANTS[name])(model)
-    states, control, contacts, collide = [model.state(), model.state()], model.control(), None, None
-    # Explicit integration of the ant's stiff contacts needs short steps.
-    seconds = 1.0e-4 if ANTS.get(name) == "SolverFeatherstone" else 2.0e-3
-    if name != HUMANOIDS:
-        pipeline = newton.CollisionPipeline(model)
-        contacts = pipeline.contacts()
-        collide = pipeline.collide
-
-    def step():
-        for _ in range(2):
-            states[0].clear_forces()
-            if collide:
-                collide(states[0], contacts)
-            solver.step(states[0], states[1], control, contacts, seconds)
-            states.reverse()
-
-    def result():
-        array = states[0].particle_q if name == CLOTH else states[0].joint_q
-        if name in ANTS and ANTS[name] == "SolverXPBD":
-            array = states[0].body_q
-        return array.numpy().ravel()[:64]
-
-    return step, result
 
 
 def plain(name: str) -> str:
