@@ -73,14 +73,24 @@ static void enterPython(void *state) {
     warp::python::Unlocked::takeLock(static_cast<PyThreadState *>(state));
 }
 
-static void callProgress(const py::object &done, const py::object &all) {
+/// Python looks for signals in the function, too, so an interrupt may be raised
+/// there. It ends the wait, or is left for later where the wait may not throw.
+static void callProgress(const py::object &done, const py::object &all,
+                         bool mayThrow) {
   if (!progressFunction)
     return;
   PyObject *result = PyObject_CallFunctionObjArgs(progressFunction, done.ptr(),
                                                   all.ptr(), nullptr);
-  if (!result)
+  if (result) {
+    Py_DECREF(result);
+  } else if (mayThrow) {
+    throw py::error_already_set();
+  } else if (PyErr_ExceptionMatches(PyExc_KeyboardInterrupt)) {
+    PyErr_Clear();
+    PyErr_SetInterrupt();
+  } else {
     PyErr_WriteUnraisable(progressFunction);
-  Py_XDECREF(result);
+  }
 }
 
 static void pollPython(int done, int all, bool mayThrow) {
@@ -89,14 +99,14 @@ static void pollPython(int done, int all, bool mayThrow) {
   py::gil_scoped_acquire locked;
   if (mayThrow && PyErr_CheckSignals() != 0)
     throw py::error_already_set();
-  callProgress(py::int_(done), py::int_(all));
+  callProgress(py::int_(done), py::int_(all), mayThrow);
 }
 
 static void endWait() {
   if (exiting)
     return;
   py::gil_scoped_acquire locked;
-  callProgress(py::none(), py::none());
+  callProgress(py::none(), py::none(), /*mayThrow=*/false);
 }
 
 void warp::python::watchWaits(py::module_ &m) {

@@ -136,7 +136,15 @@ raise SystemExit(7)
     assert "Traceback" not in err and "terminate" not in err
 
 
-def test_ctrl_c_while_waiting(tmp_path):
+@pytest.mark.parametrize(
+    "interrupt",
+    [
+        "threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()",
+        "_native.set_progress(lambda *counts: counts[0] is None or signal.raise_signal(2))",
+    ],
+    ids=["waiting", "in the progress bar"],
+)
+def test_ctrl_c_while_waiting(tmp_path, interrupt):
     """The wait ends with KeyboardInterrupt; what waits is done by the next one."""
     if not _FAKE.exists():
         pytest.skip("needs the driver that the unit tests are built with")
@@ -148,15 +156,17 @@ gate = ctypes.CDLL(os.environ["WARP_CUDA_DRIVER"]).fakeCudaSetGate
 x = wp.zeros(100, dtype=float, device="cuda:0")
 gate(ctypes.c_bool(False))
 wp.launch(make(1), 100, [x], device="cuda:0")
-threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 try:
+    {interrupt}
     wp.synchronize()
 except KeyboardInterrupt:
     print("interrupted", _native.queued_operations())
-gate(ctypes.c_bool(True))
+finally:
+    gate(ctypes.c_bool(True))
 x.numpy()
 print(_native.queued_operations())
-"""
+""",
+        interrupt=interrupt,
     )
     environment = {"WARP_CACHE_PATH": tmp_path, "WARP_CUDA_DRIVER": _FAKE}
     status, out, err = programs.run(program, **environment)
