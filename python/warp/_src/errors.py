@@ -249,6 +249,12 @@ def format_error(error: WarpError) -> str:
     return "\n".join(with_peer_sentence(lines, error.code, **error.facts))
 
 
+def absent(package: str, purpose: str, install: str | None = None) -> ImportError:
+    """An error with the command that installs a package; `install` where pip's name is another."""
+    text = f"{purpose} needs the package '{package}': pip install {install or package}"
+    return ImportError(text, name=package)
+
+
 def with_peer_sentence(lines: list[str], code: str | None, **facts) -> list[str]:
     """Lines of a message, with the sentence of NVIDIA Warp if `config.peer_messages` is set."""
     if peer_sentence is None or code is None:

@@ -3,6 +3,8 @@
 import functools
 import importlib
 
+from warp._src import errors
+
 # Names are written out for what reads imports, such as the test of cycles.
 _PACKAGES = {
     "torch": ("PyTorch", lambda rest: importlib.import_module(f"torch{rest}")),
@@ -24,10 +26,7 @@ def load(name):
     except ModuleNotFoundError as error:
         if error.name != package:
             raise
-        raise ImportError(
-            f"exchange with {title} needs the package '{package}': "
-            f'pip install "warp-mlir[{package}]"',
-            name=package,
-        ) from error
+        purpose, extra = f"exchange with {title}", f'"warp-mlir[{package}]"'
+        raise errors.absent(package, purpose, extra) from error
     find(dot + rest)
     return found

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import typing
 
-from warp._src.render.packages import absent
-from warp.extend import checked
+from warp.extend import checked, errors
 from warp.extend.kinds import PATH
 
 ENDINGS = (".obj", ".stl", ".ply", ".glb", ".gltf")
@@ -30,7 +29,7 @@ def _trimesh(path):
     try:
         import trimesh
     except ImportError as error:
-        raise absent("trimesh", f"a mesh as '{ending}'") from error
+        raise errors.absent("trimesh", f"a mesh as '{ending}'") from error
     return trimesh, ending[1:]
 
 

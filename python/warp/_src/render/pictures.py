@@ -9,8 +9,7 @@ import os
 import struct
 import zlib
 
-from warp._src.render.packages import absent
-from warp.extend import checked
+from warp.extend import checked, errors
 from warp.extend.kinds import COUNT, NUMBER, NUMBERS, PATH
 
 # Colour types by the number of channels.
@@ -112,7 +111,7 @@ def _pillow(purpose):
     try:
         from PIL import Image
     except ImportError as error:
-        raise absent("pillow", purpose) from error
+        raise errors.absent("pillow", purpose) from error
     return Image
 
 
@@ -133,7 +132,7 @@ def _write_mp4(path, pictures, fps, quality):
     try:
         import imageio_ffmpeg as ffmpeg
     except ImportError as error:
-        raise absent("imageio-ffmpeg", "a film as '.mp4'") from error
+        raise errors.absent("imageio-ffmpeg", "a film as '.mp4'") from error
     height, width = pictures[0].shape[:2]
     if height % 2 or width % 2:
         raise ValueError(f"expects even numbers of pixels for '.mp4', but got {width} x {height}")

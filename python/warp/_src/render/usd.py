@@ -8,7 +8,7 @@ UsdGeom of OpenUSD.
 from __future__ import annotations
 
 from warp._src.render.shapes import Shapes
-from warp.extend import checked
+from warp.extend import checked, errors
 from warp.extend.kinds import NUMBER, TEXT
 
 _ROOT = "/root"
@@ -24,9 +24,7 @@ def load():
     try:
         from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
     except ImportError as problem:
-        raise ImportError(
-            "writing USD needs the package usd-core: `pip install usd-core`"
-        ) from problem
+        raise errors.absent("usd-core", "writing USD") from problem
 
     class Modules:
         """The used names, with their values."""

@@ -6,6 +6,7 @@ import numpy as np
 
 import warp as wp
 from warp._src.fem.geometry.meshes import Hexmesh, Quadmesh, Tetmesh, Trimesh
+from warp.extend import errors
 
 _KINDS = {
     "tetra": (3, Tetmesh),
@@ -36,8 +37,8 @@ def read_mesh(path, cell_type=None, scalar_type=wp.float32, device=None, build_b
     """
     try:
         import meshio
-    except ImportError:
-        raise ImportError("'read_mesh' needs meshio: pip install meshio") from None
+    except ImportError as problem:
+        raise errors.absent("meshio", "'read_mesh'") from problem
     mesh = meshio.read(path)
     blocks: dict = {}
     for block in mesh.cells:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from warp._src.render.packages import absent
+from warp.extend import errors
 
 # More spheres than this are drawn as points.
 _BALLS = 20_000
@@ -40,7 +40,7 @@ class Viewer:
         try:
             import viser
         except ImportError as error:
-            raise absent("viser", "warp.render.Viewer") from error
+            raise errors.absent("viser", "warp.render.Viewer") from error
         self.scene = scene
         self.server = viser.ViserServer(port=port, verbose=False)
         self.server.scene.set_up_direction(tuple(map(float, scene.up)))
