@@ -25,6 +25,7 @@ PYBIND11_MODULE(_native, m) {
   warp::python::bindArray(m);
   warp::python::bindKernel(m);
   warp::python::bindRegions(m);
+  warp::python::bindRequests(m);
   warp::python::bindSavedModule(m);
   warp::python::bindGeometry(m);
   warp::python::bindGraph(m);

@@ -32,6 +32,7 @@ void bindKernel(pybind11::module_ &m);
 void bindMemory(pybind11::module_ &m);
 void bindPeers(pybind11::module_ &m);
 void bindRegions(pybind11::module_ &m);
+void bindRequests(pybind11::module_ &m);
 void bindSavedModule(pybind11::module_ &m);
 void bindScopes(pybind11::module_ &m);
 void bindSequences(pybind11::module_ &m);

@@ -25,7 +25,7 @@ class DistributedValueError(DistributedError, ValueError):
 _LOOK = 0.5
 # Words of a rank in the log: process, plan, step, stop.
 _WORDS = 4
-_PROCESS, _PLAN, _STEP, _STOP = range(_WORDS)
+_PROCESS, PLAN, _STEP, _STOP = range(_WORDS)
 
 
 class RankLog:
@@ -66,7 +66,7 @@ class RankLog:
     def begin(self, plan, step) -> None:
         """Notes that this rank begins a step of a plan."""
         own = self.own
-        own[_PLAN] = plan
+        own[PLAN] = plan
         own[_STEP] = step
 
     def last(self, rank) -> tuple[int, int, int]:

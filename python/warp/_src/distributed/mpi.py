@@ -5,6 +5,8 @@ Waits test and back off, so that a rank that does not answer is an error after a
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import os
 import pickle
 
@@ -12,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 import warp as wp
+from warp import _native
 from warp._src import errors
 from warp._src.distributed import failures
 from warp._src.distributed.communicator import Communicator, Message
@@ -24,7 +27,6 @@ _NUMBERS = {
 }
 
 
-_start_all = MPI.Prequest.Startall
 # Looks at a request before a wait tests the clock: half a millisecond.
 _QUICK = range(4000)
 
@@ -247,15 +249,46 @@ class MpiCommunicator(Communicator):
         super().close()
 
 
+@functools.cache
+def _functions():
+    """Addresses of `MPI_Startall` and `MPI_Testall` in the library that mpi4py has loaded.
+
+    Zeros if its symbols are out of reach.
+    """
+    for file in (MPI.__file__, None):
+        try:
+            library = ctypes.CDLL(file)
+            found = library.MPI_Startall, library.MPI_Testall
+        except (OSError, AttributeError):
+            continue
+        return tuple(ctypes.cast(one, ctypes.c_void_p).value for one in found)
+    return 0, 0
+
+
+def _native_requests(requests, looks):
+    """The same requests for the runtime to start and to test, or None."""
+    functions = _functions()
+    if not all(functions) or not requests:
+        return None
+    size = MPI._sizeof(MPI.Request)
+    handles = b"".join(ctypes.string_at(MPI._addressof(one), size) for one in requests)
+    return _native.Requests(*functions, handles, len(requests), looks)
+
+
 class Persistent:
-    """Persistent requests between the same arrays."""
+    """Persistent requests between the same arrays.
+
+    Attributes:
+        native: the requests for the runtime, or None.
+    """
+
+    what = "exchange"
 
     def __init__(self, comm, messages: list[Message]):
         self.comm = comm
         self.given: list = []
         self.taken: list = []
-        self.requests = []
-        self.on_gpu = comm.device.is_cuda
+        self.requests: list = []
         self.peers = [one.peer for one in messages if one.take is not None]
         for one in messages:
             if one.take is not None:
@@ -267,54 +300,50 @@ class Persistent:
                 view = comm.view(one.give, self.given)
                 request = comm.comm.Send_init(_bytes(view), one.peer, one.give_tag)
                 self.requests.append(request)
-        self.tests = [one.Test for one in self.requests]
-        self.what = "exchange"
+        self.native = _native_requests(self.requests, len(comm.quick))
+
+    def quick(self, plan):
+        """A function that exchanges, counts a step of a plan and notes it for other ranks, or None.
+
+        It gives what `settle` takes if that is not 0.
+        """
+        if self.native is None or self.comm.device.is_cuda:
+            return None
+        self.noted = plan, self.comm.log.own
+        words = [np.frombuffer(one, np.int64).ctypes.data for one in self.noted]
+        self.native.note(words[0], words[1] + 8 * failures.PLAN)
+        return self.native.run
 
     def start(self) -> None:
         """Begins to send and receive."""
-        if self.on_gpu:
+        if self.comm.device.is_cuda:
             for staging, array in self.given:
                 wp.copy(staging, array)
             self.comm.settle()
-        _start_all(self.requests)
+        if self.native is None:
+            MPI.Prequest.Startall(self.requests)
+        else:
+            self.settle(self.native.start())
 
     def finish(self) -> None:
         """Waits until all is sent and received."""
-        self._wait()
+        self.settle(-1 if self.native is None else self.native.wait())
         for staging, array in self.taken:
             wp.copy(array, staging)
 
-    def run(self) -> None:
-        """Sends and receives."""
-        if self.on_gpu:
-            self.start()
-            self.finish()
-        else:
-            _start_all(self.requests)
-            self._wait()
-
-    def _wait(self) -> None:
-        # One request at a time: a look at all of them takes twice as long, and messages of many
-        # fragments go on while MPI is looked at.
-        comm = self.comm
-        try:
-            for test in self.tests:
-                if not test():
-                    for _ in comm.quick:
-                        if test():
-                            break
-                    else:
-                        comm.wait(self.requests, self.what, self.peers)
-                        return
-        except MPI.Exception as problem:
-            text = f"MPI says '{problem.Get_error_string()}'"
-            raise comm.failed(self.what, text) from None
+    def settle(self, found) -> None:
+        """Goes on from what `native` gives: 0 at the end, -1 before, or the error of MPI."""
+        if found > 0:
+            text = f"MPI says '{MPI.Exception(found).Get_error_string()}'"
+            raise self.comm.failed(self.what, text)
+        if found < 0:
+            self.comm.wait(self.requests, self.what, self.peers)
 
     def free(self) -> None:
         """Gives the requests back."""
         for one in self.requests:
             one.Free()
-        self.requests, self.tests = [], []
+        self.requests, self.native = [], None
 
     def __del__(self):
         # An exchange lives as long as a tape that has recorded it.
