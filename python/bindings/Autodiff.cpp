@@ -14,10 +14,12 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdlib>
 
 namespace py = pybind11;
 using namespace warp;
+using warp::python::SharingCheck;
 
 static const char *kindText(HiddenArgument::Kind kind) {
   switch (kind) {
@@ -50,13 +52,15 @@ static const char *kindText(HiddenArgument::Kind kind) {
 /// True if two elements of an array are at one address, or may be: sorted by
 /// stride, each dimension has to step over all smaller ones.
 static bool repeatsElements(const ArrayDescriptor &array, int64_t itemSize) {
-  std::vector<std::pair<int64_t, int64_t>> steps;
+  std::array<std::pair<int64_t, int64_t>, maxRank> steps;
+  size_t count = 0;
   for (int i = 0; i < array.ndim; ++i)
     if (array.shape[i] > 1)
-      steps.push_back({std::abs(int64_t(array.strides[i])), array.shape[i]});
-  std::sort(steps.begin(), steps.end());
+      steps[count++] = {std::abs(int64_t(array.strides[i])), array.shape[i]};
+  std::sort(steps.begin(), steps.begin() + count);
   int64_t covered = itemSize;
-  for (auto [stride, extent] : steps) {
+  for (size_t i = 0; i < count; ++i) {
+    auto [stride, extent] = steps[i];
     if (stride < covered)
       return true;
     covered += stride * (extent - 1);
@@ -64,38 +68,39 @@ static bool repeatsElements(const ArrayDescriptor &array, int64_t itemSize) {
   return false;
 }
 
-/// First byte and end of an array's elements.
-static std::pair<int64_t, int64_t> extentOf(const ArrayDescriptor &array,
-                                            int64_t itemSize) {
-  int64_t first = reinterpret_cast<int64_t>(array.data), last = first;
+void SharingCheck::add(const ArrayDescriptor &array, const void *data,
+                       int64_t itemSize) {
+  const int32_t *shape = array.shape;
+  if (std::find(shape, shape + array.ndim, 0) != shape + array.ndim)
+    return;
+  repeats |= repeatsElements(array, itemSize);
+  int64_t first = reinterpret_cast<int64_t>(data), last = first;
   for (int i = 0; i < array.ndim; ++i) {
     int64_t reach = int64_t(array.strides[i]) * (array.shape[i] - 1);
     (reach < 0 ? first : last) += reach;
   }
-  return {first, last + itemSize};
+  extents.push_back({first, last + itemSize});
 }
 
-/// True if an address may belong to two elements of these arrays. Not exact:
-/// arrays whose elements interleave count as sharing.
-bool python::sharesElements(const std::vector<py::object> &arrays) {
-  std::vector<std::pair<int64_t, int64_t>> extents;
-  for (const py::object &object : arrays) {
-    if (!python::isArray(object.ptr()))
-      throw py::type_error("expects arrays");
-    python::ArrayObject *array = python::asArray(object.ptr());
-    const ArrayDescriptor &descriptor = array->descriptor;
-    const int32_t *shape = descriptor.shape;
-    if (std::find(shape, shape + descriptor.ndim, 0) != shape + descriptor.ndim)
-      continue;
-    if (repeatsElements(descriptor, array->itemSize))
-      return true;
-    extents.push_back(extentOf(descriptor, array->itemSize));
-  }
+bool SharingCheck::shares() {
+  if (repeats)
+    return true;
   std::sort(extents.begin(), extents.end());
   for (size_t i = 1; i < extents.size(); ++i)
     if (extents[i].first < extents[i - 1].second)
       return true;
   return false;
+}
+
+bool python::sharesElements(const std::vector<py::object> &arrays) {
+  SharingCheck check;
+  for (const py::object &object : arrays) {
+    if (!python::isArray(object.ptr()))
+      throw py::type_error("expects arrays");
+    python::ArrayObject *array = python::asArray(object.ptr());
+    check.add(array->descriptor, array->descriptor.data, array->itemSize);
+  }
+  return check.shares();
 }
 
 void python::bindAutodiff(py::module_ &m) {

@@ -233,6 +233,11 @@ void python::bindKernel(py::module_ &m) {
       {"launch", asMethod(launch), METH_FASTCALL,
        "launch(dim, inputs, outputs=None, device=-1, stream=None, "
        "block_dim=0)\n\nRuns the kernel; arguments are positional."},
+      {"launch_adjoint", asMethod(launchAdjoint), METH_FASTCALL,
+       "launch_adjoint(known, array, dim, inputs, outputs, adj_inputs, "
+       "adj_outputs, device, block_dim)\n\nRuns the adjoint that `known` has "
+       "for the set of arrays with gradients, all of the class `array`; False "
+       "if it has none, or if the launch takes more than that."},
       {"evaluate", asMethod(evaluate), METH_FASTCALL,
        "evaluate(inputs, outputs)\n\nRuns one thread on the CPU, at once also "
        "while a graph is being recorded."},

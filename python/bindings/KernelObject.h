@@ -44,6 +44,9 @@ template <typename Fn> PyObject *guarded(Fn &&fn) {
 
 /// The method that runs kernels, in Launch.cpp.
 PyObject *launch(PyObject *self, PyObject *const *args, Py_ssize_t count);
+/// The one that runs adjoints, in AdjointLaunch.cpp.
+PyObject *launchAdjoint(PyObject *self, PyObject *const *args,
+                        Py_ssize_t count);
 /// The one that runs a single thread on the CPU, which no graph records.
 PyObject *evaluate(PyObject *self, PyObject *const *args, Py_ssize_t count);
 void bindPackedLaunch(pybind11::module_ &m);

@@ -150,3 +150,61 @@ def test_a_policy_for_singular_points_counts(device):
                 np.testing.assert_array_equal(x.grad.numpy(), [at_zero, 0.25])
     finally:
         wp.config.singular = before
+
+
+@wp.kernel
+def half_square(x: wp.array(dtype=wp.float16), out: wp.array(dtype=wp.float16)):
+    i = wp.tid()
+    out[i] = x[i] * x[i]
+
+
+def test_gradients_of_16_bits_after_those_of_32(device):
+    x = wp.array([1.0, 2.0, 3.0], dtype=wp.float16, device=device, requires_grad=True)
+    out = wp.zeros(3, dtype=wp.float16, device=device, requires_grad=True)
+    for dtype in (wp.float32, wp.float16):
+        for _ in range(3):
+            x.grad = wp.zeros(3, dtype=dtype, device=device)
+            out.grad = wp.full(3, 1.0, dtype=dtype, device=device)
+            given = {"adj_inputs": [x.grad], "adj_outputs": [out.grad], "adjoint": True}
+            wp.launch(half_square, 3, [x], [out], device=device, **given)
+            np.testing.assert_array_equal(x.grad.numpy(), [2.0, 4.0, 6.0])
+
+
+def test_recorded_launches_again(device):
+    x, y, out = arrays(device, True, True, True)
+    given = {"adj_inputs": [x.grad, y.grad], "adj_outputs": [out.grad], "adjoint": True}
+    recorded = wp.launch(product, 3, [x, y], [out], device=device, record_cmd=True, **given)
+    for times in range(1, 4):
+        out.grad.fill_(1.0)
+        recorded.launch()
+        np.testing.assert_array_equal(x.grad.numpy(), expected(x, y, times)[0])
+    other = wp.zeros(3, dtype=float, device=device)
+    recorded.set_param(0, other, adjoint=True)
+    recorded.set_dim(2)
+    out.grad.fill_(1.0)
+    recorded.launch()
+    np.testing.assert_array_equal(other.numpy(), [*expected(x, y, 1)[0][:2], 0.0])
+    np.testing.assert_array_equal(x.grad.numpy(), expected(x, y, 3)[0])
+
+
+def test_gradients_that_must_not_be_written():
+    x, y, out = arrays("cpu", True, True, True)
+    run(x, y, out)
+    run(x, y, out)
+    numbers = np.zeros(3, np.float32)
+    numbers.setflags(write=False)
+    fixed = wp.array(numbers, dtype=float, copy=False, device="cpu")
+    if not fixed.read_only:
+        pytest.skip("the array has memory of its own")
+    with pytest.raises(ValueError, match="read-only"):
+        run(x, y, out, adj_inputs=[fixed, y.grad])
+
+
+def test_extents_of_launches_differ(device):
+    x, y, out = arrays(device, True, True, True)
+    for dim, done in ((3, 1), (2, 2), ((3,), 3)):
+        out.grad.fill_(1.0)
+        given = {"adj_inputs": [x.grad, y.grad], "adj_outputs": [out.grad], "adjoint": True}
+        wp.launch(product, dim, [x, y], [out], device=device, **given)
+        right = expected(x, y, 1)[0] * [done, done, done - (dim == 2 or done == 3)]
+        np.testing.assert_array_equal(x.grad.numpy(), right)

@@ -20,6 +20,7 @@ from warp._src.devices.devices import by_index
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.interop.torch import from_torch
 from warp._src.kernels.call import Call, signature_of
+from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.parameters import LaunchParameters
 from warp._src.types import dtypes
 from warp._src.types.structs import StructInstance
@@ -73,6 +74,8 @@ class AdjointLaunch(LaunchParameters):
     def launch(self, stream=None) -> None:
         """Runs the derivative."""
         index, own, block_dim = self._place
+        if stream is None and self._launch_ordinary():
+            return
         signature = signature_of(self.kernel, self._native, self._values)
         expected = len(signature.parameters)
         if len(self._values) != expected:
@@ -91,6 +94,19 @@ class AdjointLaunch(LaunchParameters):
             self.kernel.derivatives.launch(call)
             for given, stand_in in late:
                 copy(given, stand_in, stream=call.stream)
+
+    def _launch_ordinary(self) -> bool:
+        """Runs the derivative with few calls; False if it takes more."""
+        kernel, values, gradients = self.kernel, self._values, self._gradients
+        index, stream, block_dim = self._place
+        if (
+            kernel.native is self._native
+            and kernel.epoch is Epoch.current
+            and not (stream is not None or Observers.active)
+            and launch_again(kernel, self._dim, values, (), gradients, (), index, block_dim)
+        ):
+            return True
+        return launch_plain(kernel, self._native, self._dim, values, gradients, self._place)
 
     def _writable(self, signature, position, given):
         """A gradient itself, or a copy of a read-only one that is only read.
@@ -111,6 +127,19 @@ class AdjointLaunch(LaunchParameters):
             f"launch('{self.kernel.key}', adjoint=True): the gradient of argument '{name}' is a "
             "read-only array, but the derivative adds to it, use a copy"
         )
+
+
+def launch_again(kernel, dim, inputs, outputs, adj_inputs, adj_outputs, index, block_dim) -> bool:
+    """Runs the derivative of a launch like one that `launch_plain` has run; False if it is none.
+
+    Nobody observes, and the kernel is translated.
+    """
+    known = kernel.derivatives.ready()
+    if known is None or kernel.hooks or handles_alive():
+        return False
+    return kernel.native.launch_adjoint(
+        known, array, dim, inputs, outputs, adj_inputs, adj_outputs, index, block_dim
+    )
 
 
 def launch_plain(kernel, native, dim, values, gradients, place) -> bool:

@@ -15,12 +15,13 @@ from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.create import zeros
+from warp._src.arrays.gradients import gradient_type
 from warp._src.derivatives import kept_derivatives
 from warp._src.derivatives.gathers import gather_sums
 from warp._src.derivatives.handles import show_gradients
 from warp._src.derivatives.same_arrays import check_overlap
 from warp._src.derivatives.singular import count_singular
-from warp._src.derivatives.wide_gradients import WideGradients, is_narrow
+from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices.devices import by_index, get_stream
 from warp._src.kernels.call import Call
 from warp._src.kernels.epoch import Epoch
@@ -39,6 +40,9 @@ class KernelDerivatives:
         self.kernel = kernel
         self._made: dict = {}
         self._plain: dict = {}
+        # Plain adjoints that are one launch, by the policy at singular points and the set of
+        # arrays with gradients, a bit for each; of the native kernel for launches.
+        self._ready: dict = {}
         self._epoch = None
         # Lines that were printed.
         self._noticed: set = set()
@@ -47,6 +51,7 @@ class KernelDerivatives:
         """Forgets all."""
         self._made.clear()
         self._plain.clear()
+        self._ready.clear()
 
     def adjoint(
         self, native, active, unique=True, tape=None, apart=(), same=(), unrecorded=False
@@ -182,9 +187,19 @@ class KernelDerivatives:
             made = self._made.get(self._key(native, key[2], False, True, self._options()))
             if made is None:
                 return None
-            narrow = any(one.requires_grad and is_narrow(one) for one in arrays)
-            self._plain[key] = None if narrow or not made.is_plain else made
+            # The next array with elements of 16 bits may have other gradients.
+            narrow = any(
+                one.requires_grad and gradient_type(one.dtype) is not one.dtype for one in arrays
+            )
+            self._plain[key] = made if made.is_plain and not narrow else None
+            if self._plain[key] and made.gathered is None and native is self.kernel.native:
+                number = sum(has << i for i, has in enumerate(key[2]))
+                self._ready.setdefault(config.singular, {})[number] = made.native
         return self._plain[key]
+
+    def ready(self) -> dict | None:
+        """Native adjoints for `launch_adjoint` of the native kernel, None if there are none."""
+        return self._ready.get(config.singular) if self._epoch is Epoch.current else None
 
     def run_adjoint(
         self, call: Call, values, initial=None, saved=(), apart=(), same=(), unrecorded=False

@@ -19,7 +19,7 @@ from warp._src.argument_kinds import DIM, FLAG, INTEGER, KERNEL, LIST, NONE, STR
 from warp._src.arguments import explained, misfit
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, launch_ordinary, observed_launch
-from warp._src.derivatives.adjoint_launch import AdjointLaunch, launch_plain
+from warp._src.derivatives.adjoint_launch import AdjointLaunch, launch_again, launch_plain
 from warp._src.devices.devices import by_index, index_of, resolve_index
 from warp._src.kernels.block_sizes import block_threads
 from warp._src.kernels.call import Call
@@ -106,6 +106,15 @@ def launch(
                 kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
             ):
                 return None
+        elif (
+            adjoint
+            and kernel.epoch is Epoch.current
+            and not (index is None or stream is not None or record_cmd or Checked.active)
+            and launch_again(
+                kernel, dim, inputs, outputs, adj_inputs, adj_outputs, index, block_dim or 0
+            )
+        ):
+            return None
         return _launch_checked(
             kernel,
             dim,
