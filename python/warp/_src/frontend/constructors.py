@@ -68,6 +68,11 @@ class Constructors(Part):
             arguments, keywords = self.arguments(node)
             return self.construct(self.native(kind, node), arguments, keywords, node)
         if dtypes.type_is_scalar(kind):
+            if kind is float and self.context.literals_follow and len(node.args) == 1:
+                # A variable that starts as a literal.
+                (binding,) = self.exactly(node, 1, "float")
+                if type(binding) is float:
+                    return self.context.materialize(binding, node)
             return self.call_scalar(self.native(kind, node), node)
         raise self.context.type_error(
             node, f"the type '{kind.__name__}' cannot be called in a kernel"
@@ -147,6 +152,7 @@ class Constructors(Part):
 
     def constant_component(self, argument, element, node):
         """A component; a constant held by a variable is converted like the literal it was."""
+        argument = self.context.literal_as(element, argument, node)
         value = self.context.materialize(argument, node)
         if value.type != element and value.type in (INT32, FLOAT32):
             known = self.context.literal(value)
@@ -292,10 +298,10 @@ class Constructors(Part):
             if type(argument) is Value:
                 return argument.type.element or argument.type
         if any(type(argument) is float for argument in arguments):
-            return FLOAT32
+            return self.context.literal_type
         if arguments and all(type(argument) is bool for argument in arguments):
             return BOOL
-        return INT32 if arguments else FLOAT32
+        return INT32 if arguments else self.context.literal_type
 
     def of_family(self, node, family, element, components, keywords=None):
         native = type(element).parse(f"!warp.{family}<{element}>")

@@ -55,6 +55,8 @@ class Context(Values):
         self.lines = {}
         # By identity of constants that variables hold: the constant, and the number as written.
         self.literals: dict = {}
+        # Type of constants that are written as `float`.
+        self.literal_type = FLOAT32
         # Loops around the place that is being translated, outermost first.
         self.frames = []
         self.node = source.tree
@@ -104,7 +106,7 @@ class Context(Values):
         if type(binding) is int and not -(2**31) <= binding < 2**31:
             self.integer(binding, getattr(node, "value", node))
         if type(binding) is float:
-            number, binding = binding, self.builder.constant(FLOAT32, binding)
+            number, binding = binding, self.builder.constant(self.literal_type, binding)
             self.literals[id(binding)] = binding, number
         if not self.can_be_bound(binding):
             raise self.type_error(
@@ -132,24 +134,22 @@ class Context(Values):
         return number if value is binding else None
 
     def follow(self, operands, node):
-        """Operands, with literals in the scalar type of the others.
-
-        Only in functions with the attribute `_wp_literals_follow_`, which are written once for
-        float32 and float64; elsewhere a literal is a float32.
-        """
+        """Operands, with literals in the scalar type of the others; see `literals_follow`."""
         if not self.literals_follow:
             return operands
-        numbers = [one if type(one) is float else self.literal(one) for one in operands]
-        wide = {
+        numbers = [self.written(one) for one in operands]
+        found = {
             element
             for one, number in zip(operands, numbers, strict=True)
             if number is None and type(one) is Value
             for element in (one.type.element or one.type,)
             if one.type.kind in _OF_FLOATS and element.kind == "float"
-        } - {FLOAT32}
-        if len(wide) != 1:
+        }
+        if len(found) > 1:
+            found -= {FLOAT32}
+        if len(found) != 1:
             return operands
-        (element,) = wide
+        (element,) = found
         self.at(node)
         return [
             one if number is None else self.builder.constant(element, number)
@@ -158,8 +158,35 @@ class Context(Values):
 
     @property
     def literals_follow(self) -> bool:
-        """Literals take the scalar type of the operands beside them; see `follow`."""
-        return getattr(self.function, "_wp_literals_follow_", False)
+        """True if literals take the scalar type of the operands beside them.
+
+        Only in functions with the attribute `_wp_literals_follow_`, which are written once for
+        float32 and float64; elsewhere a literal is a float32. The attribute names a parameter:
+        literals without such operands have the type of the numbers of its struct.
+        """
+        return hasattr(self.function, "_wp_literals_follow_")
+
+    def find_literal_type(self):
+        """Sets the type of literals from the arguments."""
+        if not self.literals_follow:
+            return
+        binding = self.env.get(self.function._wp_literals_follow_)
+        for _, native in getattr(getattr(binding, "type", None), "fields", ()):
+            if native.kind == "float":
+                self.literal_type = native
+
+    def written(self, binding):
+        """The number that a literal, or a variable that holds one, was written as; or None."""
+        return binding if type(binding) is float else self.literal(binding)
+
+    def literal_as(self, native, binding, node):
+        """A literal in the scalar type of a place, if literals follow; else the binding."""
+        number = self.written(binding) if self.literals_follow else None
+        element = None if native is None else native.element or native
+        if number is None or native.kind not in _OF_FLOATS or element.kind != "float":
+            return binding
+        self.at(node)
+        return self.builder.constant(element, number)
 
     @staticmethod
     def can_be_bound(binding):

@@ -140,9 +140,7 @@ class Expressions(Part):
         if type(left) is tuple and type(right) is tuple and kind is ast.Add:
             return left + right
         if self.context.literals_follow:
-            numbers = [
-                one if type(one) is float else self.context.literal(one) for one in (left, right)
-            ]
+            numbers = [self.context.written(one) for one in (left, right)]
             if None not in numbers:
                 folded = _FOLD_FLOATS.get(kind, lambda a, b: None)(*numbers)
                 if folded is not None:

@@ -281,7 +281,9 @@ class Overload:
                 return f"argument '{name}' is missing"
         if keywords:
             return f"no parameter '{next(iter(keywords))}'"
-        for parameter, binding in zip(self.parameters, bound, strict=False):
+        for position, (parameter, binding) in enumerate(zip(self.parameters, bound, strict=False)):
+            if parameter.native is not None and context.literals_follow:
+                bound[position] = binding = context.literal_as(parameter.native, binding, node)
             if not parameter.accepts(context, binding):
                 return f"argument '{parameter.name}' does not take '{context.type_name(binding)}'"
         return bound

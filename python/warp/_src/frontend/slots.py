@@ -226,7 +226,8 @@ class Slots(Part):
                     "index every dimension",
                 )
             raise self.context.type_error(node, "expects a variable or array element to assign to")
-        value = self.context.materialize(binding, node)
+        value = self.context.literal_as(slot.type, binding, node)
+        value = self.context.materialize(value, node)
         self.context.at(node)
         if slot.array is None:
             root = self.context.env[slot.name]

@@ -81,7 +81,9 @@ class Targets(Part):
             self.context.slices.update(node)
             return
         slot = self.context.slots.of(target)
-        right = self.context.materialize(self.context.expressions.expr(node.value), node.value)
+        right = self.context.expressions.expr(node.value)
+        right = self.context.literal_as(slot.type, right, node.value)
+        right = self.context.materialize(right, node.value)
         if self.update_by_own(slot, op, right, node):
             return
         if slot.is_atomic(op):

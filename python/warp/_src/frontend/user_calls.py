@@ -176,6 +176,7 @@ class UserCalls(Part):
             value = binding if shape is NOTHING else inner.unflatten(shape, values)
             inner.env[parameter.name] = value
             inner.lines[parameter.name] = line
+        inner.find_literal_type()
         given = [inner.env[name] for name in references.values()]
         inner.user_calls.start_adjoints(hidden)
         try:

@@ -9,7 +9,6 @@ from warp._src import errors
 from warp._src.frontend import names
 from warp._src.frontend.bindings import (
     BOOL,
-    FLOAT32,
     INT32,
     LocalArray,
     NativeType,
@@ -64,7 +63,7 @@ class Values:
         if kind is int:
             return self.integer(binding, node)
         if kind is float:
-            return self.builder.constant(FLOAT32, binding)
+            return self.builder.constant(self.literal_type, binding)
         return self.materialize_object(binding, node)
 
     def integer(self, number, node):
@@ -151,7 +150,7 @@ class Values:
             return None
         if kind is TileView:
             return binding.type
-        plain = {bool: BOOL, int: INT32, float: FLOAT32}.get(kind)
+        plain = {bool: BOOL, int: INT32, float: self.literal_type}.get(kind)
         if plain is not None or kind is tuple or isinstance(binding, type):
             return plain
         try:

@@ -46,7 +46,7 @@ class Integrand(wp.Function):
             for name, kind in declared.items()
         }
         # Integrands are written once for float32 and float64.
-        func._wp_literals_follow_ = True
+        func._wp_literals_follow_ = self.sample_name
         super().__init__(func)
         self.parameter_names = names
         self.kernel_options = dict(kernel_options or {})
