@@ -106,8 +106,8 @@ def torch(group=None, device=None, timeout=300):
     return TorchCommunicator(group, device, timeout)
 
 
-def nccl(comm=None, device=None, timeout=300):
-    """NCCL between the ranks of another communicator, by default that of `init`."""
+def nccl(comm=None, device=None, timeout=None):
+    """NCCL between the ranks of another communicator, by default that of `init` and its limit."""
     from warp._src.distributed.nccl import NcclCommunicator
 
     return NcclCommunicator(comm, device, timeout)

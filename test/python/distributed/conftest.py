@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support" / "ranks"))
 import launcher
 
 # One process alone, MPI, and PyTorch's gloo, which takes long to start.
-RUNS = [("none", 1), ("mpi", 2), ("mpi", 3), ("mpi", 4), ("torch", 2)]
+RUNS = [("none", 1), ("mpi", 2), ("mpi", 3), ("mpi", 4), ("torch", 3)]
 
 
 def need(engine):

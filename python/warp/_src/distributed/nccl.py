@@ -56,7 +56,7 @@ class NcclCommunicator(base.Communicator):
 
     engine = "NCCL"
 
-    def __init__(self, comm=None, device=None, timeout=300.0):
+    def __init__(self, comm=None, device=None, timeout=None):
         self.bootstrap = base.resolve(comm)
         other = self.bootstrap
         device = wp.get_device(device or other.device)
@@ -66,7 +66,8 @@ class NcclCommunicator(base.Communicator):
                 f"'{device}': use `wd.mpi` or `wd.torch`"
             )
         super().__init__(
-            other.rank, other.size, other.local_rank, other.local_size, device, timeout
+            *(other.rank, other.size, other.local_rank, other.local_size, device),
+            timeout=other.timeout if timeout is None else timeout,
         )
         self.log, self.plan_names = other.log, other.plan_names
         self._check_devices()
@@ -184,9 +185,13 @@ class NcclCommunicator(base.Communicator):
 
     def failure(self) -> str | None:
         """NCCL's asynchronous error, if there is one."""
-        status = ctypes.c_int()
-        self._call("ncclCommGetAsyncError", self.handle, ctypes.byref(status))
-        return None if status.value in (0, _IN_PROGRESS) else f"NCCL error {status.value}"
+        if not self.handle:
+            # The ranks are still coming together.
+            return None
+        found = ctypes.c_int()
+        status = self.library.ncclCommGetAsyncError(self.handle, ctypes.byref(found))
+        error = status or found.value
+        return None if error in (0, _IN_PROGRESS) else f"NCCL error {error}"
 
     def close(self) -> None:
         if not self.closed:

@@ -94,6 +94,22 @@ def _shown(facts) -> str:
     return f"{facts[1]} {facts[2]}" if facts[2] else facts[1]
 
 
+def check_capture(comm, name) -> bool:
+    """True if a capture on the communicator's GPU is to hold messages.
+
+    Raises:
+        DistributedError: it cannot.
+    """
+    if comm.size == 1 or not comm.device.is_cuda or not comm.device.is_capturing:
+        return False
+    if not comm.supports(wp.float32, capture=True):
+        raise DistributedError(
+            f"rank {comm.rank}: {name} by {comm.engine} in a capture on '{comm.device}': "
+            "captures hold messages of NCCL alone, use `wd.nccl(comm)`"
+        )
+    return True
+
+
 def run_or_record(comm, name, function) -> None:
     """Calls a function of the host, or records the call in a capture of this thread.
 
@@ -110,12 +126,7 @@ def run_or_record(comm, name, function) -> None:
         if capture is not None:
             capture.add_host(function, name)
             return
-        if comm.size > 1 and comm.device.is_cuda and comm.device.is_capturing:
-            if not comm.supports(wp.float32, capture=True):
-                raise DistributedError(
-                    f"rank {comm.rank}: {name} by {comm.engine} in a capture on '{comm.device}': "
-                    "captures hold messages of NCCL alone, use `wd.nccl(comm)`"
-                )
+        if check_capture(comm, name):
             for key, capture in captures.items():
                 if isinstance(key, tuple):
                     capture.note_other(f"messages of NCCL, '{name}'")
@@ -234,6 +245,8 @@ class Exchange:
             comm.check_use(self.name)
         self._is_packed = bool(captures) or Observers.active or not self.is_direct
         if self._is_packed:
+            if captures:
+                check_capture(comm, self.name)
             self._pack()
             run_or_record(comm, self.name, self._start_packed)
         else:

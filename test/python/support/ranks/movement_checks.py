@@ -1,0 +1,76 @@
+"""Checks that move elements and compute nothing, for a driver that runs no kernels."""
+
+import sys
+
+import checking
+import numpy as np
+
+import warp as wp
+import warp.distributed as wd
+from warp._src.distributed.failures import DistributedError
+
+
+def halos(comm):
+    """Ghosts are the neighbours' cells, of one field and of several of different types."""
+    rows = 3 * comm.size
+    data = np.arange(rows * 5, dtype=np.float32).reshape(rows, 5)
+    blocks = wd.Blocks((rows, 5), 1, True, comm=comm)
+    x, y = blocks.zeros(), blocks.zeros(wp.int64)
+    for one in (x, y):
+        blocks.scatter(data if comm.rank == 0 else None, one)
+    around = np.pad(data, 1, mode="wrap")
+    own = tuple(slice(o, o + n) for o, n in zip(blocks.offset, blocks.local, strict=True))
+    blocks.halo(x)
+    assert np.array_equal(x.numpy(), around[own])
+    blocks.halo(x, y)
+    assert np.array_equal(y.numpy(), around[own])
+    whole = blocks.gather(x)
+    assert (whole is None) == (comm.rank != 0)
+    assert whole is None or np.array_equal(whole, data)
+
+
+def collectives(comm):
+    """Sums, extrema, broadcasts and gathers against NumPy, from device memory."""
+    parts = [np.arange(4, dtype=np.float64) * (rank + 1) for rank in range(comm.size)]
+    for op, wanted in (("sum", sum(parts)), ("max", parts[-1]), ("min", parts[0])):
+        x = wp.array(parts[comm.rank], dtype=wp.float64, device=comm.device)
+        assert np.array_equal(wd.all_reduce(x, op, exact=False, comm=comm).numpy(), wanted), op
+    x = wp.array(parts[comm.rank], dtype=wp.float64, device=comm.device)
+    assert np.array_equal(wd.all_gather(x, comm=comm).numpy(), np.concatenate(parts))
+    wd.broadcast(x, 1, comm=comm)
+    assert np.array_equal(x.numpy(), parts[1])
+
+
+def refusals(comm):
+    """A GPU for two ranks, ranks of the CPU, and disagreement are errors on all ranks."""
+    with wp.ScopedDevice("cuda:0"):
+        text = checking.fails(
+            lambda: wd.nccl(comm.bootstrap, device="cuda:0"), f"rank {comm.rank}", "cuda:0", "gloo"
+        )
+    assert f"rank {1 - comm.rank} has" in text
+    checking.fails(lambda: wd.nccl(comm.bootstrap, device="cpu"), "needs a GPU", "'cpu'")
+    x = wp.zeros(3 + comm.rank, dtype=float, device=comm.device)
+    checking.fails(lambda: wd.all_reduce(x, comm=comm), "(3,)", "(4,)", "alike on all ranks")
+    other = wp.zeros(3, dtype=float, device="cpu")
+    try:
+        wd.all_reduce(other, comm=comm)
+    except DistributedError as problem:
+        assert "'cpu'" in str(problem)
+
+
+def captures(comm):
+    """Messages of the host in a capture on a GPU are an error, and none in the graph."""
+    x = wp.zeros(3, dtype=float, device=comm.device)
+    blocks = wd.Blocks((4 * comm.size, 3), comm=comm)
+    y = blocks.zeros()
+    for work in (lambda: wd.all_reduce(x, exact=False, comm=comm), lambda: blocks.halo(y)):
+        work()
+        with wp.ScopedCapture(device=comm.device):
+            words = f"rank {comm.rank}", f"by {comm.engine} in a capture", "wd.nccl"
+            checking.fails(work, *words)
+        work()
+
+
+if __name__ == "__main__":
+    by_nccl = "--way=nccl" in sys.argv
+    checking.run([halos, collectives, refusals if by_nccl else captures])
