@@ -20,18 +20,28 @@ namespace warp {
 struct FusionPart {
   const Module *module = nullptr;
   std::vector<int> arguments;
+  /// Where blocks run rows: the extents of its launch behind the first one, and
+  /// whether threads of the block wait before it.
+  std::vector<int64_t> inner = {};
+  bool waits = false;
 };
 
 /// A kernel whose threads run the parts one after the other. Operations keep
 /// their places in the source. Throws `Error` of kind `Compile` if a part is no
-/// plain kernel, such as a derivative.
+/// plain kernel, such as a derivative. With `blockThreads`, a block of so many
+/// threads runs the parts for an index of their first extent, a row.
 WARP_API Module fuseKernels(const std::string &name,
-                            const std::vector<FusionPart> &parts);
+                            const std::vector<FusionPart> &parts,
+                            int64_t blockThreads = 0);
 
 /// False if graphs that this thread captures keep launches as they were
 /// recorded.
 WARP_API bool fusesLaunches();
 WARP_API void setFusesLaunches(bool fuses);
+/// The same for launches that blocks run by rows, on GPUs, and to be tested on
+/// CPUs.
+WARP_API void setFusesRows(bool fuses);
+WARP_API void setFusesRowsOnHost(bool fuses);
 
 } // namespace warp
 

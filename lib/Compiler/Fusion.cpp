@@ -9,6 +9,10 @@
 // additions of different parts only meet behind warp-fuse-multiply-add, which
 // has formed the `fma` of each part by then.
 //
+// Parts whose launches have the first extent in common alone may run in blocks:
+// each block has the threads of all parts for one index of that extent, and
+// they wait for each other between parts that share elements.
+//
 //===----------------------------------------------------------------------===//
 
 #include "warp/Fusion.h"
@@ -17,9 +21,13 @@
 
 #include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/Passes.h"
+#include "WarpDialect/Registry.h"
+#include "WarpDialect/TileOps.h"
+#include "WarpDialect/TilePasses.h"
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/IR/IRMapping.h"
 #include "mlir/IR/SymbolTable.h"
 #include "mlir/IR/Verifier.h"
@@ -33,16 +41,22 @@ namespace {
 
 class Fusing {
 public:
-  Fusing(StringRef name, ArrayRef<warp::FusionPart> parts);
+  Fusing(StringRef name, ArrayRef<warp::FusionPart> parts,
+         int64_t blockThreads);
   OwningOpRef<ModuleOp> run();
 
 private:
   func::FuncOp takeKernel(ModuleOp part);
   void findArguments();
   void createKernel();
+  void addPart(const warp::FusionPart &part, func::FuncOp kernel,
+               func::FuncOp fused, Operation *end);
+  void addRowPart(const warp::FusionPart &part, func::FuncOp kernel,
+                  func::FuncOp fused, Operation *end);
 
   std::string name;
   ArrayRef<warp::FusionPart> parts;
+  int64_t blockThreads;
   OwningOpRef<ModuleOp> module;
   /// Copies of the parts, which own their kernels.
   SmallVector<OwningOpRef<ModuleOp>> copies;
@@ -57,8 +71,9 @@ static Error failure(const Twine &message) {
   return Error(Error::Kind::Compile, message.str());
 }
 
-Fusing::Fusing(StringRef name, ArrayRef<warp::FusionPart> parts)
-    : name(name), parts(parts),
+Fusing::Fusing(StringRef name, ArrayRef<warp::FusionPart> parts,
+               int64_t blockThreads)
+    : name(name), parts(parts), blockThreads(blockThreads),
       module(
           ModuleOp::create(UnknownLoc::get(&warp::compilerContext()), name)) {}
 
@@ -115,14 +130,78 @@ void Fusing::createKernel() {
   if (budget)
     fused->setAttr(warp::attr::inlineBudget, b.getI64IntegerAttr(budget));
   b.setInsertionPointToStart(fused.addEntryBlock());
-  for (auto [part, kernel] : llvm::zip_equal(parts, kernels)) {
-    IRMapping mapping;
-    for (auto [i, number] : llvm::enumerate(part.arguments))
-      mapping.map(kernel.getArgument(i), fused.getArgument(number));
-    for (Operation &op : kernel.getBody().front().without_terminator())
-      b.clone(op, mapping);
+  auto end = func::ReturnOp::create(b, loc);
+  if (blockThreads)
+    fused->setAttr(warp::attr::blockThreads, b.getI64IntegerAttr(blockThreads));
+  for (auto [part, kernel] : llvm::zip_equal(parts, kernels))
+    if (blockThreads)
+      addRowPart(part, kernel, fused, end);
+    else
+      addPart(part, kernel, fused, end);
+}
+
+/// Copies a part's operations in front of another one.
+void Fusing::addPart(const warp::FusionPart &part, func::FuncOp kernel,
+                     func::FuncOp fused, Operation *end) {
+  OpBuilder b(end);
+  IRMapping mapping;
+  for (auto [i, number] : llvm::enumerate(part.arguments))
+    mapping.map(kernel.getArgument(i), fused.getArgument(number));
+  for (Operation &op : kernel.getBody().front().without_terminator())
+    b.clone(op, mapping);
+}
+
+/// The same for the threads of a row, of which a part has as many as the
+/// product of its inner extents.
+void Fusing::addRowPart(const warp::FusionPart &part, func::FuncOp kernel,
+                        func::FuncOp fused, Operation *end) {
+  OpBuilder b(end);
+  Location loc = kernel.getLoc();
+  Type index = b.getIntegerType(32, /*isSigned=*/true);
+  auto constant = [&](int64_t value) -> Value {
+    return warp::ConstantOp::create(b, loc, b.getIntegerAttr(index, value));
+  };
+  auto builtin = [&](StringRef name, Value a, Value other) {
+    return warp::createBuiltin(b, loc, name, {a, other})->getResult(0);
+  };
+  if (part.waits)
+    warp::BarrierOp::create(b, loc);
+  auto tid = warp::TidOp::create(b, loc, SmallVector<Type>(2, index));
+  int64_t count = 1;
+  for (int64_t extent : part.inner)
+    count *= extent;
+  Value isIn = builtin("lt", tid.getResult(1), constant(count));
+  auto branch = scf::IfOp::create(b, loc, isIn, /*withElseRegion=*/false);
+  b.setInsertionPoint(branch.thenBlock()->getTerminator());
+  // The indices of the part's own launch.
+  SmallVector<Value> indices(4);
+  indices[0] = tid.getResult(0);
+  Value rest = tid.getResult(1);
+  for (size_t i = part.inner.size(); i-- > 0;) {
+    Value extent = constant(part.inner[i]);
+    indices[i + 1] = i ? builtin("mod", rest, extent) : rest;
+    if (i)
+      rest = builtin("floordiv", rest, extent);
   }
-  func::ReturnOp::create(b, loc);
+  addPart(part, kernel, fused, branch.thenBlock()->getTerminator());
+  branch->walk([&](Operation *op) {
+    // The other parts go on behind a return.
+    op->removeAttr(warp::attr::stays);
+    auto own = dyn_cast<warp::TidOp>(op);
+    if (!own)
+      return;
+    OpBuilder at(own);
+    for (auto [i, result] : llvm::enumerate(own.getResults())) {
+      Value value = indices[i];
+      if (!value)
+        value = warp::ConstantOp::create(
+            at, loc, at.getIntegerAttr(result.getType(), 0));
+      else if (result.getType() != index)
+        value = warp::CastOp::create(at, loc, result.getType(), value);
+      result.replaceAllUsesWith(value);
+    }
+    own->erase();
+  });
 }
 
 OwningOpRef<ModuleOp> Fusing::run() {
@@ -140,6 +219,10 @@ OwningOpRef<ModuleOp> Fusing::run() {
       if (failed(SymbolTable::replaceAllSymbolUses(function, symbol, copy)))
         throw failure("a function cannot be renamed");
       function.setSymName(own);
+      if (blockThreads && function != kernels.back() &&
+          function.walk([](warp::TidOp) { return WalkResult::interrupt(); })
+              .wasInterrupted())
+        throw failure("a function has the index of the thread");
     }
   }
   findArguments();
@@ -153,11 +236,12 @@ OwningOpRef<ModuleOp> Fusing::run() {
 }
 
 warp::Module warp::fuseKernels(const std::string &name,
-                               const std::vector<FusionPart> &parts) {
+                               const std::vector<FusionPart> &parts,
+                               int64_t blockThreads) {
   ContextLock lock;
   Diagnostics diagnostics;
   auto made = std::make_shared<Module::Impl>();
-  made->op = Fusing(name, parts).run();
+  made->op = Fusing(name, parts, blockThreads).run();
   if (failed(verify(*made->op)))
     throw diagnostics.toError(Error::Kind::Compile, "invalid IR");
   return Module(std::move(made));

@@ -28,16 +28,22 @@ static constexpr size_t mostBytes = 4096;
 /// Registers of a GPU's thread with which half of the threads that a
 /// multiprocessor may have fit.
 static constexpr int mostRegisters = 64;
+/// The same for blocks of rows, which wait for each other, and of which a
+/// launch has few.
+static constexpr int mostRowRegisters = 128;
 /// Kernels that a process keeps.
 static constexpr size_t mostKernels = 512;
 
 /// True if updates of an array may have another plan in a fused kernel: their
 /// order does not matter, or is nobody's anyway.
 static bool mayMoveUpdates(const GraphOperation &launch, const Access &access) {
-  if (access.fetched || launch.kernel->options().deterministic)
+  if (launch.kernel->options().deterministic)
     return false;
+  // Threads of a GPU come in no order, also where results are used.
   if (!isHost(launch.plan.device))
     return true;
+  if (access.fetched)
+    return false;
   // Small launches on CPUs add floats in one order.
   for (const Param &param : launch.kernel->parameters())
     if (param.offset == access.offset)
@@ -116,41 +122,56 @@ static std::string nameOf(const std::vector<const GraphOperation *> &launches) {
   return name.substr(0, 200);
 }
 
-static std::shared_ptr<Kernel>
-makeKernel(const std::vector<const GraphOperation *> &launches,
-           const Arguments &arguments, const std::string &key) {
-  KernelOptions options = launches.front()->kernel->options();
+/// The extents of a launch behind the first one.
+static std::vector<int64_t> innerOf(const GraphOperation &launch) {
+  const LaunchDim &dim = launch.dim;
+  return std::vector<int64_t>(dim.extent + 1, dim.extent + dim.rank);
+}
+
+static std::shared_ptr<Kernel> makeKernel(const FusionPlan &plan,
+                                          const Arguments &arguments,
+                                          const std::string &key) {
+  KernelOptions options = plan.launches.front()->kernel->options();
   // The graph keeps the code.
   options.quickFirst = false;
   std::string cached = fingerprint(SourceHashes{key, key}, CompileOptions());
-  std::string name = nameOf(launches);
+  std::string name = nameOf(plan.launches);
   if (std::optional<Translation> found = findTranslation(cached))
     return std::make_shared<Kernel>(std::move(*found), name, options);
   std::vector<FusionPart> parts;
-  for (size_t i = 0; i < launches.size(); ++i)
-    parts.push_back({&launches[i]->kernel->module(), arguments.numbers[i]});
-  auto kernel =
-      std::make_shared<Kernel>(fuseKernels(name, parts), name, options);
+  for (size_t i = 0; i < plan.launches.size(); ++i) {
+    const GraphOperation &launch = *plan.launches[i];
+    FusionPart &part = parts.emplace_back();
+    part.module = &launch.kernel->module();
+    part.arguments = arguments.numbers[i];
+    if (plan.blockThreads) {
+      part.inner = innerOf(launch);
+      part.waits = plan.waits[i];
+    }
+  }
+  auto kernel = std::make_shared<Kernel>(
+      fuseKernels(name, parts, plan.blockThreads), name, options);
   storeTranslation(cached, kernel->translation());
   return kernel;
 }
 
-static std::shared_ptr<Kernel>
-kernelFor(const std::vector<const GraphOperation *> &launches,
-          const Arguments &arguments) {
-  struct Known {
-    ForkMutex mutex;
-    std::map<std::string, std::shared_ptr<Kernel>> kernels;
-  };
-  static auto *known = new Known;
+/// Names a fused kernel by those of its parts, and how they are put together.
+static std::string keyOf(const FusionPlan &plan, const Arguments &arguments) {
   std::string key;
-  for (size_t i = 0; i < launches.size(); ++i) {
-    key += launches[i]->kernel->sourceHashes().located;
+  for (size_t i = 0; i < plan.launches.size(); ++i) {
+    key += plan.launches[i]->kernel->sourceHashes().located;
     for (int number : arguments.numbers[i])
       key += ',' + std::to_string(number);
+    if (plan.blockThreads) {
+      key += plan.waits[i] ? '|' : '&';
+      for (int64_t extent : innerOf(*plan.launches[i]))
+        key += std::to_string(extent) + 'x';
+    }
     key += ';';
   }
-  KernelOptions options = launches.front()->kernel->options();
+  if (plan.blockThreads)
+    key += " rows of " + std::to_string(plan.blockThreads);
+  KernelOptions options = plan.launches.front()->kernel->options();
   for (int64_t option :
        {int64_t(options.deterministic), int64_t(options.sameOnDevices),
         options.orderedSlots, int64_t(options.lineinfo),
@@ -158,12 +179,23 @@ kernelFor(const std::vector<const GraphOperation *> &launches,
         int64_t(options.maxRegisters), int64_t(options.maxThreads),
         int64_t(options.minBlocks), int64_t(options.lanes)})
     key += ' ' + std::to_string(option);
+  return key;
+}
+
+static std::shared_ptr<Kernel> kernelFor(const FusionPlan &plan,
+                                         const Arguments &arguments) {
+  struct Known {
+    ForkMutex mutex;
+    std::map<std::string, std::shared_ptr<Kernel>> kernels;
+  };
+  static auto *known = new Known;
+  std::string key = keyOf(plan, arguments);
   std::lock_guard lock(known->mutex);
   if (auto found = known->kernels.find(key); found != known->kernels.end())
     return found->second;
   if (known->kernels.size() >= mostKernels)
     known->kernels.clear();
-  return known->kernels[key] = makeKernel(launches, arguments, key);
+  return known->kernels[key] = makeKernel(plan, arguments, key);
 }
 
 //===----------------------------------------------------------------------===//
@@ -171,19 +203,27 @@ kernelFor(const std::vector<const GraphOperation *> &launches,
 //===----------------------------------------------------------------------===//
 
 /// Why the code of a fused launch is worse than that of its parts.
-static std::string whyWorse(const std::vector<const GraphOperation *> &launches,
-                            const FusedLaunch &fused) {
-  GraphOperation one = *launches.front();
+static std::string whyWorse(const FusionPlan &plan, const FusedLaunch &fused) {
+  GraphOperation one = *plan.launches.front();
   one.kernel = fused.kernel.get();
   one.plan = fused.plan;
-  if (std::string why = whyApart(one); !why.empty())
-    return why;
   const Kernel::Variant &variant = *fused.plan.variant;
+  // Threads of rows wait for each other.
+  if (plan.blockThreads) {
+    if (!isHost(fused.plan.device) &&
+        (!variant.code.schedule.cooperative ||
+         variant.key.blockDim != plan.blockThreads))
+      return "its code is for other blocks";
+  } else if (std::string why = whyApart(one); !why.empty()) {
+    return why;
+  }
   auto [registers, bytes] = variant.current.load()->threadResources();
-  int most = mostRegisters, mostLocal = 0;
-  for (const GraphOperation *launch : launches) {
+  int most = plan.blockThreads ? mostRowRegisters : mostRegisters;
+  int mostLocal = 0;
+  for (const GraphOperation *launch : plan.launches) {
     const Kernel::Variant &part = *launch->plan.variant;
-    if (part.code.schedule.lanes > variant.code.schedule.lanes)
+    if (!plan.blockThreads &&
+        part.code.schedule.lanes > variant.code.schedule.lanes)
       return "its code would have fewer lanes";
     auto [own, local] = part.current.load()->threadResources();
     most = std::max(most, own);
@@ -197,13 +237,12 @@ static std::string whyWorse(const std::vector<const GraphOperation *> &launches,
 
 /// The kernel and the arguments of a fused launch. Says why not if there is no
 /// kernel.
-static FusedLaunch assemble(const std::vector<const GraphOperation *> &launches,
-                            std::string &whyNot) {
+static FusedLaunch assemble(const FusionPlan &plan, std::string &whyNot) {
   FusedLaunch fused;
   Arguments arguments;
-  for (const GraphOperation *launch : launches)
+  for (const GraphOperation *launch : plan.launches)
     arguments.add(*launch);
-  fused.kernel = kernelFor(launches, arguments);
+  fused.kernel = kernelFor(plan, arguments);
   size_t size = fused.kernel->parameterSize();
   if (size > mostBytes) {
     whyNot = "it would have too many arguments";
@@ -219,29 +258,40 @@ static FusedLaunch assemble(const std::vector<const GraphOperation *> &launches,
 }
 
 /// Threads of a block that the launches asked for, 0 if they left it open.
-static int blockDimOf(const GraphOperation &launch) {
-  return launch.plan.openBlock ? 0 : launch.plan.variant->key.blockDim;
+static int blockDimOf(const FusionPlan &plan) {
+  const Kernel::Plan &first = plan.launches.front()->plan;
+  if (plan.blockThreads)
+    return plan.blockThreads;
+  return first.openBlock ? 0 : first.variant->key.blockDim;
 }
 
-void warp::prepareCode(
-    const std::vector<std::vector<const GraphOperation *>> &groups) {
+static LaunchDim dimOf(const FusionPlan &plan) {
+  LaunchDim dim = plan.launches.front()->dim;
+  if (plan.blockThreads) {
+    dim.rank = 2;
+    dim.extent[1] = plan.blockThreads;
+  }
+  return dim;
+}
+
+void warp::prepareCode(const std::vector<FusionPlan> &plans) {
   std::vector<FusedLaunch> missing;
   std::vector<Kernel::CodeRequest> requests;
-  for (const std::vector<const GraphOperation *> &launches : groups) {
-    const GraphOperation &first = *launches.front();
+  for (const FusionPlan &plan : plans) {
+    int device = plan.launches.front()->plan.device;
     std::string whyNot;
     try {
-      FusedLaunch fused = assemble(launches, whyNot);
+      FusedLaunch fused = assemble(plan, whyNot);
       if (!fused.kernel ||
           fused.kernel
-              ->tryPrepare(first.plan.device, first.dim, fused.params.data(),
-                           blockDimOf(first))
+              ->tryPrepare(device, dimOf(plan), fused.params.data(),
+                           blockDimOf(plan))
               .variant)
         continue;
       missing.push_back(std::move(fused));
       FusedLaunch &made = missing.back();
-      requests.push_back({made.kernel.get(), first.plan.device, first.dim,
-                          made.params.data(), blockDimOf(first)});
+      requests.push_back({made.kernel.get(), device, dimOf(plan),
+                          made.params.data(), blockDimOf(plan)});
     } catch (const Error &) {
       // `fuse` has it again.
     }
@@ -254,20 +304,19 @@ void warp::prepareCode(
   }
 }
 
-FusedLaunch warp::fuse(const std::vector<const GraphOperation *> &launches,
-                       std::string &whyNot) {
-  const GraphOperation &first = *launches.front();
+FusedLaunch warp::fuse(const FusionPlan &plan, std::string &whyNot) {
   try {
-    FusedLaunch fused = assemble(launches, whyNot);
+    FusedLaunch fused = assemble(plan, whyNot);
     if (!fused.kernel)
       return {};
-    fused.plan = fused.kernel->prepare(first.plan.device, first.dim,
-                                       fused.params.data(), blockDimOf(first));
+    fused.plan =
+        fused.kernel->prepare(plan.launches.front()->plan.device, dimOf(plan),
+                              fused.params.data(), blockDimOf(plan));
     // The graph runs later.
     bool isForNow =
         fused.plan.readsMemory && fused.plan.variant->key.zeros != 0;
-    whyNot = isForNow ? "memory decides what it leaves out"
-                      : whyWorse(launches, fused);
+    whyNot =
+        isForNow ? "memory decides what it leaves out" : whyWorse(plan, fused);
     if (whyNot.empty())
       return fused;
   } catch (const Error &error) {

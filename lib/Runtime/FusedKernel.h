@@ -14,19 +14,27 @@
 
 namespace warp {
 
+/// Launches that are to be one.
+struct FusionPlan {
+  std::vector<const GraphOperation *> launches;
+  /// Threads of the blocks that each run all of them for one index of their
+  /// first extent; 0 if each thread runs all of them for its own index.
+  int blockThreads = 0;
+  /// The launches before which threads of a block wait.
+  std::vector<bool> waits;
+};
+
 /// Why a launch can be no part of a fused one, whatever the others are; empty
 /// if it can.
 std::string whyApart(const GraphOperation &launch);
 
 /// Makes the code of several fused launches at a time, that `fuse` will ask
 /// for. Errors come there.
-void prepareCode(
-    const std::vector<std::vector<const GraphOperation *>> &groups);
+void prepareCode(const std::vector<FusionPlan> &plans);
 
-/// Launches of equal extents and options as one. Says why not if `kernel` is
-/// null.
-FusedLaunch fuse(const std::vector<const GraphOperation *> &launches,
-                 std::string &whyNot);
+/// Launches of equal options, and extents if the plan has no blocks, as one.
+/// Says why not if `kernel` is null.
+FusedLaunch fuse(const FusionPlan &plan, std::string &whyNot);
 
 } // namespace warp
 

@@ -9,6 +9,9 @@
 // would have to wait for more. Short launches that wait for the same nodes and
 // not for each other are joined likewise.
 //
+// On a GPU, launches that have the first extent in common alone, and share
+// elements within its indices, rows, become one whose blocks run a row each.
+//
 // On a GPU, launches that leave room for others run beside them at little cost,
 // so that none becomes part of one that the longest path of the graph has.
 //
@@ -22,7 +25,7 @@
 #include "warp/Fusion.h"
 
 #include <algorithm>
-#include <queue>
+#include <tuple>
 
 using namespace warp;
 
@@ -35,11 +38,18 @@ static constexpr double shortThread = 256;
 static constexpr int halfOfMultiprocessor = 1024;
 /// Launches before one that it is compared with, for such.
 static constexpr int mostLooks = 8;
+/// Threads of a row that is one block, and the least number of rows: fewer do
+/// not fill the multiprocessors by a warp each.
+static constexpr int64_t mostRowThreads = 128;
+static constexpr int64_t fewestRows = 64;
 
-static thread_local bool isFusing = true;
+static thread_local bool isFusing = true, hasRowsOnGpu = true,
+                         hasRowsOnHost = false;
 
 bool warp::fusesLaunches() { return isFusing; }
 void warp::setFusesLaunches(bool fuses) { isFusing = fuses; }
+void warp::setFusesRows(bool fuses) { hasRowsOnGpu = fuses; }
+void warp::setFusesRowsOnHost(bool fuses) { hasRowsOnHost = fuses; }
 
 namespace {
 
@@ -54,19 +64,33 @@ private:
     std::vector<ThreadAccess> accesses;
   };
 
+  /// Launches that are one.
+  struct Group {
+    std::vector<int> nodes;
+    /// Blocks run rows.
+    bool hasRows = false;
+  };
+
   void join(int node);
-  std::string whyNot(int group, int node) const;
+  std::string whyNot(int group, int node, bool &hasRows) const;
+  std::string whyNoRows(int group, int node) const;
   std::string whyOrdered(int group, int node, bool hasEdge) const;
   bool isShort(int node) const;
   bool leavesRoom(int node) const;
   bool isOnLongest(int node) const {
     return depth[node] + height[node] == longest;
   }
+  bool isMadeLike(int node, int other) const;
   bool isLike(int node, int other) const;
+  bool mayBeRow(int node) const;
+  bool mayBeOne(int node, int other) const {
+    return isLike(node, other) ||
+           (mayBeRow(node) && mayBeRow(other) && isMadeLike(node, other));
+  }
   std::vector<int> before(int group) const;
-  int readyOf(int group) const;
+  int readyOf(int group, int except = -1) const;
   bool reaches(int from, int to) const;
-  std::vector<const GraphOperation *> launchesOf(int group) const;
+  FusionPlan planOf(int group) const;
   FusedLaunch fuseGroup(int group);
   void merge(const std::vector<int> &nodes, NodeRecord &record) const;
 
@@ -77,7 +101,7 @@ private:
   int longest = 0;
   std::vector<Launch> launches;
   std::vector<int> groupOf;
-  std::vector<std::vector<int>> groups;
+  std::vector<Group> groups;
 };
 
 } // namespace
@@ -92,7 +116,7 @@ Fusing::Fusing(std::vector<NodeRecord> &records, const GraphSchedule &schedule)
       depth[i] = std::max(depth[i], depth[edge.from] + 1);
     }
     groupOf.push_back(int(i));
-    groups.push_back({int(i)});
+    groups.push_back({{int(i)}});
     if (const GraphOperation *launch = records[i].launch) {
       launches[i].why =
           records[i].barrier.empty() ? whyApart(*launch) : records[i].barrier;
@@ -116,22 +140,44 @@ bool Fusing::leavesRoom(int node) const {
              int64_t(halfOfMultiprocessor) * deviceInfo(device).smCount;
 }
 
-/// True if two launches have the same extents and are made in the same way.
-bool Fusing::isLike(int node, int other) const {
+/// True if two launches are made in the same way.
+bool Fusing::isMadeLike(int node, int other) const {
   const GraphOperation *a = records[node].launch, *b = records[other].launch;
   return a && b && a->plan.variant && b->plan.variant &&
-         a->plan.device == b->plan.device && a->dim.rank == b->dim.rank &&
-         std::equal(a->dim.extent, a->dim.extent + a->dim.rank,
-                    b->dim.extent) &&
+         a->plan.device == b->plan.device &&
          a->plan.openBlock == b->plan.openBlock &&
          a->plan.variant->key.blockDim == b->plan.variant->key.blockDim &&
          a->kernel->options() == b->kernel->options();
 }
 
+/// True if two launches have the same extents, too.
+bool Fusing::isLike(int node, int other) const {
+  const GraphOperation *a = records[node].launch, *b = records[other].launch;
+  return isMadeLike(node, other) && a->dim.rank == b->dim.rank &&
+         std::equal(a->dim.extent, a->dim.extent + a->dim.rank, b->dim.extent);
+}
+
+/// Threads of one index of the first extent.
+static int64_t rowThreads(const LaunchDim &dim) {
+  int64_t count = 1;
+  for (int i = 1; i < dim.rank; ++i)
+    count *= dim.extent[i];
+  return count;
+}
+
+/// True if a launch may run in blocks of a row each.
+bool Fusing::mayBeRow(int node) const {
+  const GraphOperation *launch = records[node].launch;
+  return launch && launch->plan.openBlock && launch->dim.rank > 0 &&
+         (isHost(launch->plan.device) ? hasRowsOnHost : hasRowsOnGpu) &&
+         launch->dim.extent[0] >= fewestRows &&
+         rowThreads(launch->dim) <= mostRowThreads;
+}
+
 /// The groups that a group comes behind.
 std::vector<int> Fusing::before(int group) const {
   std::vector<int> found;
-  for (int node : groups[group])
+  for (int node : groups[group].nodes)
     for (int from : edges[node])
       if (groupOf[from] != group)
         found.push_back(groupOf[from]);
@@ -158,12 +204,13 @@ bool Fusing::reaches(int from, int to) const {
   return false;
 }
 
-/// The depth at which all that a group waits for is done.
-int Fusing::readyOf(int group) const {
+/// The depth at which all that a group waits for is done, but for another one.
+int Fusing::readyOf(int group, int except) const {
   int ready = 0;
   for (int other : before(group))
-    for (int node : groups[other])
-      ready = std::max(ready, depth[node] + 1);
+    if (other != except)
+      for (int node : groups[other].nodes)
+        ready = std::max(ready, depth[node] + 1);
   return ready;
 }
 
@@ -177,40 +224,72 @@ std::string Fusing::whyOrdered(int group, int node, bool hasEdge) const {
   int own = groupOf[node];
   for (int other : before(own))
     if (other != group && reaches(group, other))
-      return "'" + records[groups[other].front()].name + "' comes between";
+      return "'" + records[groups[other].nodes.front()].name +
+             "' comes between";
   if (!hasEdge)
     return readyOf(own) == readyOf(group) ? "" : "they wait for other nodes";
   // The group would begin when the node can.
-  int ready = 0;
-  for (int other : before(own))
-    if (other != group)
-      for (int one : groups[other])
-        ready = std::max(ready, depth[one] + 1);
-  if (ready <= readyOf(group))
+  if (readyOf(own, group) <= readyOf(group))
     return "";
-  for (int member : groups[group])
+  for (int member : groups[group].nodes)
     for (int follower : followers[member])
       if (follower != node && groupOf[follower] != group)
         return "'" + records[follower].name + "' would have to wait";
   return "";
 }
 
-std::string Fusing::whyNot(int group, int node) const {
+/// Why a group with a launch can be no launch of rows; empty if it can.
+std::string Fusing::whyNoRows(int group, int node) const {
+  const LaunchDim &dim = records[node].launch->dim;
+  for (int member : groups[group].nodes) {
+    const LaunchDim &other = records[member].launch->dim;
+    if (!mayBeRow(member) || !mayBeRow(node) ||
+        dim.extent[0] != other.extent[0])
+      return "they have other extents";
+    if (auto name = findRowCrossing(launches[member].accesses, other,
+                                    launches[node].accesses, dim))
+      return "rows share elements of '" + *name + "'";
+  }
+  return "";
+}
+
+/// Why a launch cannot be part of a group; empty if it can, of one with rows
+/// if `hasRows` is set.
+std::string Fusing::whyNot(int group, int node, bool &hasRows) const {
+  const std::vector<int> &members = groups[group].nodes;
+  hasRows = groups[group].hasRows;
   if (!launches[node].why.empty())
     return launches[node].why;
-  if (groups[group].size() >= mostParts)
+  if (members.size() >= mostParts)
     return "enough launches are one";
-  const LaunchDim &dim = records[node].launch->dim;
-  for (int member : groups[group]) {
+  for (int member : members) {
     if (leavesRoom(node) && isOnLongest(node) != isOnLongest(member))
       return "only one of them is on the longest path";
     if (!launches[member].why.empty())
       return "of '" + records[member].name + "': " + launches[member].why;
-    if (auto name = findCrossing(launches[member].accesses,
-                                 launches[node].accesses, dim))
-      return "threads share elements of '" + *name + "'";
   }
-  return "";
+  std::string why;
+  for (int member : members) {
+    if (hasRows)
+      break;
+    const LaunchDim &dim = records[node].launch->dim;
+    if (!isLike(node, member))
+      why = "they have other extents";
+    else if (auto name = findCrossing(launches[member].accesses,
+                                      launches[node].accesses, dim))
+      why = "threads share elements of '" + *name + "'";
+    hasRows = !why.empty();
+  }
+  if (!hasRows)
+    return "";
+  // It would delay what is as far from the end.
+  for (int member : members)
+    for (int follower : followers[member])
+      if (follower != node && groupOf[follower] != group &&
+          height[follower] >= height[node])
+        return "'" + records[follower].name + "' would have to wait";
+  std::string whyRows = whyNoRows(group, node);
+  return whyRows.empty() || why.empty() ? whyRows : why;
 }
 
 /// Puts a launch into a group before it if one fits.
@@ -218,11 +297,12 @@ void Fusing::join(int node) {
   std::vector<int> tried;
   auto attempt = [&](int other, bool hasEdge) {
     int group = groupOf[other];
-    if (!isLike(node, other) ||
+    if (!mayBeOne(node, other) ||
         std::find(tried.begin(), tried.end(), group) != tried.end())
       return false;
     tried.push_back(group);
-    std::string why = whyNot(group, node);
+    bool hasRows = false;
+    std::string why = whyNot(group, node, hasRows);
     if (why.empty())
       why = whyOrdered(group, node, hasEdge);
     if (!why.empty()) {
@@ -230,8 +310,9 @@ void Fusing::join(int node) {
         records[node].apart = why;
       return false;
     }
-    groups[group].push_back(node);
-    groups[groupOf[node]].clear();
+    groups[group].nodes.push_back(node);
+    groups[group].hasRows = hasRows;
+    groups[groupOf[node]].nodes.clear();
     groupOf[node] = group;
     records[node].apart.clear();
     return true;
@@ -246,7 +327,8 @@ void Fusing::join(int node) {
     return;
   for (int other = node - 1, looks = 0; other >= 0 && looks < mostLooks;
        --other) {
-    if (!isLike(node, other) || !isShort(other) || !launches[other].why.empty())
+    if (!mayBeOne(node, other) || !isShort(other) ||
+        !launches[other].why.empty())
       continue;
     ++looks;
     int group = groupOf[other];
@@ -262,31 +344,57 @@ void Fusing::merge(const std::vector<int> &nodes, NodeRecord &record) const {
     record.name += (record.name.empty() ? "" : " + ") + part.name;
     record.accesses.insert(record.accesses.end(), part.accesses.begin(),
                            part.accesses.end());
-    record.threads = part.threads;
+    record.threads = std::max(record.threads, part.threads);
     record.bytes += part.bytes;
     record.parts.push_back(part.name);
   }
 }
 
-std::vector<const GraphOperation *> Fusing::launchesOf(int group) const {
-  std::vector<const GraphOperation *> launches;
-  for (int node : groups[group])
-    launches.push_back(records[node].launch);
-  return launches;
+/// How the launches of a group are made one.
+FusionPlan Fusing::planOf(int group) const {
+  const std::vector<int> &nodes = groups[group].nodes;
+  FusionPlan plan;
+  int64_t threads = 1;
+  for (int node : nodes) {
+    plan.launches.push_back(records[node].launch);
+    threads = std::max(threads, rowThreads(records[node].launch->dim));
+  }
+  if (!groups[group].hasRows)
+    return plan;
+  constexpr int64_t warp = 32;
+  plan.blockThreads = int((threads + warp - 1) / warp * warp);
+  // The first launch since threads have waited.
+  size_t first = 0;
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    bool waits = false;
+    for (size_t j = first; j < i && !waits; ++j) {
+      const std::vector<ThreadAccess> &a = launches[nodes[j]].accesses,
+                                      &b = launches[nodes[i]].accesses;
+      waits =
+          isLike(nodes[j], nodes[i])
+              ? findCrossing(a, b, records[nodes[i]].launch->dim).has_value()
+              : mayMeet(a, b);
+    }
+    plan.waits.push_back(waits);
+    if (waits)
+      first = i;
+  }
+  return plan;
 }
 
 /// Makes a group's launch of as many of its first launches as have good code
 /// together; the others are launches of their own.
 FusedLaunch Fusing::fuseGroup(int group) {
-  while (groups[group].size() > 1) {
+  std::vector<int> &nodes = groups[group].nodes;
+  while (nodes.size() > 1) {
     std::string why;
-    FusedLaunch fused = fuse(launchesOf(group), why);
+    FusedLaunch fused = fuse(planOf(group), why);
     if (fused.kernel)
       return fused;
-    int last = groups[group].back();
-    groups[group].pop_back();
+    int last = nodes.back();
+    nodes.pop_back();
     groupOf[last] = last;
-    groups[last] = {last};
+    groups[last].nodes = {last};
     records[last].apart = why;
   }
   return {};
@@ -296,48 +404,54 @@ FusedNodes Fusing::run() {
   for (size_t i = 0; i < records.size() && fusesLaunches(); ++i)
     if (records[i].launch)
       join(int(i));
-  std::vector<std::vector<const GraphOperation *>> parts;
+  std::vector<FusionPlan> plans;
   for (size_t group = 0; group < groups.size(); ++group)
-    if (groups[group].size() > 1)
-      parts.push_back(launchesOf(int(group)));
-  prepareCode(parts);
+    if (groups[group].nodes.size() > 1)
+      plans.push_back(planOf(int(group)));
+  prepareCode(plans);
   std::map<int, FusedLaunch> made;
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
       made[int(group)] = std::move(fused);
-  // An order that keeps the edges, near that of the recording.
+  // An order that keeps the edges: by the longest path to each node, then by
+  // that from there on, since nodes that fill the device keep it.
   std::vector<size_t> waits(groups.size());
   std::vector<std::vector<int>> next(groups.size());
-  auto later = [&](int a, int b) {
-    return groups[a].back() > groups[b].back();
-  };
-  std::priority_queue<int, std::vector<int>, decltype(later)> ready(later);
+  std::vector<int> order, level(groups.size()), left(groups.size());
   for (size_t group = 0; group < groups.size(); ++group) {
-    if (groups[group].empty())
+    if (groups[group].nodes.empty())
       continue;
     std::vector<int> list = before(int(group));
     waits[group] = list.size();
     for (int other : list)
       next[other].push_back(int(group));
     if (list.empty())
-      ready.push(int(group));
+      order.push_back(int(group));
   }
-  FusedNodes result;
-  while (!ready.empty()) {
-    int group = ready.top();
-    ready.pop();
-    for (int other : next[group])
+  for (size_t i = 0; i < order.size(); ++i)
+    for (int other : next[order[i]]) {
+      level[other] = std::max(level[other], level[order[i]] + 1);
       if (--waits[other] == 0)
-        ready.push(other);
+        order.push_back(other);
+    }
+  for (size_t i = order.size(); i-- > 0;)
+    for (int other : next[order[i]])
+      left[order[i]] = std::max(left[order[i]], left[other] + 1);
+  std::sort(order.begin(), order.end(), [&](int a, int b) {
+    return std::tuple(level[a], -left[a], groups[a].nodes.front()) <
+           std::tuple(level[b], -left[b], groups[b].nodes.front());
+  });
+  FusedNodes result;
+  for (int group : order) {
     NodeRecord record;
     if (auto fused = made.find(group); fused != made.end()) {
-      merge(groups[group], record);
+      merge(groups[group].nodes, record);
       result.launches[result.records.size()] = std::move(fused->second);
     } else {
-      record = records[groups[group].front()];
+      record = records[groups[group].nodes.front()];
     }
     result.records.push_back(std::move(record));
-    result.members.push_back(groups[group]);
+    result.members.push_back(groups[group].nodes);
   }
   return result;
 }

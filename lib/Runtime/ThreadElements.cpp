@@ -8,6 +8,10 @@
 // is. An index of several thread dimensions tells them apart if each factor
 // exceeds the reach of all smaller ones, like digits of a number.
 //
+// Rows of launches that have the first extent in common meet in no element if
+// some index has the same factor of the row in both, and that is larger than
+// all else in which the two may differ.
+//
 //===----------------------------------------------------------------------===//
 
 #include "ThreadElements.h"
@@ -151,11 +155,15 @@ static void addTold(const Index &index, const LaunchDim &dim, unsigned &told) {
   told |= all;
 }
 
+static bool meet(const ThreadAccess &a, const ThreadAccess &b) {
+  return rangeOf(a.array.data, a.array, a.elementSize, 1)
+      .overlaps(rangeOf(b.array.data, b.array, b.elementSize, 1));
+}
+
 /// True if threads may share an element.
 static bool cross(const ThreadAccess &a, const ThreadAccess &b,
                   const LaunchDim &dim) {
-  if (!rangeOf(a.array.data, a.array, a.elementSize, 1)
-           .overlaps(rangeOf(b.array.data, b.array, b.elementSize, 1)))
+  if (!meet(a, b))
     return false;
   if (a.elementSize != b.elementSize || !isSameArray(a.array, b.array) ||
       !liesApart(a.array, a.elementSize))
@@ -179,4 +187,76 @@ warp::findCrossing(const std::vector<ThreadAccess> &first,
       if ((a.writes || b.writes) && cross(a, b, dim))
         return b.name;
   return std::nullopt;
+}
+
+//===----------------------------------------------------------------------===//
+// Rows
+//===----------------------------------------------------------------------===//
+
+/// How far the indices behind the first one change an index, to either side.
+struct Reach {
+  int64_t below = 0, above = 0;
+};
+
+/// Nothing if it is too far for numbers.
+static std::optional<Reach> reachOf(const Index &index, const LaunchDim &dim) {
+  Reach reach;
+  for (int i = 1; i < dim.rank; ++i) {
+    int64_t change;
+    if (__builtin_mul_overflow(index.factors[i], dim.extent[i] - 1, &change))
+      return std::nullopt;
+    int64_t &side = change < 0 ? reach.below : reach.above;
+    if (__builtin_add_overflow(side, std::abs(change), &side))
+      return std::nullopt;
+  }
+  return reach;
+}
+
+/// True if equal values of two indices are of the same row.
+static bool tellsRows(const Index &a, const LaunchDim &dim, const Index &b,
+                      const LaunchDim &otherDim) {
+  if (!a.isKnown || !b.isKnown || a.factors[0] != b.factors[0] ||
+      a.factors[0] == 0)
+    return false;
+  std::optional<Reach> first = reachOf(a, dim), second = reachOf(b, otherDim);
+  if (!first || !second)
+    return false;
+  // The other terms differ by so much if the two indices are equal.
+  __int128 distance = __int128(b.base) - a.base;
+  __int128 least = distance - second->below - first->above;
+  __int128 most = distance + second->above + first->below;
+  __int128 row = std::abs(a.factors[0]);
+  return -row < least && most < row;
+}
+
+static bool crossRows(const ThreadAccess &a, const LaunchDim &dim,
+                      const ThreadAccess &b, const LaunchDim &otherDim) {
+  if (!meet(a, b))
+    return false;
+  if (a.elementSize != b.elementSize || !isSameArray(a.array, b.array) ||
+      !liesApart(a.array, a.elementSize))
+    return true;
+  for (int i = 0; i < a.array.ndim; ++i)
+    if (tellsRows(a.indices[i], dim, b.indices[i], otherDim))
+      return false;
+  return dim.extent[0] > 1;
+}
+
+std::optional<std::string> warp::findRowCrossing(
+    const std::vector<ThreadAccess> &first, const LaunchDim &dim,
+    const std::vector<ThreadAccess> &second, const LaunchDim &otherDim) {
+  for (const ThreadAccess &b : second)
+    for (const ThreadAccess &a : first)
+      if ((a.writes || b.writes) && crossRows(a, dim, b, otherDim))
+        return b.name;
+  return std::nullopt;
+}
+
+bool warp::mayMeet(const std::vector<ThreadAccess> &first,
+                   const std::vector<ThreadAccess> &second) {
+  for (const ThreadAccess &b : second)
+    for (const ThreadAccess &a : first)
+      if ((a.writes || b.writes) && meet(a, b))
+        return true;
+  return false;
 }

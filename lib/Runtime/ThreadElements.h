@@ -44,6 +44,17 @@ std::optional<std::string> findCrossing(const std::vector<ThreadAccess> &first,
                                         const std::vector<ThreadAccess> &second,
                                         const LaunchDim &dim);
 
+/// The same for rows, the threads of one index of the first extent, which two
+/// launches have in common.
+std::optional<std::string>
+findRowCrossing(const std::vector<ThreadAccess> &first, const LaunchDim &dim,
+                const std::vector<ThreadAccess> &second,
+                const LaunchDim &otherDim);
+
+/// True if two launches may touch one element that one of them writes.
+bool mayMeet(const std::vector<ThreadAccess> &first,
+             const std::vector<ThreadAccess> &second);
+
 } // namespace warp
 
 #endif // WARP_LIB_RUNTIME_THREADELEMENTS_H

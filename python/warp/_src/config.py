@@ -158,6 +158,13 @@ SETTINGS = {
             "launches of optimized graphs whose threads keep to elements of their own are one",
         ),
         Setting(
+            "fuse_rows",
+            bool,
+            True,
+            "on GPUs so are launches of equal first extents whose threads share elements with those "
+            "of the same first index: a block runs them for each",
+        ),
+        Setting(
             "verify_graphs",
             bool,
             False,

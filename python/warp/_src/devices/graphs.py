@@ -230,6 +230,7 @@ def capture_begin(
         # Gradients of geometry cannot change while kernels are recorded.
         handles.show_gradients()
     _native.set_fuses_launches(config.fuse_graphs)
+    _native.set_fuses_rows(config.fuse_rows)
     _captures[key] = _native.Capture(
         device.index, stream, int(capture_mode), external, bool(apic), _order(optimize, device)
     )

@@ -1,0 +1,212 @@
+"""Launches whose first extents are equal, run by blocks for each row: bits of eager launches."""
+
+import numpy as np
+import pytest
+
+import warp as wp
+from warp import _native
+
+
+@wp.kernel
+def entries(x: wp.array2d[float], y: wp.array2d[float]):
+    i, j = wp.tid()
+    if x[i, j] < 0.1:
+        return
+    y[i, j] = 1.5 * x[i, j] + 0.3
+
+
+@wp.kernel
+def reverse(x: wp.array2d[float], y: wp.array2d[float]):
+    i, j = wp.tid()
+    y[i, j] = 0.7 * x[i, x.shape[1] - 1 - j] + x[i, j]
+
+
+@wp.kernel
+def total(x: wp.array2d[float], sums: wp.array[float]):
+    i = wp.tid()
+    s = float(0.0)
+    for j in range(x.shape[1]):
+        s += x[i, j]
+    sums[i] = s
+
+
+@wp.kernel
+def products(x: wp.array2d[float], sums: wp.array[float], out: wp.array3d[float]):
+    i, j, k = wp.tid()
+    out[i, j, k] = x[i, j] * x[i, k] + sums[i]
+
+
+@wp.kernel
+def columns(products: wp.array3d[float], x: wp.array2d[float]):
+    i, j = wp.tid()
+    s = float(0.0)
+    for k in range(products.shape[2]):
+        s += products[i, k, j]
+    x[i, j] = 0.01 * s
+
+
+@wp.kernel
+def flat(x: wp.array[float], width: int, factor: float):
+    i, j = wp.tid()
+    x[i * width + j] = factor * x[i * width + j] - 0.3
+
+
+@wp.kernel
+def flat_total(x: wp.array[float], width: int, sums: wp.array[float]):
+    i = wp.tid()
+    s = float(0.0)
+    for j in range(width):
+        s += x[i * width + j]
+    sums[i] = s
+
+
+@wp.kernel
+def first_of_row(x: wp.array[float], width: int, y: wp.array[float]):
+    i = wp.tid()
+    y[i * width] = x[i * width + width - 1]
+
+
+@wp.kernel
+def next_row(x: wp.array2d[float], y: wp.array2d[float]):
+    i, j = wp.tid()
+    y[i, j] = x[(i + 1) % x.shape[0], j]
+
+
+@wp.kernel
+def broken(x: wp.array2d[float], indices: wp.array[int], y: wp.array2d[float]):
+    i, j = wp.tid()
+    y[i, j] = x[indices[i], j]
+
+
+@pytest.fixture(autouse=True)
+def rows_on_host():
+    _native.set_fuses_rows_on_host(True)
+    with wp.ScopedDevice("cpu"):
+        yield
+    _native.set_fuses_rows_on_host(False)
+
+
+def random_array(*shape, seed=0):
+    return wp.array(np.random.default_rng(seed).random(shape).astype(np.float32))
+
+
+def check(step, arrays, expected):
+    """The graph of a step fuses what is expected and leaves what eager launches do."""
+    start = [array.numpy().copy() for array in arrays]
+    step()
+    eager = [array.numpy().copy() for array in arrays]
+    with wp.ScopedCapture(optimize=True) as capture:
+        step()
+    for _ in range(2):
+        for array, values in zip(arrays, start):
+            array.assign(values)
+        wp.capture_launch(capture.graph)
+        for array, values in zip(arrays, eager):
+            assert array.numpy().tobytes() == values.tobytes()
+    assert capture.graph.schedule().fusions == expected
+    return capture.graph
+
+
+@pytest.mark.parametrize("rows", [64, 101])
+@pytest.mark.parametrize("width", [1, 3, 7, 11])
+def test_parts_of_a_row(rows, width):
+    """Elements, other elements of the row, sums of it and products of pairs are one launch."""
+    x, y, z = (random_array(rows, width, seed=seed) for seed in range(3))
+    sums, pairs = wp.zeros(rows), wp.zeros((rows, width, width))
+
+    def step():
+        wp.launch(entries, (rows, width), [x, y])
+        wp.launch(reverse, (rows, width), [y, z])
+        wp.launch(total, rows, [z, sums])
+        wp.launch(products, (rows, width, width), [z, sums, pairs])
+        wp.launch(columns, (rows, width), [pairs, x])
+
+    names = ("entries", "reverse", "total", "products", "columns")
+    start = [array.numpy().copy() for array in (x, y)]
+    check(step, [x, y, z, sums, pairs], (names,))
+    # The same in float64.
+    a, b = (values.astype(np.float64) for values in start)
+    b = np.where(a < np.float64(np.float32(0.1)), b, 1.5 * a + 0.3)
+    c = 0.7 * b[:, ::-1] + b
+    s = c.sum(axis=1)
+    q = c[:, :, None] * c[:, None, :] + s[:, None, None]
+    np.testing.assert_allclose(x.numpy(), 0.01 * q.sum(axis=1), rtol=2e-6)
+
+
+def test_flat_rows():
+    """One index of two thread dimensions tells rows apart like digits of a number; one that a loop
+    changes may reach the next row."""
+    x, y, sums = random_array(100 * 9), random_array(100 * 9, seed=1), wp.zeros(100)
+
+    def step():
+        wp.launch(flat, (100, 9), [x, 9, 1.1])
+        wp.launch(first_of_row, 100, [x, 9, y])
+
+    check(step, [x, y], (("flat", "first_of_row"),))
+
+    def sum_step():
+        wp.launch(flat, (100, 9), [x, 9, 1.1])
+        wp.launch(flat_total, 100, [x, 9, sums])
+
+    graph = check(sum_step, [x, sums], ())
+    assert "not fused" in str(graph.schedule())
+
+
+@pytest.mark.parametrize("case", ["other row", "gather", "overlap", "few rows", "wide"])
+def test_rows_stay_apart(case):
+    """Launches that share elements of several rows, few rows and wide ones stay apart."""
+    rows = 20 if case == "few rows" else 100
+    width = 200 if case == "wide" else 5
+    x, y = random_array(rows + 1, width), random_array(rows, width, seed=1)
+    z, sums = wp.zeros((rows, width)), wp.zeros(rows)
+    indices = wp.array(np.random.default_rng(2).permutation(rows).astype(np.int32))
+
+    def step():
+        wp.launch(entries, (rows, width), [x[:rows], y])
+        if case == "other row":
+            wp.launch(next_row, (rows, width), [y, z])
+        elif case == "gather":
+            wp.launch(broken, (rows, width), [y, indices, z])
+        elif case == "overlap":
+            wp.launch(reverse, (rows, width), [y, x[1:]])
+        else:
+            wp.launch(total, rows, [y, sums])
+
+    check(step, [x, y, z, sums], ())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_programs(seed):
+    """Random launches over rows leave the bits of eager ones, fused as far as they may be."""
+    rng = np.random.default_rng(seed)
+    rows, width = int(rng.integers(64, 90)), int(rng.integers(1, 12))
+    grids = [random_array(rows, width, seed=10 * seed + k) for k in range(4)]
+    sums = [random_array(rows, seed=100 + seed)]
+    pairs = [wp.zeros((rows, width, width))]
+    calls = []
+    for _ in range(12):
+        a, b = (grids[k] for k in rng.choice(4, 2, replace=False))
+        calls.append(
+            (
+                lambda a=a, b=b: wp.launch(entries, (rows, width), [a, b]),
+                lambda a=a, b=b: wp.launch(reverse, (rows, width), [a, b]),
+                lambda a=a: wp.launch(total, rows, [a, sums[0]]),
+                lambda a=a: wp.launch(products, (rows, width, width), [a, sums[0], pairs[0]]),
+                lambda b=b: wp.launch(columns, (rows, width), [pairs[0], b]),
+                lambda a=a, b=b: wp.launch(next_row, (rows, width), [a, b]),
+                lambda a=a, b=b: wp.copy(a, b),
+            )[rng.integers(7)]
+        )
+    arrays = [*grids, *sums, *pairs]
+    start = [array.numpy().copy() for array in arrays]
+    for call in calls:
+        call()
+    eager = [array.numpy().copy() for array in arrays]
+    with wp.ScopedCapture(optimize=True) as capture:
+        for call in calls:
+            call()
+    for array, values in zip(arrays, start):
+        array.assign(values)
+    wp.capture_launch(capture.graph)
+    for array, values in zip(arrays, eager):
+        assert array.numpy().tobytes() == values.tobytes()
