@@ -22,6 +22,10 @@
 
 using namespace mlir;
 
+/// Components of vectors that are added one by one, each with a barrier in
+/// blocks of several warps; in memory each halving has one.
+static constexpr int64_t mostParts = 4;
+
 namespace warp::tiles {
 
 //===----------------------------------------------------------------------===//
@@ -102,9 +106,9 @@ int64_t getPartialBytes(Operation *op, int64_t threads) {
 //===----------------------------------------------------------------------===//
 
 /// By the device library, with exchanges between lanes. Bits of positions are
-/// those of a number.
+/// those of a number. Parts of one element have scratch memory each.
 Values ReductionLowering::overWarps(Operation *op, TileReduction kind,
-                                    Values sums) {
+                                    Values sums, int64_t part) {
   Type real = b.getF32Type();
   Value own = ScratchOp::create(
       entry, loc, ScratchType::get(b.getContext(), sums.size(), real));
@@ -114,7 +118,8 @@ Values ReductionLowering::overWarps(Operation *op, TileReduction kind,
       bits = arith::BitcastOp::create(b, loc, real, sum);
     ScratchStoreOp::create(b, loc, bits, own, number(i));
   }
-  Value memory = arrayAt(scratchOf(op), sums.size() * threads, real);
+  int64_t offset = scratchOf(op) + part * threads * getByteSize(real);
+  Value memory = arrayAt(offset, sums.size() * threads, real);
   StringRef name = kind == TileReduction::add   ? "add"
                    : kind == TileReduction::min ? "min"
                                                 : "max";
@@ -137,9 +142,21 @@ Values ReductionLowering::overBlock(Operation *op, TileReduction kind,
   if (threads == 1)
     return sums;
   const TargetInfo &target = getTarget(kernel);
-  if (sums[0].getType().isF32() && target.has(Feature::BlockTiles) &&
-      target.hasFullSubgroups(threads))
+  bool byWarps =
+      target.has(Feature::BlockTiles) && target.hasFullSubgroups(threads);
+  if (byWarps && sums[0].getType().isF32())
     return overWarps(op, kind, sums);
+  auto vec = dyn_cast<VecType>(sums[0].getType());
+  if (byWarps && vec && kind == TileReduction::add &&
+      vec.getElementType().isF32() && getComponentCount(vec) <= mostParts) {
+    Values parts;
+    for (int64_t i = 0; i < getComponentCount(vec); ++i) {
+      Value part = ExtractOp::create(b, loc, vec.getElementType(), sums[0],
+                                     constant(b.getIntegerType(32, true), i));
+      parts.push_back(overWarps(op, kind, {part}, i)[0]);
+    }
+    return {ConstructOp::create(b, loc, vec, parts)};
+  }
   int64_t offset = scratchOf(op);
   // Arrays have elements of the language's types, so positions get a sign.
   SmallVector<Type> stored;

@@ -23,7 +23,8 @@ struct ReductionLowering : TileLowering {
 
 private:
   Value isBetter(TileReduction kind, Value candidate, Value best, bool orEqual);
-  Values overWarps(mlir::Operation *op, TileReduction kind, Values sums);
+  Values overWarps(mlir::Operation *op, TileReduction kind, Values sums,
+                   int64_t part = 0);
   Values overBlock(mlir::Operation *op, TileReduction kind, Values sums);
   void reduceOrdered(mlir::Operation *op, TileReduction kind, Value tile,
                      bool positions);
