@@ -65,6 +65,12 @@ private:
   Builder::Impl &impl;
 };
 
+/// Indices of its thread that a kernel with factorisations or substitutions of
+/// small tiles asks for, if one warp is enough for its blocks and its results
+/// do not depend on how many threads they have; 0 otherwise. Launches with more
+/// dimensions than that may have blocks of a warp.
+WARP_API int rankOfWarpBlocks(const Module &module);
+
 } // namespace warp
 
 #endif // WARP_TILEBUILDER_H

@@ -67,4 +67,7 @@ void bindTileBuilder(py::module_ &m) {
       .def("set_block_threads", &TileBuilder::setBlockThreads,
            py::arg("threads"), py::arg("ragged") = false)
       .def("mark_stays", &TileBuilder::markStays, py::arg("is_else"));
+  m.def(
+      "rank_of_warp_blocks", &rankOfWarpBlocks, py::arg("module"),
+      "Indices that a kernel asks for whose blocks can be of one warp, or 0.");
 }

@@ -14,6 +14,10 @@ from warp._src.kernels.hooks import LaunchHook
 from warp._src.kernels.specializing import argument_type, once
 
 
+# Threads of a warp.
+WARP = 32
+
+
 class RaggedBlock(int):
     """Threads of blocks that are not rows of a launch: threads that follow each other, whatever the
     extents are, of which the last block may lack some."""
@@ -42,6 +46,16 @@ class BlockCode(LaunchHook):
         self._known: dict = {}
         # Why there is none for blocks of one thread, by what stands in its place.
         self.refused: dict = {}
+        # Indices that threads ask for, if a warp is enough for blocks of more dimensions.
+        self.warp_rank = 0
+
+    def threads_of_row(self, rank, threads):
+        """Threads of the blocks of a launch of that many dimensions of blocks.
+
+        A warp factors small matrices without a barrier, so where the number of threads makes no
+        difference to results (lib/Compiler/WarpBlocks.cpp), larger blocks are of one.
+        """
+        return WARP if 0 < self.warp_rank <= rank and threads > WARP else threads
 
     def for_blocks(self, kernel, arguments, threads):
         """The native kernel for blocks of that many threads.
@@ -55,6 +69,7 @@ class BlockCode(LaunchHook):
     def reset(self) -> None:
         self._known.clear()
         self.refused.clear()
+        self.warp_rank = 0
 
     def for_rows(self, kernel, device, threads):
         """The native kernel for launches of that many threads per index, if that GPU has one.

@@ -7,6 +7,7 @@ from warp._src.argument_kinds import INTEGER, KERNEL, NONE, STREAM
 from warp._src.arguments import explained
 from warp._src.devices.devices import resolve_index
 from warp._src.kernels.block_sizes import block_threads
+from warp._src.kernels.blocks import WARP
 from warp._src.kernels.launch import Checked, launch
 
 
@@ -35,11 +36,12 @@ def launch_tiled(
         and hooks[0].role == "blocks"
         and not (stream or args or options or Checked.active)
     ):
-        place = hooks[0].for_rows(kernel, device, block_dim)
-        extents = [*dim, block_dim] if isinstance(dim, (tuple, list)) else [dim, block_dim]
-        if place is not None and len(extents) <= 4:
+        rows = [*dim] if isinstance(dim, (tuple, list)) else [dim]
+        threads = hooks[0].threads_of_row(len(rows), block_dim)
+        place = hooks[0].for_rows(kernel, device, threads)
+        if place is not None and len(rows) < 4:
             native, index = place
-            native.launch(extents, inputs, outputs, index, None, block_dim)
+            native.launch([*rows, threads], inputs, outputs, index, None, threads)
             return None
     try:
         args = inputs, outputs, *args
@@ -73,7 +75,18 @@ def _launch_tiled(kernel, dim, args, block_dim, device, stream, options):
             f"launch_tiled('{kernel.key}'): expects at most 3 extents, but got {len(extents)}"
         )
     threads = block_threads(kernel, index, block_dim)
+    if index >= 0 and threads > WARP and all(extents) and not options.get("record_cmd"):
+        threads = _threads_of_row(kernel, len(extents), threads)
     return launch(
         kernel, [*extents, threads], *args, device=device, stream=stream, block_dim=threads,
         **options,
     )  # fmt: skip
+
+
+def _threads_of_row(kernel, rank, threads):
+    """Threads of the blocks on a GPU; fewer than asked for where a warp is enough."""
+    if kernel.is_generic:
+        return threads
+    kernel.prepare(threads)
+    blocks = kernel.hook("blocks")
+    return blocks.threads_of_row(rank, threads) if blocks is not None else threads

@@ -92,7 +92,10 @@ def _translated(kernel, arguments, threads, constants, name, found):
 
     with _GarbageKept():
         module, session = translate_kernel(kernel, arguments, threads, constants)
-    facts = (session.tile_builder is not None, dict(session.handles), session.sums_winding)
+    has_tiles = session.tile_builder is not None
+    facts = (has_tiles, dict(session.handles), session.sums_winding)
+    if has_tiles and threads == 1 and arguments is None and not session.depends_on_threads:
+        facts = (*facts, _native.rank_of_warp_blocks(module))
     _tell(kernel, *facts)
     native = kernel.compile_module(module)
     if name is not None and not session.has_breakpoints:
@@ -112,12 +115,14 @@ def _keep(kernel, name, native, session, facts, found) -> None:
         kernel.names[native] = name
 
 
-def _tell(kernel, has_tiles, handles, sums_winding) -> None:
+def _tell(kernel, has_tiles, handles, sums_winding, warp_rank=None) -> None:
     """Adds the launch hooks that a kernel needs."""
     if has_tiles:
         from warp._src.kernels.blocks import block_code
 
-        block_code(kernel)
+        blocks = block_code(kernel)
+        if warp_rank is not None and "launch_bounds" not in kernel.options:
+            blocks.warp_rank = warp_rank
     if handles or sums_winding:
         from warp._src.kernels.handle_checks import HandleChecks
 
