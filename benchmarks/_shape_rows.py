@@ -37,3 +37,34 @@ def single_columns(data):
 def triples(data):
     """Three numbers for each point."""
     return worlds(data, 3)
+
+
+@differentiable
+def norms_kernel(x: wp.array2d(dtype=float), n: int, y: wp.array(dtype=float)):
+    i = wp.tid()
+    s = float(0.0)
+    for k in range(n):
+        s += x[i, k] * x[i, k]
+    y[i] = wp.sqrt(s)
+
+
+@case
+def long_rows(data):
+    """Norms of rows of 200 numbers, a thread for each."""
+    n = data.size(1 << 11, 1 << 16)
+    return Case(norms_kernel, n, [data.real((n, 200)), 200], [data.out(n)], n * 200, "number")
+
+
+@differentiable
+def filter_kernel(u: wp.array2d(dtype=float), n: int, q: wp.array2d(dtype=float)):
+    w = wp.tid()
+    for t in range(n):
+        q[w, t + 1] = 0.9 * q[w, t] + 0.1 * u[w, t]
+
+
+@case
+def recurrent_rows(data):
+    """A recurrence of 64 steps along rows."""
+    n = data.size(1 << 12, 1 << 15)
+    arrays = [data.real((n, 64)), 64]
+    return Case(filter_kernel, n, arrays, [data.out((n, 65))], n * 64, "step")

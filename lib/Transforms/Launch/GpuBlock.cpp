@@ -17,6 +17,7 @@
 #include "mlir/Dialect/LLVMIR/LLVMDialect.h"
 #include "mlir/Dialect/Math/IR/Math.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/Interfaces/DataLayoutInterfaces.h"
 
 using namespace mlir;
 
@@ -336,6 +337,15 @@ Value warp::makeShared(OpBuilder &b, Location loc, ModuleOp module, Type type,
   Value undefined = LLVM::UndefOp::create(inModule, loc, type);
   LLVM::ReturnOp::create(inModule, loc, undefined);
   return LLVM::AddressOfOp::create(b, loc, global);
+}
+
+int64_t warp::sharedBytes(ModuleOp module) {
+  DataLayout layout(module);
+  int64_t bytes = 0;
+  for (auto global : module.getOps<LLVM::GlobalOp>())
+    if (global.getAddrSpace() == sharedSpace)
+      bytes += llvm::alignTo(layout.getTypeSize(global.getType()), 8);
+  return bytes;
 }
 
 Value warp::nameDynamicShared(OpBuilder &b, Location loc, ModuleOp module,

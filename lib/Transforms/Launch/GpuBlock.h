@@ -127,6 +127,9 @@ void synchronizeWarp(mlir::OpBuilder &b, mlir::Location loc);
 mlir::Value makeShared(mlir::OpBuilder &b, mlir::Location loc,
                        mlir::ModuleOp module, mlir::Type type,
                        llvm::StringRef name, int64_t alignment = 8);
+/// Bytes of all that a module has, of which a block may have
+/// `staticBlockBytes`.
+int64_t sharedBytes(mlir::ModuleOp module);
 /// Address of the shared memory that a launch asks for.
 mlir::Value nameDynamicShared(mlir::OpBuilder &b, mlir::Location loc,
                               mlir::ModuleOp module, llvm::StringRef name);

@@ -39,6 +39,7 @@
 #include "GpuBlock.h"
 #include "KernelFunction.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TilePasses.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
 #include "mlir/Interfaces/DataLayoutInterfaces.h"
@@ -47,8 +48,7 @@
 
 using namespace mlir;
 
-/// Bytes of shared memory that a block may have, and of those for slabs.
-constexpr int64_t mostShared = 48 * 1024;
+/// Bytes of shared memory for the slabs of a block.
 constexpr int64_t mostOfSlabs = 40 * 1024;
 /// Registers of loads that are in flight together.
 constexpr int64_t mostInFlight = 96;
@@ -218,15 +218,6 @@ void Finder::visit(Block &block) {
   }
 }
 
-/// Bytes of shared memory that are in use.
-static int64_t getSharedSize(ModuleOp module) {
-  int64_t bytes = 0;
-  DataLayout layout(module);
-  for (auto global : module.getOps<LLVM::GlobalOp>())
-    if (global.getAddrSpace() == warp::sharedSpace)
-      bytes += llvm::alignTo(layout.getTypeSize(global.getType()), 8);
-  return bytes;
-}
 
 warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   StagedAccesses staged;
@@ -234,7 +225,7 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   int64_t warpSize = getTarget(entry).getSubgroupSize();
   int64_t warps = llvm::divideCeil(blockDim, warpSize);
   auto module = entry->getParentOfType<ModuleOp>();
-  int64_t left = mostShared - getSharedSize(module);
+  int64_t left = staticBlockBytes - sharedBytes(module);
   Finder finder(entry, staged, std::min(left, mostOfSlabs) / warps);
   entry.walk([&](Block *block) { finder.visit(*block); });
   int64_t slabSize = finder.slabSize;

@@ -31,7 +31,7 @@ bool warp::hasWarpTiles(scf::ForOp loop, const ThreadVariance &variance,
          isUniform(loop.getLowerBound()) && isUniform(loop.getUpperBound());
 }
 
-Value warp::LoopSchedule::endOfTiles(ArrayRef<Value> compared) {
+Value warp::LoopSchedule::endOfTiles(ArrayRef<Value> compared, int64_t size) {
   Value first = loop.getLowerBound(), last = loop.getUpperBound();
   Value any =
       arith::CmpIOp::create(b, loc,
@@ -39,7 +39,7 @@ Value warp::LoopSchedule::endOfTiles(ArrayRef<Value> compared) {
                                                   : arith::CmpIPredicate::slt,
                             first, last);
   Value trips = arith::SubIOp::create(b, loc, last, first);
-  trips = bitAnd(trips, constant(counterType(), -warpSize));
+  trips = bitAnd(trips, constant(counterType(), -size));
   Value together = isWarpTogether(b, loc, compared);
   trips = arith::SelectOp::create(b, loc, bitAnd(any, together), trips,
                                   constant(counterType(), 0));

@@ -33,9 +33,10 @@ public:
         loop(site.loop), b(loop), loc(loop.getLoc()) {}
 
 protected:
-  /// The first iteration that is in no full tile; the first of the loop in a
-  /// warp with a lane missing, or whose lanes do not agree.
-  mlir::Value endOfTiles(llvm::ArrayRef<mlir::Value> compared);
+  /// The first iteration that is in no full tile of `size` iterations, a power
+  /// of two; the first of the loop in a warp with a lane missing, or whose
+  /// lanes do not agree.
+  mlir::Value endOfTiles(llvm::ArrayRef<mlir::Value> compared, int64_t size);
 
   /// Builds the body of a new loop, which yields the values that `build`
   /// returns. The loop is in the function by then, whose target decides.

@@ -226,7 +226,7 @@ void RingReduction::rewrite() {
   makeSlots();
   lane = readGrid(b, loc, GridValue::laneId);
   next = add(lane, constant(1));
-  Value end = endOfTiles(ring.compared.getArrayRef());
+  Value end = endOfTiles(ring.compared.getArrayRef(), warpSize);
   if (isNonNegative(loop.getInductionVar(), loop->getBlock()))
     end.getDefiningOp()->setAttr(attr::nonNegative, b.getUnitAttr());
   auto tiles = scf::ForOp::create(

@@ -16,7 +16,7 @@ using MakeSchedule = std::unique_ptr<warp::LaunchRewrite>(warp::ScheduleSite &);
 MakeSchedule makeCoarsenBlocks, makeSingleBlock, makeStageTransposes,
     makeCoarsenReductions, makeCoarsenThreads, makeSplitReduction,
     makeUnrollAndJam, makeMapToGrid, makeReverseOrder, makeRingReduction,
-    makeStageSharedLoads;
+    makeStageRows, makeStageSharedLoads;
 
 static bool onGpu(const warp::TargetInfo &target) { return target.isSimt(); }
 /// Matrix instructions of warpgroups.
@@ -46,6 +46,7 @@ static const warp::ScheduleEntry schedules[] = {
     {ScheduleStage::threads, onGpu, "gpu.py: saxpy", makeReverseOrder},
     // Loops.
     {ScheduleStage::updates, onGpu, "autodiff.py: n-body", makeRingReduction},
+    {ScheduleStage::updates, onGpu, "shapes.py: long_rows", makeStageRows},
     {ScheduleStage::loads, onGpu, "gpu.py: n-body, in order",
      makeStageSharedLoads},
 };

@@ -70,6 +70,8 @@ private:
 
   SmallVector<Staged> stages;
   int64_t bytes = 0;
+  /// Bytes that there may be.
+  int64_t room = 0;
   /// Values that lanes must agree on for bounds and arrays to be the same.
   llvm::SetVector<Value> compared;
   Value lane, memory;
@@ -96,7 +98,7 @@ void StageSharedLoads::collect(LoadComponentsOp load) {
       return;
     size += width / 8;
   }
-  if (bytes + size > mostBytes || !isUniform(load.getArray()) ||
+  if (bytes + size > room || !isUniform(load.getArray()) ||
       !llvm::all_of(load.getIndices().drop_back(),
                     [&](Value index) { return isUniform(index); }) ||
       site.getVariance().strideIfEqual(load.getIndices().back(), loop,
@@ -116,6 +118,10 @@ bool StageSharedLoads::applies() {
         return onlyLoads(op, /*loops=*/false);
       }))
     return false;
+  int64_t warps = llvm::divideCeil(site.variant.getBlockDim(), warpSize);
+  int64_t left = staticBlockBytes -
+                 sharedBytes(site.function->getParentOfType<ModuleOp>());
+  room = std::min(mostBytes, left / (warps * warpSize));
   for (auto load : loop.getBody()->getOps<LoadComponentsOp>())
     collect(load);
   return !stages.empty();
@@ -251,7 +257,7 @@ void StageSharedLoads::buildTiles(Value end) {
 void StageSharedLoads::rewrite() {
   lane = readGrid(b, loc, GridValue::laneId);
   allocate();
-  Value end = endOfTiles(compared.getArrayRef());
+  Value end = endOfTiles(compared.getArrayRef(), warpSize);
   Value any = arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, end,
                                     loop.getLowerBound());
   size_t count = loop.getNumResults();
