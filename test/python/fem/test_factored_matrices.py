@@ -1,4 +1,4 @@
-"""Element matrices by sum factorisation against the plan by pairs of nodes and points, float64."""
+"""Element matrices axis by axis and row by row against the plan by pairs, in float64."""
 
 import numpy as np
 import pytest
@@ -46,6 +46,13 @@ CASES = {
 }
 
 
+@pytest.fixture(params=["elements", "rows"])
+def threads(request, monkeypatch):
+    """What threads are: elements, as on CPUs, or rows of elements, as on GPUs."""
+    monkeypatch.setattr(Form, "has_many_threads", request.param == "rows")
+    return request.param
+
+
 def case(name):
     form, cells, trial_degree, test_degree, *sizes = CASES[name]
     geo = programs.geometry(cells, 1, move=programs.warped)
@@ -61,10 +68,11 @@ def case(name):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_matrix_equals_that_by_pairs(name):
+def test_matrix_equals_that_by_pairs(name, threads):
     form, rule, fields = case(name)
     made = Form(form, rule.domain, rule, fields, {}, "cpu")
-    assert factored_text(made.plan) is not None
+    by_axes, by_rows = factored_text(made.plan) is not None, made.plan.row_blocks is not None
+    assert by_axes if threads == "elements" else by_rows
     found = programs.dense(fem.integrate(form, quadrature=rule, fields=fields))
     exact = programs.dense(fem.integrate(form, quadrature=rule, fields=fields, assembly="generic"))
     np.testing.assert_allclose(found, exact, rtol=1e-11, atol=1e-12 * np.abs(exact).max())
@@ -73,7 +81,7 @@ def test_matrix_equals_that_by_pairs(name):
 
 
 @pytest.mark.parametrize("name", ["symmetric", "convection", "elasticity"])
-def test_gradient_by_a_coefficient(name):
+def test_gradient_by_a_coefficient(name, threads):
     """The matrix is linear in the coefficient: differences are exact up to rounding."""
     form, rule, fields = case(name)
     p, rng = fields["p"], np.random.default_rng(5)

@@ -6,6 +6,7 @@ import pytest
 import fem_programs as programs
 import warp as wp
 import warp.fem as fem
+from warp._src.fem.forms.form import Form
 
 
 @fem.integrand
@@ -98,7 +99,9 @@ def laplace(s: fem.Sample, u: fem.Field, v: fem.Field):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("is_vector", [False, True])
 @pytest.mark.parametrize("is_warped", [False, True])
-def test_symmetric_forms_have_symmetric_bits(degree, is_vector, is_warped):
+@pytest.mark.parametrize("by_rows", [False, True])
+def test_symmetric_forms_have_symmetric_bits(degree, is_vector, is_warped, by_rows, monkeypatch):
+    monkeypatch.setattr(Form, "has_many_threads", by_rows)
     grid = fem.Grid2D(wp.vec2i(3, 2))
     if is_warped:
         rng = np.random.default_rng(degree)

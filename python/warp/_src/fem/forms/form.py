@@ -226,6 +226,11 @@ class Form:
         """Type of a block of the matrix, or of an element of the vector."""
         return self.plan.block_dtype
 
+    @property
+    def has_many_threads(self) -> bool:
+        """True if a thread per element leaves the device without work."""
+        return self.device.is_cuda
+
     def blocks(self, first, count, blocks):
         """Writes the blocks of elements [first, first + count) of the domain.
 
@@ -233,9 +238,12 @@ class Form:
             blocks: (count * test nodes * trial nodes,) of `block_dtype`, element by element.
         """
         shape = count
+        by_rows = self.plan.row_blocks if self.plan.has_slots and self.has_many_threads else None
         if not self.plan.has_slots:
             shape = count, self.test.nodes.node_count * (1 if self.domain.is_cells else 2)
-        kernel = self.plan.blocks
+        elif by_rows is not None:
+            shape = count, *by_rows[1]
+        kernel = by_rows[0] if by_rows else self.plan.blocks
         args = [first, *self.arguments(), *self.plan.more_values(self.device)]
         wp.launch(kernel, shape, args, [blocks], device=self.device)
 

@@ -55,16 +55,18 @@ def _component(element, rule, is_gradient, subscript):
     return numbers[(slice(None), slice(None), *place)]
 
 
-def literal_text(plan) -> tuple:
-    """Text of the kernel of element matrices, and the reference tensors, (tensors, entries)."""
+def literal_text(plan, by_rows=False) -> tuple:
+    """Text of the kernel of element matrices, and the reference tensors, (tensors, entries).
+
+    by_rows: a thread has a node of the test function, in place of all.
+    """
     test, trial, names = plan.test, plan.trial, plan.names
     names["Block"] = plan.block_dtype
     rows, columns = test.nodes.node_count, trial.nodes.node_count
-    sign = _signs(plan)
     lines = [
         f"def literal(first: int, {plan.COMMON}, tensors: wp.array2d(dtype=Real), "
         "blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
+        f"    local{', i, part' if by_rows else ''} = wp.tid()",
         "    domain_element = first + local",
     ]
     plan.first_sample(lines)
@@ -84,24 +86,28 @@ def literal_text(plan) -> tuple:
         entries.setdefault(key, []).append(f"{one.text} * t_{index}")
     size = rows * columns
     start = "i, " if plan.is_symmetric else ""
-    lines.append(f"    for i in range({rows}):")
-    lines.append(f"        for j in range({start}{columns}):")
+    indent = "    "
+    if not by_rows:
+        lines.append(f"    for i in range({rows}):")
+        indent += "    "
+    lines.append(f"{indent}for j in range({start}{columns}):")
+    indent += "    "
     for i in range(len(tensors)):
-        lines.append(f"            t_{i} = tensors[{i}, i * {columns} + j]")
+        lines.append(f"{indent}t_{i} = tensors[{i}, i * {columns} + j]")
     block = "Block()" if not entries else block_text(
         plan, {key: " + ".join(terms) for key, terms in entries.items()}
     )  # fmt: skip
-    if sign:
-        lines.append(sign)
-        block = f"turn * ({block})"
-    lines.append(f"            block = {block}")
-    store_block(plan, lines, "            ", f"local * {size}", columns)
+    turn = _signs(plan)
+    if turn:
+        block = f"{turn} * ({block})"
+    lines.append(f"{indent}block = {block}")
+    store_block(plan, lines, indent, f"local * {size}", columns)
     made = np.array(tensors) if tensors else np.zeros((1, size))
     return "\n".join(lines) + "\n", made
 
 
 def _signs(plan) -> str:
-    """A line that sets `turn`, the product of the signs of nodes; empty if all are 1."""
+    """The product of the signs of nodes i and j; empty if all are 1."""
     factors = []
     for role, place in ((plan.test, "i"), (plan.trial, "j")):
         sign = role.nodes.topology.functions.element_node_sign
@@ -110,4 +116,4 @@ def _signs(plan) -> str:
             factors.append(
                 f"sign_{role.role}(domain_arg.geo, fields.{role.role}_.topology, element, {place})"
             )
-    return f"            turn = {' * '.join(factors)}" if factors else ""
+    return " * ".join(factors)

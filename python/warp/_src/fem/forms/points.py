@@ -537,6 +537,24 @@ class PointsPlan:
 
         return self._kernel(factored_text(self) or bilinear_text(self))
 
+    @functools.cached_property
+    def row_blocks(self) -> tuple | None:
+        """Kernel of element matrices by rows, for GPUs, and its threads for an element; or None."""
+        from warp._src.fem.forms import literal, rows
+
+        if self.trial is None:
+            return None
+        self.check_result()
+        _ = self.structure
+        count = self.test.nodes.node_count
+        if literal.applies(self):
+            if count * self.trial.nodes.node_count < rows.FEWEST_PAIRS:
+                return None
+            text, self.tensors = literal.literal_text(self, by_rows=True)
+            return self._kernel(text), (count, 1)
+        made = rows.rows_text(self)
+        return None if made is None else (self._kernel(made[0]), made[1])
+
     def more_values(self, device) -> list:
         """Arguments of the kernel of blocks beside those of all kernels."""
         if self.tensors is None:
