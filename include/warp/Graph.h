@@ -86,6 +86,8 @@ public:
   virtual void launch(const Stream *stream = nullptr) = 0;
   /// Number of nodes; those inside of bodies are not counted.
   virtual size_t size() const = 0;
+  /// CUDA: launches whose code was compiled quickly and will be exchanged.
+  virtual size_t provisionalLaunches() const { return 0; }
   /// True if a launch gives its thread back at once, or nearly so.
   virtual bool isShort() const = 0;
   /// Writes a Graphviz file.

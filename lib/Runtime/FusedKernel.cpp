@@ -225,6 +225,9 @@ static std::string whyWorse(const FusionPlan &plan, const FusedLaunch &fused) {
     if (!plan.blockThreads &&
         part.code.schedule.lanes > variant.code.schedule.lanes)
       return "its code would have fewer lanes";
+    // Tier-0 code does not say what the code that replaces it needs.
+    if (part.isQuick.load(std::memory_order_relaxed))
+      continue;
     auto [own, local] = part.current.load()->threadResources();
     most = std::max(most, own);
     mostLocal = std::max(mostLocal, local);

@@ -183,6 +183,33 @@ bool warp::isCapturing(int device) {
       [&](const Entry &entry) { return entry.capture->device() == device; });
 }
 
+bool warp::isCapturingForGood(int device) {
+  if (capturesInProgress.load(std::memory_order_relaxed) == 0)
+    return false;
+  if (isHost(device))
+    return threadRecorder() != nullptr;
+  std::lock_guard lock(registry().mutex);
+  return std::any_of(registry().entries.begin(), registry().entries.end(),
+                     [&](const Entry &entry) {
+                       return entry.capture->device() == device &&
+                              !entry.capture->takesBetterCode();
+                     });
+}
+
+void warp::noteProvisional(int device, ProvisionalLaunch launch) {
+  if (capturesInProgress.load(std::memory_order_relaxed) == 0)
+    return;
+  std::lock_guard lock(registry().mutex);
+  for (const Entry &entry : registry().entries)
+    if (entry.capture->device() == device)
+      entry.capture->provisional.push_back(launch);
+}
+
+std::vector<ProvisionalLaunch> CaptureBase::takeProvisional() {
+  std::lock_guard lock(registry().mutex);
+  return std::move(provisional);
+}
+
 void warp::checkNotCapturing(int device, const char *what) {
   if (!isHost(device) && isCapturing(device))
     throw Error(Error::Kind::Runtime,

@@ -25,6 +25,14 @@ namespace warp {
 /// Objects that live as long as a graph.
 using Kept = std::vector<std::shared_ptr<void>>;
 
+class DeviceCode;
+
+/// A launch of tier-0 code that a capture on a GPU has recorded.
+struct ProvisionalLaunch {
+  const Kernel::Variant *variant;
+  const DeviceCode *code;
+};
+
 /// A capture as others see it. `owner` is the thread, for host memory.
 class CaptureBase : public Capture {
 public:
@@ -38,6 +46,8 @@ public:
   virtual bool records(const Stream *) const { return true; }
   /// The nodes that the next one on a stream comes behind.
   virtual std::vector<NodeId> position(const Stream *) const { return {}; }
+  /// True if the graph gets tier-1 code once that is there.
+  virtual bool takesBetterCode() const { return false; }
   /// The order that the graph gets.
   NodeOrder order = NodeOrder::Recorded;
 
@@ -50,6 +60,8 @@ protected:
   void endStep(GraphStep step, const Stream *stream);
   /// Gives a graph what was noted.
   void handTrace(Graph &graph) { graph.recorded = notes; }
+  /// The launches of tier-0 code so far.
+  std::vector<ProvisionalLaunch> takeProvisional();
   static void handSchedule(Graph &graph,
                            std::shared_ptr<const GraphSchedule> schedule) {
     graph.ordered = std::move(schedule);
@@ -57,8 +69,10 @@ protected:
 
 private:
   friend bool keepForCapture(int device, std::function<void()> release);
+  friend void noteProvisional(int device, ProvisionalLaunch launch);
   std::shared_ptr<Kept> kept = std::make_shared<Kept>();
   std::shared_ptr<GraphTrace> notes;
+  std::vector<ProvisionalLaunch> provisional;
   bool open = true;
 };
 
@@ -103,6 +117,13 @@ template <typename Fn> void recordOrRun(size_t bytes, Fn &&function) {
 /// If graphs are being recorded that may use memory of a device (the CPU: on
 /// this thread), puts `release` off until they are destroyed. False if none.
 bool keepForCapture(int device, std::function<void()> release);
+
+/// True if work for a device is being recorded by somebody who keeps the code
+/// that launches have now.
+bool isCapturingForGood(int device);
+/// Tells the captures on a GPU of a launch of tier-0 code, which one of them
+/// may have recorded.
+void noteProvisional(int device, ProvisionalLaunch launch);
 
 /// Throws if a device is being captured, for what waits or reads results.
 void checkNotCapturing(int device, const char *what);

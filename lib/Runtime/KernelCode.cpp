@@ -10,10 +10,11 @@
 // calls long functions of the device library. When that has run for a while,
 // `improve` has it compiled once more, with all effort, on a thread in the
 // background, and puts the new entry in the place of the old one: both compute
-// the same bits, so launches, on CPUs recorded ones and those in graphs too, go
-// over to it without knowing. A launch of many operations on a CPU waits for
-// the tier-1 code, but for that of long code; so does one that a CUDA graph
-// records.
+// the same bits, so launches, recorded ones and those in graphs too, go over to
+// it without knowing; graphs of CUDA are updated for this
+// (cuda/GraphRefresh.h). A launch of many operations on a CPU waits for the
+// tier-1 code, but for that of long code; so does one that is captured by
+// somebody else's graph.
 //
 //===----------------------------------------------------------------------===//
 
@@ -160,7 +161,7 @@ static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 
 /// Launches of a GPU's tier-0 code that ask for tier-1 code: what is
 /// launched again may well be launched often. One launch will do if it fills a
-/// card.
+/// card, or is recorded.
 static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;
 
 void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
@@ -174,7 +175,8 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   bool isKept = loaded != nullptr;
   if (loaded && loaded->isProvisional()) {
-    bool mayWait = wanted && options.quickFirst && !isCapturing(device.index);
+    bool mayWait =
+        wanted && options.quickFirst && !isCapturingForGood(device.index);
     if (!mayWait)
       loaded = nullptr;
     else if (!variant.quick) {
@@ -247,7 +249,7 @@ bool Kernel::Impl::mayBeQuick(const VariantKey &key,
     return true;
   bool isOpen = wanted.maxRegisters == 0 && wanted.minBlocks == 0;
   return linksLibrary && isOpen && items != anyItems &&
-         !isCapturing(key.device) && wanted.optLevel >= 2 &&
+         !isCapturingForGood(key.device) && wanted.optLevel >= 2 &&
          hasAssembledLibrary(wanted.target);
 }
 
@@ -342,7 +344,7 @@ bool warp::isTooSlow(const Kernel::Variant &variant, int64_t items) {
   if (!variant.isQuick.load(std::memory_order_relaxed))
     return false;
   return isHost(variant.key.device) ? !isQuickEnough(variant.code, items)
-                                    : isCapturing(variant.key.device);
+                                    : isCapturingForGood(variant.key.device);
 }
 
 void QuickCode::spend(int64_t amount) {
@@ -351,8 +353,8 @@ void QuickCode::spend(int64_t amount) {
     ask();
 }
 
-void QuickCode::spendLaunch(int64_t threads) {
-  spend(threads >= manyThreads ? launchesUntilBetter : 1);
+void QuickCode::spendLaunch(int64_t threads, bool isRecorded) {
+  spend(isRecorded || threads >= manyThreads ? launchesUntilBetter : 1);
 }
 
 //===----------------------------------------------------------------------===//

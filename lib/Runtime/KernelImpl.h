@@ -53,7 +53,7 @@ struct QuickCode {
 
   void spend(int64_t amount);
   /// A launch on a GPU.
-  void spendLaunch(int64_t threads);
+  void spendLaunch(int64_t threads, bool isRecorded);
 };
 
 /// Code of a variant that a device has loaded.

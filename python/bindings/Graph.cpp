@@ -258,6 +258,10 @@ void python::bindGraph(py::module_ &m) {
       .def_property_readonly("node_count",
                              [](PyGraph &self) { return self.graph->size(); })
       .def_property_readonly(
+          "provisional_launches",
+          [](PyGraph &self) { return self.graph->provisionalLaunches(); },
+          "Launches whose code was compiled quickly and will be exchanged.")
+      .def_property_readonly(
           "traced",
           [](PyGraph &self) { return self.graph->trace() != nullptr; },
           "Whether it can be saved.")

@@ -475,9 +475,58 @@ TEST_F(LinkedCode, IsThereFirst) {
 TEST_F(LinkedCode, IsOnlyForKernelsThatCallTheLibrary) {
   EXPECT_EQ(launch(*kernelOf(false), 100), 0);
   EXPECT_EQ(launch(*kernelOf(true, /*fastMath=*/true), 100), 0);
+}
+
+// A graph runs the tier-0 code that it has recorded, and tier-1 code as soon as
+// that is there; a graph that it is part of, likewise.
+TEST_F(LinkedCode, LeavesGraphs) {
+  auto lastFunction = fakeSymbol<void *()>("fakeCudaLastFunction");
+  std::unique_ptr<Kernel> kernel = kernelOf(true);
   auto capture = Capture::begin(0);
-  EXPECT_EQ(launch(*kernelOf(true), 100), 0);
-  capture->end();
+  EXPECT_GT(launch(*kernel, 100), 0);
+  std::shared_ptr<Graph> graph = capture->end();
+  EXPECT_EQ(graph->provisionalLaunches(), 1u);
+  auto outerCapture = Capture::begin(0);
+  graph->launch();
+  std::shared_ptr<Graph> outer = outerCapture->end();
+  waitForBackground();
+  EXPECT_EQ(outer->provisionalLaunches(), 1u);
+
+  auto later = Capture::begin(0);
+  launch(*kernel, 100);
+  std::shared_ptr<Graph> best = later->end();
+  EXPECT_EQ(best->provisionalLaunches(), 0u);
+  best->launch();
+  void *tier1 = lastFunction();
+  graph->launch();
+  EXPECT_EQ(lastFunction(), tier1);
+  EXPECT_EQ(graph->provisionalLaunches(), 0u);
+}
+
+TEST_F(LinkedCode, StaysInGraphsThatTheDriverDoesNotUpdate) {
+  auto setUpdates = fakeSymbol<void(bool)>("fakeCudaSetUpdatesGraphs");
+  std::unique_ptr<Kernel> kernel = kernelOf(true);
+  auto capture = Capture::begin(0);
+  launch(*kernel, 100);
+  std::shared_ptr<Graph> graph = capture->end();
+  waitForBackground();
+  setUpdates(false);
+  for (int i = 0; i < 2; ++i) {
+    graph->launch();
+    EXPECT_EQ(graph->provisionalLaunches(), 1u);
+  }
+  setUpdates(true);
+}
+
+// Nobody updates the graph of another library.
+TEST_F(LinkedCode, IsNotInGraphsOfOthers) {
+  std::unique_ptr<Kernel> kernel = kernelOf(true);
+  auto inner = Capture::begin(0);
+  auto outer = Capture::begin(0, nullptr, CaptureMode::ThreadLocal,
+                              /*external=*/true);
+  EXPECT_EQ(launch(*kernel, 100), 0);
+  outer->end();
+  inner->end();
 }
 
 // Last: who was refused once does not ask again.

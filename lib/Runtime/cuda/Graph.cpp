@@ -19,6 +19,7 @@
 #include "Device.h"
 #include "GraphClone.h"
 #include "GraphImpl.h"
+#include "GraphRefresh.h"
 #include "GraphRewrite.h"
 #include "GraphVerify.h"
 #include "Runtime/LaunchQueue.h"
@@ -67,12 +68,17 @@ namespace {
 class CudaGraph : public Graph {
 public:
   CudaGraph(int device, GraphHandle graph, cuda::GraphExec exec,
-            std::shared_ptr<Kept> kept)
-      : Graph(device), graph(graph), exec(exec), kept(std::move(kept)) {}
+            std::shared_ptr<Kept> kept,
+            std::vector<ProvisionalLaunch> provisional = {})
+      : Graph(device), graph(graph), exec(exec), kept(std::move(kept)),
+        provisional(std::move(provisional)) {
+    isProvisional = this->provisional.size() != 0;
+  }
   ~CudaGraph() override;
 
   void launch(const Stream *stream) override;
   size_t size() const override;
+  size_t provisionalLaunches() const override { return provisional.size(); }
   bool isShort() const override { return false; }
   void writeDot(const std::string &path, bool verbose) const override;
 
@@ -82,11 +88,15 @@ public:
 private:
   void checkOwned(const char *what) const;
   bool addToCapture(StreamHandle stream) const;
+  void takeBetterCode();
 
   /// Null if somebody else ended the capture.
   GraphHandle graph;
   cuda::GraphExec exec;
   std::shared_ptr<Kept> kept;
+  cuda::ProvisionalNodes provisional;
+  std::atomic<bool> isProvisional{false};
+  ForkMutex refreshing;
 };
 
 /// An outer graph whose capture waits for a body to be filled.
@@ -114,6 +124,11 @@ public:
   void endBody() override;
   bool records(const Stream *other) const override;
   std::vector<NodeId> position(const Stream *other) const override;
+  /// Graphs of others, and those that are compared, keep their code.
+  bool takesBetterCode() const override {
+    return !external && order != NodeOrder::Verified &&
+           cuda::canRefreshGraphs();
+  }
 
 private:
   StreamHandle raw() const {
@@ -210,6 +225,8 @@ bool CudaGraph::addToCapture(StreamHandle stream) const {
     throw captureError(device(), "the CUDA driver has no graphs in graphs");
   Position position(stream);
   keepForCapture(device(), [kept = kept] {});
+  for (const ProvisionalLaunch &launch : provisional.all())
+    noteProvisional(device(), launch);
   if (cuda::hasConditionals(graph)) {
     std::vector<GraphNode> after(position.dependencies,
                                  position.dependencies + position.count);
@@ -224,6 +241,14 @@ bool CudaGraph::addToCapture(StreamHandle stream) const {
   return true;
 }
 
+void CudaGraph::takeBetterCode() {
+  std::lock_guard lock(refreshing);
+  if (!provisional.areReady())
+    return;
+  provisional.exchange(graph, exec);
+  isProvisional = false;
+}
+
 void CudaGraph::launch(const Stream *stream) {
   checkOwned("launch");
   TraceScope tracing(device(), stream);
@@ -232,6 +257,8 @@ void CudaGraph::launch(const Stream *stream) {
   QueuedWork work(device(), stream);
   if (capturesInProgress && addToCapture(work.stream()))
     return;
+  if (isProvisional.load(std::memory_order_acquire))
+    takeBetterCode();
   auto run = [&](cuda::GraphExec which) {
     WARP_CUDA_GRAPH(launch, which, work.stream());
   };
@@ -412,8 +439,8 @@ std::shared_ptr<Graph> CudaCapture::end() {
   }
   cuda::GraphExec exec = instantiate(graph, schedule);
   kept->insert(kept->end(), rewriter.kernels.begin(), rewriter.kernels.end());
-  auto made =
-      std::make_shared<CudaGraph>(device(), graph, exec, std::move(kept));
+  auto made = std::make_shared<CudaGraph>(device(), graph, exec,
+                                          std::move(kept), takeProvisional());
   made->recorded = recorded;
   handTrace(*made);
   handSchedule(*made, std::move(schedule));

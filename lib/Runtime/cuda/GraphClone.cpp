@@ -64,6 +64,18 @@ GraphNode cuda::addConditional(int device, GraphHandle graph,
   return node;
 }
 
+static Conditional conditionalOf(GraphNode node) {
+  std::lock_guard lock(conditionals().mutex);
+  auto entry = conditionals().known.find(node);
+  if (entry == conditionals().known.end())
+    throw Error(Error::Kind::Runtime,
+                "a graph with branches of another library cannot be part of "
+                "a graph");
+  return entry->second;
+}
+
+GraphHandle cuda::bodyOf(GraphNode node) { return conditionalOf(node).body; }
+
 /// All nodes that a function of the driver gives, which says first how many.
 template <typename Query> static std::vector<GraphNode> allNodes(Query query) {
   size_t count = 0;
@@ -191,17 +203,7 @@ GraphNode Cloner::copyKernel(GraphNode node, GraphHandle target,
 
 GraphNode Cloner::copyConditional(GraphNode node, GraphHandle target,
                                   const std::vector<GraphNode> &after) {
-  Conditional found;
-  {
-    std::lock_guard lock(conditionals().mutex);
-    auto entry = conditionals().known.find(node);
-    if (entry == conditionals().known.end())
-      throw Error(Error::Kind::Runtime,
-                  "a graph with branches of another library cannot be part of "
-                  "a graph");
-    found = entry->second;
-  }
-  Conditional made = found;
+  Conditional found = conditionalOf(node), made = found;
   made.handle = handleFor(found.handle, target);
   GraphNode result =
       addConditional(device, target, after.data(), after.size(), made);

@@ -28,6 +28,9 @@ struct Conditional {
 GraphNode addConditional(int device, GraphHandle graph, const GraphNode *after,
                          size_t count, Conditional &conditional);
 
+/// The body of a conditional node.
+GraphHandle bodyOf(GraphNode node);
+
 /// True if a graph has branches or loops.
 bool hasConditionals(GraphHandle graph);
 

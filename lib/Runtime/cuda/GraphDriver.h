@@ -85,6 +85,13 @@ struct EdgeData {
   bool isProgrammatic() const { return bytes[2] == 1; }
 };
 
+/// CUgraphExecUpdateResultInfo.
+struct UpdateResult {
+  int result = 0;
+  GraphNode node = nullptr, from = nullptr;
+};
+static_assert(sizeof(UpdateResult) == 24);
+
 #define WARP_CUDA_GRAPH_SYMBOLS(X)                                             \
   X(beginCapture, cuStreamBeginCapture_v2, (StreamHandle, int))                \
   X(endCapture, cuStreamEndCapture, (StreamHandle, GraphHandle *))             \
@@ -111,6 +118,11 @@ struct EdgeData {
   X(nodeDependencies, cuGraphNodeGetDependencies,                              \
     (GraphNode, GraphNode *, size_t *))                                        \
   X(kernelParams, cuGraphKernelNodeGetParams_v2, (GraphNode, KernelNode *))    \
+  X(setKernelParams, cuGraphKernelNodeSetParams_v2,                            \
+    (GraphNode, const KernelNode *))                                           \
+  X(parameterInfo, cuFuncGetParamInfo, (Function, size_t, size_t *, size_t *)) \
+  X(updateExec, cuGraphExecUpdate_v2,                                          \
+    (GraphExec, GraphHandle, UpdateResult *))                                  \
   X(addKernel, cuGraphAddKernelNode_v2,                                        \
     (GraphNode *, GraphHandle, const GraphNode *, size_t, const KernelNode *)) \
   X(copyAttributes, cuGraphKernelNodeCopyAttributes, (GraphNode, GraphNode))   \

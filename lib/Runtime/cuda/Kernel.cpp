@@ -258,8 +258,11 @@ void CudaEntry::queueLaunch(const Kernel::Plan &plan, void *params,
     header.reversed = isReversed(owner, plan.bytes);
   cuda::Result result = queue(variant, *this, grid, work.stream(), params);
   if (result == cuda::success) {
-    if (variant.isQuick.load(std::memory_order_relaxed))
-      variant.quick->spendLaunch(grid.threads() * schedule.blockCoarsening);
+    if (variant.isQuick.load(std::memory_order_relaxed)) {
+      noteProvisional(owner.index, {&variant, this});
+      variant.quick->spendLaunch(grid.threads() * schedule.blockCoarsening,
+                                 warp::isCapturing(owner.index));
+    }
     owner.lastKernel.store(variant.label, std::memory_order_relaxed);
     return;
   }

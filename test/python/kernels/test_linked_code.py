@@ -96,11 +96,13 @@ class Searches:
 
     def launch(self):
         inputs = [self.mesh.id, self.bvh.id, self.x]
-        outputs = [self.near, self.hits, self.counts]
-        wp.launch(self.kernel, self.count, inputs, outputs, device=self.device)
+        wp.launch(self.kernel, self.count, inputs, self.outputs(), device=self.device)
+
+    def outputs(self):
+        return [self.near, self.hits, self.counts]
 
     def result(self):
-        return [one.numpy() for one in (self.near, self.hits, self.counts)]
+        return [one.numpy() for one in self.outputs()]
 
     def check(self, found):
         near, _, counts = found
@@ -159,8 +161,11 @@ class Tiles:
             device=self.device,
         )
 
+    def outputs(self):
+        return [self.out]
+
     def result(self):
-        return [self.out.numpy()]
+        return [one.numpy().astype(float) for one in self.outputs()]
 
     def check(self, found):
         self.check_one(found[0])
@@ -222,8 +227,8 @@ class Products(Tiles):
             device=self.device,
         )
 
-    def result(self):
-        return [self.total.numpy(), self.out.numpy().astype(float)]
+    def outputs(self):
+        return [self.total, self.out]
 
     def check(self, found):
         self.check_one(*found)
@@ -275,29 +280,43 @@ def test_better_code_comes_with_the_second_launch(program, fresh_cache):
     assert codes(fresh_cache) == 2
 
 
-def test_graphs_have_the_better_code(program, fresh_cache):
-    program.launch()
-    first = program.result()
-    program.prepare()
+@pytest.mark.parametrize("is_known", [False, True], ids=["recorded first", "launched first"])
+def test_graphs_go_over_to_the_better_code(program, fresh_cache, is_known):
+    if is_known:
+        program.launch()
+        program.prepare()
     with wp.ScopedCapture(program.device) as capture:
         program.launch()
-    assert codes(fresh_cache) == 2
-    wp.capture_launch(capture.graph)
-    assert same(program.result(), first)
-
-
-def test_a_kernel_that_a_graph_records_first_has_no_other(program, fresh_cache):
-    with wp.ScopedCapture(program.device) as capture:
-        program.launch()
-    assert codes(fresh_cache) == 1
     wp.capture_launch(capture.graph)
     recorded = program.result()
     program.check(recorded)
-    program.prepare()
-    program.launch()
     _native.wait_for_background()
+    assert codes(fresh_cache) == 2
+    for output in program.outputs():
+        output.zero_()
+    wp.capture_launch(capture.graph)
+    assert capture.graph.native.provisional_launches == 0
     assert same(program.result(), recorded)
-    assert codes(fresh_cache) == 1
+
+
+def test_branches_of_graphs_go_over_to_the_better_code(program, fresh_cache):
+    branch = wp.ones(1, dtype=int, device=program.device)
+    with wp.ScopedCapture(program.device) as inner:
+        wp.capture_if(branch, on_true=program.launch)
+    with wp.ScopedCapture(program.device) as outer:
+        wp.capture_launch(inner.graph)
+    for graph in (inner.graph, outer.graph):
+        wp.capture_launch(graph)
+    _native.wait_for_background()
+    found = []
+    for graph in (inner.graph, outer.graph):
+        for output in program.outputs():
+            output.zero_()
+        wp.capture_launch(graph)
+        assert graph.native.provisional_launches == 0
+        found.append(program.result())
+        program.check(found[-1])
+    assert same(*found)
 
 
 def test_blocks_that_need_fewer_registers_have_their_own_code(gpu, fresh_cache):

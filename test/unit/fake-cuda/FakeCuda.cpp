@@ -366,7 +366,7 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
   std::string launch = text;
   noteOrder("launch");
   if (fakeRecord(
-          stream, [=] { return lastLaunch = launch, fault; }, true,
+          stream, [=] { return lastLaunch = launch, fault; }, function,
           isProgrammatic))
     return success;
   lastLaunch = launch;

@@ -29,7 +29,7 @@ namespace {
 
 constexpr int success = 0, invalidValue = 1;
 constexpr int captureUnsupported = 900, captureInvalidated = 901;
-constexpr int captureUnjoined = 904;
+constexpr int captureUnjoined = 904, updateFailure = 910;
 
 constexpr int notSupported = 801;
 constexpr int kernelNode = 0, copyNode = 1, conditionalNode = 13;
@@ -51,6 +51,9 @@ struct Node {
   std::function<int()> call;
   int type = copyNode;
   Setting setting = {};
+  /// The function of a kernel, and its arguments.
+  void *function = nullptr;
+  void *arguments[1] = {};
   /// The nodes that it comes behind.
   std::map<Node *, EdgeData> before = {};
 
@@ -59,6 +62,9 @@ struct Node {
       before[nodes[i]] = {};
   }
 };
+
+/// The function of the kernel that ran last.
+void *fakeLastFunction = nullptr;
 
 /// The order of nodes that edges leave open: that of their making for 0.
 unsigned orderSeed = 0;
@@ -108,6 +114,8 @@ struct Graph {
       size_t next = ready[orderSeed ? random() % ready.size() : 0];
       if (int result = left[next]->call())
         return result;
+      if (left[next]->function)
+        fakeLastFunction = left[next]->function;
       done.insert(left[next]);
       left.erase(left.begin() + std::ptrdiff_t(next));
     }
@@ -165,14 +173,15 @@ std::shared_ptr<Capture> captureOf(void *stream) {
 
 } // namespace
 
-bool fakeRecord(void *stream, std::function<int()> call, bool isKernel,
+bool fakeRecord(void *stream, std::function<int()> call, void *function,
                 bool isProgrammatic) {
   Lock lock(mutex);
   std::shared_ptr<Capture> capture = captureOf(stream);
   if (!capture)
     return false;
   Node *node =
-      capture->graph->add(std::move(call), isKernel ? kernelNode : copyNode);
+      capture->graph->add(std::move(call), function ? kernelNode : copyNode);
+  node->function = function;
   capture->follow(stream, node, isProgrammatic);
   return true;
 }
@@ -478,7 +487,11 @@ struct CopyParams {
 EXPORT int cuGraphKernelNodeGetParams_v2(Node *node, KernelParams *params) {
   Setting &setting = node->setting;
   if (!setting.value) {
-    *params = {node, {}, nullptr, nullptr, nullptr, nullptr};
+    // Copies are made of the node.
+    node->arguments[0] = node;
+    *params = {node->function,  {},
+               node->arguments, reinterpret_cast<void **>(node),
+               nullptr,         nullptr};
     return success;
   }
   *params = {fakeSetter, {1, 1, 1, 1, 1, 1, 0}, nullptr, nullptr, nullptr,
@@ -492,8 +505,10 @@ EXPORT int cuGraphAddKernelNode_v2(Node **node, Graph *graph,
                                    Node *const *after, size_t count,
                                    const KernelParams *params) {
   void **arguments = params->arguments;
-  if (!arguments) {
-    *node = graph->add(static_cast<Node *>(params->function)->call, kernelNode);
+  if (params->extra) {
+    auto *source = reinterpret_cast<Node *>(params->extra);
+    *node = graph->add(source->call, kernelNode);
+    (*node)->function = params->function;
     (*node)->follow(after, count);
     return success;
   }
@@ -503,6 +518,27 @@ EXPORT int cuGraphAddKernelNode_v2(Node **node, Graph *graph,
   (*node)->follow(after, count);
   return success;
 }
+EXPORT int cuGraphKernelNodeSetParams_v2(Node *node,
+                                         const KernelParams *params) {
+  if (!params->arguments || !params->arguments[0])
+    return invalidValue;
+  node->function = params->function;
+  return success;
+}
+EXPORT int cuFuncGetParamInfo(void *, size_t index, size_t *offset,
+                              size_t *size) {
+  if (index != 0)
+    return invalidValue;
+  *offset = 0;
+  *size = 8;
+  return success;
+}
+static bool updatesGraphs = true;
+EXPORT void fakeCudaSetUpdatesGraphs(bool does) { updatesGraphs = does; }
+EXPORT int cuGraphExecUpdate_v2(void *exec, Graph *graph, void *) {
+  return updatesGraphs && exec == graph ? success : updateFailure;
+}
+EXPORT void *fakeCudaLastFunction() { return fakeLastFunction; }
 EXPORT int cuGraphKernelNodeCopyAttributes(Node *, Node *) { return success; }
 EXPORT int cuGraphMemcpyNodeGetParams(Node *node, CopyParams *params) {
   params->node = node;

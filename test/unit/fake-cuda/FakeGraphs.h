@@ -11,9 +11,9 @@
 #include <functional>
 
 /// Records a call if its stream is captured; it is repeated when the graph
-/// runs.
-bool fakeRecord(void *stream, std::function<int()> call, bool isKernel = false,
-                bool isProgrammatic = false);
+/// runs. `function`: that of a kernel.
+bool fakeRecord(void *stream, std::function<int()> call,
+                void *function = nullptr, bool isProgrammatic = false);
 /// True if a stream is captured.
 bool fakeIsCapturing(void *stream);
 /// A capture that something forbidden was done to ends in an error.
