@@ -31,7 +31,8 @@ using namespace warp;
 
 Module Module::fromText(std::string_view) { refuse(); }
 std::string Module::text(bool) const { refuse(); }
-Module warp::fuseKernels(const std::string &, const std::vector<FusionPart> &) {
+Module warp::fuseKernels(const std::string &, const std::vector<FusionPart> &,
+                         int64_t) {
   refuse();
 }
 Code warp::compile(const Module &, const CompileOptions &) { refuse(); }
