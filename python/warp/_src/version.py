@@ -3,8 +3,9 @@
 import os
 import sys
 
-from warp._native import VERSION as VERSION
+from warp._src.native import load
 
+VERSION = load().VERSION
 PACKAGE = os.path.dirname(os.path.dirname(__file__)) + os.sep
 
 
