@@ -1,6 +1,8 @@
 """`wp.render.Viewer`, whose server is asked for its page, and what it says without viser."""
 
+import contextlib
 import sys
+import types
 import urllib.request
 
 import numpy as np
@@ -28,6 +30,36 @@ def test_the_viewer_serves_and_follows():
         assert b"<html" in urllib.request.urlopen(address, timeout=20).read().lower()
     finally:
         viewer.close()
+
+
+class Recorder:
+    """A server that keeps what a viewer shows."""
+
+    def __init__(self, **options):
+        self.scene, self.shown = self, {}
+
+    def set_up_direction(self, up):
+        self.up = up
+
+    def atomic(self):
+        return contextlib.nullcontext()
+
+    def add_mesh_simple(self, name, points, faces, **options):
+        self.shown[name] = points, faces
+
+
+def test_scenes_too_large_are_refused_or_made_coarser(monkeypatch):
+    """10^7 triangles of a surface that is known."""
+    monkeypatch.setitem(sys.modules, "viser", types.SimpleNamespace(ViserServer=Recorder))
+    x, made = np.linspace(-1.0, 1.0, 2237), wp.render.Scene(64, 64, device="cpu")
+    made.add_height_field(0.2 * np.sin(3.0 * x)[:, None] * np.cos(2.0 * x), (-1, -1), (1, 1))
+    with pytest.raises(ValueError, match=r"9,999,392 triangles .* decimate=True"):
+        wp.render.Viewer(made)
+    viewer = wp.render.Viewer(made, max_triangles=50_000, decimate=True)
+    ((points, faces),) = viewer.server.shown.values()
+    assert 20_000 < len(faces) <= 50_000 and faces.max() < len(points)
+    x, y, z = points.astype(float).T
+    assert np.abs(0.2 * np.sin(3.0 * x) * np.cos(2.0 * z) - y).max() < 1e-6
 
 
 def test_absence_says_what_to_install(monkeypatch):

@@ -16,7 +16,8 @@ canvas { width: 100vw; height: 100vh; display: block; touch-action: none; cursor
   gap: 12px; align-items: center; background: var(--bar); border-radius: 10px; }
 #bar input { flex: 1; min-width: 60px; }
 button { font: inherit; min-width: 64px; padding: 4px 10px; }
-#title { position: fixed; left: 16px; top: 12px; font-weight: 600; }
+#title { position: fixed; left: 12px; top: 12px; padding: 2px 10px; font-weight: 600;
+  background: var(--bar); border-radius: 10px; }
 #problem { position: fixed; inset: 40% 10%; text-align: center; }
 </style>
 </head>
@@ -38,9 +39,10 @@ for (let i = 0; i < packed.length; ++i) bytes[i] = packed.charCodeAt(i);
 const types = {uint8: Uint8Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array};
 const read = ([start, size, type]) => new types[type](bytes.buffer, start, size);
 
+// The ground fades into the background, before its pattern is finer than pixels.
 const LIGHT = `
-uniform vec3 sun, zenith, eye;
-uniform float shine, metal, glow, alpha;
+uniform vec3 sun, zenith, eye, back;
+uniform float shine, metal, glow, alpha, reach;
 vec3 lit(vec3 color, vec3 n, vec3 p) {
   vec3 v = normalize(eye - p);
   if (dot(n, v) < 0.0) n = -n;
@@ -53,7 +55,8 @@ vec3 lit(vec3 color, vec3 n, vec3 p) {
   vec3 c = color * (around * 0.6 + direct * 0.9 * (1.0 - 0.6 * metal)) + mirror * gloss;
   float edge = pow(1.0 - max(dot(n, v), 0.0), 5.0);
   c += mirror * edge * 0.4 * (0.2 + shine) * sky;
-  return pow(mix(c / (1.0 + 0.25 * c), color, glow), vec3(1.0 / 2.2));
+  c = pow(mix(c / (1.0 + 0.25 * c), color, glow), vec3(1.0 / 2.2));
+  return mix(c, back, smoothstep(4.0, 30.0, distance(eye, p) / reach));
 }`;
 const MESH_VERTEX = `#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 normal;
@@ -216,12 +219,16 @@ function eyeOf() {
   return add(eye, up, Math.sin(turn.pitch) * turn.far);
 }
 let frame = 0, playing = false, dirty = true;
+let back = [0, 0, 0];
+const begun = turn.far;
 function common(shader, view, lens, eye, material) {
   gl.uniformMatrix4fv(shader.at("view"), false, view);
   gl.uniformMatrix4fv(shader.at("lens"), false, lens);
   gl.uniform3fv(shader.at("sun"), unit(data.sun));
   gl.uniform3fv(shader.at("zenith"), up);
   gl.uniform3fv(shader.at("eye"), eye);
+  gl.uniform3fv(shader.at("back"), back);
+  gl.uniform1f(shader.at("reach"), Math.max(begun, turn.far));
   gl.uniform3fv(shader.at("base"), material.color);
   for (const name of ["shine", "metal", "glow", "alpha"])
     gl.uniform1f(shader.at(name), material[name]);
@@ -232,13 +239,16 @@ function draw() {
   if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
   gl.viewport(0, 0, w, h);
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
-  gl.clearColor(...(dark ? [0.086, 0.094, 0.114] : [0.933, 0.945, 0.961]), 1);
+  back = dark ? [0.086, 0.094, 0.114] : [0.933, 0.945, 0.961];
+  gl.clearColor(...back, 1);
   gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
   gl.enable(gl.DEPTH_TEST);
   gl.enable(gl.BLEND);
   gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
   const eye = eyeOf(), z = unit(add(eye, turn.target, -1)), x = unit(cross(up, z));
-  const y = cross(z, x), t = 1 / Math.tan(data.view.fov * Math.PI / 360);
+  // A window narrower than the picture shows its whole width.
+  const shape = Math.min(1, w / h / data.view.aspect);
+  const y = cross(z, x), t = shape / Math.tan(data.view.fov * Math.PI / 360);
   const near = turn.far * 0.005, far = turn.far * 400;
   const view = [x[0], y[0], z[0], 0, x[1], y[1], z[1], 0, x[2], y[2], z[2], 0,
     -dot(x, eye), -dot(y, eye), -dot(z, eye), 1];
@@ -332,7 +342,9 @@ canvas.onpointermove = event => {
     turn.far *= span(last) / span(here);
   } else if (event.buttons & 2 || event.shiftKey) {
     const z = unit(add(eyeOf(), turn.target, -1)), x = unit(cross(up, z)), y = cross(z, x);
-    const size = 2 * turn.far * Math.tan(data.view.fov * Math.PI / 360) / canvas.clientHeight;
+    const wide = canvas.clientWidth / canvas.clientHeight / data.view.aspect;
+    const size = 2 * turn.far * Math.tan(data.view.fov * Math.PI / 360) /
+      canvas.clientHeight / Math.min(1, wide);
     turn.target = add(add(turn.target, x, -move[0] * size), y, move[1] * size);
   } else {
     turn.yaw -= move[0] * 0.006;

@@ -67,13 +67,14 @@ def save_page(scene, path, title, fps, max_triangles, decimate) -> None:
     if scene.media or scene.level_sets:
         notice("save_html shows meshes and spheres; volumes and level sets are left out")
     blob = Blob()
+    share = kept_share(scene, max_triangles, decimate, "save_html")
     data = {
         "up": scene.up.tolist(),
         "fps": float(fps),
         "count": len(frames),
-        "view": scene.view,
+        "view": {**scene.view, "aspect": scene.width / scene.height},
         "sun": (scene.sun[0] if scene.sun else scene.up + [0.4, 0.2, 0.5]).tolist(),
-        "meshes": _meshes(scene, frames, blob, _keep(scene, max_triangles, decimate)),
+        "meshes": _meshes(scene, frames, blob, share),
         "spheres": [_spheres(scene, frames, number, blob) for number in range(len(scene.spheres))],
     }
     text = PAGE.replace("@TITLE@", _escaped(title))
@@ -86,8 +87,12 @@ def _escaped(text):
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
-def _keep(scene, most, decimate):
-    """The share of its triangles that each mesh keeps."""
+def kept_share(scene, most, decimate, where):
+    """The share of its triangles that each mesh keeps, of which a browser gets at most some.
+
+    Raises:
+        ValueError: there are more, and no coarser copy was asked for.
+    """
     copies = {}
     for placed in scene.instances:
         copies[id(placed.mesh)] = copies.get(id(placed.mesh), 0) + len(placed.transforms)
@@ -99,7 +104,7 @@ def _keep(scene, most, decimate):
             f"the scene has {total:,} triangles and a page shows up to {most:,}: pass "
             f"decimate=True for a coarser copy, or max_triangles={total}"
         )
-    notice(f"save_html keeps about {most:,} of {total:,} triangles")
+    notice(f"{where} keeps about {most:,} of {total:,} triangles")
     return most / total
 
 

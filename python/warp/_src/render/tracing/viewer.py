@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from warp._src.render.tracing.decimation import clustered
+from warp._src.render.tracing.pages import kept_share
 from warp.extend import errors
 
 # More spheres than this are drawn as points.
@@ -15,13 +17,15 @@ class Viewer:
         scene: a `Scene`.
         backend: "viser", the only one; `Scene.save_html` writes pages without a server.
         port: of the server; 0 takes a free one.
+        max_triangles: that a browser gets.
+        decimate: shows a coarser copy of a scene that has more.
 
     Attributes:
         server: the `viser.ViserServer`, for controls of one's own.
 
     Raises:
         ImportError: viser is not installed.
-        ValueError: there is no such backend.
+        ValueError: there is no such backend, or the scene has more triangles.
 
     Example:
         >>> import warp.render
@@ -31,7 +35,7 @@ class Viewer:
         ...     viewer.update()
     """
 
-    def __init__(self, scene, backend="viser", port=8080):
+    def __init__(self, scene, backend="viser", port=8080, max_triangles=2_000_000, decimate=False):
         if backend != "viser":
             raise ValueError(
                 f"expects the backend 'viser', but got '{backend}'; pages without a server are "
@@ -42,6 +46,8 @@ class Viewer:
         except ImportError as error:
             raise errors.absent("viser", "warp.render.Viewer") from error
         self.scene = scene
+        self._share = kept_share(scene, max_triangles, decimate, "the viewer")
+        self._kept = {}
         self.server = viser.ViserServer(port=port, verbose=False)
         self.server.scene.set_up_direction(tuple(map(float, scene.up)))
         self._parts = {}
@@ -64,6 +70,11 @@ class Viewer:
     def _show_mesh(self, name, mesh, copies):
         points, maps = mesh.points.numpy(), copies.transforms
         faces = mesh.indices.numpy().reshape(-1, 3)
+        if self._share < 1.0:
+            if mesh not in self._kept:
+                self._kept[mesh] = clustered(points, faces, self._share * len(faces))
+            kept, faces = self._kept[mesh]
+            points = points[kept]
         count = len(maps)
         moved = np.einsum("nij,kj->nki", maps[:, :3, :3], points) + maps[:, None, :3, 3]
         rows = (faces[None] + (len(points) * np.arange(count))[:, None, None]).reshape(-1, 3)
