@@ -73,13 +73,18 @@ def _figure(value, scale=1.0):
     return f"{scale * value:.0f}" if scale * value >= 1000.0 else f"{scale * value:.3g}"
 
 
+def _ratio(value):
+    """Two digits that count, without a power of ten: `0.037x`, `4.5x`, `270x`."""
+    return f"{float(f'{value:.1e}'):.10g}x"
+
+
 def _row(program, packages, at, key):
     """Times, each of another package with its ratio to that of this one."""
     own = at.get((program, OWN), {}).get(key)
     cells = []
     for package in packages:
         time = at.get((program, package), {}).get(key)
-        ratio = f" ({time / own:.2g} x)" if time and own and package != OWN else ""
+        ratio = f" ({_ratio(time / own)})" if time and own and package != OWN else ""
         cells.append(_figure(time, 1e3) + ratio)
     return [program, *cells]
 

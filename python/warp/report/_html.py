@@ -13,8 +13,8 @@ th[aria-sort=ascending]::after{content:" \\2191"}
 th[aria-sort=descending]::after{content:" \\2193"}
 td{font-variant-numeric:tabular-nums}
 tbody tr:hover{background:#8882}
-figure{margin:1rem 0}
-svg{max-width:100%;height:auto;color:inherit!important}
+figure{margin:1rem 0;overflow-x:auto}
+svg{max-width:100%;min-width:36rem;height:auto;color:inherit!important}
 nav{columns:14rem;margin:1rem 0;padding:.6rem 1rem;border:1px solid #8886;border-radius:8px}
 nav a{display:block}
 a{color:inherit}

@@ -7,7 +7,7 @@ import pytest
 
 from warp.compare import PACKAGES, compare
 from warp.compare.__main__ import main
-from warp.compare._pages import markdown
+from warp.compare._pages import _ratio, markdown
 from warp.compare._programs import PROGRAMS, make_inputs, reference
 
 
@@ -111,3 +111,10 @@ def test_pages(tmp_path, capsys):
     assert "<h2 id=" in page and "http" not in page
     assert (tmp_path / "compare.jsonl").read_text().count("\n") >= 2
     assert set(PACKAGES) >= {"peer", "drjit", "jax", "numba", "taichi", "torch"}
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0371, "0.037x"), (1.0, "1x"), (4.52, "4.5x"), (2634.0, "2600x")]
+)
+def test_ratios_have_two_digits_and_no_power_of_ten(value, text):
+    assert _ratio(value) == text
