@@ -16,6 +16,7 @@ for script, folder in (("make_reference.py", "api"), ("make_notebooks.py", "note
 
 project = "Warp on MLIR"
 author = "The developers of Warp on MLIR"
+copyright = f"2026, {author}"
 version = release = project_version()
 html_title = f"Warp on MLIR {release}"
 extensions = ["myst_parser", "sphinx_design", "sphinx_copybutton"]
@@ -27,6 +28,7 @@ exclude_patterns = ["site", "README.md"]
 html_theme = "furo"
 html_theme_options = {"navigation_with_keys": True}
 html_static_path = ["static"]
+html_css_files = ["site.css"]
 html_extra_path = ["notebooks"]
 templates_path: list[str] = []
 copybutton_prompt_text = r">>> |\.\.\. |\$ "

@@ -173,7 +173,7 @@ def main():
     scene, device = movie.scene, movie.device
     n = max(12, int(56 * movie.options.scale ** (1 / 3)))
     gas, cell = Gas(n, device), 1.0 / n
-    for _ in range(movie.count(70)):
+    for _ in range(110):
         gas.step()
     gas.left = 0.0
 
@@ -183,7 +183,7 @@ def main():
         low = (-0.5, 0.0, -0.5)
         return wp.Volume.load_from_numpy(smoke, low, cell, bg_value=0.0, device=device)
 
-    floor = {"color": (0.32, 0.33, 0.36), "roughness": 0.3, "checker": 0.25}
+    floor = {"color": (0.3, 0.27, 0.25), "roughness": 0.45}
     scene.add_height_field(np.zeros((2, 2)), (-300, -300), (300, 300), **floor)
     ball = [cell * (gas.ball[k] - (0.0 if k == 1 else 0.5 * n)) for k in range(3)]
     gold = {"color": (0.95, 0.62, 0.25), "metallic": 1.0, "roughness": 0.12}
@@ -192,8 +192,8 @@ def main():
     ring = np.stack([0.15 * np.cos(turn), 0 * turn + 0.03, 0.15 * np.sin(turn)], axis=1)
     scene.add_tubes([ring], 0.02, emission=(9.0, 3.0, 0.7))
     medium = scene.add_volume(grid(), 34.0, albedo=(0.93, 0.94, 0.96), asymmetry=0.3, most=1.0)
-    scene.set_sky(sun=(0.8, 0.45, 0.25), power=5.0, size=2.0, haze=1.5)
-    scene.set_camera((0.3, 0.75, 3.0), (0.0, 0.86, 0.0), fov=35.0)
+    scene.set_sky(sun=(0.85, 0.3, -0.35), power=8.0, size=2.0, haze=2.0)
+    scene.set_camera((0.35, 0.55, 3.1), (0.0, 0.88, 0.0), fov=36.0)
     scene.depth = 6
     steps = 0
     for _ in range(movie.frames):

@@ -88,7 +88,9 @@ def test_there_are_ten_tutorials_and_forty_recipes():
     assert len(re.findall(r"^## ", text, flags=re.MULTILINE)) >= 40
 
 
-@pytest.mark.parametrize("path", [DOCS / "start.md", *RECIPES], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [DOCS / "index.md", DOCS / "start.md", *RECIPES], ids=lambda path: path.stem
+)
 def test_printed_programs_run(path):
     if path.stem in NEEDED:
         pytest.importorskip(NEEDED[path.stem])

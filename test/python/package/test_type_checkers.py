@@ -15,7 +15,17 @@ import warp as wp
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGE = Path(wp.__file__).parent
 PROGRAMS = sorted((ROOT / "test" / "typing").glob("*.py"))
-GUIDES = ("start", "guide", "graphs", "differentiation", "extend", "geometry", "report", "tiles")
+GUIDES = (
+    "index",
+    "start",
+    "guide",
+    "graphs",
+    "differentiation",
+    "extend",
+    "geometry",
+    "report",
+    "tiles",
+)
 PAGES = [ROOT / "README.md", *(ROOT / "docs" / f"{page}.md" for page in GUIDES)]
 for topic in ("tutorials", "how-to"):
     found = sorted((ROOT / "docs" / topic).glob("*.md"))
