@@ -14,6 +14,12 @@ from kernel_cache import codes
 from warp import _native
 
 
+@pytest.fixture(autouse=True)
+def unchecked(monkeypatch):
+    """No code with other lanes is made to compare, so that pieces of code are tiers."""
+    monkeypatch.setattr(wp.config, "check_lanes", False)
+
+
 def make_kernel(**options):
     @wp.kernel(module="unique", module_options=options or None)
     def mixed(
@@ -46,7 +52,7 @@ def run(kernel, count=40, trips=7):
 
 
 def launch_until_better(folder, launch, seconds=60.0):
-    """Launches until a second piece of code is in the cache; lanes may have a third, to compare."""
+    """Launches until a second piece of code is in the cache."""
     end = time.monotonic() + seconds
     while codes(folder) < 2:
         assert time.monotonic() < end, f"after {seconds} s the cache has {codes(folder)} pieces"
@@ -74,9 +80,7 @@ def test_levels_have_the_same_bits(count):
     assert set(found.values()) == {found[2]}
 
 
-def test_a_large_launch_gets_the_best_code_at_once(fresh_cache, monkeypatch):
-    # Code with other lanes is made to compare.
-    monkeypatch.setattr(wp.config, "check_lanes", False)
+def test_a_large_launch_gets_the_best_code_at_once(fresh_cache):
     kernel = make_kernel()
     run(kernel, 1_000_000, 100)
     assert codes(fresh_cache) == 1
