@@ -204,6 +204,7 @@ static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
   kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
   function.erase();
   finish(*other->op);
+  warp::unmarkKeptDerivatives(*other->op);
   return warp::Module(std::move(other));
 }
 
@@ -272,6 +273,7 @@ Derivative warp::differentiate(const Module &module,
     check(*copy->op, [&](ModuleOp module) {
       return joinSameArrays(findMarked(module, kernelAttrName), options.same);
     });
+  markKeptDerivatives(*copy->op);
   check(*copy->op, [&](ModuleOp module) {
     PassManager resolve(module.getContext());
     resolve.enableVerifier(false);
@@ -299,5 +301,6 @@ Derivative warp::differentiate(const Module &module,
   derivative.recording = takeMarked(*copy->op, attr::recording);
   derivative.augmented = takeMarked(*copy->op, attr::augmented);
   finish(*copy->op);
+  unmarkKeptDerivatives(*copy->op);
   return derivative;
 }

@@ -90,6 +90,7 @@ func::FuncOp BoundCalls::calleeOf(func::CallOp call,
                                   const SymbolTable &symbols) const {
   auto callee = symbols.lookup<func::FuncOp>(call.getCallee());
   bool isKept = !callee || callee.isExternal() || call.getNoInline() ||
+                callee->hasAttr(warp::attr::kept) ||
                 (callee.getNoInline() && !all);
   return isKept ? func::FuncOp() : callee;
 }
@@ -144,7 +145,8 @@ void BoundCalls::runOnOperation() {
     return;
   if (all)
     for (auto &[op, _] : functions)
-      cast<func::FuncOp>(op).removeNoInlineAttr();
+      if (!op->hasAttr(warp::attr::kept))
+        cast<func::FuncOp>(op).removeNoInlineAttr();
   OpPassManager pm(func::FuncOp::getOperationName());
   warp::addSimplification(pm);
   for (auto &[op, function] : functions)

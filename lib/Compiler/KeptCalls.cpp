@@ -19,10 +19,6 @@
 using namespace mlir;
 using warp::CallNode;
 
-/// A call costs about as much as so many operations, and hides from an
-/// optimiser what they work on.
-static constexpr double smallFunction = 64;
-
 double warp::scalarOperations(Operation *op) {
   double scalars = 1;
   for (Type type : op->getResultTypes())
@@ -129,9 +125,9 @@ std::optional<warp::KeptCalls> warp::chooseKeptCalls(ArrayRef<CallNode> nodes,
   for (auto [plain, count] : llvm::zip_equal(isPlain, calls))
     kept.mayStay.push_back(plain && count > 1);
   kept.least = budget / 2;
-  while (kept.least > smallFunction &&
+  while (kept.least > KeptCalls::shortest &&
          Choice(nodes, kept.mayStay, kept.least).total > budget)
     kept.least /= 2;
-  kept.least = std::max(kept.least, smallFunction);
+  kept.least = std::max(kept.least, KeptCalls::shortest);
   return kept;
 }

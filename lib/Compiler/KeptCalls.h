@@ -33,6 +33,10 @@ double scalarOperations(mlir::Operation *op);
 
 /// The functions that may stay, and the scalar operations from which they do.
 struct KeptCalls {
+  /// A call costs about as much as so many operations, and hides from an
+  /// optimiser what they work on.
+  static constexpr double shortest = 64;
+
   llvm::SmallVector<bool> mayStay;
   double least = 0;
 };

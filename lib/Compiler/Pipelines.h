@@ -68,6 +68,12 @@ void addVerification(mlir::OpPassManager &pm);
 /// Takes the sums of an adjoint apart from the rest, and simplifies both.
 void addGathering(mlir::OpPassManager &pm);
 
+/// KeptDerivatives.cpp: marks the functions that stay calls in the derivatives
+/// of a long kernel, and takes the marks off what has become of it: a launch
+/// chooses anew.
+void markKeptDerivatives(mlir::ModuleOp module);
+void unmarkKeptDerivatives(mlir::ModuleOp module);
+
 /// Autodiff.cpp: from a kernel with the functions that it calls to its
 /// derivative. The caller has the context's lock.
 mlir::LogicalResult derive(mlir::ModuleOp module,

@@ -6,6 +6,7 @@
 
 #include "Derivation.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/Passes.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
@@ -24,8 +25,9 @@ LogicalResult warp::autodiff::derive(ModuleOp module,
 
 void warp::autodiff::keepCalls(ModuleOp module, bool keep) {
   for (auto function : module.getOps<func::FuncOp>()) {
-    if (!function->hasAttr(warp::attr::vjp) &&
-        !function->hasAttr(warp::attr::replay))
+    if (function->hasAttr(warp::attr::kept) ||
+        (!function->hasAttr(warp::attr::vjp) &&
+         !function->hasAttr(warp::attr::replay)))
       continue;
     if (keep)
       function.setNoInline(true);

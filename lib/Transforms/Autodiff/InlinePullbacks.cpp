@@ -14,10 +14,12 @@
 #include "Activity.h"
 #include "Autodiff/Rules/Rules.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 #include "mlir/Dialect/SCF/IR/SCF.h"
+#include "mlir/IR/Iterators.h"
 #include "mlir/Pass/PassManager.h"
 #include "mlir/Transforms/Passes.h"
 
@@ -77,6 +79,19 @@ static LogicalResult eraseAccesses(Value gradients) {
   return success();
 }
 
+/// Functions that stay only compute values, which the adjoint may not need.
+static void eraseUnusedCalls(ModuleOp module) {
+  SymbolTable symbols(module);
+  module.walk<WalkOrder::PostOrder, ReverseIterator>([&](Operation *op) {
+    if (isa<func::CallOp>(op) ? op->use_empty() : isOpTriviallyDead(op)) {
+      auto call = dyn_cast<func::CallOp>(op);
+      Operation *callee = call ? symbols.lookup(call.getCallee()) : nullptr;
+      if (!call || (callee && callee->hasAttr(warp::attr::kept)))
+        op->erase();
+    }
+  });
+}
+
 namespace {
 
 struct InlinePullbacks : warp::impl::InlinePullbacksBase<InlinePullbacks> {
@@ -94,11 +109,13 @@ void InlinePullbacks::runOnOperation() {
   if (llvm::hasSingleElement(module.getOps<func::FuncOp>()))
     return;
   for (auto function : module.getOps<func::FuncOp>())
-    function.removeNoInlineAttr();
+    if (!function->hasAttr(warp::attr::kept))
+      function.removeNoInlineAttr();
   OpPassManager pm(ModuleOp::getOperationName());
   pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
   pm.addPass(createSymbolDCEPass());
   pm.addPass(createCSEPass());
+  eraseUnusedCalls(module);
   FunctionOpInterface kernel;
   if (failed(runPipeline(pm, module)) || !(kernel = warp::findKernel(module)))
     return signalPassFailure();

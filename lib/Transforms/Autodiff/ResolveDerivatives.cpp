@@ -20,12 +20,15 @@
 #include "FunctionKernel.h"
 #include "KernelFunction.h"
 
+#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Pass/PassManager.h"
+
+#include "llvm/ADT/SetVector.h"
 
 namespace warp {
 #define GEN_PASS_DEF_RESOLVEDERIVATIVES
@@ -121,6 +124,8 @@ struct Request {
   bool arrays = false;
   /// Forward mode: how many arguments have tangents.
   unsigned tangents = 0;
+  /// The kernel has nothing to say of the derivative.
+  bool silent = false;
 };
 
 struct ResolveDerivatives
@@ -134,6 +139,7 @@ struct ResolveDerivatives
   LogicalResult resolveJvp(warp::JvpOp op);
   LogicalResult resolveCustom(warp::VjpOp op, func::FuncOp callee);
   LogicalResult addMissing(func::FuncOp function);
+  void keepDerivative(func::FuncOp function);
   FailureOr<func::FuncOp> withoutEffects(func::FuncOp function);
   FailureOr<func::FuncOp> withoutGradients(func::FuncOp pullback);
   /// The derivative of a function that has none of its own, made once.
@@ -141,6 +147,7 @@ struct ResolveDerivatives
   LogicalResult differentiate(ModuleOp module, func::FuncOp function,
                               Request request);
   OwningOpRef<ModuleOp> copyFunctions();
+  OwningOpRef<ModuleOp> copyCalled(func::FuncOp function);
   std::string keyOf(func::FuncOp function, StringRef what) {
     return (function.getName() + "/" + what).str();
   }
@@ -191,8 +198,15 @@ LogicalResult ResolveDerivatives::resolveAll() {
     for (Operation *op : ops)
       if (failed(resolve(op)))
         return failure();
-    if (reached.isDifferentiated.lookup(function) &&
-        failed(addMissing(function)))
+    bool isDifferentiated = reached.isDifferentiated.lookup(function);
+    if (function->hasAttr(warp::attr::kept)) {
+      // Policies that report need the kernel's counters.
+      if ((isDifferentiated || reached.forward) && singular == "pinned")
+        keepDerivative(function);
+      else
+        function->removeAttr(warp::attr::kept);
+    }
+    if (isDifferentiated && failed(addMissing(function)))
       return failure();
   }
   return success();
@@ -291,6 +305,30 @@ ResolveDerivatives::withoutGradients(func::FuncOp pullback) {
   return found;
 }
 
+/// Makes the derivative of a function that is to stay a call, once for all
+/// calls. A function without one is inlined: loops may keep what their
+/// derivative needs in memory of the kernel.
+void ResolveDerivatives::keepDerivative(func::FuncOp function) {
+  Request request;
+  request.forward = forward;
+  request.silent = true;
+  request.tangents =
+      llvm::count_if(function.getArgumentTypes(), warp::hasDifferential);
+  ScopedDiagnosticHandler quiet(&getContext(),
+                                [](Diagnostic &) { return success(); });
+  FailureOr<func::FuncOp> derivative = derive(function, request);
+  if (failed(derivative)) {
+    function->removeAttr(warp::attr::kept);
+    return;
+  }
+  function->setAttr(forward ? warp::attr::jvp : warp::attr::vjp,
+                    FlatSymbolRefAttr::get(*derivative));
+  for (func::FuncOp kept : {function, *derivative}) {
+    kept->setAttr(warp::attr::kept, UnitAttr::get(&getContext()));
+    kept.setNoInline(true);
+  }
+}
+
 /// A function with one of the two attributes stays a call, and needs the other
 /// function, too.
 LogicalResult ResolveDerivatives::addMissing(func::FuncOp function) {
@@ -350,6 +388,35 @@ ResolveDerivatives::withoutEffects(func::FuncOp function) {
   return found = copy;
 }
 
+/// A module of a function and those it calls, for its derivative. Functions
+/// that stay calls, and their derivatives, are there as declarations.
+OwningOpRef<ModuleOp> ResolveDerivatives::copyCalled(func::FuncOp function) {
+  ModuleOp module = getOperation();
+  OwningOpRef<ModuleOp> copy = ModuleOp::create(module.getLoc());
+  copy.get()->setAttrs(module->getAttrs());
+  SymbolTable symbols(module);
+  llvm::SetVector<func::FuncOp> reached;
+  auto reach = [&](Operation *op) {
+    op->getAttrDictionary().walk([&](FlatSymbolRefAttr name) {
+      if (auto callee = symbols.lookup<func::FuncOp>(name.getValue()))
+        reached.insert(callee);
+    });
+  };
+  reached.insert(function);
+  for (size_t i = 0; i < reached.size(); ++i) {
+    func::FuncOp found = reached[i];
+    bool stays = found != function && found.getNoInline() &&
+                 found->hasAttr(warp::attr::kept);
+    copy->push_back(stays ? found->cloneWithoutRegions() : found->clone());
+    if (stays)
+      reach(found);
+    else
+      found->walk(reach);
+  }
+  answer(*copy, true);
+  return copy;
+}
+
 /// The module without its kernel, for derivatives.
 OwningOpRef<ModuleOp> ResolveDerivatives::copyFunctions() {
   OwningOpRef<ModuleOp> copy = getOperation().clone();
@@ -371,13 +438,16 @@ FailureOr<func::FuncOp> ResolveDerivatives::derive(func::FuncOp function,
   if (!function.isPrivate())
     return function.emitError("expects a private function to differentiate, ")
            << "but '" << function.getName() << "' is public";
-  OwningOpRef<ModuleOp> copy = copyFunctions();
+  OwningOpRef<ModuleOp> copy = copyCalled(function);
   auto inner = copy->lookupSymbol<func::FuncOp>(function.getName());
   inner->removeAttr(warp::attr::replay);
+  inner->removeAttr(warp::attr::kept);
   warp::FunctionKernel around(inner);
   if (failed(differentiate(*copy, inner, request)))
     return failure();
   auto derivative = cast<func::FuncOp>(warp::findKernel(*copy).getOperation());
+  if (request.silent && derivative->hasAttr(warp::attr::notices))
+    return failure();
   FailureOr<func::FuncOp> result =
       around.toFunction(derivative, getOperation(), request.forward);
   if (succeeded(result))

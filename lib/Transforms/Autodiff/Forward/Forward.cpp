@@ -220,11 +220,11 @@ LogicalResult ForwardBuilder::runCall(func::CallOp op) {
   auto callee =
       SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(op,
                                                          op.getCalleeAttr());
+  if (callee && hasOwnDerivative(callee))
+    return runCustom(op, callee);
   if (!callee || callee.isExternal())
     return op.emitError("the call of '")
            << op.getCallee() << "' has no tangents: its body is not known";
-  if (callee->hasAttr(attr::vjp))
-    return runCustom(op, callee);
   auto bind = [&](ValueRange from, ValueRange to) {
     for (auto [a, b] : llvm::zip_equal(from, to)) {
       values.map(b, values.lookup(a));

@@ -153,6 +153,9 @@ void splitExtrema(mlir::func::FuncOp kernel);
 /// it is passed for; null if nothing does.
 mlir::Operation *findWrite(mlir::Value array);
 
+/// True if calls of a function have a derivative, whatever its body.
+bool hasOwnDerivative(mlir::func::FuncOp callee);
+
 /// Type of the tangent of a value or array; null if it has none.
 mlir::Type getTangentType(mlir::Type type);
 

@@ -97,13 +97,19 @@ static Value converted(OpBuilder &builder, Value value, Type type) {
              : CastOp::create(builder, value.getLoc(), type, value).getResult();
 }
 
+bool hasOwnDerivative(func::FuncOp callee) {
+  return callee->hasAttr(attr::vjp) || callee->hasAttr(attr::jvp);
+}
+
 LogicalResult ForwardBuilder::runCustom(func::CallOp op, func::FuncOp callee) {
   auto clone = cast<func::CallOp>(builder.clone(*op, values));
   forget(op.getResults());
   auto vjp = callee->getAttrOfType<FlatSymbolRefAttr>(attr::vjp);
+  // Without a pullback it is a function of values that stays a call.
   auto pullback =
-      SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(callee, vjp);
-  if (failed(checkArrays(op, callee, pullback, directions[0])))
+      vjp ? SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(callee, vjp)
+          : func::FuncOp();
+  if (pullback && failed(checkArrays(op, callee, pullback, directions[0])))
     return failure();
   bool isVaried = llvm::any_of(op.getOperands(), [&](Value operand) {
     return differentialType(operand.getType()) &&

@@ -81,6 +81,8 @@ void ForwardBuilder::collectUpdates() {
     if (auto call = dyn_cast<func::CallOp>(op)) {
       auto callee = SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(
           call, call.getCalleeAttr());
+      if (callee.isExternal())
+        return;
       for (auto [operand, parameter] :
            llvm::zip_equal(call.getOperands(), callee.getArguments()))
         if (isa<ArrayType>(operand.getType()) && findWrite(parameter))

@@ -55,7 +55,7 @@ bool Varied::spreadThroughControlFlow(Operation *op) {
   } else if (auto call = dyn_cast<func::CallOp>(op)) {
     auto callee = SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(
         call, call.getCalleeAttr());
-    if (callee && callee->hasAttr(attr::vjp)) {
+    if (callee && hasOwnDerivative(callee)) {
       if (llvm::any_of(call.getOperands(), [&](Value operand) {
             return contains(operand) && !isa<ArrayType>(operand.getType());
           }))
