@@ -133,19 +133,45 @@ void RegionBuilder::addChoices(warp::RegionFormula::Access access,
   }
 }
 
+/// The only array of the arguments that an access may be to; nothing if there
+/// are others, and the whole array is marked.
+std::optional<unsigned>
+RegionBuilder::leafOf(Value array,
+                      SmallVectorImpl<const IndexForms *> &indices) {
+  Value root;
+  SmallVector<unsigned, 1> leaf;
+  if (collectIndices(array, indices, root))
+    leaf = origins.getLeaves().of(root);
+  if (leaf.size() == 1)
+    return leaf.front();
+  markUnknown(array);
+  return std::nullopt;
+}
+
 void RegionBuilder::add(warp::AccessOp op) {
   SmallVector<const IndexForms *> indices;
   for (Value index : op.getIndices())
     indices.push_back(&formsOf(index));
-  Value root;
-  SmallVector<unsigned, 1> leaf;
-  if (collectIndices(op.getArray(), indices, root))
-    leaf = origins.getLeaves().of(root);
-  if (leaf.size() != 1)
-    return markUnknown(op.getArray());
+  std::optional<unsigned> leaf = leafOf(op.getArray(), indices);
+  if (!leaf)
+    return;
   warp::RegionFormula::Access access;
-  access.array = static_cast<int32_t>(leaf.front());
+  access.array = static_cast<int32_t>(*leaf);
   access.reads = !op.mayWrite() || (op.isUpdate() && !op->use_empty());
+  access.writes = op.mayWrite();
+  addChoices(access, indices);
+}
+
+/// Any elements along the dimensions of a tile, of the part of the array that a
+/// view has.
+void RegionBuilder::add(warp::TileAccessOp op) {
+  SmallVector<const IndexForms *> indices(op.getOffsets().size(), &unknown);
+  std::optional<unsigned> leaf = leafOf(op.getArray(), indices);
+  if (!leaf)
+    return;
+  warp::RegionFormula::Access access;
+  access.array = static_cast<int32_t>(*leaf);
+  access.reads = !op.mayWrite() || op.isUpdate();
   access.writes = op.mayWrite();
   addChoices(access, indices);
 }
@@ -160,6 +186,9 @@ void RegionBuilder::visit(Operation *op) {
       markUnknown(access.getArray());
     return;
   }
+  if (auto access = dyn_cast<warp::TileAccessOp>(op);
+      access && access->getParentOfType<func::FuncOp>() == kernel)
+    return add(access);
   // An array that is passed on is followed to where it is accessed.
   if (isa<warp::ArrayViewOp, warp::DimOp, warp::GradOp, func::CallOp,
           func::ReturnOp, RegionBranchOpInterface,

@@ -9,6 +9,7 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "WarpDialect/ParameterLayout.h"
+#include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
 #include "warp/Regions.h"
 
@@ -76,6 +77,9 @@ private:
   // Accesses.
   void visit(mlir::Operation *op);
   void add(AccessOp op);
+  void add(TileAccessOp op);
+  std::optional<unsigned>
+  leafOf(mlir::Value array, llvm::SmallVectorImpl<const IndexForms *> &indices);
   void markUnknown(mlir::Value array);
   bool collectIndices(mlir::Value array,
                       llvm::SmallVectorImpl<const IndexForms *> &indices,

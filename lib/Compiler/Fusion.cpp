@@ -47,6 +47,12 @@ public:
 
 private:
   func::FuncOp takeKernel(ModuleOp part);
+  /// True if blocks of a part have the threads of those of the whole, and work
+  /// on tiles together.
+  bool hasTiles(func::FuncOp kernel) const {
+    auto threads = kernel->getAttrOfType<IntegerAttr>(warp::attr::blockThreads);
+    return threads && threads.getInt() == blockThreads;
+  }
   void findArguments();
   void createKernel();
   void addPart(const warp::FusionPart &part, func::FuncOp kernel,
@@ -83,9 +89,10 @@ func::FuncOp Fusing::takeKernel(ModuleOp part) {
     if (!function->hasAttr(warp::kernelAttrName))
       continue;
     for (NamedAttribute attribute : function->getDiscardableAttrs())
-      if (StringRef key = attribute.getName(); key != warp::kernelAttrName &&
-                                               key != warp::attr::argNames &&
-                                               key != warp::attr::inlineBudget)
+      if (StringRef key = attribute.getName();
+          key != warp::kernelAttrName && key != warp::attr::argNames &&
+          key != warp::attr::inlineBudget &&
+          (key != warp::attr::blockThreads || !hasTiles(function)))
         throw failure("kernel '" + function.getSymName() + "' has '" + key +
                       "'");
     return function;
@@ -148,7 +155,27 @@ void Fusing::addPart(const warp::FusionPart &part, func::FuncOp kernel,
   for (auto [i, number] : llvm::enumerate(part.arguments))
     mapping.map(kernel.getArgument(i), fused.getArgument(number));
   for (Operation &op : kernel.getBody().front().without_terminator())
-    b.clone(op, mapping);
+    // The parts behind it go on where threads of a block return.
+    b.clone(op, mapping)->walk([](Operation *inner) {
+      inner->removeAttr(warp::attr::stays);
+    });
+}
+
+/// Gives what asks for the indices of a thread others; null stands for 0.
+static void setIndices(Operation *root, ArrayRef<Value> indices) {
+  root->walk([&](warp::TidOp tid) {
+    OpBuilder b(tid);
+    for (auto [value, result] : llvm::zip(indices, tid.getResults())) {
+      Value index = value;
+      if (!index)
+        index = warp::ConstantOp::create(b, tid.getLoc(),
+                                         b.getIntegerAttr(result.getType(), 0));
+      else if (index.getType() != result.getType())
+        index = warp::CastOp::create(b, tid.getLoc(), result.getType(), index);
+      result.replaceAllUsesWith(index);
+    }
+    tid->erase();
+  });
 }
 
 /// The same for the threads of a row, of which a part has as many as the
@@ -167,6 +194,20 @@ void Fusing::addRowPart(const warp::FusionPart &part, func::FuncOp kernel,
   if (part.waits)
     warp::BarrierOp::create(b, loc);
   auto tid = warp::TidOp::create(b, loc, SmallVector<Type>(2, index));
+  SmallVector<Value> indices(4);
+  indices[0] = tid.getResult(0);
+  if (hasTiles(kernel)) {
+    // All threads work together, in one block of the row.
+    indices[part.inner.size()] = tid.getResult(1);
+    Operation *before = tid;
+    addPart(part, kernel, fused, end);
+    for (Operation *op = before->getNextNode(); op != end;) {
+      Operation *next = op->getNextNode();
+      setIndices(op, indices);
+      op = next;
+    }
+    return;
+  }
   int64_t count = 1;
   for (int64_t extent : part.inner)
     count *= extent;
@@ -174,8 +215,6 @@ void Fusing::addRowPart(const warp::FusionPart &part, func::FuncOp kernel,
   auto branch = scf::IfOp::create(b, loc, isIn, /*withElseRegion=*/false);
   b.setInsertionPoint(branch.thenBlock()->getTerminator());
   // The indices of the part's own launch.
-  SmallVector<Value> indices(4);
-  indices[0] = tid.getResult(0);
   Value rest = tid.getResult(1);
   for (size_t i = part.inner.size(); i-- > 0;) {
     Value extent = constant(part.inner[i]);
@@ -184,24 +223,7 @@ void Fusing::addRowPart(const warp::FusionPart &part, func::FuncOp kernel,
       rest = builtin("floordiv", rest, extent);
   }
   addPart(part, kernel, fused, branch.thenBlock()->getTerminator());
-  branch->walk([&](Operation *op) {
-    // The other parts go on behind a return.
-    op->removeAttr(warp::attr::stays);
-    auto own = dyn_cast<warp::TidOp>(op);
-    if (!own)
-      return;
-    OpBuilder at(own);
-    for (auto [i, result] : llvm::enumerate(own.getResults())) {
-      Value value = indices[i];
-      if (!value)
-        value = warp::ConstantOp::create(
-            at, loc, at.getIntegerAttr(result.getType(), 0));
-      else if (result.getType() != index)
-        value = warp::CastOp::create(at, loc, result.getType(), value);
-      result.replaceAllUsesWith(value);
-    }
-    own->erase();
-  });
+  setIndices(branch, indices);
 }
 
 OwningOpRef<ModuleOp> Fusing::run() {

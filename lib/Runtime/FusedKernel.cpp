@@ -51,6 +51,29 @@ static bool mayMoveUpdates(const GraphOperation &launch, const Access &access) {
   return false;
 }
 
+bool warp::hasBlocksOfRows(const GraphOperation &launch) {
+  const Kernel::Variant *variant = launch.plan.variant;
+  if (!variant)
+    return false;
+  const Schedule &schedule = variant->code.schedule;
+  const LaunchDim &dim = launch.dim;
+  int64_t row = 1;
+  for (int i = 1; i < dim.rank; ++i)
+    row *= dim.extent[i];
+  bool isRow = dim.rank > 1 && row == dim.extent[dim.rank - 1];
+  return schedule.cooperative && !schedule.ragged && isRow &&
+         (isHost(launch.plan.device) || row == variant->key.blockDim);
+}
+
+bool warp::worksTogether(const GraphOperation &launch) {
+  if (!launch.plan.variant)
+    return false;
+  const Schedule &schedule = launch.plan.variant->code.schedule;
+  return schedule.cooperative || schedule.fixedBlock || schedule.dynamicBytes ||
+         schedule.splitReduction > 1 || schedule.singleBlock ||
+         !schedule.tensorMaps.empty();
+}
+
 std::string warp::whyApart(const GraphOperation &launch) {
   if (!launch.plan.variant)
     return "it has no threads";
@@ -58,11 +81,10 @@ std::string warp::whyApart(const GraphOperation &launch) {
   const Schedule &schedule = launch.plan.variant->code.schedule;
   if (Kernel::reports(launch.plan))
     return "it reports failed checks";
-  if (schedule.cooperative || schedule.fixedBlock || schedule.dynamicBytes ||
-      schedule.splitReduction > 1 || schedule.singleBlock ||
-      !schedule.tensorMaps.empty())
+  // Other code is made for blocks of rows, if the kernel leaves that open.
+  if (schedule.cooperative && !hasBlocksOfRows(launch))
     return "threads of its blocks work together";
-  if (schedule.usesPrintf)
+  if (schedule.usesPrintf && isHost(launch.plan.device))
     return "it prints";
   if (kernel.options().fastMath)
     return "its arithmetic may be reassociated";
@@ -216,6 +238,8 @@ static std::string whyWorse(const FusionPlan &plan, const FusedLaunch &fused) {
       return "its code is for other blocks";
   } else if (std::string why = whyApart(one); !why.empty()) {
     return why;
+  } else if (worksTogether(one)) {
+    return "threads of its blocks work together";
   }
   auto [registers, bytes] = variant.current.load()->threadResources();
   int most = plan.blockThreads ? mostRowRegisters : mostRegisters;

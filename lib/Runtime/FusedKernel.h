@@ -28,6 +28,13 @@ struct FusionPlan {
 /// if it can.
 std::string whyApart(const GraphOperation &launch);
 
+/// True if the code of a launch counts on its blocks.
+bool worksTogether(const GraphOperation &launch);
+
+/// True if blocks of a launch work together, each on a row: all threads of an
+/// index of the first extent.
+bool hasBlocksOfRows(const GraphOperation &launch);
+
 /// Makes the code of several fused launches at a time, that `fuse` will ask
 /// for. Errors come there.
 void prepareCode(const std::vector<FusionPlan> &plans);

@@ -34,6 +34,9 @@ static constexpr size_t mostParts = 8;
 /// Operations of a thread of launches that are joined without an edge between
 /// them: less than what a launch costs.
 static constexpr double shortThread = 256;
+/// The same of launches that may begin later than they could, to be one with
+/// another: next to nothing.
+static constexpr double briefThread = 64;
 /// Threads that fill a GPU's multiprocessor by half.
 static constexpr int halfOfMultiprocessor = 1024;
 /// Launches before one that it is compared with, for such.
@@ -51,6 +54,14 @@ void warp::setFusesLaunches(bool fuses) { isFusing = fuses; }
 void warp::setFusesRows(bool fuses) { hasRowsOnGpu = fuses; }
 void warp::setFusesRowsOnHost(bool fuses) { hasRowsOnHost = fuses; }
 
+/// True if the kernels of two launches have the same options, for a device.
+static bool haveLikeOptions(const GraphOperation &a, const GraphOperation &b) {
+  KernelOptions options = a.kernel->options();
+  options.blockDim = b.kernel->options().blockDim;
+  return a.plan.variant && b.plan.variant && a.plan.device == b.plan.device &&
+         options == b.kernel->options();
+}
+
 namespace {
 
 class Fusing {
@@ -61,6 +72,8 @@ public:
 private:
   struct Launch {
     std::string why;
+    /// Threads cannot run it one after the other with others.
+    bool isTogether = false;
     std::vector<ThreadAccess> accesses;
   };
 
@@ -80,12 +93,12 @@ private:
   bool isOnLongest(int node) const {
     return depth[node] + height[node] == longest;
   }
-  bool isMadeLike(int node, int other) const;
   bool isLike(int node, int other) const;
   bool mayBeRow(int node) const;
   bool mayBeOne(int node, int other) const {
     return isLike(node, other) ||
-           (mayBeRow(node) && mayBeRow(other) && isMadeLike(node, other));
+           (mayBeRow(node) && mayBeRow(other) &&
+            haveLikeOptions(*records[node].launch, *records[other].launch));
   }
   std::vector<int> before(int group) const;
   int readyOf(int group, int except = -1) const;
@@ -120,6 +133,7 @@ Fusing::Fusing(std::vector<NodeRecord> &records, const GraphSchedule &schedule)
     if (const GraphOperation *launch = records[i].launch) {
       launches[i].why =
           records[i].barrier.empty() ? whyApart(*launch) : records[i].barrier;
+      launches[i].isTogether = worksTogether(*launch);
       if (launches[i].why.empty())
         launches[i].accesses = threadAccesses(*launch->kernel, launch->dim,
                                               launch->arguments.data());
@@ -140,20 +154,14 @@ bool Fusing::leavesRoom(int node) const {
              int64_t(halfOfMultiprocessor) * deviceInfo(device).smCount;
 }
 
-/// True if two launches are made in the same way.
-bool Fusing::isMadeLike(int node, int other) const {
-  const GraphOperation *a = records[node].launch, *b = records[other].launch;
-  return a && b && a->plan.variant && b->plan.variant &&
-         a->plan.device == b->plan.device &&
-         a->plan.openBlock == b->plan.openBlock &&
-         a->plan.variant->key.blockDim == b->plan.variant->key.blockDim &&
-         a->kernel->options() == b->kernel->options();
-}
-
-/// True if two launches have the same extents, too.
+/// True if two launches have the same extents and are made in the same way.
 bool Fusing::isLike(int node, int other) const {
   const GraphOperation *a = records[node].launch, *b = records[other].launch;
-  return isMadeLike(node, other) && a->dim.rank == b->dim.rank &&
+  return a && b && haveLikeOptions(*a, *b) &&
+         a->kernel->options().blockDim == b->kernel->options().blockDim &&
+         a->plan.openBlock == b->plan.openBlock &&
+         a->plan.variant->key.blockDim == b->plan.variant->key.blockDim &&
+         a->dim.rank == b->dim.rank &&
          std::equal(a->dim.extent, a->dim.extent + a->dim.rank, b->dim.extent);
 }
 
@@ -168,7 +176,7 @@ static int64_t rowThreads(const LaunchDim &dim) {
 /// True if a launch may run in blocks of a row each.
 bool Fusing::mayBeRow(int node) const {
   const GraphOperation *launch = records[node].launch;
-  return launch && launch->plan.openBlock && launch->dim.rank > 0 &&
+  return launch && launch->dim.rank > 0 &&
          (isHost(launch->plan.device) ? hasRowsOnHost : hasRowsOnGpu) &&
          launch->dim.extent[0] >= fewestRows &&
          rowThreads(launch->dim) <= mostRowThreads;
@@ -231,6 +239,12 @@ std::string Fusing::whyOrdered(int group, int node, bool hasEdge) const {
   // The group would begin when the node can.
   if (readyOf(own, group) <= readyOf(group))
     return "";
+  // Rows that run beside what comes between are better than a later group.
+  double cost = 0;
+  for (int member : groups[group].nodes)
+    cost += records[member].launch->plan.variant->code.schedule.cost;
+  if (!isLike(node, groups[group].nodes.front()) && cost > briefThread)
+    return "the others would have to wait";
   for (int member : groups[group].nodes)
     for (int follower : followers[member])
       if (follower != node && groupOf[follower] != group)
@@ -246,6 +260,12 @@ std::string Fusing::whyNoRows(int group, int node) const {
     if (!mayBeRow(member) || !mayBeRow(node) ||
         dim.extent[0] != other.extent[0])
       return "they have other extents";
+    // Blocks that work together have as many threads as the whole.
+    bool areBlocks = hasBlocksOfRows(*records[node].launch),
+         otherAreBlocks = hasBlocksOfRows(*records[member].launch);
+    if ((areBlocks && rowThreads(dim) < rowThreads(other)) ||
+        (otherAreBlocks && rowThreads(other) < rowThreads(dim)))
+      return "its blocks have other threads";
     if (auto name = findRowCrossing(launches[member].accesses, other,
                                     launches[node].accesses, dim))
       return "rows share elements of '" + *name + "'";
@@ -262,7 +282,13 @@ std::string Fusing::whyNot(int group, int node, bool &hasRows) const {
     return launches[node].why;
   if (members.size() >= mostParts)
     return "enough launches are one";
+  auto prints = [&](int one) {
+    return Kernel::prints(records[one].launch->plan);
+  };
   for (int member : members) {
+    // The output of one launch stays before that of the next one.
+    if (prints(node) && prints(member))
+      return "both of them print";
     if (leavesRoom(node) && isOnLongest(node) != isOnLongest(member))
       return "only one of them is on the longest path";
     if (!launches[member].why.empty())
@@ -273,7 +299,9 @@ std::string Fusing::whyNot(int group, int node, bool &hasRows) const {
     if (hasRows)
       break;
     const LaunchDim &dim = records[node].launch->dim;
-    if (!isLike(node, member))
+    if (launches[node].isTogether || launches[member].isTogether)
+      why = "threads of its blocks work together";
+    else if (!isLike(node, member))
       why = "they have other extents";
     else if (auto name = findCrossing(launches[member].accesses,
                                       launches[node].accesses, dim))
@@ -289,7 +317,9 @@ std::string Fusing::whyNot(int group, int node, bool &hasRows) const {
           height[follower] >= height[node])
         return "'" + records[follower].name + "' would have to wait";
   std::string whyRows = whyNoRows(group, node);
-  return whyRows.empty() || why.empty() ? whyRows : why;
+  // The reason of threads, where rows are out of the question.
+  bool areRows = mayBeRow(node) && mayBeRow(members.front());
+  return whyRows.empty() || areRows ? whyRows : why;
 }
 
 /// Puts a launch into a group before it if one fits.

@@ -78,6 +78,31 @@ def broken(x: wp.array2d[float], indices: wp.array[int], y: wp.array2d[float]):
     y[i, j] = x[indices[i], j]
 
 
+WIDTH = wp.constant(8)
+
+
+@wp.kernel
+def tile_squares(x: wp.array2d[float], skip: wp.array[int], y: wp.array2d[float]):
+    i = wp.tid()
+    if skip[i] == 1:
+        return
+    t = wp.tile_load(x[i], shape=WIDTH)
+    wp.tile_store(y[i], t * t + t)
+
+
+@wp.kernel
+def mark(x: wp.array2d[float], skip: wp.array[int]):
+    i = wp.tid()
+    skip[i] = wp.where(x[i, 0] < 0.3, 1, 0)
+
+
+@pytest.fixture
+def cpu_blocks():
+    wp.config.enable_cpu_blocks = True
+    yield
+    wp.config.enable_cpu_blocks = False
+
+
 @pytest.fixture(autouse=True)
 def rows_on_host():
     _native.set_fuses_rows_on_host(True)
@@ -173,6 +198,27 @@ def test_rows_stay_apart(case):
             wp.launch(total, rows, [y, sums])
 
     check(step, [x, y, z, sums], ())
+
+
+@pytest.mark.parametrize("rows", [64, 99])
+def test_tiles_of_a_row(cpu_blocks, rows):
+    """Blocks that work on a tile of a row are parts, too; a return ends their own part alone."""
+    x, y, z = (random_array(rows, 8, seed=seed) for seed in range(3))
+    skip, sums = wp.zeros(rows, dtype=int), wp.zeros(rows)
+    a, b = x.numpy().astype(np.float64), y.numpy().astype(np.float64)
+
+    def step():
+        wp.launch(reverse, (rows, 8), [x, z])
+        wp.launch(mark, rows, [z, skip])
+        wp.launch_tiled(tile_squares, rows, [z, skip, y], block_dim=32)
+        wp.launch(total, rows, [y, sums])
+
+    step()
+    c = 0.7 * a[:, ::-1] + a
+    taken = z.numpy()[:, :1] >= np.float32(0.3)
+    np.testing.assert_allclose(sums.numpy(), np.where(taken, c * c + c, b).sum(1), rtol=2e-6)
+    y.assign(b.astype(np.float32))
+    check(step, [x, y, z, skip, sums], (("reverse", "mark", "tile_squares", "total"),))
 
 
 @pytest.mark.parametrize("seed", range(12))
