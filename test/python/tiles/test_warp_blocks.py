@@ -108,5 +108,8 @@ def test_what_every_thread_does_counts():
         assert rank_of(made(body)) == 0, body.__name__
 
 
-def test_own_launch_bounds_are_kept():
-    assert rank_of(made(factor_of(8), launch_bounds=(64, 4))) == 0
+@pytest.mark.parametrize(
+    "options", [{"launch_bounds": (64, 4)}, {"module_options": {"block_dim": 64}}]
+)
+def test_own_bounds_and_options_are_kept(options):
+    assert rank_of(made(factor_of(8), **options)) == 0

@@ -13,7 +13,6 @@ from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.hooks import LaunchHook
 from warp._src.kernels.specializing import argument_type, once
 
-
 # Threads of a warp.
 WARP = 32
 

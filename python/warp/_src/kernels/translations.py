@@ -121,8 +121,10 @@ def _tell(kernel, has_tiles, handles, sums_winding, warp_rank=None) -> None:
         from warp._src.kernels.blocks import block_code
 
         blocks = block_code(kernel)
-        if warp_rank is not None and "launch_bounds" not in kernel.options:
-            blocks.warp_rank = warp_rank
+        if warp_rank is not None:
+            # Whoever names bounds or an option, for which files have code, means it.
+            is_fixed = "launch_bounds" in kernel.options or kernel.option("block_dim")
+            blocks.warp_rank = 0 if is_fixed else warp_rank
     if handles or sums_winding:
         from warp._src.kernels.handle_checks import HandleChecks
 
