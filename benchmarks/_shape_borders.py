@@ -48,6 +48,21 @@ def convolution(data):
     return Case(convolution_kernel, (n, n), arrays, [data.out((n, n))], n * n, "pixel")
 
 
+@differentiable
+def smoothing_kernel(x: wp.array(dtype=float), k: float, y: wp.array(dtype=float)):
+    i = wp.tid()
+    last = x.shape[0] - 1
+    d = x[wp.max(i - 1, 0)] - 2.0 * x[i] + x[wp.min(i + 1, last)]
+    y[i] = x[i] + k * d
+
+
+@case
+def smoothing(data):
+    """A step of diffusion along a line whose ends are repeated."""
+    n = data.size(1 << 17, 1 << 24)
+    return Case(smoothing_kernel, n, [data.real(n), 0.3], [data.out(n)], n)
+
+
 @forward_only
 def fire_kernel(a: wp.array2d(dtype=wp.uint8), seed: int, b: wp.array2d(dtype=wp.uint8)):
     i, j = wp.tid()

@@ -148,6 +148,49 @@ def kernel(x: A1, y: A1):
     y[i] = x[i] * x[i + 1]
     y[i] = R(3.0) * x[i] - x[i + 1]
 """
+BORDERS = """
+@wp.kernel
+def kernel(x: A1, y: A1, n: int):
+    i = wp.tid()
+    d = x[wp.max(i - 2, 0)] - R(2.0) * x[i] + x[wp.min(i + 1, n - 1)] * x[wp.max(i - 1, 0)]
+    y[i] = x[i] + R(0.3) * d
+"""
+BORDERS_OF_PLANE = """
+@wp.kernel
+def kernel(x: A2, y: A2):
+    i, j = wp.tid()
+    n = x.shape[0] - 1
+    m = x.shape[1] - 1
+    s = x[wp.max(i - 1, 0), j] * x[wp.min(i + 1, n), j] + x[i, wp.min(wp.max(j - 1, 0), m)]
+    y[i, j] = s - x[wp.max(wp.min(i + 1, n), 0), wp.max(wp.min(j + 2, m), 0)]
+"""
+# Most threads are beyond a bound.
+MOSTLY_OUT = """
+@wp.kernel
+def kernel(x: A1, y: A1, low: int, high: int):
+    i = wp.tid()
+    y[i] = x[wp.min(wp.max(i + 1, low), high)] + R(2.0) * x[i]
+"""
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 9])
+def test_clamped_line(device, n):
+    x = RNG.normal(size=n)
+    kernel = check(BORDERS, n, [x, *zeros_like(x)], [n], device, gathered=None)
+    assert kernel.derivatives.last_adjoint().gathered is not None
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 4), (5, 2), (6, 7)])
+def test_clamped_plane(device, shape):
+    x = RNG.normal(size=shape)
+    kernel = check(BORDERS_OF_PLANE, shape, [x, *zeros_like(x)], [], device, gathered=None)
+    assert kernel.derivatives.last_adjoint().gathered is not None
+
+
+@pytest.mark.parametrize("low, high", [(0, 7), (3, 3), (7, 2), (0, 0), (6, 7)])
+def test_bounds_that_most_threads_are_beyond(device, low, high):
+    x = RNG.normal(size=8)
+    check(MOSTLY_OUT, 8, [x, *zeros_like(x)], [low, high], device, gathered=None)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5, 9])

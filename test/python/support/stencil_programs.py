@@ -59,6 +59,9 @@ def check(source, dims, arrays, scalars=(), device="cpu", gathered=True):
     Args:
         source: the module text of the kernel; arrays come before scalars.
         gathered: whether its adjoint has no atomic additions; None if that does not matter.
+
+    Returns:
+        The kernel.
     """
     dims = dims if isinstance(dims, tuple) else (dims,)
     rng = np.random.default_rng(7)
@@ -73,6 +76,7 @@ def check(source, dims, arrays, scalars=(), device="cpu", gathered=True):
     np.testing.assert_allclose(got, wanted, rtol=1e-10, atol=1e-12, err_msg=source)
     if gathered is not None:
         assert (wp.autograd.adjoint_metrics(kernel)["atomics"] == 0) == gathered, source
+    return kernel
 
 
 NAMES = "ijk"

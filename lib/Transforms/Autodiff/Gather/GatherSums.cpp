@@ -28,6 +28,7 @@
 #include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
 #include "Autodiff/DeadValues.h"
+#include "BorderSums.h"
 #include "GatherBuilder.h"
 #include "GatherTileSums.h"
 #include "KernelFunction.h"
@@ -156,7 +157,8 @@ struct GatherSums : warp::impl::GatherSumsBase<GatherSums> {
   /// Takes what can be gathered out of the adjoint; false if there is nothing.
   bool split(func::FuncOp adjoint) {
     unsigned rank = 0;
-    SmallVector<NeighborSums> gathers = findNeighborSums(adjoint, rank);
+    SmallVector<NeighborSums> gathers =
+        findNeighborSums(adjoint, splitBorders(adjoint), rank);
     if (gathers.empty())
       return false;
     SumsByOffset sums = sortByOffset(gathers);

@@ -77,7 +77,8 @@ namespace {
 
 class Finder {
 public:
-  explicit Finder(func::FuncOp adjoint) : adjoint(adjoint), leaves(adjoint) {}
+  Finder(func::FuncOp adjoint, const llvm::DenseSet<Operation *> &borders)
+      : adjoint(adjoint), borders(borders), leaves(adjoint) {}
 
   SmallVector<NeighborSums> find(unsigned &rank);
 
@@ -96,6 +97,7 @@ private:
   bool add(AccumulateOp op, SmallVectorImpl<NeighborSums> &groups);
 
   func::FuncOp adjoint;
+  const llvm::DenseSet<Operation *> &borders;
   ArrayLeaves leaves;
   unsigned rank = 0;
   /// The operations that add to, or otherwise change, an array.
@@ -342,7 +344,7 @@ SmallVector<NeighborSums> Finder::find(unsigned &launchRank) {
     bool areAll = llvm::all_of(operations, [&](Operation *operation) {
       auto op = dyn_cast<AccumulateOp>(operation);
       isAtomic |= op && op.getUnique().value_or(0) < rank;
-      return op && add(op, groups);
+      return op && (borders.contains(op) || add(op, groups));
     });
     if (areAll && isAtomic)
       llvm::append_range(result, groups);
@@ -350,9 +352,10 @@ SmallVector<NeighborSums> Finder::find(unsigned &launchRank) {
   return result;
 }
 
-SmallVector<NeighborSums> findNeighborSums(func::FuncOp adjoint,
-                                           unsigned &rank) {
-  return Finder(adjoint).find(rank);
+SmallVector<NeighborSums>
+findNeighborSums(func::FuncOp adjoint,
+                 const llvm::DenseSet<Operation *> &borders, unsigned &rank) {
+  return Finder(adjoint, borders).find(rank);
 }
 
 } // namespace warp::autodiff

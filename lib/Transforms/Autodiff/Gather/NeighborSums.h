@@ -11,6 +11,7 @@
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 
+#include "llvm/ADT/DenseSet.h"
 #include "llvm/ADT/SetVector.h"
 
 namespace warp::autodiff {
@@ -56,9 +57,11 @@ struct NeighborSums {
 /// only, atomically as it is, and what can be computed for another thread,
 /// before the launch, as well as by that thread itself. `rank` becomes the
 /// number of thread indices. An array is there once for each choice of indices
-/// that are the same in all threads.
-llvm::SmallVector<NeighborSums> findNeighborSums(mlir::func::FuncOp adjoint,
-                                                 unsigned &rank);
+/// that are the same in all threads. Additions in `borders` are left out.
+llvm::SmallVector<NeighborSums>
+findNeighborSums(mlir::func::FuncOp adjoint,
+                 const llvm::DenseSet<mlir::Operation *> &borders,
+                 unsigned &rank);
 
 /// True if a value is the same in all threads of the launch.
 bool isUniform(mlir::Value value);

@@ -1,0 +1,135 @@
+//===- BorderSums.cpp - Clamped stencil updates, split at borders ---------===//
+//
+// Part of Warp on MLIR, under the Apache License v2.0.
+//
+// Stencils keep to an array by indices that are clamped: `x[max(i - 1, 0)]`.
+// All threads but those at a border add to an element at a constant distance,
+// and these additions can be gathered:
+//
+//   g[max(i - 1, 0)] += v     ==>     if i - 1 >= 0: g[i - 1] += v
+//                                     else:          g[max(i - 1, 0)] += v
+//
+// The bounds have to be the same in all threads.
+//
+//===----------------------------------------------------------------------===//
+
+#include "BorderSums.h"
+
+#include "GatherGuard.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
+
+using namespace mlir;
+
+namespace warp::autodiff {
+
+namespace {
+
+/// An index between bounds.
+struct Clamped {
+  /// A thread index plus a constant.
+  Value inner;
+  SmallVector<Value, 2> lows, highs;
+
+  bool parse(Value value);
+  bool hasBounds() const { return !lows.empty() || !highs.empty(); }
+  Value isInside(OpBuilder &b, Location loc) const;
+
+private:
+  bool parseBound(Operation *op, SmallVectorImpl<Value> &bounds);
+};
+
+} // namespace
+
+static bool isBound(Value value) {
+  return isUniform(value) && isSpeculatable(value);
+}
+
+/// The larger, or smaller, of an index and a bound.
+bool Clamped::parseBound(Operation *op, SmallVectorImpl<Value> &bounds) {
+  for (unsigned i : {0, 1}) {
+    if (!isBound(op->getOperand(i)))
+      continue;
+    bounds.push_back(op->getOperand(i));
+    return parse(op->getOperand(1 - i));
+  }
+  return false;
+}
+
+bool Clamped::parse(Value value) {
+  inner = value;
+  Operation *op = value.getDefiningOp();
+  if (isa_and_nonnull<MaxOp>(op))
+    return parseBound(op, lows);
+  if (isa_and_nonnull<MinOp>(op))
+    return parseBound(op, highs);
+  if (isa_and_nonnull<ClampOp>(op)) {
+    if (!isBound(op->getOperand(1)) || !isBound(op->getOperand(2)))
+      return false;
+    lows.push_back(op->getOperand(1));
+    highs.push_back(op->getOperand(2));
+    return parse(op->getOperand(0));
+  }
+  return getShift(value).has_value();
+}
+
+/// True if no bound changes the index.
+Value Clamped::isInside(OpBuilder &b, Location loc) const {
+  Value all;
+  auto add = [&](Value condition) {
+    all = !all ? condition
+               : BitAndOp::create(b, loc, TypeRange(b.getI1Type()),
+                                  ValueRange{all, condition})
+                     ->getResult(0);
+  };
+  for (Value low : lows)
+    add(GeOp::create(b, loc, TypeRange(b.getI1Type()), ValueRange{inner, low})
+            ->getResult(0));
+  for (Value high : highs)
+    add(LeOp::create(b, loc, TypeRange(b.getI1Type()), ValueRange{inner, high})
+            ->getResult(0));
+  return all;
+}
+
+/// Splits an addition; the one at the border, or null if it has no bounds.
+static Operation *split(AccumulateOp sum) {
+  OpBuilder b(sum);
+  Location loc = sum.getLoc();
+  SmallVector<Value> indices(sum.getIndices());
+  Value inside;
+  for (Value &index : indices) {
+    Clamped clamped;
+    if (!clamped.parse(index) || !clamped.hasBounds())
+      continue;
+    Value here = clamped.isInside(b, loc);
+    inside = !inside ? here
+                     : BitAndOp::create(b, loc, TypeRange(b.getI1Type()),
+                                        ValueRange{inside, here})
+                           ->getResult(0);
+    index = clamped.inner;
+  }
+  if (!inside)
+    return nullptr;
+  auto branch = scf::IfOp::create(b, loc, inside, /*withElseRegion=*/true);
+  sum->moveBefore(branch.thenYield());
+  Operation *border = sum->clone();
+  branch.elseBlock()->getOperations().insert(branch.elseYield()->getIterator(),
+                                             border);
+  sum.getIndicesMutable().assign(indices);
+  return border;
+}
+
+llvm::DenseSet<Operation *> splitBorders(func::FuncOp adjoint) {
+  SmallVector<AccumulateOp> sums;
+  adjoint.walk([&](AccumulateOp sum) {
+    if (!sum->getParentOfType<LoopLikeOpInterface>())
+      sums.push_back(sum);
+  });
+  llvm::DenseSet<Operation *> borders;
+  for (AccumulateOp sum : sums)
+    if (Operation *border = split(sum))
+      borders.insert(border);
+  return borders;
+}
+
+} // namespace warp::autodiff
