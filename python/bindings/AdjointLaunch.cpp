@@ -34,6 +34,15 @@ struct Arguments {
 };
 } // namespace
 
+namespace {
+/// A launch, beside its arguments.
+struct Launched {
+  size_t count;
+  LaunchDim dim;
+  int device, blockDim;
+};
+} // namespace
+
 /// True if an attribute of an array is that value.
 static bool hasValue(PyObject *array, PyObject *name, PyObject *value) {
   auto found = py::reinterpret_steal<py::object>(PyObject_GetAttr(array, name));
@@ -76,8 +85,8 @@ static std::optional<bool> readGradient(PyObject *value, PyObject *named) {
   return true;
 }
 
-/// The adjoint for the arrays that have gradients, borrowed; null if Python has
-/// to find or to run it.
+/// The adjoint for the arrays that have gradients, a kernel or the parts of a
+/// gathered one, borrowed; null if Python has to find or to run it.
 static PyObject *findAdjoint(Kernel &primal, PyObject *known, PyObject *type,
                              const Arguments &values, const Arguments &named) {
   SharingCheck sharing;
@@ -104,9 +113,63 @@ static PyObject *findAdjoint(Kernel &primal, PyObject *known, PyObject *type,
   PyObject *found = PyDict_GetItemWithError(known, key.ptr());
   if (!found && PyErr_Occurred())
     throw py::error_already_set();
-  if (!found || Py_TYPE(found) != kernelType || sharing.shares())
-    return nullptr;
-  return found;
+  return found && !sharing.shares() ? found : nullptr;
+}
+
+/// Packs the arguments, after them the extents of the launch if `kernel` takes
+/// these, and runs it.
+static void runPacked(PyObject *object, const Arguments &values,
+                      const Arguments &named, const Launched &launch,
+                      const LaunchDim &dim, PyObject *extents) {
+  auto owner = py::reinterpret_borrow<py::object>(object);
+  Kernel &kernel = *asKernel(object)->kernel;
+  Packer &packer = *asKernel(object)->packer;
+  Block block(kernel.parameterSize());
+  std::vector<py::object> keep;
+  for (size_t i = 0; i < launch.count; ++i)
+    packer.pack(i, values[i], launch.device, block.data(), keep);
+  for (size_t i = launch.count; i < packer.size(); ++i)
+    packer.pack(i, PySequence_Fast_GET_ITEM(extents, i - launch.count),
+                launch.device, block.data(), keep);
+  launchPacked(
+      kernel, launch.device, dim, block.data(), nullptr, launch.blockDim, [&] {
+        std::vector<py::object> held{owner};
+        for (size_t i = 0; i < launch.count; ++i) {
+          held.push_back(py::reinterpret_borrow<py::object>(values[i]));
+          held.push_back(py::reinterpret_borrow<py::object>(named[i]));
+        }
+        return held;
+      });
+}
+
+/// Runs the two parts of a gathered adjoint (derivatives/gathers.py): its sums
+/// over a grid that is larger by a halo, then the rest if there is any. False,
+/// and nothing is done, if it is not for launches of these extents.
+static bool runGathered(PyObject *parts, const Arguments &values,
+                        const Arguments &named, const Launched &launch,
+                        PyObject *extents) {
+  PyObject *sums = PyTuple_GET_ITEM(parts, 0);
+  PyObject *rest = PyTuple_GET_ITEM(parts, 1);
+  PyObject *halo = PyTuple_GET_ITEM(parts, 2);
+  const LaunchDim &dim = launch.dim;
+  auto list = py::reinterpret_steal<py::object>(
+      PyLong_CheckExact(extents) ? PyTuple_Pack(1, extents)
+                                 : PySequence_Tuple(extents));
+  if (!list)
+    throw py::error_already_set();
+  constexpr int64_t largest = int64_t(1) << 29;
+  if (PyTuple_GET_SIZE(halo) != dim.rank ||
+      PyTuple_GET_SIZE(list.ptr()) != dim.rank ||
+      *std::max_element(dim.extent, dim.extent + dim.rank) >= largest)
+    return false;
+  LaunchDim larger = dim;
+  for (int i = 0; i < dim.rank; ++i)
+    larger.extent[i] += PyLong_AsLong(PyTuple_GET_ITEM(halo, i));
+  auto held = py::reinterpret_borrow<py::object>(parts);
+  runPacked(sums, values, named, launch, larger, list.ptr());
+  if (rest != Py_None)
+    runPacked(rest, values, named, launch, dim, nullptr);
+  return true;
 }
 
 PyObject *python::launchAdjoint(PyObject *self, PyObject *const *args,
@@ -127,25 +190,17 @@ PyObject *python::launchAdjoint(PyObject *self, PyObject *const *args,
     PyObject *found = findAdjoint(primal, args[0], args[1], values, named);
     if (!found)
       Py_RETURN_FALSE;
-    auto adjoint = py::reinterpret_borrow<py::object>(found);
-    Kernel &kernel = *asKernel(found)->kernel;
-    int device = static_cast<int>(PyLong_AsLong(args[7]));
-    int blockDim = static_cast<int>(PyLong_AsLong(args[8]));
+    Launched launch{size, readDim(primal, args[2]),
+                    static_cast<int>(PyLong_AsLong(args[7])),
+                    static_cast<int>(PyLong_AsLong(args[8]))};
     if (PyErr_Occurred())
       throw py::error_already_set();
-    LaunchDim dim = readDim(kernel, args[2]);
-    Block block(kernel.parameterSize());
-    std::vector<py::object> keep;
-    packArguments(*asKernel(found)->packer, inputs, outputs, device,
-                  block.data(), keep);
-    launchPacked(kernel, device, dim, block.data(), nullptr, blockDim, [&] {
-      std::vector<py::object> held{adjoint};
-      for (size_t i = 0; i < size; ++i)
-        held.push_back(py::reinterpret_borrow<py::object>(values[i]));
-      for (size_t i = 0; i < size; ++i)
-        held.push_back(py::reinterpret_borrow<py::object>(named[i]));
-      return held;
-    });
+    if (PyTuple_Check(found)) {
+      if (!runGathered(found, values, named, launch, args[2]))
+        Py_RETURN_FALSE;
+    } else {
+      runPacked(found, values, named, launch, launch.dim, nullptr);
+    }
     Py_RETURN_TRUE;
   });
 }

@@ -118,6 +118,28 @@ def test_sums_that_are_gathered(device):
         np.testing.assert_array_equal(x.grad.numpy(), times * 2.0 * np.arange(n))
 
 
+@wp.kernel
+def difference(x: wp.array(dtype=float), out: wp.array(dtype=float)):
+    i = wp.tid()
+    out[i] = x[i + 1] - 3.0 * x[i]
+
+
+def test_two_launches_for_one(device):
+    x = wp.zeros(6, dtype=float, device=device, requires_grad=True)
+    out = wp.zeros(5, dtype=float, device=device, requires_grad=True)
+    for dim in (5, 5, 2, (4,), 0, 5):
+        x.grad.zero_()
+        out.grad.fill_(1.0)
+        wp.launch(difference, dim, [x], [out], adjoint=True, device=device)
+        n = dim[0] if isinstance(dim, tuple) else dim
+        right = np.zeros(6)
+        right[:n] -= 3.0
+        right[1 : n + 1] += 1.0
+        np.testing.assert_array_equal(x.grad.numpy(), right)
+        np.testing.assert_array_equal(out.grad.numpy(), np.arange(5) >= n)
+    assert difference.derivatives.last_adjoint().gathered is not None
+
+
 def test_a_tape_does_not_record_it(device):
     x, y, out = arrays(device, True, True, True)
     run(x, y, out)

@@ -33,6 +33,11 @@ class Gathered:
         if made.rest is not None:
             self.rest = kernel.compile_module(made.rest)
 
+    @property
+    def parts(self) -> tuple:
+        """(sums, rest, by how much the grid of the sums is larger) for `launch_adjoint`."""
+        return self.sums, self.rest, tuple(self._halo)
+
     def fits(self, dim) -> bool:
         """True if it is right for a launch of these extents, see `GatheredAdjoint`."""
         extents = _extents(dim)

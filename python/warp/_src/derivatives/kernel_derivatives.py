@@ -40,8 +40,9 @@ class KernelDerivatives:
         self.kernel = kernel
         self._made: dict = {}
         self._plain: dict = {}
-        # Plain adjoints that are one launch, by the policy at singular points and the set of
-        # arrays with gradients, a bit for each; of the native kernel for launches.
+        # Plain adjoints by the policy at singular points and the set of arrays with gradients, a
+        # bit for each: native kernels, or the parts of gathered ones; of the native kernel for
+        # launches.
         self._ready: dict = {}
         self._epoch = None
         # Lines that were printed.
@@ -192,9 +193,10 @@ class KernelDerivatives:
                 one.requires_grad and gradient_type(one.dtype) is not one.dtype for one in arrays
             )
             self._plain[key] = made if made.is_plain and not narrow else None
-            if self._plain[key] and made.gathered is None and native is self.kernel.native:
+            if self._plain[key] and native is self.kernel.native:
                 number = sum(has << i for i, has in enumerate(key[2]))
-                self._ready.setdefault(config.singular, {})[number] = made.native
+                parts = made.native if made.gathered is None else made.gathered.parts
+                self._ready.setdefault(config.singular, {})[number] = parts
         return self._plain[key]
 
     def ready(self) -> dict | None:
