@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import os
 import runpy
 import sys
 from pathlib import Path
@@ -60,7 +61,11 @@ def run(path: Path, arguments: list[str]) -> None:
 
 def main() -> None:
     if len(sys.argv) < 2 or sys.argv[1] in ("-h", "--help", "--list"):
-        print(listing())
+        try:
+            print(listing(), flush=True)
+        except BrokenPipeError:
+            # The reader, `head` for one, has seen enough; Python would write again at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return
     name, arguments = sys.argv[1], sys.argv[2:]
     path = examples().get(name)

@@ -26,6 +26,15 @@ def test_all_examples_are_listed():
     assert all(f"{name} " in shown for name in programs)
 
 
+def test_a_reader_may_stop_early():
+    """As `python -m warp.examples | head -1` does."""
+    command = [sys.executable, "-m", "warp.examples"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait() == 0
+
+
 def test_an_example_gets_its_options():
     done = run("particles", "--help")
     assert done.returncode == 0, done.stderr
