@@ -31,6 +31,25 @@ def test_message_has_the_command(call):
     )
 
 
+@pytest.mark.parametrize(
+    ("package", "call", "command"),
+    [
+        ("PIL", "import warp.render; wp.render.save_picture('a.jpg', [[0.5]])", "pillow"),
+        ("meshio", "import warp.fem; wp.fem.read_mesh('a.msh')", "meshio"),
+        ("pxr", "import warp.render; wp.render.UsdRenderer('a.usd')", "usd-core"),
+        ("trimesh", "import warp.render; wp.render.load_mesh('a.obj')", "trimesh"),
+        ("imageio_ffmpeg", "wp.render.save_movie('a.mp4', [[[0.5]]])", "imageio-ffmpeg"),
+    ],
+)
+def test_files_name_the_package_of_their_format(tmp_path, package, call, command):
+    program = PROGRAM.format(package=package, call=call)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1].endswith(f"'{command}': pip install {command}")
+
+
 def test_report_says_so_before_it_measures():
     program = (
         "import importlib.util as u, runpy, sys\n"
