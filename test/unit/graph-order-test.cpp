@@ -10,6 +10,7 @@
 
 #include "Runtime/GraphOrder.h"
 #include "Runtime/GraphVerify.h"
+#include "Runtime/cpu/BranchTrial.h"
 #include "Runtime/cpu/GraphBranches.h"
 #include "warp/Fusion.h"
 #include "warp/Runtime.h"
@@ -200,6 +201,35 @@ TEST(GraphOrder, LimitsBranches) {
     tails.insert(i);
     EXPECT_LE(tails.size(), 3u);
   }
+}
+
+// The faster way is chosen by pairs of times, and again when others come or go;
+// a few disturbed times, or a gain that is noise, choose nothing.
+TEST(BranchTrial, ChoosesTheFasterWay) {
+  BranchTrial trial;
+  auto replay = [&](auto &&timeOf) {
+    int64_t number = trial.begin();
+    if (BranchTrial::isTrial(number))
+      trial.record(number, timeOf(number, trial.uses(number)));
+    return trial.uses(number);
+  };
+  auto run = [&](auto &&timeOf) {
+    bool uses = false;
+    for (int64_t i = 0; i < BranchTrial::period; ++i)
+      uses = replay(timeOf);
+    return uses;
+  };
+  EXPECT_FALSE(run([](int64_t, bool uses) { return uses ? 97 : 100; }));
+  EXPECT_TRUE(run([](int64_t, bool uses) { return uses ? 60 : 100; }));
+  // Some plain replays are disturbed, and branches are no faster.
+  EXPECT_FALSE(run([](int64_t number, bool uses) {
+    return uses ? 100 : number % 16 < 12 ? 100 : 400;
+  }));
+  // One undisturbed replay with branches on a loaded machine.
+  EXPECT_FALSE(run([](int64_t number, bool uses) {
+    return uses ? (number % BranchTrial::period < 4 ? 50 : 300) : 100;
+  }));
+  EXPECT_TRUE(run([](int64_t, bool uses) { return uses ? 60 : 100; }));
 }
 
 // Threads run each node once, behind those that it comes behind; an exception

@@ -16,6 +16,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "BranchTrial.h"
 #include "Device.h"
 #include "GraphBranches.h"
 #include "GraphFusion.h"
@@ -91,26 +92,6 @@ struct StepOrder {
     return !fused.empty() ||
            std::any_of(bodies.begin(), bodies.end(),
                        [](const auto &body) { return body.second.hasFused(); });
-  }
-};
-
-/// Times of replays with branches and without, until one is chosen.
-struct BranchTrial {
-  static constexpr int trials = 16;
-  std::atomic<int> replays{0};
-  std::atomic<int64_t> best[2] = {INT64_MAX, INT64_MAX};
-
-  /// True if the replay of a number uses branches.
-  bool uses(int number) const {
-    if (number < trials)
-      return number % 2 == 1;
-    return best[1].load(std::memory_order_relaxed) <
-           best[0].load(std::memory_order_relaxed) / 20 * 19;
-  }
-  void record(int number, int64_t nanoseconds) {
-    std::atomic<int64_t> &least = best[number % 2];
-    if (nanoseconds < least.load(std::memory_order_relaxed))
-      least.store(nanoseconds, std::memory_order_relaxed);
   }
 };
 
@@ -333,10 +314,8 @@ void HostGraph::launch(const Stream *) {
     return verify(values.data());
   if (stepOrder.branches.empty())
     return runInOrder(values.data());
-  int number = trial.replays.load(std::memory_order_relaxed);
-  bool isTrial = number < BranchTrial::trials;
-  if (isTrial)
-    number = trial.replays.fetch_add(1, std::memory_order_relaxed);
+  int64_t number = trial.begin();
+  bool isTrial = BranchTrial::isTrial(number);
   int64_t start = isTrial ? wallTime() : 0;
   if (trial.uses(number))
     runBranches(values.data());
