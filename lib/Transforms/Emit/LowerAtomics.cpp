@@ -123,7 +123,8 @@ void ArrayLowering::lowerAtomic(AtomicComponentsOp op) {
   SmallVector<Leaf> leaves;
   collectLeaves(elementType(op.getArray()), 0, leaves);
   Address at = address(op.getArray(), op.getIndices());
-  if (!exclusive && canAddInPairs(entry, op, leaves, at.pointer)) {
+  int64_t alignment = getParts(op.getArray()).alignment;
+  if (!exclusive && canAddInPairs(entry, op, leaves, at.pointer, alignment)) {
     SmallVector<mlir::Value> terms(op.getComponents());
     if (op.getKind() == AtomicKind::sub)
       for (mlir::Value &term : terms)

@@ -3,9 +3,10 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Some GPUs add two floats at once, where the address of the first is a
-// multiple of eight. Elements with an odd number of floats, such as vec3, begin
-// at one in turn. There the pairs come first and one float is left over,
-// elsewhere one float comes first:
+// multiple of eight. Elements with an even number of floats begin at one if
+// their array does. Elements with an odd number, such as vec3, begin at one in
+// turn. There the pairs come first and one float is left over, elsewhere one
+// float comes first:
 //
 //   address      8 k         8 k + 4     8 k + 8     8 k + 12
 //   even         [ x           y ]         z
@@ -26,10 +27,11 @@
 
 using namespace mlir;
 
-constexpr int64_t floatSize = 4;
+constexpr int64_t floatSize = 4, pairSize = 8;
 
 bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
-                         ArrayRef<Leaf> leaves, Value pointer) {
+                         ArrayRef<Leaf> leaves, Value pointer,
+                         int64_t alignment) {
   VariantAttr variant = getVariant(entry);
   // There are none for shared memory.
   auto space = cast<LLVM::LLVMPointerType>(pointer.getType()).getAddressSpace();
@@ -41,7 +43,9 @@ bool warp::canAddInPairs(Operation *entry, AtomicComponentsOp op,
   for (auto [i, leaf] : llvm::enumerate(leaves))
     if (!leaf.type.isF32() || leaf.offset != int64_t(i) * floatSize)
       return false;
-  return leaves.size() >= 3 && leaves.size() % 2 == 1;
+  if (leaves.size() % 2 == 0)
+    return alignment % pairSize == 0;
+  return leaves.size() >= 3;
 }
 
 void warp::addInPairs(OpBuilder &b, Location loc, const TargetInfo &target,
@@ -54,6 +58,12 @@ void warp::addInPairs(OpBuilder &b, Location loc, const TargetInfo &target,
     return LLVM::GEPOp::create(b, loc, pointer.getType(), b.getI8Type(),
                                pointer, ArrayRef<LLVM::GEPArg>(bytes));
   };
+  if (values.size() % 2 == 0) {
+    for (size_t i = 0; i < values.size(); i += 2)
+      target.emitPairedAtomic(b, loc, advance(int32_t(i * floatSize)),
+                              values[i], values[i + 1]);
+    return;
+  }
   int64_t last = values.size() - 1;
   Value address = LLVM::PtrToIntOp::create(b, loc, i64, pointer);
   Value shift = arith::AndIOp::create(b, loc, address, constant(floatSize));

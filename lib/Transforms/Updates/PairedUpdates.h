@@ -16,9 +16,10 @@
 namespace warp {
 
 /// True if the entry's GPU can perform this update, of an element with these
-/// parts at an address, by `addInPairs`.
+/// parts at an address that is a multiple of `alignment`, by `addInPairs`.
 bool canAddInPairs(mlir::Operation *entry, AtomicComponentsOp op,
-                   llvm::ArrayRef<Leaf> leaves, mlir::Value pointer);
+                   llvm::ArrayRef<Leaf> leaves, mlir::Value pointer,
+                   int64_t alignment);
 
 /// Adds floats atomically to those that follow each other from `pointer` on.
 void addInPairs(mlir::OpBuilder &b, mlir::Location loc,
