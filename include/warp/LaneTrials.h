@@ -1,4 +1,4 @@
-//===- LaneTrials.h - Run-time check of vectorised code ---------*- C++ -*-===//
+//===- LaneTrials.h - Run-time checks of schedules --------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -16,6 +16,12 @@ namespace warp {
 /// default.
 WARP_API void setLaneTrials(bool enabled);
 WARP_API bool hasLaneTrials();
+
+/// Has kernels that are compiled for GPUs from now on compare their schedules
+/// with the plain mapping once they have been launched often, and keep the
+/// quicker.
+WARP_API void setScheduleTrials(bool enabled);
+WARP_API bool hasScheduleTrials();
 
 } // namespace warp
 

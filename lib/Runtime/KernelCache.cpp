@@ -289,7 +289,8 @@ int KernelCache::clear() {
   forEachFile(where, [&](const std::string &name) {
     bool entry = endsWith(name, suffix);
     if (endsWith(name, ".kernel") || endsWith(name, ".lanes") ||
-        endsWith(name, ".machine") || endsWith(name, claimSuffix))
+        endsWith(name, ".launches") || endsWith(name, ".machine") ||
+        endsWith(name, claimSuffix))
       unlink((where + "/" + name).c_str());
     if (!entry && name.rfind(temporaryPrefix, 0) != 0)
       return;
@@ -311,6 +312,9 @@ static std::string kernelOf(const std::string &place, const std::string &key,
   // Times of lanes are those of the code of the same name.
   if (kind == "lanes")
     return kernelOf(place, key, "code");
+  // Their name has that of a card in it.
+  if (kind == "launches")
+    return "";
   std::optional<std::string> bytes = readFile(place + key + "." + kind);
   if (!bytes)
     return "";
@@ -337,7 +341,8 @@ std::vector<CacheEntry> KernelCache::entries(bool named) const {
     CacheEntry entry{name, name.substr(dot + 1), "", status.st_size,
                      status.st_mtime};
     if (entry.kind == "code" || entry.kind == "machine" ||
-        entry.kind == "kernel" || entry.kind == "lanes")
+        entry.kind == "kernel" || entry.kind == "lanes" ||
+        entry.kind == "launches")
       found.push_back(std::move(entry));
   });
   std::sort(found.begin(), found.end(),

@@ -146,6 +146,8 @@ Kernel::Variant *Kernel::Impl::make(const VariantKey &key, int64_t items) {
     load(*variant, isSaved ? nullptr : &wanted);
   if (mayTry(wanted, *variant))
     startTrial(wanted, *variant);
+  if (mayTryLaunches(wanted, *variant))
+    startLaunchTrial(wanted, *variant);
   // Who finds the variant knows what it needs.
   noteNeeds(variant->code.schedule);
   variant->next = variants.load(std::memory_order_relaxed);

@@ -11,6 +11,7 @@
 #include "ErrorRecords.h"
 #include "LaneTrial.h"
 #include "LaunchQueue.h"
+#include "LaunchTrial.h"
 #include "WidthPolicy.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
@@ -75,6 +76,8 @@ public:
   virtual std::pair<int, int> threadResources() const { return {0, 0}; }
   /// Adds what the device knows of launches of the code.
   virtual void describe(const VariantKey &, std::vector<Choice> &) const {}
+  /// Times launches on the device; null where nothing does.
+  virtual std::unique_ptr<LaunchTimer> makeTimer() const { return nullptr; }
 };
 
 struct Kernel::Variant {
@@ -93,6 +96,11 @@ struct Kernel::Variant {
   /// checked against until it is over.
   std::unique_ptr<LaneTrial> trial;
   std::unique_ptr<DeviceCode> scalar;
+  /// The check of a GPU's schedule, if there is one, the code with the plain
+  /// mapping, and the same once launches run that.
+  std::unique_ptr<LaunchTrial> launchTrial;
+  std::unique_ptr<Variant> plain;
+  std::atomic<const Variant *> instead{nullptr};
   /// PTX that `current` was made of and no machine code is kept of.
   std::shared_ptr<Code> unkept;
   /// Loop times that the thread pool learned from its launches.
@@ -322,6 +330,13 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   const DeviceCode *loadScalar(const CompileOptions &wanted, Variant &variant);
   /// Launches run the code without lanes from now on.
   void finishTrial(Variant &variant);
+  /// The same for schedules on GPUs.
+  bool mayTryLaunches(const CompileOptions &wanted,
+                      const Variant &variant) const;
+  void startLaunchTrial(const CompileOptions &wanted, Variant &variant);
+  /// Loads code with the plain mapping; false if there is none, or the
+  /// schedule is no other.
+  bool loadPlain(const CompileOptions &wanted, Variant &variant);
   /// `wanted`: options of the best code, should it be replaced; null if there
   /// is no source for that.
   void load(Variant &variant, const CompileOptions *wanted);

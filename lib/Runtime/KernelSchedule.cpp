@@ -39,6 +39,15 @@ static Choice describeTrial(const LaneTimes &times) {
   return {"measured", times.prefersScalar() ? "scalar" : "lanes", text};
 }
 
+/// The same for a GPU's schedule.
+static Choice describeLaunches(const LaneTimes &times) {
+  char text[120];
+  std::snprintf(text, sizeof(text),
+                "the schedule took %.3g ns an index, the plain mapping %.3g",
+                times.lanes, times.scalar);
+  return {"measured", times.prefersScalar() ? "plain" : "schedule", text};
+}
+
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
                                       const Variant *variant) {
   VariantKey served = key;
@@ -73,8 +82,12 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
   result.choices.push_back(
       {"ptx", std::to_string(std::count(ptx.begin(), ptx.end(), '\n')),
        "lines"});
-  if (variant)
+  if (variant) {
     variant->current.load()->describe(key, result.choices);
+    if (variant->launchTrial)
+      if (std::optional<LaneTimes> times = variant->launchTrial->result())
+        result.choices.push_back(describeLaunches(*times));
+  }
   return result;
 }
 

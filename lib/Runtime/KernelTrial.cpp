@@ -1,10 +1,11 @@
-//===- KernelTrial.cpp - Scalar code for the check of lanes ---------------===//
+//===- KernelTrial.cpp - Code that schedules are checked against ----------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A variant whose lanes the cost model chose has a trial (LaneTrial.h). Its
 // times are kept in the cache under the name of the code with lanes, so another
-// process begins with the quicker code.
+// process begins with the quicker code. A variant for a GPU has one of its
+// schedule (LaunchTrial.h), whose times are of the card, too.
 //
 //===----------------------------------------------------------------------===//
 
@@ -12,6 +13,8 @@
 #include "Compiler/Abandon.h"
 #include "KernelImpl.h"
 #include "warp/KernelCache.h"
+
+#include <cstdio>
 
 using namespace warp;
 
@@ -50,6 +53,18 @@ bool Kernel::Impl::mayTry(const CompileOptions &wanted,
          schedule.lanes > 1 && variant.code.sites.empty();
 }
 
+/// A task of a variant that another thread does, as long as the kernel lives.
+template <typename Impl, typename Task>
+static std::function<void()> inBackground(std::weak_ptr<Impl> self,
+                                          Kernel::Variant &variant, Task task) {
+  return [self = std::move(self), &variant, task = std::move(task)] {
+    background::add([self, &variant, task] {
+      if (std::shared_ptr<Impl> impl = self.lock())
+        task(*impl, variant);
+    });
+  };
+}
+
 void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
   std::string key = fingerprint(hashes(), wanted);
   std::optional<std::string> text = KernelCache::get().read(fileOf(key));
@@ -59,26 +74,20 @@ void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
     variant.trial = std::make_unique<LaneTrial>(*known);
     return;
   }
-  auto inBackground = [this, &variant](auto task) {
-    return [self = weak_from_this(), &variant, task] {
-      background::add([self, &variant, task] {
-        if (std::shared_ptr<Impl> impl = self.lock())
-          task(*impl, variant);
-      });
-    };
-  };
   if (known) {
     // The quicker code takes over as soon as it is loaded.
     variant.trial = std::make_unique<LaneTrial>(*known);
-    inBackground([wanted](Impl &impl, Variant &variant) {
-      impl.loadScalar(wanted, variant);
-      impl.finishTrial(variant);
-    })();
+    inBackground(weak_from_this(), variant,
+                 [wanted](Impl &impl, Variant &variant) {
+                   impl.loadScalar(wanted, variant);
+                   impl.finishTrial(variant);
+                 })();
     return;
   }
-  auto compile = inBackground([wanted](Impl &impl, Variant &variant) {
-    variant.trial->begin(impl.loadScalar(wanted, variant));
-  });
+  auto compile = inBackground(
+      weak_from_this(), variant, [wanted](Impl &impl, Variant &variant) {
+        variant.trial->begin(impl.loadScalar(wanted, variant));
+      });
   auto finish = [this, key, &variant](const LaneTimes &times) {
     KernelCache::get().write(fileOf(key), times.toText());
     if (times.prefersScalar())
@@ -109,4 +118,83 @@ void Kernel::Impl::finishTrial(Variant &variant) {
   std::lock_guard lock(mutex);
   if (variant.scalar)
     variant.place(std::move(variant.scalar));
+}
+
+//===----------------------------------------------------------------------===//
+// Schedules of GPUs
+//===----------------------------------------------------------------------===//
+
+/// The file of a trial on a card of that name.
+static std::string fileOf(const std::string &key, const std::string &card) {
+  char digits[24];
+  std::snprintf(digits, sizeof(digits), "%016zx",
+                std::hash<std::string>()(card));
+  return key.substr(0, key.size() - 16) + digits + ".launches";
+}
+
+bool Kernel::Impl::mayTryLaunches(const CompileOptions &wanted,
+                                  const Variant &variant) const {
+  return hasScheduleTrials() && !isHost(variant.key.device) && saved.empty() &&
+         hasSource() && wanted.lanes == 0 && !wanted.debug &&
+         !wanted.deterministic && variant.code.sites.empty();
+}
+
+void Kernel::Impl::startLaunchTrial(const CompileOptions &wanted,
+                                    Variant &variant) {
+  std::string file = fileOf(fingerprint(hashes(), wanted),
+                            deviceInfo(variant.key.device).name);
+  std::optional<std::string> text = KernelCache::get().read(file);
+  std::optional<LaneTimes> known =
+      text ? LaneTimes::fromText(*text) : std::nullopt;
+  if (known) {
+    variant.launchTrial = std::make_unique<LaunchTrial>(*known);
+    if (known->prefersScalar())
+      inBackground(weak_from_this(), variant,
+                   [wanted](Impl &impl, Variant &variant) {
+                     if (impl.loadPlain(wanted, variant))
+                       variant.instead.store(variant.plain.get(),
+                                             std::memory_order_release);
+                   })();
+    return;
+  }
+  auto compile = inBackground(
+      weak_from_this(), variant, [wanted](Impl &impl, Variant &variant) {
+        bool isOther = impl.loadPlain(wanted, variant);
+        variant.launchTrial->begin(
+            isOther ? variant.plain->current.load()->makeTimer() : nullptr);
+      });
+  auto finish = [file, &variant](const LaneTimes &times) {
+    if (times.prefersScalar())
+      variant.instead.store(variant.plain.get(), std::memory_order_release);
+    background::add(
+        [file, times] { KernelCache::get().write(file, times.toText()); });
+  };
+  variant.launchTrial = std::make_unique<LaunchTrial>(compile, finish);
+}
+
+bool Kernel::Impl::loadPlain(const CompileOptions &wanted, Variant &variant) {
+  if (variant.quick)
+    improve(variant);
+  std::map<std::string, double> spent;
+  try {
+    Code code = obtain(scalarOptions(wanted), spent);
+    Code chosen = obtain(wanted, spent);
+    if (isAbandoned() || code.binary == chosen.binary ||
+        !areAlike(code, variant.code) ||
+        code.schedule.tensorMaps.size() !=
+            variant.code.schedule.tensorMaps.size())
+      return false;
+    auto plain = std::make_unique<Variant>();
+    plain->key = variant.key;
+    plain->flat = variant.flat;
+    plain->label = variant.label;
+    plain->code = std::move(code);
+    plain->place(deviceAt(variant.key.device).load(*plain, plain->code));
+    plain->code.binary = {};
+    variant.plain = std::move(plain);
+  } catch (...) {
+    // The schedule does the same.
+    return false;
+  }
+  return true;
 }

@@ -312,6 +312,8 @@ void python::bindDevices(py::module_ &m) {
   m.def("synchronize_device", &synchronizeDevice, py::arg("device"),
         WithoutLock());
   m.def("synchronize_all", &synchronizeAll, WithoutLock());
+  m.def("set_schedule_trials", &setScheduleTrials, py::arg("enabled"),
+        "Has kernels compiled for GPUs from now on check their schedules.");
   m.def("set_lane_trials", &setLaneTrials, py::arg("enabled"),
         "Compare lanes of a CPU with scalar code once they have run for a "
         "while, in kernels that are compiled from now on.");

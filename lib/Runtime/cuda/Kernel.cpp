@@ -275,8 +275,8 @@ void CudaEntry::queueLaunch(const Kernel::Plan &plan, void *params,
   }
 }
 
-void CudaEntry::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
-                       const Stream *stream) const {
+void CudaEntry::launchOnce(const Kernel::Plan &plan, void *params,
+                           size_t paramSize, const Stream *stream) const {
   const Schedule &schedule = plan.variant->code.schedule;
   if (record)
     setErrorRecord(params, record->address());
@@ -285,6 +285,75 @@ void CudaEntry::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
     return queueLaunch(plan, params, stream);
   MappedParameters mapped(schedule.tensorMaps, params, paramSize);
   queueLaunch(plan, mapped.get(), stream);
+}
+
+/// Launches code with the plain mapping in place of a variant's.
+static void launchPlain(const Kernel::Variant &plain, Kernel::Plan plan,
+                        void *params, size_t paramSize, const Stream *stream) {
+  plan.variant = const_cast<Kernel::Variant *>(&plain);
+  plain.current.load(std::memory_order_acquire)
+      ->launch(plan, params, paramSize, stream);
+}
+
+void CudaEntry::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
+                       const Stream *stream) const {
+  const Kernel::Variant &variant = *plan.variant;
+  if (const auto *plain = variant.instead.load(std::memory_order_acquire))
+    return launchPlain(*plain, plan, params, paramSize, stream);
+  LaunchTrial *trial = variant.launchTrial.get();
+  if (!trial || !trial->isOpen() || capturesInProgress != 0 ||
+      variant.isQuick.load(std::memory_order_relaxed))
+    return launchOnce(plan, params, paramSize, stream);
+  const int32_t *dim = static_cast<LaunchHeader *>(params)->dim;
+  bool isMade = trial->measure(
+      {dim[0], dim[1], dim[2], dim[3]}, stream, [&](bool byPlain) {
+        if (byPlain)
+          launchPlain(*variant.plain, plan, params, paramSize, stream);
+        else
+          launchOnce(plan, params, paramSize, stream);
+      });
+  if (!isMade)
+    launchOnce(plan, params, paramSize, stream);
+}
+
+namespace {
+class CudaTimer final : public LaunchTimer {
+public:
+  explicit CudaTimer(CudaDevice &owner) : owner(owner) {
+    cuda::ContextScope scope(owner.index);
+    for (cuda::EventHandle *event : {&begin, &end})
+      WARP_CUDA(eventCreate, event, cuda::eventDefault);
+  }
+  ~CudaTimer() override {
+    for (cuda::EventHandle event : {begin, end})
+      if (event)
+        cuda::driver()->eventDestroy(event);
+  }
+  void start(const Stream *stream) override { record(begin, stream); }
+  void stop(const Stream *stream) override { record(end, stream); }
+  std::optional<double> elapsed() override {
+    cuda::ContextScope scope(owner.index);
+    float milliseconds = 0;
+    if (cuda::driver()->eventQuery(end) != cuda::success)
+      return std::nullopt;
+    WARP_CUDA(eventElapsedTime, &milliseconds, begin, end);
+    return double(milliseconds) * 1e6;
+  }
+
+private:
+  void record(cuda::EventHandle event, const Stream *stream) {
+    QueuedWork work(owner.index, stream);
+    WARP_CUDA(eventRecord, event, work.stream());
+  }
+
+  CudaDevice &owner;
+  cuda::EventHandle begin = nullptr, end = nullptr;
+};
+} // namespace
+
+std::unique_ptr<LaunchTimer> CudaEntry::makeTimer() const {
+  BehindNothing exempt;
+  return std::make_unique<CudaTimer>(owner);
 }
 
 //===----------------------------------------------------------------------===//

@@ -23,6 +23,7 @@ public:
               const Stream *stream) const override;
   int maxThreads() const override;
   std::pair<int, int> threadResources() const override;
+  std::unique_ptr<LaunchTimer> makeTimer() const override;
   bool isProvisional() const override { return provisional; }
   void describe(const VariantKey &key,
                 std::vector<Choice> &choices) const override;
@@ -46,6 +47,9 @@ public:
   std::unique_ptr<DeviceErrorRecord> record;
 
 private:
+  /// Launches this code, whatever trials say.
+  void launchOnce(const Kernel::Plan &plan, void *params, size_t paramSize,
+                  const Stream *stream) const;
   /// Writes the extents of merged blocks into the header.
   void queueLaunch(const Kernel::Plan &plan, void *params,
                    const Stream *stream) const;

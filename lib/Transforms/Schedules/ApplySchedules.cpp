@@ -65,8 +65,10 @@ static void applySchedules(ScheduleSite &site, ScheduleStage stage) {
   for (const warp::ScheduleEntry &entry : warp::getSchedules()) {
     if (entry.stage != stage || !entry.isSupported(site.target))
       continue;
-    // Schedules do not see what a function that is called touches.
-    if (site.function->hasAttr(warp::attr::keepsCalls) &&
+    // Schedules do not see what a function that is called touches, and code
+    // that they are checked against has none that only gains.
+    if ((site.function->hasAttr(warp::attr::keepsCalls) ||
+         site.variant.getLanes() == 1) &&
         !entry.benchmark.empty())
       continue;
     std::unique_ptr<LaunchRewrite> schedule = entry.make(site);

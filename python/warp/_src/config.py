@@ -281,6 +281,14 @@ SETTINGS = {
             "round in another way",
         ),
         Setting(
+            "check_schedules",
+            bool,
+            False,
+            "compare the schedule of a GPU kernel with the plain mapping in 28 launches, once it "
+            "has been launched often, and keep the quicker; not in captures, and never of "
+            "deterministic kernels, whose sums would round in another way",
+        ),
+        Setting(
             "load_module_max_workers",
             _MAYBE_INT,
             None,

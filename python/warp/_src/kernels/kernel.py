@@ -313,6 +313,7 @@ class Kernel:
         level = self.option("optimization_level")
         bounds = self.options.get("launch_bounds", (0, 0))
         _native.set_lane_trials(config.check_lanes)
+        _native.set_schedule_trials(config.check_schedules)
         return _native.Kernel(
             module,
             self.key,

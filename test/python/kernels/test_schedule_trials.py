@@ -1,0 +1,84 @@
+"""Schedules of GPUs are compared with the plain mapping while a kernel is launched.
+
+Without a GPU the programs run on the driver of the unit tests, whose launches take as long as the
+test says.
+"""
+
+from pathlib import Path
+
+import pytest
+
+import programs
+import warp as wp
+
+_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
+
+PROGRAM = """
+import time
+import numpy as np
+import warp as wp
+
+wp.config.check_schedules = {check}
+
+@wp.kernel(module="unique", module_options={options})
+def scale(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = 2.0 * x[i] + 1.0
+
+x = wp.array(np.arange(1 << 22), dtype=float, device="cuda:0")
+y = wp.zeros_like(x)
+
+def measured():
+    text = str(scale.schedule("cuda:0"))
+    return [line for line in text.splitlines() if line.strip().startswith("measured")]
+
+def launches(count):
+    for _ in range(count):
+        wp.launch(scale, len(x), [x, y], device="cuda:0")
+    wp.synchronize_device("cuda:0")
+
+end = time.monotonic() + 60
+while not measured() and time.monotonic() < end:
+    launches(100)
+    {body}
+print(*measured())
+if {real}:
+    np.testing.assert_array_equal(y.numpy(), 2.0 * np.arange(1 << 22, dtype=np.float32) + 1.0)
+"""
+
+
+@pytest.fixture
+def run(tmp_path):
+    def run(check=True, options="{}", body="time.sleep(0.2)", **environment):
+        real = wp.is_cuda_available()
+        if not real:
+            if not _FAKE.exists():
+                pytest.skip("needs a GPU, or the driver that the unit tests are built with")
+            environment["WARP_CUDA_DRIVER"] = _FAKE
+        program = programs.write_program(
+            PROGRAM.format(check=check, options=options, body=body, real=real)
+        )
+        status, out, err = programs.run(program, WARP_CACHE_PATH=tmp_path / "cache", **environment)
+        assert status == 0, err
+        return out
+
+    return run
+
+
+def test_both_times_are_told(run):
+    out = run()
+    assert "the schedule took" in out and "the plain mapping" in out
+
+
+@pytest.mark.skipif(wp.is_cuda_available(), reason="a card has times of its own")
+def test_the_quicker_code_stays_and_is_remembered(run):
+    """More blocks are quicker here, and the plain mapping has most."""
+    assert "plain" in run(FAKE_CUDA_FAST_BLOCKS="1").split()[1]
+    # The next process knows it before it has launched anything.
+    out = run(body="break", FAKE_CUDA_FAST_BLOCKS="1")
+    assert "plain" in out.split()[1]
+
+
+@pytest.mark.parametrize(("check", "options"), [(False, "{}"), (True, "{'deterministic': True}")])
+def test_nothing_is_timed(run, check, options):
+    assert run(check, options, body="time.sleep(0.5); break").strip() == ""
