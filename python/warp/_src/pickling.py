@@ -39,6 +39,19 @@ class Reference:
         return self.reduced
 
 
+def __getattr__(name):
+    if name.startswith("__"):
+        raise AttributeError(name)
+    # Pickle looks for the functions of the version that wrote.
+    import pickle
+
+    from warp._src.version import VERSION
+
+    raise pickle.UnpicklingError(
+        f"warp {VERSION} does not know '{name}': load the pickle with the version that wrote it"
+    )
+
+
 # Types.
 
 

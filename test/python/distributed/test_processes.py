@@ -1,5 +1,6 @@
 """Many processes of a host: one compiles for all, and threads are as many as launchers say."""
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -7,9 +8,10 @@ import time
 import types
 
 import launcher
+import numpy as np
 import pytest
 
-from warp._src.distributed import start
+from warp._src.distributed import graphs, nccl, start
 from warp.distributed import DistributedError
 
 THREADS = """
@@ -114,3 +116,13 @@ def test_ranks_without_gpus_beside_ranks_with_some():
         start._check_devices(comm)
     comm.gather_objects = lambda one: ["cuda:0", "cuda:1"]
     start._check_devices(comm)
+
+
+def test_libraries_that_are_not_there(monkeypatch):
+    """NCCL says what to install; without METIS nodes are split along their numbers."""
+    monkeypatch.setattr(nccl, "_candidates", lambda: ["libnothing.so.2"])
+    with pytest.raises(DistributedError, match=r"rank 3: wd.nccl: .* install nvidia-nccl-cu12"):
+        nccl._load(3)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    ends = np.arange(9), np.arange(9)[::-1]
+    assert graphs.owners_of(*ends, 9, 3, "metis").tolist() == [0] * 3 + [1] * 3 + [2] * 3

@@ -3,10 +3,12 @@
 import pickle
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import programs
 import warp as wp
 
 wp.config.quiet = True
@@ -196,6 +198,32 @@ def test_missing_modules_are_named():
     with pytest.raises(pickle.UnpicklingError, match="put the module on the path") as caught:
         pickle.loads(data)
     assert "'shift'" in str(caught.value)
+
+
+def test_pickles_of_another_version_say_so():
+    data = pickle.dumps(wp.zeros(2, dtype=float, device="cpu")).replace(
+        b"load_array", b"load_arrow"
+    )
+    with pytest.raises(pickle.UnpicklingError, match=r"'load_arrow': load the pickle with"):
+        pickle.loads(data)
+
+
+def test_arrays_of_an_absent_device_come_to_the_default_one(tmp_path):
+    driver = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
+    if not driver.exists():
+        pytest.skip("needs the driver that the unit tests are built with")
+    text = """
+import pickle, sys
+import warp as wp
+x = wp.array([1.0, 2.0], dtype=float, device="cuda:1")
+open(sys.argv[1], "wb").write(pickle.dumps(x))
+"""
+    file = tmp_path / "x.pickle"
+    status, _, err = programs.run(programs.write_program(text), file, WARP_CUDA_DRIVER=driver)
+    assert status == 0, err
+    if wp.get_cuda_device_count() < 2:
+        found = pickle.loads(file.read_bytes())
+        assert found.device == wp.get_device() and found.list() == [1.0, 2.0]
 
 
 def test_buffers_travel_out_of_band():

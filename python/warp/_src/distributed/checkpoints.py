@@ -47,23 +47,32 @@ def save(folder, comm=None, blocks=None, **state) -> None:
     for name, value in state.items():
         try:
             facts[name] = _write(aside, name, value, comm, blocks)
-        except OSError as error:
+        except (OSError, TypeError) as error:
             problem = problem or str(error)
     found = comm.gather_objects((problem, facts))
-    for rank, (text, _) in enumerate(found):
+    problems = [text for text, _ in found]
+    if comm.rank == 0 and not any(problems):
+        try:
+            _publish(aside, folder, comm, state, [own for _, own in found], blocks)
+        except OSError as error:
+            problems[0] = str(error)
+    for rank, text in enumerate(comm.broadcast_object(problems)):
         if text:
             raise DistributedError(
                 f"rank {comm.rank}: save to '{folder}': rank {rank} could not write ({text}): what "
-                "was there is still whole"
+                "was there is still whole, free space or give another folder"
             )
-    if comm.rank == 0:
-        _publish(aside, folder, comm, state, [own for _, own in found], blocks)
-    comm.barrier()
 
 
 def _write(aside, name, value, comm, blocks):
     """Writes the rank's part of a value; gives facts about it."""
     if not isinstance(value, wp.array):
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError):
+            raise TypeError(
+                f"'{name}' is {type(value).__name__}, not an array, number, text or list"
+            ) from None
         return {"value": value}
     is_field = blocks is not None and value.shape[value.ndim - blocks.ndim :] == blocks.local
     own = blocks.inner(value) if is_field else value
@@ -113,7 +122,10 @@ def load(folder, comm=None, blocks=None) -> dict:
         with open(os.path.join(folder, _MANIFEST)) as file:
             manifest = json.load(file)
         if manifest.get("format") != FORMAT:
-            raise ValueError(f"has format {manifest.get('format')}, but this version has {FORMAT}")
+            raise ValueError(
+                f"has format {manifest.get('format')}, but this version has {FORMAT}: load it with "
+                "the version that wrote it"
+            )
         for name, facts in manifest["state"].items():
             state[name] = _read(folder, name, facts, manifest, comm, blocks)
     except (OSError, ValueError, KeyError, EOFError) as error:
@@ -135,7 +147,9 @@ def _read(folder, name, facts, manifest, comm, blocks):
         try:
             return np.load(path, mmap_mode="r")
         except ValueError as error:
-            raise ValueError(f"{os.path.basename(path)}: {error}") from None
+            raise ValueError(
+                f"{os.path.basename(path)} is damaged, {error}: load an older checkpoint"
+            ) from None
 
     if facts["field"]:
         return _read_field(part, manifest, name, blocks)

@@ -13,8 +13,8 @@ from warp._src.arrays.observers import Observers
 from warp._src.distributed import forward
 from warp._src.distributed.communicator import resolve
 from warp._src.distributed.failures import DistributedError, DistributedValueError
-from warp._src.distributed.operations import checked, rows_of
-from warp._src.distributed.plans import Exchange, Side, without_tape
+from warp._src.distributed.operations import checked, hash_of, rows_of
+from warp._src.distributed.plans import Exchange, Side, check_plan, without_tape
 from warp._src.types import dtypes
 
 PARTITIONS = ("rows", "metis", "hilbert")
@@ -213,11 +213,13 @@ class Graph(Neighbours):
             raise DistributedValueError(
                 f"{who} expects as many rows as columns, but got {rows.size} and {columns.size}"
             )
-        most = int(max(rows.max(initial=-1), columns.max(initial=-1))) + 1
-        count = most if count is None else int(count)
-        if most > count or min(rows.min(initial=0), columns.min(initial=0)) < 0:
+        most = int(max(rows.max(initial=-1), columns.max(initial=-1)))
+        least = int(min(rows.min(initial=0), columns.min(initial=0)))
+        count = most + 1 if count is None else int(count)
+        if most >= count or least < 0:
             raise DistributedValueError(
-                f"{who} expects numbers of nodes from 0 to {count - 1}, but got one of {most - 1}"
+                f"{who} expects numbers of nodes from 0 to {count - 1}, but got "
+                f"{most if most >= count else least}"
             )
         if count < comm.size:
             raise DistributedValueError(
@@ -225,6 +227,8 @@ class Graph(Neighbours):
             )
         self.count = count
         self.owners = owners_of(rows, columns, count, comm.size, by, positions)
+        facts = hash_of(b"".join(one.tobytes() for one in (rows, columns, self.owners)))
+        check_plan(comm, "Graph", f"of {count} nodes and {rows.size} edges by {by}, hash {facts}")
         self.cut = int((self.owners[rows] != self.owners[columns]).sum())
         self._find_local(rows, columns)
 

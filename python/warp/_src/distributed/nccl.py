@@ -39,15 +39,15 @@ def _candidates():
         yield from glob.glob(os.path.join(folder, "nvidia", "nccl", "lib", "libnccl.so*"))
 
 
-def _load():
+def _load(rank):
     for name in _candidates():
         try:
             return ctypes.CDLL(name)
         except OSError:
             continue
     raise DistributedError(
-        "wd.nccl: the library libnccl.so.2 is not found: install nvidia-nccl-cu12 or PyTorch for "
-        "CUDA, or add its folder to LD_LIBRARY_PATH"
+        f"rank {rank}: wd.nccl: the library libnccl.so.2 is not found: install "
+        "nvidia-nccl-cu12 or PyTorch for CUDA, or add its folder to LD_LIBRARY_PATH"
     )
 
 
@@ -74,7 +74,7 @@ class NcclCommunicator(base.Communicator):
         # NCCL uses streams behind the runtime's back.
         _native.share_with_others()
         self.stream = wp.Stream(device, priority=-1)
-        self.library = _load()
+        self.library = _load(self.rank)
         identity = _UniqueId()
         if self.rank == 0:
             self._call("ncclGetUniqueId", ctypes.byref(identity))

@@ -48,7 +48,19 @@ def checked(comm, name, array):
             f"rank {comm.rank}: {name}: the array is on '{array.device}', but the communicator on "
             f"'{comm.device}': use `x.to('{comm.device}')`"
         )
+    if dtypes.is_struct(array.dtype):
+        _check_struct(comm, name, array.dtype)
     return array
+
+
+def _check_struct(comm, name, dtype) -> None:
+    from warp._src.pickling import holds_arrays
+
+    if holds_arrays(dtype):
+        raise DistributedError(
+            f"rank {comm.rank}: {name} of structs '{dtype.__name__}', which hold arrays, but their "
+            "addresses mean nothing to other ranks: send the arrays themselves"
+        )
 
 
 def _writable(comm, name, array) -> None:

@@ -18,6 +18,11 @@ class Particle:
     n: int
 
 
+@wp.struct
+class Cloud:
+    points: wp.array(dtype=wp.vec3)
+
+
 def floats(x):
     """Elements as float64, also of bfloat16, which NumPy may not know."""
     return np.array(x.list()) if x.dtype is wp.bfloat16 else x.numpy().astype(float)
@@ -223,6 +228,8 @@ def bad_input(comm):
     checking.fails(lambda: wd.all_reduce(x, "mean"), who, "'mean'")
     checking.fails(lambda: wd.all_reduce(wp.zeros(2, dtype=Particle)), who, "Particle", "fields")
     checking.fails(lambda: wd.all_reduce(wp.zeros(2, dtype=wp.bool)), who, "bool", "int32")
+    clouds = wp.zeros(2, dtype=Cloud)
+    checking.fails(lambda: wd.all_gather(clouds), who, "Cloud", "send the arrays themselves")
     data = np.zeros(3, np.float32)
     data.flags.writeable = False
     # Memory of the host is lent, that of a GPU a copy.

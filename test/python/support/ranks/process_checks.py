@@ -1,7 +1,9 @@
 """Checks of checkpoints, shared memory, warm caches and progress bars on ranks."""
 
+import contextlib
 import json
 import os
+import resource
 import signal
 import tempfile
 
@@ -15,6 +17,18 @@ import warp.distributed as wd
 @wp.kernel
 def double(x: wp.array(dtype=float)):
     x[wp.tid()] *= 2.0
+
+
+@contextlib.contextmanager
+def limited_files(most):
+    """A block in which files of this process cannot grow beyond some bytes."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    if most is not None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def checkpoints(comm):
@@ -62,6 +76,16 @@ def checkpoints(comm):
         pass
     blocked = f"{folder}.rank0/deeper"
     checking.fails(lambda: wd.save(blocked, comm, f=f), who, "could not write")
+    whole = folder + "2"
+    wd.save(whole, comm, blocks, rows=rows, step=3)
+    text = checking.fails(lambda: wd.save(whole, comm, blocks, rows=rows, bad=comm), who, "'bad'")
+    assert "not an array, number, text or list" in text
+    # A full disk: of a rank's arrays, and of what rank 0 writes in the end.
+    for rank, most in ((comm.size - 1, 1), (0, 200)):
+        with limited_files(most if comm.rank == rank else None):
+            words = who, f"rank {rank} could not write", "is still whole"
+            checking.fails(lambda: wd.save(whole, comm, blocks, rows=rows, step=4), *words)
+    assert wd.load(whole, comm, blocks)["step"] == 3
 
 
 def shared_memory(comm):

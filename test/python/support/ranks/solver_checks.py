@@ -208,7 +208,12 @@ def bad_graphs(comm):
     """Nodes and partitions that do not fit, each one line."""
     who = f"rank {comm.rank}"
     checking.fails(lambda: wd.Graph([0, 5], [1, 2], 3), who, "0 to 2", "5")
+    checking.fails(lambda: wd.Graph([0, -1], [1, 2], 3), who, "0 to 2", "got -1")
     checking.fails(lambda: wd.Graph([0, 1], [1], 3), who, "2 and 1")
+    if comm.size > 1:
+        # Ranks that see other edges, or of which some have METIS and some have not.
+        ends = [1, 2 + (comm.rank == 1)]
+        checking.fails(lambda: wd.Graph([0, 1], ends, 9), who, "2 edges", "alike on all ranks")
     checking.fails(lambda: wd.Graph([0], [1], 3, by="size"), who, "'size'")
     if comm.size > 2:
         checking.fails(lambda: wd.Graph([0], [1], 2), who, "fewer ranks")
