@@ -122,6 +122,12 @@ public:
                                                const Code &) {
     return nullptr;
   }
+  /// Has machine code made while other threads have theirs made, and keeps it
+  /// for `loadKept`; null if there is no such way. It is provisional.
+  virtual std::unique_ptr<DeviceCode> loadBeside(const Kernel::Variant &,
+                                                 const Code &) {
+    return nullptr;
+  }
   /// Leaves machine code for `loadKept` of later processes. `loaded`: what
   /// `load` made of the code.
   virtual void keep(const Kernel::Variant &, Code, const DeviceCode &) {}

@@ -176,15 +176,18 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   size_t bytes = code.binary.size();
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   bool isKept = loaded != nullptr;
-  if (loaded && loaded->isProvisional()) {
-    bool mayWait =
-        wanted && options.quickFirst && !isCapturingForGood(device.index);
-    if (!mayWait)
-      loaded = nullptr;
-    else if (!variant.quick) {
-      variant.quick = makeQuick(*wanted, variant);
-      variant.isQuick = true;
-    }
+  bool mayWait =
+      wanted && options.quickFirst && !isCapturingForGood(device.index);
+  if (loaded && loaded->isProvisional() && !mayWait)
+    loaded = nullptr;
+  // The driver makes whole programs one after the other: launches that wait
+  // for the code of several kernels have it made in parts first.
+  if (!isKept && mayWait && background::isWorker() &&
+      KernelCache::get().enabled())
+    loaded = device.loadBeside(variant, code);
+  if (loaded && loaded->isProvisional() && !variant.quick) {
+    variant.quick = makeQuick(*wanted, variant);
+    variant.isQuick = true;
   }
   if (!loaded) {
     if (wanted && !isKept)
@@ -207,8 +210,7 @@ std::unique_ptr<DeviceCode> Kernel::Impl::loadBest(Variant &variant,
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   if (loaded && !loaded->isProvisional())
     return loaded;
-  if (!loaded)
-    setUnkept(variant, code);
+  setUnkept(variant, code);
   return device.load(variant, code);
 }
 

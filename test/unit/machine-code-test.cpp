@@ -10,6 +10,7 @@
 #include "Runtime/MachineCode.h"
 #include "warp/Background.h"
 #include "warp/KernelCache.h"
+#include "warp/LaunchQueue.h"
 #include "warp/Runtime.h"
 
 #include <cstdlib>
@@ -76,6 +77,30 @@ protected:
     return assemblies() - first;
   }
 
+  /// The same with launches that wait for their code.
+  int runQueued(int launches) {
+    setLazyCompile(true);
+    KernelOptions options;
+    options.quickFirst = true;
+    Kernel kernel(Module::fromText(scaleText), "scale", options);
+    int first = assemblies();
+    for (int i = 0; i < launches; ++i) {
+      std::vector<char> params(kernel.parameterSize());
+      ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
+      std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
+      LaunchDim dim;
+      dim.extent[0] = 100;
+      Kernel::Plan plan = kernel.tryPrepare(0, dim, params.data(), 0);
+      if (plan.variant && !Kernel::mustQueue(0))
+        kernel.launch(0, dim, params.data());
+      else
+        EXPECT_TRUE(kernel.queue(plan, 0, dim, params.data(), nullptr, 0));
+      synchronizeDevice(0);
+    }
+    waitForBackground();
+    return assemblies() - first;
+  }
+
   std::string machineFile() {
     for (const auto &entry : fs::directory_iterator(folder))
       if (entry.path().extension() == ".machine")
@@ -96,6 +121,17 @@ TEST_F(MachineCodeTest, ALaterProcessAssemblesNothing) {
   EXPECT_EQ(run(), 2);
   EXPECT_EQ(run(3), 0);
   EXPECT_EQ(run(3, /*quickFirst=*/false), 0);
+}
+
+// Launches that wait have parts of programs made, beside each other. Those that
+// are launched again are compared with the whole program, once.
+TEST_F(MachineCodeTest, LaunchesThatWaitGetPartsFirst) {
+  EXPECT_EQ(runQueued(1), 1);
+  EXPECT_FALSE(findMachineCode(fs::path(machineFile()).stem())->isBest);
+  EXPECT_EQ(runQueued(1), 0);
+  EXPECT_EQ(runQueued(3), 1);
+  EXPECT_TRUE(findMachineCode(fs::path(machineFile()).stem())->isBest);
+  EXPECT_EQ(runQueued(3), 0);
 }
 
 // Linked code that is worse runs until there is tier-1 code.

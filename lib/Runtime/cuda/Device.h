@@ -72,6 +72,8 @@ public:
                                    Code &code) override;
   std::unique_ptr<DeviceCode> loadKept(const Kernel::Variant &variant,
                                        const Code &code) override;
+  std::unique_ptr<DeviceCode> loadBeside(const Kernel::Variant &variant,
+                                         const Code &code) override;
   void keep(const Kernel::Variant &variant, Code code,
             const DeviceCode &loaded) override;
   void assemble(Code &code) override;

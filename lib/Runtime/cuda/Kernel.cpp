@@ -128,6 +128,33 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
   return entry;
 }
 
+std::unique_ptr<DeviceCode>
+CudaDevice::loadBeside(const Kernel::Variant &variant, const Code &code) {
+  if (isElf(code.binary) || callsLibrary(code))
+    return nullptr;
+  std::string key = machineCodeKey(code, info.arch);
+  try {
+    Code machine = code;
+    assemble(machine);
+    if (!isElf(machine.binary))
+      return nullptr;
+    storeMachineCode(key, {code.entry, machine.binary, /*isBest=*/false});
+    BehindNothing exempt;
+    cuda::ContextScope scope(index);
+    cuda::RelaxedCaptures relaxed;
+    auto entry = std::make_unique<CudaEntry>(*this);
+    entry->provisional = true;
+    finish(*entry, variant, machine, mayWaitForPredecessor(code));
+    // Parts of programs may take more registers than such blocks have.
+    if (entry->maxThreads() >= variant.key.blockDim)
+      return entry;
+  } catch (const Error &) {
+    // The whole program says what is wrong, or is right.
+  }
+  removeMachineCode(key);
+  return nullptr;
+}
+
 void CudaDevice::keep(const Kernel::Variant &variant, Code code,
                       const DeviceCode &loaded) {
   if (callsLibrary(code))
@@ -136,7 +163,13 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
   cuda::ContextScope scope(index);
   cuda::RelaxedCaptures relaxed;
   std::string key = machineCodeKey(code, info.arch);
-  assemble(code);
+  std::optional<MachineCode> known = findMachineCode(key);
+  if (known && known->entry != code.entry)
+    known.reset();
+  if (known)
+    code.binary = known->binary;
+  else
+    assemble(code);
   if (!isElf(code.binary))
     return;
   cuda::Function whole = static_cast<const CudaEntry &>(loaded).function;
@@ -152,7 +185,8 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
       residentBlocks(variant, linked) >= residentBlocks(variant, whole) &&
       attributeOf(linked, cuda::functionLocalSize) <=
           attributeOf(whole, cuda::functionLocalSize);
-  storeMachineCode(key, machine);
+  if (!known || known->isBest != machine.isBest)
+    storeMachineCode(key, machine);
 }
 
 /// Unloads code; while a graph is recorded that may use it, later.

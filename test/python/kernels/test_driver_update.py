@@ -1,0 +1,46 @@
+"""Machine code that is kept for one version of the driver is absent for another."""
+
+from pathlib import Path
+
+import pytest
+
+import programs
+import warp as wp
+
+_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
+
+PROGRAM = programs.write_program("""
+import ctypes, os
+import warp as wp
+wp.config.quiet = True
+driver = ctypes.CDLL(os.environ["WARP_CUDA_DRIVER"])
+
+@wp.kernel
+def scale(x: wp.array(dtype=float)):
+    i = wp.tid()
+    x[i] = x[i] * 2.0
+
+x = wp.zeros(100, dtype=float, device="cuda:0")
+wp.synchronize()
+before = driver.fakeCudaAssemblies()
+wp.launch(scale, 100, [x], device="cuda:0")
+wp.synchronize()
+print(driver.fakeCudaAssemblies() - before)
+""")
+
+
+def test_driver_update(tmp_path):
+    """Each version has the code assembled once, and finds its own again afterwards."""
+    if not _FAKE.exists():
+        pytest.skip("needs the driver that the unit tests are built with")
+    found = []
+    for version in (12080, 12080, 13000, 13000, 12080):
+        status, out, err = programs.run(
+            PROGRAM,
+            WARP_CACHE_PATH=tmp_path / "cache",
+            WARP_CUDA_DRIVER=_FAKE,
+            FAKE_CUDA_VERSION=version,
+        )
+        assert status == 0, err
+        found.append(int(out))
+    assert found == [1, 0, 1, 0, 0]
