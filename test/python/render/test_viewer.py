@@ -37,9 +37,13 @@ class Recorder:
 
     def __init__(self, **options):
         self.scene, self.shown = self, {}
+        self.initial_camera = types.SimpleNamespace()
 
-    def set_up_direction(self, up):
-        self.up = up
+    def ignore(self, *given, **options):
+        pass
+
+    set_up_direction = configure_default_lights = configure_environment_map = ignore
+    add_light_directional = add_light_ambient = ignore
 
     def atomic(self):
         return contextlib.nullcontext()
@@ -55,7 +59,11 @@ def test_scenes_too_large_are_refused_or_made_coarser(monkeypatch):
     made.add_height_field(0.2 * np.sin(3.0 * x)[:, None] * np.cos(2.0 * x), (-1, -1), (1, 1))
     with pytest.raises(ValueError, match=r"9,999,392 triangles .* decimate=True"):
         wp.render.Viewer(made)
+    made.set_camera((1.0, 2.0, 3.0), (0.0, 0.5, 0.0), fov=60.0)
     viewer = wp.render.Viewer(made, max_triangles=50_000, decimate=True)
+    camera = viewer.server.initial_camera
+    assert camera.position == (1.0, 2.0, 3.0) and camera.look_at == (0.0, 0.5, 0.0)
+    assert camera.fov == pytest.approx(np.pi / 3.0)
     ((points, faces),) = viewer.server.shown.values()
     assert 20_000 < len(faces) <= 50_000 and faces.max() < len(points)
     x, y, z = points.astype(float).T

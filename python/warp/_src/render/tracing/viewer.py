@@ -50,7 +50,7 @@ class Viewer:
         self._kept = {}
         self.server = viser.ViserServer(port=port, verbose=False)
         self.server.scene.set_up_direction(tuple(map(float, scene.up)))
-        self._parts = {}
+        self._look()
         self.update()
 
     def update(self) -> None:
@@ -66,6 +66,19 @@ class Viewer:
     def close(self) -> None:
         """Ends the server."""
         self.server.stop()
+
+    def _look(self):
+        """The camera and the sun of the scene; viser's own lights bleach colours."""
+        view, camera = self.scene.view, self.server.initial_camera
+        camera.position, camera.look_at = tuple(view["eye"]), tuple(view["target"])
+        camera.fov = float(np.radians(view["fov"]))
+        up = np.asarray(self.scene.up, float)
+        sun = np.asarray(self.scene.sun[0] if self.scene.sun else up + [0.4, 0.2, 0.5], float)
+        shown = self.server.scene
+        shown.configure_default_lights(enabled=False)
+        shown.configure_environment_map(environment_intensity=0.15)
+        shown.add_light_directional("/sun", intensity=1.6, position=tuple(map(float, 10.0 * sun)))
+        shown.add_light_ambient("/sky", intensity=0.9)
 
     def _show_mesh(self, name, mesh, copies):
         points, maps = mesh.points.numpy(), copies.transforms
