@@ -48,7 +48,7 @@ CASES = {
 
 @pytest.fixture(params=["elements", "rows"])
 def threads(request, monkeypatch):
-    """What threads are: elements, as on CPUs, or rows of elements, as on GPUs."""
+    """Threads are elements, as on CPUs, or rows of elements, as on GPUs."""
     monkeypatch.setattr(Form, "has_many_threads", request.param == "rows")
     return request.param
 
