@@ -61,6 +61,8 @@ def test_fields_that_are_missing_or_too_many(space):
         fem.integrate(mass, fields={"u": u, "v": field})
     with pytest.raises(ValueError, match="expects a field, but got"):
         fem.integrate(mass, fields={"u": 3.0, "v": v})
+    with pytest.raises(ValueError, match="and a test function, but 'v' is .*Space.*, no field"):
+        fem.integrate(load, fields={"v": space}, values={"c": 1.0})
     with pytest.raises(ValueError, match="decorated by `@fem.integrand`"):
         fem.integrate(len, fields=fields)
 
@@ -87,6 +89,22 @@ def test_geometries_and_kinds_of_elements(space):
         fem.integrate(
             mass, domain=fem.Sides(space.geometry), fields={"u": space.make_field(), "v": v}
         )
+
+
+def test_rules_of_another_geometry(space):
+    rule = fem.RegularQuadrature(fem.Cells(fem.Grid2D(res=wp.vec2i(2, 2))), order=1)
+    with pytest.raises(ValueError, match="is defined on 'Grid2D_Cells' of another geometry"):
+        fem.integrate(load, quadrature=rule, fields={"v": fem.make_test(space)}, values={"c": 1.0})
+
+
+@pytest.mark.parametrize("number", [-1, 9])
+def test_numbers_of_no_element(space, number):
+    cells = fem.Cells(space.geometry)
+    numbers = wp.array([0, number], dtype=int)
+    with pytest.raises(ValueError, match=rf"numbers in \[0, 9\), but got {number} at index 1"):
+        fem.Subdomain(cells, element_indices=numbers)
+    with pytest.raises(ValueError, match="expects an array \\(n,\\) of int32"):
+        fem.Subdomain(cells, element_indices=[0, 1])
 
 
 def test_degrees_of_freedom(space):

@@ -4,6 +4,8 @@ import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+import numpy as np
+
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import RecordFunctions, geometry_functions, per_device
@@ -300,16 +302,34 @@ class FrontierSides(Sides):
         raise RuntimeError("frontier sides are those of a partition, the geometry has none")
 
 
+def _check_indices(indices, count) -> None:
+    """Raises unless an array has numbers of elements."""
+    if not isinstance(indices, wp.array) or indices.dtype is not wp.int32 or indices.ndim != 1:
+        raise ValueError(
+            f"'element_indices' expects an array (n,) of int32, but got {extend.shown(indices)}"
+        )
+    if indices.device.is_capturing:
+        return
+    numbers = indices.numpy()
+    wrong = np.flatnonzero((numbers < 0) | (numbers >= count))
+    if wrong.size:
+        raise ValueError(
+            f"'element_indices' expects numbers in [0, {count}), but got {numbers[wrong[0]]} at "
+            f"index {wrong[0]}"
+        )
+
+
 class Subdomain(GeometryDomain):
     """Selected elements of a domain.
 
     Args:
         domain: the domain to select from.
         element_mask: array (domain.element_count(),) of int32, 1 for elements to take.
-        element_indices: in place of a mask: the numbers in `domain` of the elements.
+        element_indices: in place of a mask: int32, the numbers in `domain` of the elements. They
+            are read once, except in a capture.
 
     Raises:
-        ValueError: both or none are given, or a size that does not fit.
+        ValueError: both or none are given, a size that does not fit, or a number of no element.
     """
 
     def __init__(self, domain, element_mask=None, element_indices=None, temporary_store=None):
@@ -327,6 +347,8 @@ class Subdomain(GeometryDomain):
                     f"but got {element_mask.shape}"
                 )
             element_indices, _ = masked_indices(element_mask)
+        else:
+            _check_indices(element_indices, domain.element_count())
         self._domain, self._element_indices = domain, element_indices
         self.kind = domain.kind
 

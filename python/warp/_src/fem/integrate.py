@@ -99,18 +99,22 @@ def integrate(
 
 def domain_of(domain, quadrature, fields):
     """The elements to integrate over."""
+    from warp._src.fem.fields.base import GeometryField
     from warp._src.fem.fields.virtual import VirtualField
 
     virtual = [field for field in fields.values() if isinstance(field, VirtualField)]
     given = [one for one in (domain, quadrature and quadrature.domain) if one is not None]
     given += [field.domain for field in virtual]
     if not given:
-        raise ValueError("expects one of 'domain', 'quadrature' and a test function")
+        others = [name for name in fields if not isinstance(fields[name], GeometryField)]
+        shown = "".join(f", but '{n}' is {extend.shown(fields[n])}, no field" for n in others[:1])
+        raise ValueError(f"expects one of 'domain', 'quadrature' and a test function{shown}")
     for other in given[1:]:
         if other != given[0]:
+            where = "" if other.geometry == given[0].geometry else " of another geometry"
             raise ValueError(
                 f"the form is integrated over '{given[0].name}', but a quadrature, test or trial "
-                f"function is defined on '{other.name}'"
+                f"function is defined on '{other.name}'{where}"
             )
     return given[0]
 
