@@ -121,7 +121,7 @@ def domain_of(domain, quadrature, fields):
 
 def default_quadrature(form):
     """The rule for a form without one: exact for the product of its fields, and for the integrand
-    where that is a polynomial in reference coordinates."""
+    where that is a polynomial in reference coordinates, or is one in each half of a cell."""
     from warp._src.fem.quadratures import RegularQuadrature
 
     domain = form.domain
@@ -137,9 +137,18 @@ def default_quadrature(form):
         is_simple = domain.geometry.is_affine and domain.is_cells and domain.cell.is_simplex
         order = degree if is_simple else max(order, degree)
     kept = domain.__dict__.setdefault("_default_rules", {})
-    if order not in kept:
-        kept[order] = RegularQuadrature(domain=domain, order=order)
-    return kept[order]
+    halves = any(map(_breaks_in_cells, form.fields.values()))
+    if (order, halves) not in kept:
+        kept[order, halves] = RegularQuadrature(domain, order, halves=halves)
+    return kept[order, halves]
+
+
+def _breaks_in_cells(field) -> bool:
+    """True for splines of even degree, whose pieces end at centres of cells."""
+    from warp._src.fem.cells.element import ElementBasis
+
+    element = getattr(getattr(getattr(field, "space", None), "record", None), "element", None)
+    return element is not None and element.basis is ElementBasis.BSPLINE and element.degree % 2 == 0
 
 
 def _functional(form, accumulate_dtype, output_dtype, output, add):

@@ -102,15 +102,17 @@ class RegularQuadrature(Quadrature):
         domain: domain of the points.
         order: polynomials up to this degree are integrated exactly.
         family: family of the rule, None for the one with fewest points.
+        halves: points of both halves of each axis of squares and cubes, for splines of even degree,
+            which are polynomials there.
     """
 
-    def __init__(self, domain, order: int, family=None):
+    def __init__(self, domain, order: int, family=None, *, halves: bool = False):
         from warp._src.fem.cells.rules import rule
 
         super().__init__(domain)
         self.order, self.family = order, family
-        self.rule = rule(domain.cell, order, family)
-        self._key = (domain.cell.name, order, family)
+        self.rule = rule(domain.cell, order, family, halves)
+        self._key = (domain.cell.name, order, family, halves)
         self._points = len(self.rule.weights)
 
     @property

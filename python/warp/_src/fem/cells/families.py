@@ -182,6 +182,9 @@ def bspline(element) -> Definition:
 
     def tabulate(coords, orientation):
         axes = [spline(degree, coords[:, a, None] - places) for a in range(cell.dimension)]
+        if degree == 1:
+            # The slope at an end of the cell is the one inside.
+            axes = [(value, np.broadcast_to((-1.0, 1.0), value.shape)) for value, _ in axes]
         return tensor_products([a[0] for a in axes], [a[1] for a in axes])
 
     nodes = np.array(list(itertools.product(places, repeat=cell.dimension)))

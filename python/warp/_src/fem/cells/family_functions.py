@@ -153,7 +153,7 @@ def splines(element, real):
         return made
 
     @wp.func
-    def factor_slope(x: real, i: int):
+    def smooth_slope(x: real, i: int):
         delta = x - first - real(i)
         made = real(0.0)
         for k in range(terms):
@@ -165,6 +165,12 @@ def splines(element, real):
                 made -= power
         return made * wp.sign(delta)
 
+    @wp.func
+    def inner_slope(x: real, i: int):
+        # Of degree 1, the slope at an end of the cell is the one inside.
+        return real(2 * i - 1)
+
+    factor_slope = inner_slope if degree == 1 else smooth_slope
     return SimpleNamespace(**tensor_functions(dimension, count, factor, factor_slope, real))
 
 

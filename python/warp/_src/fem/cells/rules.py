@@ -55,7 +55,7 @@ def make_rule(cell: Cell, coords, weights, order: int) -> Rule:
 
 
 @functools.cache
-def rule(cell: Cell, order: int, family: Polynomial | None = None) -> Rule:
+def rule(cell: Cell, order: int, family: Polynomial | None = None, halves: bool = False) -> Rule:
     """The rule of a cell that is exact for polynomials of a degree.
 
     Args:
@@ -64,6 +64,7 @@ def rule(cell: Cell, order: int, family: Polynomial | None = None) -> Rule:
         family: points on lines that products of squares, cubes and, collapsed, simplices are made
             from. If not given: Gauss points, and on triangles and tetrahedra the rules of Xiao and
             Gimbutas (2010) or, beyond order 30 and 15, collapsed Gauss-Jacobi points.
+        halves: if points are those of both halves of each line, of squares and cubes.
 
     Raises:
         ValueError: the order is negative, or no integer.
@@ -78,8 +79,11 @@ def rule(cell: Cell, order: int, family: Polynomial | None = None) -> Rule:
         found = _simplex_rule(cell, int(order)) if family is None else None
         parameters, weights = found or _collapsed(cell.dimension, int(order), family)
     else:
-        line = rule_1d(int(order), family or Polynomial.GAUSS_LEGENDRE)
-        parameters, weights = _product([line] * cell.dimension)
+        points, weights = rule_1d(int(order), family or Polynomial.GAUSS_LEGENDRE)
+        if halves:
+            points = np.concatenate([0.5 * points, 0.5 + 0.5 * points])
+            weights = np.tile(0.5 * weights, 2)
+        parameters, weights = _product([(points, weights)] * cell.dimension)
     return make_rule(cell, cell.coords(parameters), weights, order)
 
 
