@@ -112,6 +112,7 @@ private:
   SmallVector<Value> indicesOf(Window &window, Value own, Value row,
                                Value column);
   void write(AccessOp op, ArrayRef<Value> indices, Value value);
+  int64_t columnsToLoad(Window &window);
   void move(Value tile, bool toMemory);
   void moveOne(Window &window, Value own, bool toMemory, Value row,
                Value column, SmallVectorImpl<std::pair<Value, Value>> &loaded);
@@ -456,6 +457,18 @@ void StageRows::write(AccessOp op, ArrayRef<Value> indices, Value value) {
   setUpdate(made, UpdateScope::thread, getUpdate(update).getRun());
 }
 
+/// Columns before the first that the tile writes before it reads it: all, or
+/// those that only earlier iterations have written.
+int64_t StageRows::columnsToLoad(Window &window) {
+  int64_t written = -1, read = -1;
+  for (RowAccess &one : window.accesses) {
+    int64_t &last =
+        isa<LoadComponentsOp>(one.op.getOperation()) ? read : written;
+    last = std::max(last, one.column - window.first);
+  }
+  return read < written ? written : columns + window.extra();
+}
+
 /// Moves one column of each of some rows between memory and the window.
 void StageRows::moveOne(Window &window, Value own, bool toMemory, Value row,
                         Value column,
@@ -503,7 +516,10 @@ void StageRows::move(Value tile, bool toMemory) {
       synchronizeWarp(b, loc);
       isDone = true;
     }
-    for (int64_t pass = 0; pass < columns; ++pass)
+    int64_t count = toMemory ? columns + last : columnsToLoad(window);
+    if (count < columns)
+      first = -columns, last = count - columns;
+    for (int64_t pass = 0; count >= columns && pass < columns; ++pass)
       moveOne(window, own, toMemory, add(firstRow, constant(pass * rowsAtOnce)),
               shifted, loaded);
     for (int64_t extra = first; extra < last; ++extra)
