@@ -123,8 +123,8 @@ TEST_F(MachineCodeTest, ALaterProcessAssemblesNothing) {
   EXPECT_EQ(run(3, /*quickFirst=*/false), 0);
 }
 
-// Launches that wait have parts of programs made, beside each other. Those that
-// are launched again are compared with the whole program, once.
+// Launches that wait have parts of programs made, beside each other. A kernel
+// that is launched again is compared with the whole program, once.
 TEST_F(MachineCodeTest, LaunchesThatWaitGetPartsFirst) {
   EXPECT_EQ(runQueued(1), 1);
   EXPECT_FALSE(findMachineCode(fs::path(machineFile()).stem())->isBest);

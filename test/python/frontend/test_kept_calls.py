@@ -256,3 +256,35 @@ def kernel(y: wp.array(dtype=float)):
     expected = [800.0 * (i + 1.0) + 1.0 + i for i in range(5)]
     assert y.numpy().tolist() == expected
     assert "big(" in kernel.ir("llvm") and "big(" in kernel.ir("ptx", arch=90)
+
+
+def test_ten_thousand_functions():
+    """A kernel that calls 100 functions of which each calls 100 others of its own."""
+    lines = [
+        f"@wp.func\ndef leaf{n}(x: float):\n    return x * {n % 7}.0 + {n % 3}.0\n"
+        for n in range(10_000)
+    ]
+    for m in range(100):
+        terms = "".join(f"    s += leaf{n}(x)\n" for n in range(100 * m, 100 * m + 100))
+        lines.append(f"@wp.func\ndef sum{m}(x: float):\n    s = float(0.0)\n{terms}    return s\n")
+    terms = "".join(f"    s += sum{m}(x[i])\n" for m in range(100))
+    lines.append(
+        "@wp.kernel\ndef kernel(x: wp.array(dtype=float)):\n    i = wp.tid()\n"
+        f"    s = float(0.0)\n{terms}    x[i] = s\n"
+    )
+    x = wp.array([1.0, 2.0], dtype=float, device="cpu")
+    wp.launch(define("\n".join(lines))["kernel"], 2, [x], device="cpu")
+    slope, offset = sum(n % 7 for n in range(10_000)), sum(n % 3 for n in range(10_000))
+    assert x.numpy().tolist() == [slope + offset, 2 * slope + offset]
+
+
+def test_ten_thousand_levels():
+    """A chain that is deeper than Python's stack is an error that names the kernel's line."""
+    lines = ["@wp.func\ndef f0(x: float):\n    return x\n"]
+    lines += [
+        f"@wp.func\ndef f{n}(x: float):\n    return f{n - 1}(x) + 1.0\n" for n in range(1, 10_000)
+    ]
+    lines.append("@wp.kernel\ndef kernel(x: wp.array(dtype=float)):\n    x[0] = f9999(x[0])\n")
+    x = wp.zeros(1, dtype=float, device="cpu")
+    with pytest.raises(errors.WarpError, match=r"(?s)nested too deeply.*x\[0\] = f9999.*hint: "):
+        wp.launch(define("\n".join(lines))["kernel"], 1, [x], device="cpu")
