@@ -531,6 +531,40 @@ def test_geometry_between():
     assert fusions(capture.graph) == ()
 
 
+@wp.kernel
+def neighbours(grid: wp.uint64, points: wp.array[wp.vec3], counts: wp.array[int]):
+    i = wp.tid()
+    found = int(0)
+    for j in wp.hash_grid_query(grid, points[i], 1.0):
+        if wp.length(points[i] - points[j]) < 1.0:
+            found += 1
+    counts[i] = found
+
+
+def test_handles_rebuilt_between_captures():
+    """Graphs search the grid as it was built last, before their capture or between replays."""
+    grid, rng = wp.HashGrid(8, 8, 8), np.random.default_rng(7)
+    graphs = []
+
+    def expected(at):
+        return (np.linalg.norm(at[:, None] - at[None], axis=2) < 1.0).sum(axis=1)
+
+    for size in (40, 400):
+        at = rng.uniform(0.0, 6.0, (size, 3))
+        points, counts = wp.array(at, dtype=wp.vec3), wp.zeros(size, dtype=int)
+        grid.build(points, 1.0)
+
+        def step(points=points, counts=counts, size=size):
+            counts.fill_(-1)
+            wp.launch(neighbours, size, [grid.id, points, counts])
+
+        graphs.append((captured(step), points, counts, expected(at)))
+    for graph, points, counts, right in (graphs[1], graphs[0], graphs[1]):
+        grid.build(points, 1.0)
+        wp.capture_launch(graph)
+        assert np.array_equal(counts.numpy(), right)
+
+
 def test_deterministic():
     """In deterministic mode sums keep their launch, and the bits of two replays and eager agree."""
     x, total = random_array(5000), wp.zeros(1)

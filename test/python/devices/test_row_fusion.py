@@ -46,6 +46,12 @@ def columns(products: wp.array3d[float], x: wp.array2d[float]):
 
 
 @wp.kernel
+def centred(x: wp.array2d[float], sums: wp.array[float], y: wp.array2d[float]):
+    i, j = wp.tid()
+    y[i, j] = x[i, j] - sums[i] / float(x.shape[1]) + 1.0
+
+
+@wp.kernel
 def flat(x: wp.array[float], width: int, factor: float):
     i, j = wp.tid()
     x[i * width + j] = factor * x[i * width + j] - 0.3
@@ -104,9 +110,10 @@ def cpu_blocks():
 
 
 @pytest.fixture(autouse=True)
-def rows_on_host():
+def rows_on_host(request):
     _native.set_fuses_rows_on_host(True)
-    with wp.ScopedDevice("cpu"):
+    names = request.fixturenames
+    with wp.ScopedDevice(request.getfixturevalue("device") if "device" in names else "cpu"):
         yield
     _native.set_fuses_rows_on_host(False)
 
@@ -134,7 +141,7 @@ def check(step, arrays, expected):
 
 @pytest.mark.parametrize("rows", [64, 101])
 @pytest.mark.parametrize("width", [1, 3, 7, 11])
-def test_parts_of_a_row(rows, width):
+def test_parts_of_a_row(device, rows, width):
     """Elements, other elements of the row, sums of it and products of pairs are one launch."""
     x, y, z = (random_array(rows, width, seed=seed) for seed in range(3))
     sums, pairs = wp.zeros(rows), wp.zeros((rows, width, width))
@@ -200,6 +207,83 @@ def test_rows_stay_apart(case):
     check(step, [x, y, z, sums], ())
 
 
+def test_aliases(device):
+    """One array under two names is one; a view of other strides of the same memory keeps apart."""
+    rows, width = 70, 6
+    x, y = random_array(rows, width), random_array(rows, width, seed=1)
+    sums = wp.zeros(rows)
+    again = wp.array(ptr=x.ptr, shape=x.shape, dtype=float)
+    flattened = x.flatten()
+
+    def same():
+        wp.launch(reverse, (rows, width), [y, x])
+        wp.launch(total, rows, [again, sums])
+
+    check(same, [x, y, sums], (("reverse", "total"),))
+
+    def other():
+        wp.launch(reverse, (rows, width), [y, x])
+        wp.launch(flat_total, rows, [flattened, width, sums])
+
+    check(other, [x, y, sums], ())
+
+
+@wp.kernel
+def count_down(left: wp.array[int]):
+    left[0] = left[0] - 1
+
+
+def test_body_of_loop(device):
+    """Rows of a loop's body are one launch, and later launches see what the last turn left."""
+    rows, width = 80, 5
+    x, y = random_array(rows, width), wp.zeros((rows, width))
+    sums, left = wp.zeros(rows), wp.zeros(1, dtype=int)
+    start = x.numpy().astype(np.float64)
+
+    def turn():
+        wp.launch(reverse, (rows, width), [x, y])
+        wp.launch(total, rows, [y, sums])
+        wp.launch(centred, (rows, width), [y, sums, x])
+        wp.launch(count_down, 1, [left])
+
+    with wp.ScopedCapture(optimize=True) as capture:
+        left.fill_(4)
+        wp.capture_while(left, turn)
+        wp.launch(total, rows, [x, sums])
+    wp.capture_launch(capture.graph)
+    for _ in range(4):
+        y_ = 0.7 * start[:, ::-1] + start
+        start = y_ - y_.sum(1, keepdims=True) / width + 1.0
+    np.testing.assert_allclose(x.numpy(), start, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(sums.numpy(), start.sum(1), rtol=1e-5)
+    body = next(node.body for node in capture.graph.schedule().nodes if node.body)
+    assert body.fusions == (("reverse", "total", "centred"),)
+
+
+@wp.kernel(module_options={"deterministic": True}, module="unique")
+def add_up(x: wp.array2d[float], sums: wp.array[float]):
+    i, j = wp.tid()
+    wp.atomic_add(sums, i, x[i, j])
+
+
+@wp.kernel(module_options={"deterministic": True}, module="unique")
+def fill_up(x: wp.array2d[float], y: wp.array2d[float]):
+    i, j = wp.tid()
+    y[i, j] = 0.3 * x[i, j]
+
+
+def test_deterministic_sums():
+    """Sums whose order counts keep their launch."""
+    x, y, sums = random_array(90, 6), wp.zeros((90, 6)), wp.zeros(90)
+
+    def step():
+        wp.launch(fill_up, (90, 6), [x, y])
+        wp.launch(add_up, (90, 6), [y, sums])
+
+    graph = check(step, [x, y, sums], ())
+    assert "it updates elements" in str(graph.schedule())
+
+
 @pytest.mark.parametrize("rows", [64, 99])
 def test_tiles_of_a_row(cpu_blocks, rows):
     """Blocks that work on a tile of a row are parts, too; a return ends their own part alone."""
@@ -222,7 +306,7 @@ def test_tiles_of_a_row(cpu_blocks, rows):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_random_programs(seed):
+def test_random_programs(device, seed):
     """Random launches over rows leave the bits of eager ones, fused as far as they may be."""
     rng = np.random.default_rng(seed)
     rows, width = int(rng.integers(64, 90)), int(rng.integers(1, 12))
