@@ -367,7 +367,31 @@ static py::tuple describeLayout() {
       field("ndim", example.ndim), field("flags", example.flags));
 }
 
+/// The gradient that an array has; the first time, Python makes it.
+static PyObject *gradientOf(PyObject *, PyObject *array) {
+  static PyObject *const made = PyUnicode_InternFromString("_grad");
+  static PyObject *const wanted = PyUnicode_InternFromString("_requires_grad");
+  static PyObject *const make = PyUnicode_InternFromString("_first_grad");
+  PyObject *found = PyObject_GetAttr(array, made);
+  if (found != Py_None)
+    return found;
+  PyObject *wants = PyObject_GetAttr(array, wanted);
+  if (!wants || wants == Py_False) {
+    Py_XDECREF(wants);
+    return wants ? found : nullptr;
+  }
+  Py_DECREF(wants);
+  return PyObject_CallMethodNoArgs(array, make);
+}
+
 void python::bindArray(py::module_ &m) {
+  static PyMethodDef functions[] = {
+      {"gradient_of", gradientOf, METH_O,
+       "gradient_of(array)\n\nThe array of derivatives, or None; zero when it "
+       "is first read."},
+      {nullptr, nullptr, 0, nullptr}};
+  if (PyModule_AddFunctions(m.ptr(), functions) != 0)
+    throw py::error_already_set();
   static PyMethodDef methods[] = {
       {"_setup", asMethod(setupArray), METH_VARARGS | METH_KEYWORDS,
        "_setup(ptr, shape, strides, dtype, type_id, item_size, device, "

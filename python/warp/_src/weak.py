@@ -39,6 +39,11 @@ class WeakValues:
     def __bool__(self):
         return bool(self._found)
 
+    @property
+    def entries(self) -> dict:
+        """The dictionary that is empty if none are left, for those who ask often."""
+        return self._found
+
 
 class WeakObjects(WeakValues):
     """A set of objects, by identity."""

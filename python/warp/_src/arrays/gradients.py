@@ -13,7 +13,7 @@ and rounds it once (`derivatives.wide_gradients`).
 from __future__ import annotations
 
 import functools
-import typing
+import operator
 
 from warp import _native
 from warp._src import errors
@@ -52,18 +52,19 @@ class ArrayGradients:
     # copied once the array becomes one.
     lent = False
 
-    @property
-    def requires_grad(self) -> bool:
-        """True if derivatives are wanted; `grad` is allocated when it is first used."""
-        return self._requires_grad
-
-    @requires_grad.setter
     @checked(value=FLAG)
-    def requires_grad(self, value):
+    def _set_requires_grad(self, value):
         if value:
             self._requires_grad = True
         else:
             self.grad = None
+
+    # Read for each argument of a launch of an adjoint, so without a frame of Python.
+    requires_grad = property(
+        operator.attrgetter("_requires_grad"),
+        _set_requires_grad,
+        doc="True if derivatives are wanted; `grad` is allocated when it is first used.",
+    )
 
     @property
     def retain_grad(self) -> bool:
@@ -81,20 +82,14 @@ class ArrayGradients:
             raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")
         self._retain_grad = bool(value)
 
-    @property
-    def grad(self) -> typing.Any:
-        """The array of derivatives, or None; zero when it is first read.
-
-        Where components have 16 bits, one with 16 or with 32 can be set.
-        """
-        if self._grad is None and self._requires_grad:
-            with _first_use:
-                if self._grad is None:
-                    self.grad = self._make_grad()
+    def _first_grad(self):
+        """The gradient of an array that is to have one."""
+        with _first_use:
+            if self._grad is None:
+                self.grad = self._make_grad()
         return self._grad
 
-    @grad.setter
-    def grad(self, value):
+    def _set_grad(self, value):
         if value is not None:
             if getattr(value, "lent", False):
                 take_memory(value, self)
@@ -103,6 +98,13 @@ class ArrayGradients:
         self._requires_grad = value is not None
         self._retain_grad = self._retain_grad and value is not None
         self.grad_ptr = value.ptr or 0 if value is not None else 0
+
+    grad = property(
+        _native.gradient_of,
+        _set_grad,
+        doc="The array of derivatives, or None; zero when it is first read.\n\n"
+        "Where components have 16 bits, one with 16 or with 32 can be set.",
+    )
 
     @property
     def grad_in_use(self):

@@ -8,14 +8,14 @@ from __future__ import annotations
 import functools
 import sys
 
-from warp import _native
+from warp import _native, config
 from warp._src import errors
 from warp._src.arrays.array import array
 from warp._src.arrays.copies import clone, copy
 from warp._src.arrays.gradients import make_gradient
 from warp._src.arrays.indexed import indexedarray
 from warp._src.arrays.observers import Observers, Observing
-from warp._src.derivatives.handles import handles_alive
+from warp._src.derivatives import handles
 from warp._src.devices.devices import by_index
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.interop.torch import from_torch
@@ -134,8 +134,9 @@ def launch_again(kernel, dim, inputs, outputs, adj_inputs, adj_outputs, index, b
 
     Nobody observes, and the kernel is translated.
     """
-    known = kernel.derivatives.ready()
-    if known is None or kernel.hooks or handles_alive():
+    derivatives = kernel.derivatives
+    known = derivatives.ready.get(config.singular)
+    if known is None or derivatives.epoch is not kernel.epoch or kernel.hooks or handles.alive:
         return False
     return kernel.native.launch_adjoint(
         known, array, dim, inputs, outputs, adj_inputs, adj_outputs, index, block_dim
@@ -150,7 +151,7 @@ def launch_plain(kernel, native, dim, values, gradients, place) -> bool:
     """
     index, stream, block_dim = place
     signature = kernel.signatures.get(native)
-    if signature is None or not signature.flat or stream is not None or handles_alive():
+    if signature is None or not signature.flat or stream is not None or handles.alive:
         return False
     if not len(gradients) <= len(values) == len(signature.parameters):
         return False

@@ -9,8 +9,7 @@ from warp import _native
 from warp._src.arrays.array import array
 from warp._src.arrays.kept import Images
 from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
-from warp._src.derivatives import cotangents
-from warp._src.derivatives.handles import handles_alive
+from warp._src.derivatives import cotangents, handles
 from warp._src.derivatives.singular import OneReport
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.devices import devices
@@ -70,7 +69,7 @@ class BackwardPass:
         in_a_row = not (shown or self.check_finite or _captures or Observers.executor)
         number = next(_numbers)
         while position:
-            if in_a_row and not handles_alive():
+            if in_a_row and not handles.alive:
                 position = _native.reverse_launches(self.records, position, number)
                 if not position:
                     break

@@ -13,6 +13,8 @@ from warp._src.devices import devices
 from warp._src.weak import WeakObjects
 
 _alive = WeakObjects()
+# Not empty if there is geometry whose numbers may have gradients.
+alive = _alive.entries
 
 
 class Behind:
@@ -55,11 +57,6 @@ class Behind:
 def _address(pointer, start) -> int:
     """The words of a slot for an array of gradients at an address."""
     return (pointer - start) % 2**64 if pointer else 0
-
-
-def handles_alive() -> bool:
-    """True if there is geometry whose numbers may have gradients."""
-    return bool(_alive)
 
 
 def show_gradients(in_use=False) -> list:

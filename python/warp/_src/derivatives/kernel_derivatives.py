@@ -43,8 +43,9 @@ class KernelDerivatives:
         # Plain adjoints by the policy at singular points and the set of arrays with gradients, a
         # bit for each: native kernels, or the parts of gathered ones; of the native kernel for
         # launches.
-        self._ready: dict = {}
-        self._epoch = None
+        self.ready: dict = {}
+        # Of the settings that all derivatives were made with.
+        self.epoch = None
         # Lines that were printed.
         self._noticed: set = set()
 
@@ -52,7 +53,7 @@ class KernelDerivatives:
         """Forgets all."""
         self._made.clear()
         self._plain.clear()
-        self._ready.clear()
+        self.ready.clear()
 
     def adjoint(
         self, native, active, unique=True, tape=None, apart=(), same=(), unrecorded=False
@@ -108,11 +109,11 @@ class KernelDerivatives:
     def last_adjoint(self) -> KernelDerivative | None:
         """The derivative in reverse mode that was made last, None if there is none."""
         made = [one for key, one in self._made.items() if not key[2]]
-        return made[-1] if made and self._epoch is Epoch.current else None
+        return made[-1] if made and self.epoch is Epoch.current else None
 
     def active_sets(self, native) -> list[tuple]:
         """Sets of arrays with a gradient that there are adjoints of a native kernel for."""
-        if self._epoch is not Epoch.current:
+        if self.epoch is not Epoch.current:
             return []
         return [
             active
@@ -121,9 +122,9 @@ class KernelDerivatives:
         ]
 
     def _find(self, native, active, forward, unique, **options):
-        if self._epoch is not Epoch.current:
+        if self.epoch is not Epoch.current:
             self.clear()
-            self._epoch = Epoch.current
+            self.epoch = Epoch.current
         key = self._key(native, active, forward, unique, options)
         found = self._made.get(key)
         if found is None:
@@ -181,7 +182,7 @@ class KernelDerivatives:
         extents, and none of the gradients has elements of 16 bits. The arrays and gradients are
         those of all arguments, and no two share memory.
         """
-        if self._epoch is not Epoch.current:
+        if self.epoch is not Epoch.current:
             return None
         key = native, config.singular, tuple([one.requires_grad for one in arrays])
         if key not in self._plain:
@@ -196,12 +197,8 @@ class KernelDerivatives:
             if self._plain[key] and native is self.kernel.native:
                 number = sum(has << i for i, has in enumerate(key[2]))
                 parts = made.native if made.gathered is None else made.gathered.parts
-                self._ready.setdefault(config.singular, {})[number] = parts
+                self.ready.setdefault(config.singular, {})[number] = parts
         return self._plain[key]
-
-    def ready(self) -> dict | None:
-        """Native adjoints for `launch_adjoint` of the native kernel, None if there are none."""
-        return self._ready.get(config.singular) if self._epoch is Epoch.current else None
 
     def run_adjoint(
         self, call: Call, values, initial=None, saved=(), apart=(), same=(), unrecorded=False
