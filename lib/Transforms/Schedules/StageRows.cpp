@@ -47,6 +47,9 @@ constexpr StringLiteral memoryName = "staged_rows";
 constexpr int64_t mostColumns = 16, leastColumns = 8;
 /// Columns that a window may have beyond those of the tile.
 constexpr int64_t mostExtra = 4;
+/// Operations of a loop. Those of a longer one hide the latency of memory, and
+/// take the registers that loads in flight need.
+constexpr int64_t mostOperations = 64;
 /// Threads whose rows begin within so many elements share lines.
 constexpr int64_t leastDistance = 8;
 
@@ -297,7 +300,9 @@ bool StageRows::applies() {
       !hasWarpTiles(loop, site.getVariance(), compared) ||
       RingLoop(loop, site.variant.getFastMath()).qualifies(site.getVariance()))
     return false;
-  WalkResult result = loop.getBody()->walk([](Operation *op) {
+  int64_t operations = 0;
+  WalkResult result = loop.getBody()->walk([&](Operation *op) {
+    ++operations;
     auto update = dyn_cast<AtomicComponentsOp>(op);
     bool isPlain =
         (update && update->use_empty()) ||
@@ -306,7 +311,7 @@ bool StageRows::applies() {
     return isPlain && !isShuffle(op) ? WalkResult::advance()
                                      : WalkResult::interrupt();
   });
-  if (result.wasInterrupted())
+  if (result.wasInterrupted() || operations > mostOperations)
     return false;
   for (Operation &op : *loop.getBody())
     if (auto access = dyn_cast<AccessOp>(op))
