@@ -6,10 +6,13 @@
 // indices of long composites come from nothing but counters of loops, as those
 // of a Fourier transform of fixed length do, the loops are written out: each
 // operation is copied with what is known by then and folded. That is tried
-// beside the code and taken if no index is left that is known at run time only,
-// and if the code is short and the values fit registers. Iterations of a loop
-// that may end early are branches in each other, of which the innermost is the
-// last.
+// beside the code and taken if no index of theirs is left that is known at run
+// time only, and if the code is short and the values fit registers; types of
+// which others have such indices stay in memory, and have to be shorter.
+// Iterations of a loop that may end early are branches in each other, of which
+// the innermost is the last. Where the end is one of two constants by a
+// condition (`3 if dim == 2 else 6`), iterations that only one of them has are
+// branches, too. A table that such a condition picks is picked by its elements.
 //
 // Reversed loops also keep what short composites were, iteration by iteration,
 // so before a kernel is differentiated these count, too. There, what is known
@@ -54,12 +57,17 @@ private:
     return takesAll || warp::isLongComposite(type);
   }
   bool isDynamicAccess(Operation *op) const;
-  bool hasDynamicAccess(Operation *op) const;
+  bool hasAccess(Operation *op) const;
   bool comesFromCounters(Value value);
   bool isMadeOfCounters(Value value);
   bool isWorthTrying();
   bool emitBlock(Block &block);
-  bool emitLoop(scf::ForOp loop, int64_t first, int64_t count, int64_t step);
+  bool emitLoop(scf::ForOp loop, int64_t first, int64_t end, int64_t step);
+  bool emitGuarded(scf::ForOp loop, Value counter,
+                   SmallVectorImpl<Value> &carried);
+  bool emitBody(scf::ForOp loop, Value counter,
+                SmallVectorImpl<Value> &carried);
+  Value extract(warp::ExtractOp op, Value source, ValueRange indices);
   bool emitIterations(scf::WhileOp loop, SmallVector<Value> carried, int count,
                       SmallVectorImpl<Value> &results);
   bool emitBranch(scf::IfOp branch);
@@ -73,6 +81,8 @@ private:
   IRMapping map;
   /// The operands of indices, and those of them that counters do not determine.
   llvm::DenseSet<Value> followed, others;
+  /// Those that a condition picks among what counters determine.
+  llvm::DenseSet<Value> picked;
   /// Accesses whose indices come from counters.
   llvm::DenseSet<Operation *> counted;
   bool takesAll;
@@ -92,12 +102,20 @@ bool LoopWriter::isDynamicAccess(Operation *op) const {
          warp::isDynamic(insert.getIndices());
 }
 
-bool LoopWriter::hasDynamicAccess(Operation *op) const {
+/// True if an operation has accesses within that are to be written out.
+bool LoopWriter::hasAccess(Operation *op) const {
   auto result = op->walk([&](Operation *inner) {
-    return isDynamicAccess(inner) ? WalkResult::interrupt()
-                                  : WalkResult::advance();
+    return (takesAll ? isDynamicAccess(inner) : counted.contains(inner))
+               ? WalkResult::interrupt()
+               : WalkResult::advance();
   });
   return result.wasInterrupted();
+}
+
+/// The type of the composite that an access is of.
+static Type accessed(Operation *op) {
+  return isa<warp::ExtractOp>(op) ? op->getOperand(0).getType()
+                                  : op->getResult(0).getType();
 }
 
 //===----------------------------------------------------------------------===//
@@ -115,7 +133,12 @@ bool LoopWriter::comesFromCounters(Value value) {
 
 bool LoopWriter::isMadeOfCounters(Value value) {
   auto all = [&](ValueRange values) {
-    return llvm::all_of(values, [&](Value v) { return comesFromCounters(v); });
+    return llvm::all_of(values, [&](Value v) {
+      bool does = comesFromCounters(v);
+      if (picked.contains(v))
+        picked.insert(value);
+      return does;
+    });
   };
   if (auto argument = dyn_cast<BlockArgument>(value)) {
     Operation *around = argument.getOwner()->getParentOp();
@@ -129,17 +152,29 @@ bool LoopWriter::isMadeOfCounters(Value value) {
                         loop.getYieldOp()->getOperand(number)});
     }
     auto loop = dyn_cast<scf::ForOp>(around);
-    if (!loop ||
-        !all({loop.getLowerBound(), loop.getUpperBound(), loop.getStep()}))
+    // An end that a condition picks bounds the counter, no more.
+    if (!loop || !comesFromCounters(loop.getUpperBound()) ||
+        !all({loop.getLowerBound(), loop.getStep()}))
       return false;
     return number == 0 || all({loop.getInitArgs()[number - 1],
                                loop.getYieldedValues()[number - 1]});
   }
   Operation *def = value.getDefiningOp();
   unsigned number = cast<OpResult>(value).getResultNumber();
-  if (auto loop = dyn_cast<scf::ForOp>(def))
+  // Either way it is.
+  if (auto where = dyn_cast<warp::WhereOp>(def); where && !takesAll) {
+    if (!comesFromCounters(where->getOperand(0)))
+      picked.insert(value);
+    return all(where->getOperands().drop_front());
+  }
+  if (auto loop = dyn_cast<scf::ForOp>(def)) {
+    if (!comesFromCounters(loop.getUpperBound()))
+      return false;
+    if (picked.contains(loop.getUpperBound()))
+      picked.insert(value);
     return all({loop.getInitArgs()[number], loop.getYieldedValues()[number],
-                loop.getLowerBound(), loop.getUpperBound()});
+                loop.getLowerBound()});
+  }
   return def->getNumRegions() == 0 && isMemoryEffectFree(def) &&
          def->getNumOperands() != 0 && all(def->getOperands());
 }
@@ -147,16 +182,21 @@ bool LoopWriter::isMadeOfCounters(Value value) {
 bool LoopWriter::isWorthTrying() {
   int64_t unknown = 0;
   bool fits = true;
+  // Composites of these types stay in memory.
+  llvm::DenseSet<Type> placed;
   function->walk([&](Operation *op) {
     if (isDynamicAccess(op)) {
       auto extract = dyn_cast<warp::ExtractOp>(op);
       ValueRange indices = extract ? ValueRange(extract.getIndices())
                                    : cast<warp::InsertOp>(op).getIndices();
-      if (llvm::all_of(indices,
-                       [&](Value index) { return comesFromCounters(index); }))
+      if (llvm::all_of(indices, [&](Value index) {
+            return comesFromCounters(index) && !picked.contains(index);
+          })) {
         counted.insert(op);
-      else
+      } else {
         ++unknown;
+        placed.insert(accessed(op));
+      }
     }
     auto loop = dyn_cast<LoopLikeOpInterface>(op);
     if (!loop)
@@ -167,8 +207,21 @@ bool LoopWriter::isWorthTrying() {
         components += warp::getComponentCount(carried.getType());
     fits &= components <= mostComponents;
   });
-  int64_t most = takesAll ? int64_t(counted.size()) / 2 : 0;
-  return fits && !counted.empty() && unknown <= most;
+  if (takesAll)
+    return fits && !counted.empty() && unknown <= int64_t(counted.size()) / 2;
+  // What is written out has to be more than what stays.
+  auto longest = [](auto &&types) {
+    int64_t components = 0;
+    for (Type type : types)
+      components = std::max(components, warp::getComponentCount(type));
+    return components;
+  };
+  SmallVector<Operation *> known(counted.begin(), counted.end());
+  for (Operation *op : known)
+    if (placed.contains(accessed(op)))
+      counted.erase(op);
+  int64_t written = longest(llvm::map_range(counted, accessed));
+  return fits && written > longest(placed);
 }
 
 //===----------------------------------------------------------------------===//
@@ -186,21 +239,80 @@ static std::optional<int64_t> valueOf(Value value) {
   return bits ? std::optional(bits->getSExtValue()) : std::nullopt;
 }
 
-bool LoopWriter::emitLoop(scf::ForOp loop, int64_t first, int64_t count,
+/// The least and the greatest of the constants that a value is one of.
+static std::optional<std::pair<int64_t, int64_t>> rangeOf(Value value) {
+  if (auto number = valueOf(value))
+    return std::pair(*number, *number);
+  if (auto cast = value.getDefiningOp<warp::CastOp>()) {
+    Value operand = cast->getOperand(0);
+    bool isSame = operand.getType().isInteger(
+        value.getType().isIndex() ? 64
+                                  : value.getType().getIntOrFloatBitWidth());
+    return isSame ? rangeOf(operand) : std::nullopt;
+  }
+  auto where = value.getDefiningOp<warp::WhereOp>();
+  if (!where)
+    return std::nullopt;
+  auto first = rangeOf(where->getOperand(1)),
+       second = rangeOf(where->getOperand(2));
+  if (!first || !second)
+    return std::nullopt;
+  return std::pair(std::min(first->first, second->first),
+                   std::max(first->second, second->second));
+}
+
+/// One iteration; `carried` are its values, and then those of the next one.
+bool LoopWriter::emitBody(scf::ForOp loop, Value counter,
+                          SmallVectorImpl<Value> &carried) {
+  map.map(loop.getInductionVar(), counter);
+  map.map(loop.getRegionIterArgs(), ArrayRef<Value>(carried));
+  if (!emitBlock(*loop.getBody()))
+    return false;
+  for (auto [value, yielded] :
+       llvm::zip_equal(carried, loop.getYieldedValues()))
+    value = map.lookupOrDefault(yielded);
+  return true;
+}
+
+/// The same, if the counter is below the end of the loop.
+bool LoopWriter::emitGuarded(scf::ForOp loop, Value counter,
+                             SmallVectorImpl<Value> &carried) {
+  Location loc = loop.getLoc();
+  Value end = map.lookupOrDefault(loop.getUpperBound());
+  Value holds =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::slt, counter, end);
+  auto branch = scf::IfOp::create(b, loc, loop.getResultTypes(), holds,
+                                  /*withElse=*/!carried.empty());
+  written += 2;
+  OpBuilder::InsertionGuard guard(b);
+  if (!carried.empty()) {
+    b.setInsertionPointToStart(branch.elseBlock());
+    scf::YieldOp::create(b, loc, carried);
+  }
+  b.setInsertionPointToStart(branch.thenBlock());
+  if (!emitBody(loop, counter, carried))
+    return false;
+  if (!carried.empty()) {
+    b.setInsertionPointToEnd(branch.thenBlock());
+    scf::YieldOp::create(b, loc, carried);
+  }
+  carried.assign(branch.getResults().begin(), branch.getResults().end());
+  return true;
+}
+
+/// The iterations up to the greatest end that the loop may have.
+bool LoopWriter::emitLoop(scf::ForOp loop, int64_t first, int64_t end,
                           int64_t step) {
   SmallVector<Value> carried = llvm::map_to_vector(
       loop.getInitArgs(), [&](Value v) { return map.lookupOrDefault(v); });
   Type type = loop.getInductionVar().getType();
-  for (int64_t i = 0; i < count; ++i) {
-    Value counter = arith::ConstantOp::create(
-        b, loop.getLoc(), b.getIntegerAttr(type, first + i * step));
-    map.map(loop.getInductionVar(), counter);
-    map.map(loop.getRegionIterArgs(), carried);
-    if (!emitBlock(*loop.getBody()))
+  int64_t least = rangeOf(map.lookupOrDefault(loop.getUpperBound()))->first;
+  for (int64_t i = first; i < end; i += step) {
+    Value counter =
+        arith::ConstantOp::create(b, loop.getLoc(), b.getIntegerAttr(type, i));
+    if (!(i < least ? emitBody(loop, counter, carried)
+                    : emitGuarded(loop, counter, carried)))
       return false;
-    carried = llvm::map_to_vector(loop.getYieldedValues(), [&](Value v) {
-      return map.lookupOrDefault(v);
-    });
   }
   map.map(loop.getResults(), carried);
   return true;
@@ -332,6 +444,31 @@ Value LoopWriter::known(Operation *op) {
   return bits ? constant(op, *bits) : Value();
 }
 
+/// An element of a composite that a condition picks: the condition picks one of
+/// two elements, which are known if those of constants are.
+Value LoopWriter::extract(warp::ExtractOp op, Value source,
+                          ValueRange indices) {
+  Location loc = op.getLoc();
+  ++written;
+  if (auto where = source.getDefiningOp<warp::WhereOp>()) {
+    Value first = extract(op, where->getOperand(1), indices),
+          second = extract(op, where->getOperand(2), indices);
+    if (first == second)
+      return first;
+    OperationState state(loc, where->getName(),
+                         {where->getOperand(0), first, second},
+                         op->getResultTypes());
+    return b.create(state)->getResult(0);
+  }
+  auto made = warp::ExtractOp::create(b, loc, op.getResult().getType(), source,
+                                      indices);
+  SmallVector<Value> folded;
+  if (failed(b.tryFold(made, folded)) || folded.empty())
+    return made;
+  made->erase();
+  return folded.front();
+}
+
 bool LoopWriter::emit(Operation *op) {
   if (Value value = known(op)) {
     map.map(op->getResult(0), value);
@@ -343,19 +480,20 @@ bool LoopWriter::emit(Operation *op) {
   if (auto branch = dyn_cast<scf::IfOp>(op);
       branch && numberOf(branch.getCondition()))
     return emitBranch(branch);
-  bool accesses = op->getNumRegions() != 0 && hasDynamicAccess(op);
+  bool accesses = op->getNumRegions() != 0 && hasAccess(op);
   auto isFollowed = [&](Value argument) { return followed.contains(argument); };
   if (auto loop = dyn_cast<scf::ForOp>(op);
       loop && accesses &&
       llvm::any_of(loop.getBody()->getArguments(), isFollowed)) {
     auto first = numberOf(loop.getLowerBound()),
-         end = numberOf(loop.getUpperBound()), step = numberOf(loop.getStep());
-    if (first && end && step && *step > 0 &&
-        *end - *first <= mostOperations * *step)
-      return emitLoop(
-          loop, *first,
-          std::max<int64_t>(0, llvm::divideCeilSigned(*end - *first, *step)),
-          *step);
+         step = numberOf(loop.getStep());
+    auto ends = rangeOf(map.lookupOrDefault(loop.getUpperBound()));
+    if (first && ends && step && *step > 0) {
+      bool isOpen = ends->first != ends->second;
+      int64_t most = isOpen ? mostBranches : mostOperations;
+      if (ends->second - *first <= most * *step && !(isOpen && takesAll))
+        return emitLoop(loop, *first, ends->second, *step);
+    }
   }
   if (auto loop = dyn_cast<scf::WhileOp>(op);
       loop && accesses && !takesAll &&
@@ -370,6 +508,15 @@ bool LoopWriter::emit(Operation *op) {
   }
   if (accesses)
     return emitAround(op);
+  if (auto access = dyn_cast<warp::ExtractOp>(op); access && !takesAll) {
+    Value source = map.lookupOrDefault(access->getOperand(0));
+    SmallVector<Value> indices = llvm::map_to_vector(
+        access.getIndices(), [&](Value v) { return map.lookupOrDefault(v); });
+    if (source.getDefiningOp<warp::WhereOp>() && !warp::isDynamic(indices)) {
+      map.map(access.getResult(), extract(access, source, indices));
+      return written <= mostOperations;
+    }
+  }
   // The result for an earlier copy of the same operation does not hold for this
   // one.
   op->walk([&](Block *block) {

@@ -243,3 +243,99 @@ def test_returns_from_nested_loops(device):
 def test_loops_that_end_early_need_no_memory(kernel):
     assert "warp.scratch" not in kernel.ir("thread")
     assert ".local" not in kernel.ir("ptx", arch=90)
+
+
+@wp.func
+def edges_of(dim: int):
+    return wp.where(
+        dim == 3,
+        wp.matrix(0, 1, 1, 2, 2, 0, 2, 3, 0, 3, 1, 3, shape=(6, 2), dtype=int),
+        wp.matrix(1, 2, 2, 0, 0, 1, 0, 0, 0, 0, 0, 0, shape=(6, 2), dtype=int),
+    )
+
+
+@wp.kernel
+def stretch(dims: wp.array[int], p: wp.array2d[float], k: wp.array[float], out: wp.array2d[float]):
+    """As an element of a flexible body: loops have 3 or 6 iterations, by what the element is."""
+    i = wp.tid()
+    dim = dims[i]
+    count = 3 if dim == 2 else 6
+    edges = edges_of(dim)
+    lengths = wp.vector(0.0, length=12, dtype=float)
+    metric = wp.matrix(0.0, shape=(6, 6), dtype=float)
+    at = int(0)
+    for e in range(count):
+        lengths[e] = p[i, edges[e, 0]] - p[i, edges[e, 1]]
+        for f in range(e, count):
+            metric[e, f] = k[at]
+            metric[f, e] = k[at]
+            at += 1
+    for e in range(count):
+        total = float(0.0)
+        for f in range(count):
+            total += metric[e, f] * lengths[f]
+        out[i, e] = total
+
+
+def test_loops_with_one_of_two_ends_need_no_memory():
+    assert "warp.scratch" not in stretch.ir("thread")
+    assert ".local" not in stretch.ir("ptx", arch=90)
+
+
+def test_loops_with_one_of_two_ends(device):
+    dims = np.array([2, 3, 3, 2, 7], dtype=np.int32)
+    rng = np.random.default_rng(8)
+    p, k = rng.normal(size=(5, 4)), rng.normal(size=21)
+    expected = np.full((5, 6), -1.0)
+    solid, flat = [(0, 1), (1, 2), (2, 0), (2, 3), (0, 3), (1, 3)], [(1, 2), (2, 0), (0, 1)]
+    for row, (dim, q) in enumerate(zip(dims, p, strict=True)):
+        count = 3 if dim == 2 else 6
+        edges = solid if dim == 3 else flat + 3 * [(0, 0)]
+        lengths = np.array([q[a] - q[b] for a, b in edges[:count]])
+        metric = np.zeros((count, count))
+        upper = np.triu_indices(count)
+        metric[upper] = k[: len(upper[0])]
+        metric.T[upper] = metric[upper]
+        expected[row, :count] = metric @ lengths
+    arrays = [wp.array(v, dtype=float, device=device) for v in (p, k)]
+    out = wp.full((5, 6), -1.0, dtype=float, device=device)
+    wp.launch(stretch, 5, [wp.array(dims, dtype=int, device=device), *arrays, out], device=device)
+    np.testing.assert_allclose(out.numpy(), expected, rtol=1e-5, atol=1e-5)
+
+
+@wp.kernel
+def two_locals(n: wp.array[int], at: wp.array2d[int], x: wp.array2d[float], out: wp.array2d[float]):
+    """One array of a thread has indices of run time, a longer one has counters alone."""
+    i = wp.tid()
+    picked = wp.zeros(shape=(10,), dtype=float)
+    for j in range(n[i]):
+        picked[at[i, j]] += x[i, j]
+    sums = wp.zeros(shape=(12,), dtype=float)
+    for j in range(12):
+        sums[j] = x[i, j]
+        for l in range(j):
+            sums[j] += 0.5 * sums[l]
+    for j in range(12):
+        out[i, j] = sums[j] + picked[at[i, 0]]
+
+
+def test_one_of_two_locals_stays_in_memory(device):
+    text = two_locals.ir("thread")
+    assert "warp.scratch<10 x f32>" in text and "warp.scratch<12 x f32>" not in text
+    rng = np.random.default_rng(9)
+    n = np.array([0, 3, 12], dtype=np.int32)
+    at = rng.integers(0, 10, (3, 12)).astype(np.int32)
+    x = rng.normal(size=(3, 12))
+    expected = np.zeros((3, 12))
+    for i in range(3):
+        picked, sums = np.zeros(10), np.zeros(12)
+        np.add.at(picked, at[i, : n[i]], x[i, : n[i]])
+        for j in range(12):
+            sums[j] = x[i, j] + 0.5 * sums[:j].sum()
+        expected[i] = sums + picked[at[i, 0]]
+    out = wp.zeros((3, 12), dtype=float, device=device)
+    integers = [wp.array(v, dtype=int, device=device) for v in (n, at)]
+    wp.launch(
+        two_locals, 3, [*integers, wp.array(x, dtype=float, device=device), out], device=device
+    )
+    np.testing.assert_allclose(out.numpy(), expected, rtol=1e-5, atol=1e-5)
