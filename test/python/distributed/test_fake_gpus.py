@@ -62,4 +62,5 @@ def test_a_rank_that_does_not_join_ends_the_job(ranks):
     """The watch looks while NCCL has no communicator yet."""
     codes, output = ranks("failing.py", "stall", flags=("--stall",))
     assert any(codes) and "went on" not in output, output
-    assert "rank 0: ncclCommInitRank" in output and "no answer within 4 s" in output, output
+    # Both ranks wait in it.
+    assert re.search(r"rank \d: ncclCommInitRank .*no answer within 4 s", output), output

@@ -16,7 +16,7 @@ how = sys.argv[1]
 way = next((one[6:] for one in sys.argv if one.startswith("--way=")), None)
 # NCCL takes seconds to start.
 SLOW = ("hang", "skip", "order", "gather")
-checking.LIMIT = 4 if how == "stall" else 20 if way else 1.5 if how in SLOW else 15
+checking.LIMIT = 4 if how == "stall" else 20 if way else 3 if how in SLOW else 15
 comm = checking.joined(way)
 blocks = wd.Blocks((8 * comm.size,), ranks=(comm.size,))
 x, y = blocks.zeros(), wp.zeros(1, dtype=float)
