@@ -7,25 +7,51 @@
 #include "Analysis/AccessRegions.h"
 #include "Analysis/ArrayOrigins.h"
 #include "Context.h"
+#include "Pipelines.h"
 
 #include "warp/Compile.h"
 
 #include "WarpDialect/WarpDialect.h"
 
+#include "mlir/Pass/PassManager.h"
+
 #include "llvm/Support/raw_ostream.h"
 
 using namespace mlir;
 
-static func::FuncOp kernelOf(const warp::Module &module) {
-  for (auto function : module.getImpl()->op->getOps<func::FuncOp>())
+static func::FuncOp kernelOf(ModuleOp module) {
+  for (auto function : module.getOps<func::FuncOp>())
     if (function->hasAttr(warp::kernelAttrName))
       return function;
   throw warp::Error(warp::Error::Kind::Compile, "the module has no kernel");
 }
 
+/// True if functions that a kernel calls may access its arrays.
+static bool passesArrays(func::FuncOp kernel) {
+  auto mayHold = [](Type type) {
+    return isa<warp::ArrayType, warp::StructType>(type);
+  };
+  return kernel
+      ->walk([&](func::CallOp call) {
+        return llvm::any_of(call.getOperandTypes(), mayHold)
+                   ? WalkResult::interrupt()
+                   : WalkResult::advance();
+      })
+      .wasInterrupted();
+}
+
 warp::RegionFormula warp::regionFormula(const Module &module) {
   ContextLock lock;
-  return findAccessRegions(kernelOf(module));
+  ModuleOp given = *module.getImpl()->op;
+  func::FuncOp kernel = kernelOf(given);
+  if (!passesArrays(kernel))
+    return findAccessRegions(kernel);
+  // Indices are followed in the kernel alone.
+  OwningOpRef<ModuleOp> copy = given.clone();
+  PassManager pm(&compilerContext());
+  addInlining(pm, /*mayKeep=*/true);
+  bool isInlined = succeeded(pm.run(*copy));
+  return findAccessRegions(isInlined ? kernelOf(*copy) : kernel);
 }
 
 //===----------------------------------------------------------------------===//
@@ -37,7 +63,8 @@ namespace {
 class FormulaPrinter {
 public:
   explicit FormulaPrinter(const warp::Module &module)
-      : params(warp::parameters(module)), leaves(kernelOf(module)),
+      : params(warp::parameters(module)),
+        leaves(kernelOf(*module.getImpl()->op)),
         formula(warp::regionFormula(module)), stream(text) {}
 
   std::string run();

@@ -340,3 +340,31 @@ def test_random_programs(device, seed):
     wp.capture_launch(capture.graph)
     for array, values in zip(arrays, eager):
         assert array.numpy().tobytes() == values.tobytes()
+
+
+@wp.func
+def put(x: wp.array2d[float], i: int, j: int, value: float):
+    x[i, j] = value
+
+
+@wp.func
+def get(x: wp.array2d[float], i: int, j: int):
+    return x[i, x.shape[1] - 1 - j]
+
+
+@wp.kernel
+def by_functions(x: wp.array2d[float], y: wp.array2d[float]):
+    i, j = wp.tid()
+    put(y, i, j, 2.0 * get(x, i, j))
+
+
+def test_arrays_of_functions():
+    """Indices are followed into functions that get the arrays."""
+    x, y, sums = random_array(75, 6), wp.zeros((75, 6)), wp.zeros(75)
+
+    def step():
+        wp.launch(by_functions, (75, 6), [x, y])
+        wp.launch(by_functions, (75, 6), [y, x])
+        wp.launch(total, 75, [x, sums])
+
+    check(step, [x, y, sums], (("by_functions", "by_functions", "total"),))
