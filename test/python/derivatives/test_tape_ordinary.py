@@ -168,9 +168,6 @@ def python_records(monkeypatch) -> list:
 def test_a_launch_that_overwrites_what_its_adjoint_reads(device, preserve, monkeypatch):
     start = np.linspace(0.9, 1.4, 6)
     x = wp.array(start, dtype=float, device=device, requires_grad=True)
-    # The first launch of a kernel is recorded by Python.
-    with wp.Tape():
-        wp.launch(square, 6, [wp.clone(x)], device=device)
     seen, tape = python_records(monkeypatch), wp.Tape(preserve=preserve)
     with tape:
         for _ in range(5):
@@ -223,3 +220,21 @@ def test_copies_beyond_the_budget_name_the_launch(device):
             wp.launch(square, 1000, [x], device=device)
     with pytest.raises(wp.WarpError, match=r"launch of 'square' at .*8000 bytes in 2"):
         tape.backward(grads={x: ones(1000, device)})
+
+
+@pytest.mark.parametrize("launched_before", [False, True])
+def test_first_launch_on_a_tape(device, launched_before, monkeypatch):
+    @wp.kernel(module="unique")
+    def square(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = x[i] * x[i]
+
+    x, y = ones(3, device), ones(3, device)
+    if launched_before:
+        wp.launch(square, 3, [x, y], device=device)
+    with wp.Tape() as tape:
+        wp.launch(square, 3, [x], [y], device=device)
+    seen = python_records(monkeypatch)
+    tape.backward(grads={y: wp.full(3, 3.0, dtype=float, device=device)})
+    assert not seen, "the adjoint is one native call"
+    np.testing.assert_array_equal(x.grad.numpy(), 6.0)

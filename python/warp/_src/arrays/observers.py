@@ -175,7 +175,14 @@ def launch_ordinary(kernel, dim, inputs, outputs, index, block_dim, record) -> b
     if lending.lent:
         lending.settle()
     known = kernel.signatures.get(kernel.native)
-    if known is None or known.recorder is None:
+    if known is None:
+        # The first launch that somebody observes.
+        if not (isinstance(inputs, (list, tuple)) and isinstance(outputs, (list, tuple))):
+            return False
+        from warp._src.kernels.call import signature_of
+
+        known = signature_of(kernel, kernel.native, (*inputs, *outputs))
+    if known.recorder is None:
         return False
     if Observers.executor is not None or Observers.timer is not None:
         return False

@@ -188,8 +188,14 @@ def _launch_checked(
         made.block_dim = block_threads(kernel, index, wished)
         return made
     if Observers.active:
-        values = (*inputs, *outputs)
-        observed_launch(Call(kernel, native, dim, values, index, stream, block_dim), record_tape)
+        rare = native is not kernel.native or stream is not None or Checked.asked or kernel.hooks
+        if rare or not launch_ordinary(
+            kernel, dim, inputs, outputs, index, block_dim or 0, record_tape
+        ):
+            values = (*inputs, *outputs)
+            observed_launch(
+                Call(kernel, native, dim, values, index, stream, block_dim), record_tape
+            )
     else:
         native.launch(dim, inputs, outputs, index, stream, block_dim or 0)
     if config.verify_cuda and index >= 0:
