@@ -14,6 +14,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+from reference.headers import page as headers_page
 from reference.names import public_modules, public_names
 from reference.pages import Stubs, entry, is_number, module_page
 
@@ -115,6 +116,7 @@ def main() -> None:
     for module in modules:
         write(folder / f"{module}.md", module_page(module))
     write_settings(folder)
+    write(folder / "cpp.md", headers_page(ROOT / "include" / "warp"))
     lines = [
         "# Reference",
         "",
@@ -126,7 +128,8 @@ def main() -> None:
         "```",
     ]
     lines += ["", "```{toctree}", ":caption: Modules", ":maxdepth: 1", "", *modules, "```"]
-    lines += ["", "```{toctree}", ":caption: Settings", ":maxdepth: 1", "", "settings", "```", ""]
+    lines += ["", "```{toctree}", ":caption: Settings", ":maxdepth: 1", "", "settings", "```"]
+    lines += ["", "```{toctree}", ":caption: C and C++", ":maxdepth: 1", "", "cpp", "```", ""]
     write(folder / "index.md", "\n".join(lines))
     for old in set(folder.glob("*.md")) - WRITTEN:
         old.unlink()

@@ -82,6 +82,18 @@ def test_reference_has_every_setting(reference):
     assert [name for name in SETTINGS if f"| `{name}` |" not in reference["settings"]] == []
 
 
+def test_reference_has_every_header_that_programs_include(reference):
+    """Those of the examples, the tutorial, and what these include of arrays and kernels."""
+    programs = [*(ROOT / "examples" / "cpp").glob("*.cpp"), *(ROOT / "examples" / "c").glob("*.c")]
+    text = "".join(path.read_text() for path in programs)
+    text += (DOCS / "tutorials" / "cpp.md").read_text()
+    included = set(re.findall(r'#include "(warp/\w+\.h)"', text))
+    assert {"warp/warp.h", "warp/SavedModule.h", "warp/Array.h"} <= included
+    assert included <= set(re.findall(r"^## `(warp/\w+\.h)`", reference["cpp"], re.MULTILINE))
+    for guard in re.findall(r'start-after: "#define (\w+)"', reference["cpp"]):
+        assert re.fullmatch(r"WARP_\w+_H", guard)
+
+
 def test_there_are_ten_tutorials_and_forty_recipes():
     assert len(TUTORIALS) == 10
     text = "".join(re.sub(r"```.*?```", "", path.read_text(), flags=re.DOTALL) for path in RECIPES)
