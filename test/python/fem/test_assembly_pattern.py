@@ -160,10 +160,26 @@ def test_a_graph_finds_sparsity_that_is_not_known_yet(degree, device):
         np.testing.assert_array_equal(again.values.numpy(), expected.values.numpy())
 
 
-def test_a_graph_cannot_join_parts_of_unknown_sparsity(monkeypatch):
-    from warp._src.fem.assembly import pattern
+def test_a_graph_finds_the_sparsity_of_many_elements_at_once(monkeypatch):
+    """A capture has one batch where an assembly outside of it has several."""
+    monkeypatch.setattr(patterns, "ENTRIES", 64)
+    with wp.ScopedDevice("cpu"):
+        space = fem.make_polynomial_space(fem.Grid2D(res=wp.vec2i(6, 5)), degree=1)
+        fields = {"u": fem.make_trial(space), "v": fem.make_test(space)}
+        with wp.ScopedCapture(device="cpu") as capture:
+            matrix = fem.integrate(product, fields=fields)
+        wp.capture_launch(capture.graph)
+        expected = fem.integrate(product, fields=fields)
+        assert len(fem.pattern(fields["v"], fields["u"]).batches) > 1
+        nnz = expected.nnz
+        np.testing.assert_array_equal(matrix.offsets.numpy(), expected.offsets.numpy())
+        np.testing.assert_array_equal(matrix.columns.numpy()[:nnz], expected.columns.numpy())
+        np.testing.assert_array_equal(matrix.values.numpy()[:nnz], expected.values.numpy())
 
-    monkeypatch.setattr(pattern, "ENTRIES", 64)
+
+def test_a_graph_cannot_join_parts_of_unknown_sparsity(monkeypatch):
+    monkeypatch.setattr(patterns, "ENTRIES", 64)
+    monkeypatch.setattr(patterns, "CAPTURED_ENTRIES", 64)
     with wp.ScopedDevice("cpu"):
         geo = fem.Grid2D(res=wp.vec2i(6, 5))
         space = fem.make_polynomial_space(geo, degree=1)

@@ -18,6 +18,8 @@ from warp._src.fem.assembly.merge import Rows, find_runs, sort_pairs
 # Bytes of the blocks of one batch of elements, and entries whose sort takes as much.
 BLOCK_BYTES = 64 << 20
 ENTRIES = 4 << 20
+# Entries that a capture sorts at once, whatever memory that takes, as it cannot join batches.
+CAPTURED_ENTRIES = 1 << 28
 # Bytes for matrices of large blocks on CPUs, whose caches keep blocks until they are gathered. For
 # numbers, lists of targets cost as much as is saved.
 CACHED_BYTES = 3 << 20
@@ -208,9 +210,11 @@ class Pattern:
         self.row_count, self.column_count = row_count, column_count
         self.width = test_width * trial_table.shape[1]
         limit = min(batch_size(self.width * block_bytes), max(1, ENTRIES // max(self.width, 1)))
-        # A capture cannot read the sizes of several batches.
         is_cached = block_bytes >= _LARGE_BLOCK and not self.device.is_cuda
-        if is_cached and not self.device.is_capturing:
+        if self.device.is_capturing:
+            # The sizes of several batches are not known then.
+            limit = max(limit, CAPTURED_ENTRIES // max(self.width, 1))
+        elif is_cached:
             cached = batch_size(self.width * block_bytes * (BLOCK_BYTES // CACHED_BYTES))
             limit = min(limit, max(cached, _FEWEST_ELEMENTS))
         ranges = [(i, min(limit, elements - i)) for i in range(0, elements, limit)] or [(0, 0)]

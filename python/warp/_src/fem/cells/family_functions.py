@@ -167,7 +167,7 @@ def splines(element, real):
 
     @wp.func
     def inner_slope(x: real, i: int):
-        # Of degree 1, the slope at an end of the cell is the one inside.
+        # The slope of degree 1 at an end of the cell is the one inside.
         return real(2 * i - 1)
 
     factor_slope = inner_slope if degree == 1 else smooth_slope
