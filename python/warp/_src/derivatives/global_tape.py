@@ -119,16 +119,20 @@ class ThreadTrips:
     def add_up(self) -> dict[int, int]:
         """Makes offsets of trips; returns the trips of all threads, per loop."""
         with ScopedStream(self._stream):
-            for trips, offsets in self._pairs.values():
-                # `warp.utils` stands on this module.
-                _native.scan_numbers(trips, offsets, "int64", 1, trips.size, False)
+            self._scan()
             return {loop: int(pair[1][-1:].numpy()[0]) for loop, pair in self._pairs.items()}
 
     def number_threads(self) -> None:
-        """Makes the offsets 0, 1, ..."""
-        for trips, _ in self._pairs.values():
-            trips.fill_(1)
-        self.add_up()
+        """Makes the offsets 0, 1, ..., without a wait for the device."""
+        with ScopedStream(self._stream):
+            for trips, _ in self._pairs.values():
+                trips.fill_(1)
+            self._scan()
+
+    def _scan(self) -> None:
+        for trips, offsets in self._pairs.values():
+            # `warp.utils` stands on this module.
+            _native.scan_numbers(trips, offsets, "int64", 1, trips.size, False)
 
 
 def _item_size(hidden) -> int:

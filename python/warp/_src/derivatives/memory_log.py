@@ -9,6 +9,8 @@ one has written, where indices do not tell; the derivative would be wrong then.
 
 from __future__ import annotations
 
+import itertools
+
 from warp import _native
 from warp._src import errors
 from warp._src.arrays.create import zeros
@@ -20,7 +22,7 @@ from warp._src.derivatives.global_tape import (
     join_stream,
 )
 from warp._src.devices import devices
-from warp._src.types import dtypes
+from warp._src.types import dtypes, scalars
 
 
 def record(made, call, values, initial, saved) -> dict[tuple[str, int], list]:
@@ -52,14 +54,16 @@ def record(made, call, values, initial, saved) -> dict[tuple[str, int], list]:
     threads.number_threads()
     state = trips.found | threads.found
     for one in made.hidden_of_recording:
-        if one.kind in ("claims", "counters"):
+        if one.kind == "claims":
             state[one.kind, one.leaf] = [_zeros_for(one, call, device)]
+    counters = Counters(made.hidden_of_recording, device)
+    state |= counters.parts
     kept = initial, saved
     _run(made.sizing, made.hidden_of_sizing, made, call, values, kept, state)
     tapes = [one for one in made.hidden_of_recording if one.kind == "tape"]
     tapes = allocate_tapes(tapes, trips.add_up(), call)
     _run(made.recording, made.hidden_of_recording, made, call, values, kept, state | tapes)
-    _check(made, call, state)
+    _check(made, call, counters)
     return trips.found | tapes
 
 
@@ -89,18 +93,39 @@ def _copy_of(one, made, call, initial):
 
 def _zeros_for(one, call, device):
     dtype = dtypes.dtype_of(one.type).dtype
-    if one.kind == "counters":
-        return zeros(len(one.places) or 1, dtype, device)
     found = call.leaves[one.leaf][1]
     return None if found is None else zeros(found.shape, dtype, device)
 
 
-def _check(made, call, state) -> None:
+class Counters:
+    """The counters of a recording, which one copy reads.
+
+    Attributes:
+        parts: the arrays as hidden arguments, by kind and number of the array.
+    """
+
+    def __init__(self, hidden, device):
+        self._found = [one for one in hidden if one.kind == "counters"]
+        sizes = [len(one.places) or 1 for one in self._found]
+        self._ends = list(itertools.accumulate(sizes))
+        self._whole = zeros(sum(sizes), scalars.int32, device) if sizes else None
+        self.parts = {
+            ("counters", one.leaf): [self._whole[end - size : end]]
+            for one, size, end in zip(self._found, sizes, self._ends, strict=True)
+        }
+
+    def read(self):
+        """Each counter's hidden argument with its counts."""
+        counts = self._whole.numpy().tolist() if self._found else []
+        begin = 0
+        for one, end in zip(self._found, self._ends, strict=True):
+            yield one, counts[begin:end]
+            begin = end
+
+
+def _check(made, call, counters) -> None:
     """Rejects a launch in which a thread touched what another one wrote."""
-    for one in made.hidden_of_recording:
-        if one.kind != "counters":
-            continue
-        counts = state["counters", one.leaf][0].numpy().tolist()
+    for one, counts in counters.read():
         if one.leaf >= 0 and any(counts):
             raise made.overwritten(call, one.leaf)
         for place, count in zip(one.places, counts, strict=False):
