@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-# What programs call, in the order of a first program; other headers serve the runtime and bindings.
+# Headers that programs call, in the order of a first program; other headers serve the runtime and bindings.
 CPP = (
     "SavedModule",
     "Array",

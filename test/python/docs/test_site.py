@@ -83,7 +83,7 @@ def test_reference_has_every_setting(reference):
 
 
 def test_reference_has_every_header_that_programs_include(reference):
-    """Those of the examples, the tutorial, and what these include of arrays and kernels."""
+    """Headers of the examples, the tutorial, and what these include of arrays and kernels."""
     programs = [*(ROOT / "examples" / "cpp").glob("*.cpp"), *(ROOT / "examples" / "c").glob("*.c")]
     text = "".join(path.read_text() for path in programs)
     text += (DOCS / "tutorials" / "cpp.md").read_text()
