@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <csignal>
 #include <cstdlib>
@@ -32,9 +33,16 @@ static constexpr int politeness = 10;
 /// Threads of a group, at most.
 static constexpr int mostThreads = 16;
 
+/// Time without urgent tasks after which the others begin. While a program
+/// starts, the host translates one kernel after the other, and the driver's
+/// assembler, which works for one thread at a time, is for those.
+static constexpr std::chrono::milliseconds quietTime(250);
+
 static thread_local bool isWorkerThread = false;
 
 namespace {
+using Clock = std::chrono::steady_clock;
+
 class Workers {
 public:
   /// With the threads of low priority first.
@@ -56,6 +64,8 @@ private:
   void run();
   /// Fewer tasks are left; those of low priority begin when none is.
   void end(int count);
+  /// With the mutex held: waits for a task that may begin.
+  void waitForTask(std::unique_lock<ForkMutex> &lock);
 
   bool urgent;
   ForkMutex mutex;
@@ -66,6 +76,10 @@ private:
   int most = 1, started = 0, busy = 0;
   /// Tasks that wait or run.
   std::atomic<int> left{0};
+  /// Threads that wait for all tasks.
+  int awaiting = 0;
+  /// When the last urgent task ended.
+  std::atomic<Clock::duration> lastEnd{-std::chrono::hours(1)};
   std::atomic<bool> isStopped{false};
 };
 } // namespace
@@ -130,9 +144,7 @@ void Workers::run() {
   BehindNothing exempt;
   std::unique_lock lock(mutex);
   for (;;) {
-    changed.wait(lock, [&] {
-      return !tasks.empty() && (urgent || get(true).left == 0);
-    });
+    waitForTask(lock);
     lock.unlock();
     // A fork waits for the task, which has locks, and no task begins meanwhile.
     ForkSection section;
@@ -154,7 +166,21 @@ void Workers::run() {
   }
 }
 
+void Workers::waitForTask(std::unique_lock<ForkMutex> &lock) {
+  Workers &first = get(true);
+  for (;;) {
+    changed.wait(lock,
+                 [&] { return !tasks.empty() && (urgent || first.left == 0); });
+    Clock::time_point begin(first.lastEnd.load() + quietTime);
+    if (urgent || awaiting || Clock::now() >= begin)
+      return;
+    changed.wait_until(lock, begin);
+  }
+}
+
 void Workers::end(int count) {
+  if (urgent)
+    lastEnd = Clock::now().time_since_epoch();
   if ((left -= count) != 0 || !urgent)
     return;
   Workers &others = get(false);
@@ -164,7 +190,10 @@ void Workers::end(int count) {
 
 void Workers::wait() {
   std::unique_lock lock(mutex);
+  ++awaiting;
+  changed.notify_all();
   changed.wait(lock, [&] { return tasks.empty() && busy == 0; });
+  --awaiting;
 }
 
 void Workers::stop() {
@@ -182,7 +211,7 @@ void Workers::stop() {
 void Workers::restartInChild() {
   // Waiting and busy threads are not here.
   new (&changed) std::condition_variable_any;
-  started = busy = 0;
+  started = busy = awaiting = 0;
   left = static_cast<int>(tasks.size());
   if (!tasks.empty() && !isStopped)
     start();

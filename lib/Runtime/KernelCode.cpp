@@ -330,6 +330,10 @@ void Kernel::Impl::improve(Variant &variant) {
   std::unique_ptr<DeviceCode> better;
   try {
     Code code = obtain(variant.quick->wanted, spent);
+    // The driver assembles for one thread at a time: those that somebody waits
+    // for find one other there at most.
+    static auto *assembling = new ForkMutex;
+    std::lock_guard assembles(*assembling);
     if (!isAbandoned())
       better = loadBest(variant, code);
   } catch (...) {
