@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-# Headers that programs call, in the order of a first program; other headers serve the runtime and bindings.
+# Headers for programs, in the order of a first one; others serve the runtime and bindings.
 CPP = (
     "SavedModule",
     "Array",
