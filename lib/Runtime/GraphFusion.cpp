@@ -25,6 +25,8 @@
 #include "warp/Fusion.h"
 
 #include <algorithm>
+#include <deque>
+#include <queue>
 #include <tuple>
 
 using namespace warp;
@@ -104,6 +106,7 @@ private:
   int readyOf(int group, int except = -1) const;
   bool reaches(int from, int to) const;
   FusionPlan planOf(int group) const;
+  std::vector<int> orderOfGroups() const;
   FusedLaunch fuseGroup(int group);
   void merge(const std::vector<int> &nodes, NodeRecord &record) const;
 
@@ -430,6 +433,64 @@ FusedLaunch Fusing::fuseGroup(int group) {
   return {};
 }
 
+/// An order of groups that keeps the edges, near that of the recording. With
+/// rows, by the longest path from each group to the end: nodes that fill the
+/// device, which keep that order, come by their urgency, and what is needed
+/// late begins late, so that branches are few.
+std::vector<int> Fusing::orderOfGroups() const {
+  std::vector<size_t> waits(groups.size());
+  std::vector<std::vector<int>> next(groups.size());
+  std::vector<int> first, order;
+  bool hasRows = false;
+  for (size_t group = 0; group < groups.size(); ++group) {
+    if (groups[group].nodes.empty())
+      continue;
+    hasRows |= groups[group].hasRows;
+    std::vector<int> list = before(int(group));
+    waits[group] = list.size();
+    for (int other : list)
+      next[other].push_back(int(group));
+    if (list.empty())
+      first.push_back(int(group));
+  }
+  auto visit = [&](auto &&ready, auto &&take, std::vector<size_t> counts) {
+    while (!ready.empty()) {
+      int group = take();
+      order.push_back(group);
+      for (int other : next[group])
+        if (--counts[other] == 0)
+          ready.push(other);
+    }
+  };
+  std::vector<int> path(groups.size());
+  if (hasRows) {
+    std::queue<int> ready(std::deque<int>(first.begin(), first.end()));
+    auto take = [&] {
+      int group = ready.front();
+      ready.pop();
+      return group;
+    };
+    visit(ready, take, waits);
+    for (size_t i = order.size(); i-- > 0;)
+      for (int other : next[order[i]])
+        path[order[i]] = std::max(path[order[i]], path[other] + 1);
+    order.clear();
+  }
+  auto later = [&](int a, int b) {
+    return std::tuple(-path[a], groups[a].nodes.back()) >
+           std::tuple(-path[b], groups[b].nodes.back());
+  };
+  std::priority_queue<int, std::vector<int>, decltype(later)> ready(
+      later, std::vector<int>(first));
+  auto take = [&] {
+    int group = ready.top();
+    ready.pop();
+    return group;
+  };
+  visit(ready, take, waits);
+  return order;
+}
+
 FusedNodes Fusing::run() {
   for (size_t i = 0; i < records.size() && fusesLaunches(); ++i)
     if (records[i].launch)
@@ -443,36 +504,8 @@ FusedNodes Fusing::run() {
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
       made[int(group)] = std::move(fused);
-  // An order that keeps the edges: by the longest path to each node, then by
-  // that from there on, since nodes that fill the device keep it.
-  std::vector<size_t> waits(groups.size());
-  std::vector<std::vector<int>> next(groups.size());
-  std::vector<int> order, level(groups.size()), left(groups.size());
-  for (size_t group = 0; group < groups.size(); ++group) {
-    if (groups[group].nodes.empty())
-      continue;
-    std::vector<int> list = before(int(group));
-    waits[group] = list.size();
-    for (int other : list)
-      next[other].push_back(int(group));
-    if (list.empty())
-      order.push_back(int(group));
-  }
-  for (size_t i = 0; i < order.size(); ++i)
-    for (int other : next[order[i]]) {
-      level[other] = std::max(level[other], level[order[i]] + 1);
-      if (--waits[other] == 0)
-        order.push_back(other);
-    }
-  for (size_t i = order.size(); i-- > 0;)
-    for (int other : next[order[i]])
-      left[order[i]] = std::max(left[order[i]], left[other] + 1);
-  std::sort(order.begin(), order.end(), [&](int a, int b) {
-    return std::tuple(level[a], -left[a], groups[a].nodes.front()) <
-           std::tuple(level[b], -left[b], groups[b].nodes.front());
-  });
   FusedNodes result;
-  for (int group : order) {
+  for (int group : orderOfGroups()) {
     NodeRecord record;
     if (auto fused = made.find(group); fused != made.end()) {
       merge(groups[group].nodes, record);

@@ -160,7 +160,7 @@ SETTINGS = {
         Setting(
             "fuse_rows",
             bool,
-            True,
+            False,
             "on GPUs so are launches of equal first extents whose threads share elements with those "
             "of the same first index: a block runs them for each",
         ),

@@ -112,9 +112,11 @@ def cpu_blocks():
 @pytest.fixture(autouse=True)
 def rows_on_host(request):
     _native.set_fuses_rows_on_host(True)
+    wp.config.fuse_rows = True
     names = request.fixturenames
     with wp.ScopedDevice(request.getfixturevalue("device") if "device" in names else "cpu"):
         yield
+    wp.config.fuse_rows = False
     _native.set_fuses_rows_on_host(False)
 
 
