@@ -165,6 +165,9 @@ def main() -> None:
         wp.synchronize()
         first = time.perf_counter() - begin
         on_gpu = wp.get_device().is_cuda
+        # Better code of what a CPU runs often comes after a while.
+        while not on_gpu and time.perf_counter() - begin - first < 4.0:
+            step()
         rows = {}
         for _ in range(5):
             with Launches(synchronous=not on_gpu) as launches:

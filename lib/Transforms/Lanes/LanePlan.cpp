@@ -187,7 +187,12 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   plan.dependsOnFarRows = cost.hasRows && all > lines;
   if (plan.dependsOnFarRows && variant.getFarRows())
     lanes = all = std::min(lanes, lines);
-  if (cost.isWorthIt(lanes, all)) {
+  // Most lanes of a launch of a few threads are idle.
+  constexpr int64_t few = 4;
+  plan.dependsOnFew = cost.isWorthIt(lanes, all) && !cost.isWorthIt(few, all);
+  if (plan.dependsOnFew && variant.getUnderfilled()) {
+    plan.reason = "few threads, of which much is done one by one";
+  } else if (cost.isWorthIt(lanes, all)) {
     plan.lanes = lanes;
     plan.reason = "worth it";
   } else {

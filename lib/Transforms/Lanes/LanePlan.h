@@ -25,6 +25,8 @@ struct LanePlan {
   bool dependsOnRows = false;
   /// True if it matters how far apart the rows are that lanes go through.
   bool dependsOnFarRows = false;
+  /// True if launches of a few threads have none.
+  bool dependsOnFew = false;
 };
 
 /// On `warp.threads` with lanes: the index of the first is a multiple of them.

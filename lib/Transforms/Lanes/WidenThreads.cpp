@@ -413,7 +413,8 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     int facts = (plan.dependsOnRows ? warp::innerExtentFact : 0) |
-                (plan.dependsOnFarRows ? warp::farRowsFact : 0);
+                (plan.dependsOnFarRows ? warp::farRowsFact : 0) |
+                (plan.dependsOnFew ? warp::underfilledFact : 0);
     if (facts)
       warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(facts));
     if (plan.lanes == 1)

@@ -117,3 +117,67 @@ def test_a_block_of_tiles_is_not_brief():
     inputs = [wp.array(a, device="cpu"), b]
     wp.launch_tiled(double, dim=1, inputs=inputs, block_dim=32, device="cpu")
     np.testing.assert_array_equal(b.numpy(), 2.0 * a)
+
+
+@wp.kernel
+def products(
+    n: wp.array(dtype=int),
+    begin: wp.array(dtype=int),
+    turned: bool,
+    a: wp.array(dtype=float),
+    b: wp.array(dtype=float),
+    c: wp.array(dtype=float),
+):
+    """A product of matrices by each thread, whose elements lanes would gather."""
+    m = n[wp.tid()]
+    at = begin[wp.tid()]
+    for i in range(m):
+        for j in range(m):
+            total = float(0.0)
+            for k in range(m):
+                if turned:
+                    left = k * m + i
+                else:
+                    left = i * m + k
+                if turned:
+                    right = j * m + k
+                else:
+                    right = k * m + j
+                total += a[at + left] * b[at + right]
+            c[at + i * m + j] = total
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("count", [1, 4, 15, 16, 40])
+def test_products_by_a_few_threads(count, turned):
+    rng = np.random.default_rng(count)
+    sizes = rng.integers(1, 9, count).astype(np.int32)
+    begin = np.concatenate([[0], np.cumsum(sizes**2)]).astype(np.int32)
+    a, b = (rng.random(begin[-1]).astype(np.float32) for _ in range(2))
+    c = wp.zeros(begin[-1], dtype=float, device="cpu")
+    integers = [wp.array(v, dtype=int, device="cpu") for v in (sizes, begin)]
+    floats = [wp.array(v, dtype=float, device="cpu") for v in (a, b)]
+    wp.launch(products, count, [*integers, turned, *floats, c], device="cpu")
+    found = c.numpy()
+    for size, first in zip(sizes, begin, strict=False):
+        part = slice(first, first + size**2)
+        x, y = (v[part].astype(np.float64).reshape(size, size) for v in (a, b))
+        wanted = x.T @ y.T if turned else x @ y
+        np.testing.assert_allclose(found[part].reshape(size, size), wanted, rtol=1e-5)
+
+
+def test_few_threads_that_gather_have_no_lanes():
+    kernel = wp.kernel(module="unique")(products.func)
+    for count in (4, 40):
+        sizes, begin = wp.full(count, 2, dtype=int, device="cpu"), 4 * np.arange(count)
+        begin = wp.array(begin.astype(np.int32), device="cpu")
+        floats = [wp.ones(4 * count, dtype=float, device="cpu") for _ in range(3)]
+        wp.launch(kernel, count, [sizes, begin, False, *floats], device="cpu")
+        np.testing.assert_array_equal(floats[2].numpy(), 2.0)
+    few, many = kernel.schedule("cpu")
+    lanes = [
+        next(choice.value for choice in one.choices if choice.what == "lanes")
+        for one in (few, many)
+    ]
+    assert "few threads" in str(few).splitlines()[0]
+    assert lanes[0] == "1" and int(lanes[1]) > 1
