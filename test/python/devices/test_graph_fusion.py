@@ -532,6 +532,41 @@ def test_geometry_between():
 
 
 @wp.kernel
+def take_ticket(counts: wp.array[int], tickets: wp.array[int]):
+    i = wp.tid()
+    tickets[i] = wp.atomic_add(counts, i, 2)
+
+
+@wp.kernel
+def double_ticket(tickets: wp.array[int]):
+    i = wp.tid()
+    tickets[i] = 2 * tickets[i]
+    if tickets[i] > 1000000:
+        wp.printf("%d\n", tickets[i])
+
+
+@pytest.mark.cuda
+def test_used_updates_and_output_on_a_gpu():
+    """On GPUs, results of updates may be used by fused launches, and one of these may print."""
+    with wp.ScopedDevice("cuda:0"):
+        counts, tickets = wp.full(500, 3, dtype=int), wp.zeros(500, dtype=int)
+
+        def step():
+            wp.launch(take_ticket, 500, [counts, tickets])
+            wp.launch(double_ticket, 500, [tickets])
+
+        check(step, [counts, tickets], (("take_ticket", "double_ticket"),))
+        assert np.array_equal(tickets.numpy(), np.full(500, 6))
+
+        def prints_twice():
+            wp.launch(double_ticket, 500, [tickets])
+            wp.launch(double_ticket, 500, [tickets])
+
+        graph = check(prints_twice, [tickets], ())
+        assert "both of them print" in str(graph.schedule())
+
+
+@wp.kernel
 def neighbours(grid: wp.uint64, points: wp.array[wp.vec3], counts: wp.array[int]):
     i = wp.tid()
     found = int(0)
