@@ -122,8 +122,8 @@ public:
                                                const Code &) {
     return nullptr;
   }
-  /// Has machine code made while other threads have theirs made, and keeps it
-  /// for `loadKept`; null if there is no such way. It is provisional.
+  /// Has machine code of a long program made while other threads have theirs
+  /// made, and keeps it for `loadKept`; null for others. It is provisional.
   virtual std::unique_ptr<DeviceCode> loadBeside(const Kernel::Variant &,
                                                  const Code &) {
     return nullptr;

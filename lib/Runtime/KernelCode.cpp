@@ -181,7 +181,7 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   if (loaded && loaded->isProvisional() && !mayWait)
     loaded = nullptr;
   // The driver makes whole programs one after the other: launches that wait
-  // for the code of several kernels have it made in parts first.
+  // for the code of several kernels have long ones linked first.
   if (!isKept && mayWait && background::isWorker() &&
       KernelCache::get().enabled())
     loaded = device.loadBeside(variant, code);

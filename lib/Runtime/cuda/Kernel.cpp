@@ -128,9 +128,13 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
   return entry;
 }
 
+/// Bytes of PTX from which others had better not wait for the assembler.
+static constexpr size_t longProgram = 100'000;
+
 std::unique_ptr<DeviceCode>
 CudaDevice::loadBeside(const Kernel::Variant &variant, const Code &code) {
-  if (isElf(code.binary) || callsLibrary(code))
+  if (code.binary.size() < longProgram || isElf(code.binary) ||
+      callsLibrary(code))
     return nullptr;
   std::string key = machineCodeKey(code, info.arch);
   try {

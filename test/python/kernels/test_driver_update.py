@@ -12,6 +12,7 @@ _FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
 PROGRAM = programs.write_program("""
 import ctypes, os
 import warp as wp
+from warp import _native
 wp.config.quiet = True
 driver = ctypes.CDLL(os.environ["WARP_CUDA_DRIVER"])
 
@@ -25,7 +26,10 @@ wp.synchronize()
 before = driver.fakeCudaAssemblies()
 wp.launch(scale, 100, [x], device="cuda:0")
 wp.synchronize()
-print(driver.fakeCudaAssemblies() - before)
+was_assembled = driver.fakeCudaAssemblies() != before
+# Threads of low priority leave the machine code for later processes.
+_native.wait_for_background()
+print(was_assembled)
 """)
 
 
@@ -42,5 +46,5 @@ def test_driver_update(tmp_path):
             FAKE_CUDA_VERSION=version,
         )
         assert status == 0, err
-        found.append(int(out))
-    assert found == [1, 0, 1, 0, 0]
+        found.append(out.strip())
+    assert found == ["True", "False", "True", "False", "False"]
