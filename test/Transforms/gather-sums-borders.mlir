@@ -85,3 +85,44 @@ func.func @own_bound(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %b: !wa
   warp.accumulate %v, %gx[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+// Elements that are not near the thread's own would be loaded for each
+// neighbour.
+// CHECK-LABEL: func.func @scattered
+// CHECK-NOT: warp.halo
+// CHECK-NOT: scf.if
+func.func @scattered(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %b: !warp.array<1 x si32>, %n: si32)
+    attributes {warp.kernel} {
+  %one = warp.constant 1 : si32
+  %i = warp.tid : si32
+  %gx = warp.grad %x : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  %k = warp.load %b[%i] : !warp.array<1 x si32>, si32 -> si32
+  %v = warp.load %y[%k] : !warp.array<1 x f32>, si32 -> f32
+  %after = warp.add(%i, %one) : (si32, si32) -> si32
+  %most = warp.min(%after, %n) : (si32, si32) -> si32
+  warp.accumulate %v, %gx[%most] : f32, !warp.array<1 x f32>, si32
+  warp.accumulate %v, %gx[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// A function would be called for each neighbour.
+// CHECK-LABEL: func.func @function
+// CHECK-NOT: warp.halo
+// CHECK-NOT: scf.if
+func.func @function(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32)
+    attributes {warp.kernel} {
+  %one = warp.constant 1 : si32
+  %i = warp.tid : si32
+  %gx = warp.grad %x : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  %v = warp.load %y[%i] : !warp.array<1 x f32>, si32 -> f32
+  %w = warp.sin(%v) : (f32) -> f32
+  %after = warp.add(%i, %one) : (si32, si32) -> si32
+  %most = warp.min(%after, %n) : (si32, si32) -> si32
+  warp.accumulate %w, %gx[%most] : f32, !warp.array<1 x f32>, si32
+  warp.accumulate %w, %gx[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}

@@ -9,12 +9,16 @@
 //   g[max(i - 1, 0)] += v     ==>     if i - 1 >= 0: g[i - 1] += v
 //                                     else:          g[max(i - 1, 0)] += v
 //
-// The bounds have to be the same in all threads.
+// The bounds have to be the same in all threads. Values are computed anew for
+// each neighbour, so they have to be short arithmetic of elements near by: on
+// CPUs, lanes make clamped additions as vectors anyway, and take less time than
+// scattered loads or functions for three neighbours in place of one.
 //
 //===----------------------------------------------------------------------===//
 
 #include "BorderSums.h"
 
+#include "Analysis/Effects.h"
 #include "GatherGuard.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -91,6 +95,32 @@ Value Clamped::isInside(OpBuilder &b, Location loc) const {
   return all;
 }
 
+static bool isNear(Value index) {
+  Clamped clamped;
+  return isUniform(index) || clamped.parse(index);
+}
+
+/// True if the value of an addition, the indices and conditions are short
+/// arithmetic of elements near the thread's own.
+static bool isShort(AccumulateOp sum) {
+  auto isCheap = [](Operation *op) {
+    if (op->hasTrait<OpTrait::ConstantLike>() ||
+        op->hasTrait<OpTrait::IsTerminator>())
+      return true;
+    if (isPlainRead(op))
+      return llvm::all_of(cast<AccessOp>(op).getIndices(), isNear);
+    return isa<TidOp, GradOp, DimOp, AddOp, SubOp, MulOp, NegOp, MinOp, MaxOp,
+               ClampOp, EqOp, NeOp, LtOp, LeOp, GtOp, GeOp, BitAndOp, BitOrOp,
+               UNotOp, CastOp, ExtractOp, ConstructOp, scf::IfOp>(op);
+  };
+  return llvm::all_of(getSlice(sum), [&](Operation *op) {
+    return !op->walk([&](Operation *inner) {
+                return isCheap(inner) ? WalkResult::advance()
+                                      : WalkResult::interrupt();
+              }).wasInterrupted();
+  });
+}
+
 /// Splits an addition; the one at the border, or null if it has no bounds.
 static Operation *split(AccumulateOp sum) {
   OpBuilder b(sum);
@@ -122,7 +152,7 @@ static Operation *split(AccumulateOp sum) {
 llvm::DenseSet<Operation *> splitBorders(func::FuncOp adjoint) {
   SmallVector<AccumulateOp> sums;
   adjoint.walk([&](AccumulateOp sum) {
-    if (!sum->getParentOfType<LoopLikeOpInterface>())
+    if (!sum->getParentOfType<LoopLikeOpInterface>() && isShort(sum))
       sums.push_back(sum);
   });
   llvm::DenseSet<Operation *> borders;

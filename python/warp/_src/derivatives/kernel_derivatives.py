@@ -44,7 +44,7 @@ class KernelDerivatives:
         # bit for each: native kernels, or the parts of gathered ones; of the native kernel for
         # launches.
         self.ready: dict = {}
-        # Of the settings that all derivatives were made with.
+        # Identity of the settings that all derivatives were made with.
         self.epoch = None
         # Lines that were printed.
         self._noticed: set = set()
