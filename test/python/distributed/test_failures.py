@@ -12,6 +12,7 @@ WORDS = {
     "hang": ("rank 0: halo (plan 1, step 4)", "rank 1 last began all_reduce (plan 2, step 3)"),
     "kill": (),
     "interrupt": ("rank 1 of 2 ends all ranks", "KeyboardInterrupt"),
+    "twice": (),
     "exit": (),
     # Ranks that do not make the same calls.
     "skip": (("rank 0: all_reduce (plan 2, step 4)", "rank 1: halo (plan 1, step 5)"),),
@@ -19,7 +20,7 @@ WORDS = {
     "leave": ("rank 0: halo (plan 1, step 4)", "rank 1 has come to its end", "as many calls"),
     "gather": ("rank 0: gather", "all ranks are there"),
 }
-ON_TORCH = ("hang", "kill", "interrupt", "skip", "order", "leave")
+ON_TORCH = ("hang", "kill", "interrupt", "twice", "skip", "order", "leave")
 CASES = [("mpi", how) for how in WORDS] + [("torch", how) for how in ON_TORCH]
 
 

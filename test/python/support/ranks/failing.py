@@ -36,6 +36,10 @@ for step in range(1 if way else 0, 5):
             time.sleep(60)
         if how == "interrupt":
             os.kill(os.getpid(), signal.SIGINT)
+        if how == "twice":
+            for _ in wd.progress(range(1000), disable=True):
+                # The second time ends all ranks at once.
+                os.kill(os.getpid(), signal.SIGINT)
         if how == "leave":
             sys.exit(0)
         if how == "exit":
