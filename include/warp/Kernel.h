@@ -47,6 +47,9 @@ struct KernelOptions {
   /// Launches may begin with code that is compiled quickly, and get what
   /// `optLevel` gives when they have run for a while (FirstCode.h).
   bool quickFirst = false;
+  /// On GPUs, machine code from the driver's linker may run first, where
+  /// `quickFirst` is false, too.
+  bool linkedFirst = false;
   int blockDim = 256;
   int maxRegisters = 0;
   /// CUDA launch bounds: most threads of a block, and fewest blocks that a

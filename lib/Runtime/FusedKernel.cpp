@@ -154,8 +154,9 @@ static std::shared_ptr<Kernel> makeKernel(const FusionPlan &plan,
                                           const Arguments &arguments,
                                           const std::string &key) {
   KernelOptions options = plan.launches.front()->kernel->options();
-  // The graph keeps the code.
+  // Whether a fused launch is worth it depends on registers of the whole code.
   options.quickFirst = false;
+  options.linkedFirst = true;
   std::string cached = fingerprint(SourceHashes{key, key}, CompileOptions());
   std::string name = nameOf(plan.launches);
   if (std::optional<Translation> found = findTranslation(cached))
@@ -249,9 +250,6 @@ static std::string whyWorse(const FusionPlan &plan, const FusedLaunch &fused) {
     if (!plan.blockThreads &&
         part.code.schedule.lanes > variant.code.schedule.lanes)
       return "its code would have fewer lanes";
-    // Tier-0 code does not say what the code that replaces it needs.
-    if (part.isQuick.load(std::memory_order_relaxed))
-      continue;
     auto [own, local] = part.current.load()->threadResources();
     most = std::max(most, own);
     mostLocal = std::max(mostLocal, local);

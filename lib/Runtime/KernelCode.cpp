@@ -176,8 +176,8 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   size_t bytes = code.binary.size();
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   bool isKept = loaded != nullptr;
-  bool mayWait =
-      wanted && options.quickFirst && !isCapturingForGood(device.index);
+  bool mayWait = wanted && (options.quickFirst || options.linkedFirst) &&
+                 !isCapturingForGood(device.index);
   if (loaded && loaded->isProvisional() && !mayWait)
     loaded = nullptr;
   // The driver makes whole programs one after the other: launches that wait

@@ -419,7 +419,6 @@ std::shared_ptr<Graph> CudaCapture::end() {
   }
   GraphHandle graph = stop();
   running = false;
-  std::shared_ptr<Kept> kept = close();
   cuda::ContextScope scope(device());
   cuda::RelaxedCaptures relaxed;
   std::shared_ptr<const GraphSchedule> schedule;
@@ -438,6 +437,8 @@ std::shared_ptr<Graph> CudaCapture::end() {
         rewriter.rewrite(graph, *trace(), trace()->steps.front(), *stream);
   }
   cuda::GraphExec exec = instantiate(graph, schedule);
+  // Fused launches have been noted like those that were recorded.
+  std::shared_ptr<Kept> kept = close();
   kept->insert(kept->end(), rewriter.kernels.begin(), rewriter.kernels.end());
   auto made = std::make_shared<CudaGraph>(device(), graph, exec,
                                           std::move(kept), takeProvisional());
