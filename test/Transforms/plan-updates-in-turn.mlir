@@ -9,7 +9,8 @@
 // CHECK-NOT: atomicrmw
 // ANY-LABEL: llvm.func @slots
 // ANY-NOT: exclusive = true
-// ANY-SAME: size_facts = 32
+// Lanes may not be worth it for few threads.
+// ANY-SAME: size_facts = 34,
 // ANY-NOT: exclusive = true
 // ANY: llvm.atomicrmw add
 // GPU-LABEL: llvm.func @slots

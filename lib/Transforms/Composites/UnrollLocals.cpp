@@ -81,7 +81,7 @@ private:
   IRMapping map;
   /// The operands of indices, and those of them that counters do not determine.
   llvm::DenseSet<Value> followed, others;
-  /// Those that a condition picks among what counters determine.
+  /// Operands that a condition picks among values of counters.
   llvm::DenseSet<Value> picked;
   /// Accesses whose indices come from counters.
   llvm::DenseSet<Operation *> counted;
@@ -209,7 +209,7 @@ bool LoopWriter::isWorthTrying() {
   });
   if (takesAll)
     return fits && !counted.empty() && unknown <= int64_t(counted.size()) / 2;
-  // What is written out has to be more than what stays.
+  // More accesses become constant than stay as they are.
   auto longest = [](auto &&types) {
     int64_t components = 0;
     for (Type type : types)

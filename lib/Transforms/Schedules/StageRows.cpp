@@ -47,8 +47,8 @@ constexpr StringLiteral memoryName = "staged_rows";
 constexpr int64_t mostColumns = 16, leastColumns = 8;
 /// Columns that a window may have beyond those of the tile.
 constexpr int64_t mostExtra = 4;
-/// Operations of a loop. Those of a longer one hide the latency of memory, and
-/// take the registers that loads in flight need.
+/// Operations of a loop. A longer one hides the latency of memory itself, and
+/// takes the registers that loads in flight need.
 constexpr int64_t mostOperations = 64;
 /// Threads whose rows begin within so many elements share lines.
 constexpr int64_t leastDistance = 8;
