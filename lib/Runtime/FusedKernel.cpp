@@ -154,7 +154,7 @@ static std::shared_ptr<Kernel> makeKernel(const FusionPlan &plan,
                                           const Arguments &arguments,
                                           const std::string &key) {
   KernelOptions options = plan.launches.front()->kernel->options();
-  // Whether a fused launch is worth it depends on registers of the whole code.
+  // Registers of the whole code decide if a fused launch is worth it.
   options.quickFirst = false;
   options.linkedFirst = true;
   std::string cached = fingerprint(SourceHashes{key, key}, CompileOptions());
