@@ -7,14 +7,15 @@
 #include "Analysis/AccessRegions.h"
 #include "Analysis/ArrayOrigins.h"
 #include "Context.h"
-#include "Pipelines.h"
 
 #include "warp/Compile.h"
 
 #include "WarpDialect/WarpDialect.h"
 
 #include "mlir/Pass/PassManager.h"
+#include "mlir/Transforms/Passes.h"
 
+#include "llvm/ADT/DenseMap.h"
 #include "llvm/Support/raw_ostream.h"
 
 using namespace mlir;
@@ -40,16 +41,48 @@ static bool passesArrays(func::FuncOp kernel) {
       .wasInterrupted();
 }
 
+namespace {
+/// Operations of functions once all calls in them are inlined.
+class InlinedSize {
+public:
+  int64_t of(func::FuncOp function) {
+    auto [entry, isNew] = sizes.try_emplace(function, mostInlined);
+    if (!isNew)
+      return entry->second;
+    int64_t size = 0;
+    function.walk([&](Operation *op) {
+      size += 1;
+      if (auto call = dyn_cast<func::CallOp>(op))
+        if (auto callee = SymbolTable::lookupNearestSymbolFrom<func::FuncOp>(
+                op, call.getCalleeAttr()))
+          size += of(callee);
+      return size < mostInlined ? WalkResult::advance()
+                                : WalkResult::interrupt();
+    });
+    return sizes[function] = size;
+  }
+  /// Larger kernels are looked at as they are written.
+  static constexpr int64_t mostInlined = 20000;
+
+private:
+  llvm::DenseMap<Operation *, int64_t> sizes;
+};
+} // namespace
+
 warp::RegionFormula warp::regionFormula(const Module &module) {
   ContextLock lock;
   ModuleOp given = *module.getImpl()->op;
   func::FuncOp kernel = kernelOf(given);
-  if (!passesArrays(kernel))
+  if (!passesArrays(kernel) ||
+      InlinedSize().of(kernel) >= InlinedSize::mostInlined)
     return findAccessRegions(kernel);
-  // Indices are followed in the kernel alone.
+  // Indices are followed in the kernel alone. Nothing is simplified: this is
+  // done for each kernel of a process that captures a graph.
   OwningOpRef<ModuleOp> copy = given.clone();
   PassManager pm(&compilerContext());
-  addInlining(pm, /*mayKeep=*/true);
+  pm.addPass(createInlinerPass({}, [](OpPassManager &) {}));
+  pm.addPass(createSymbolDCEPass());
+  pm.enableVerifier(false);
   bool isInlined = succeeded(pm.run(*copy));
   return findAccessRegions(isInlined ? kernelOf(*copy) : kernel);
 }
