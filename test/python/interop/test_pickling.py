@@ -3,6 +3,7 @@
 import pickle
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -198,6 +199,34 @@ def test_missing_modules_are_named():
     with pytest.raises(pickle.UnpicklingError, match="put the module on the path") as caught:
         pickle.loads(data)
     assert "'shift'" in str(caught.value)
+
+
+def test_sparse_matrices_come_back():
+    from warp import sparse
+
+    rows, columns = (wp.array(one, dtype=int, device="cpu") for one in ([0, 1, 1], [2, 0, 1]))
+    for dtype, values in ((float, np.arange(3.0)), (wp.mat22, np.arange(12.0).reshape(3, 2, 2))):
+        blocks = wp.array(values, dtype=dtype, device="cpu")
+        matrix = sparse.bsr_from_triplets(2, 3, rows, columns, blocks)
+        found = pickle.loads(pickle.dumps(matrix))
+        assert type(found) is type(matrix) and found.values.ptr != matrix.values.ptr
+        for name in ("offsets", "columns", "values"):
+            assert getattr(found, name).numpy().tolist() == getattr(matrix, name).numpy().tolist()
+        assert (found.nrow, found.ncol, found.nnz) == (2, 3, 3)
+
+
+def test_public_names_are_themselves():
+    """Classes, functions and integrands of all modules travel by name; so does all else."""
+    import warp.fem
+
+    named = type, types.FunctionType, warp.fem.Integrand
+    for module in (wp, wp.types, wp.optim, wp.utils, wp.autograd, wp.fem):
+        for name in dir(module):
+            value = getattr(module, name)
+            if not name.startswith("_") and not isinstance(value, types.ModuleType):
+                found = pickle.loads(pickle.dumps(value))
+                same = found is value or not isinstance(value, named)
+                assert same and type(found) is type(value), (module.__name__, name)
 
 
 def test_pickles_of_another_version_say_so():

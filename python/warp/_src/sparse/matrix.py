@@ -57,6 +57,10 @@ class BsrMatrix(InPlaceOperators, Operators):
         self.row_counts = None
         self._status = self._outside = None
 
+    def __reduce__(self):
+        # The class is made here, and so has no name that another process finds.
+        return _restored, (self._block_type, {**vars(self), "_outside": None})
+
     def __setattr__(self, name, value):
         check = ATTRIBUTES.get(name)
         super().__setattr__(name, value if check is None else check(self, name, value))
@@ -253,6 +257,12 @@ class BsrMatrix(InPlaceOperators, Operators):
 def _class_for(dtype):
     name = type_repr(dtype)
     return type(f"BsrMatrix_{name}", (BsrMatrix,), {"_block_type": dtype})
+
+
+def _restored(dtype, state):
+    matrix = object.__new__(_class_for(dtype))
+    vars(matrix).update(state)
+    return matrix
 
 
 @checked()

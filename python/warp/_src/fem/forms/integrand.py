@@ -51,6 +51,10 @@ class Integrand(wp.Function):
         self.parameter_names = names
         self.kernel_options = dict(kernel_options or {})
 
+    def __reduce__(self):
+        # By name, as functions of Python.
+        return self.__qualname__
+
     def _only(self, attribute, name, func, kind):
         """Sets which parameter is the sample or the domain.
 
