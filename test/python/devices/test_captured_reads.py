@@ -26,6 +26,12 @@ def increase_pair(pair: Pair):
     pair.y[i] = pair.x[i] + 1.0
 
 
+@wp.kernel
+def increase_behind(pair: Pair, other: Pair, y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = pair.x[i] + other.x[i]
+
+
 def launch(x, y):
     wp.launch(increase, N, [x], [y], device="cpu")
 
@@ -34,6 +40,14 @@ def launch_struct(x, y):
     pair = Pair()
     pair.x, pair.y = x, y
     wp.launch(increase_pair, N, [pair], device="cpu")
+
+
+def launch_behind(x, y):
+    """What is written comes after structs, whose arrays are only read."""
+    pairs = [Pair(), Pair()]
+    for pair in pairs:
+        pair.x = pair.y = x
+    wp.launch(increase_behind, N, [*pairs, y], device="cpu")
 
 
 def launch_recorded(x, y):
@@ -53,8 +67,12 @@ READS = {
 @pytest.mark.parametrize("read", READS.values(), ids=READS)
 @pytest.mark.parametrize(
     "work",
-    [launch, launch_struct, launch_recorded, lambda x, y: y.fill_(1.0), lambda x, y: wp.copy(y, x)],
-    ids=["launch", "struct", "recorded", "fill", "copy"],
+    [
+        *(launch, launch_struct, launch_behind, launch_recorded),
+        lambda x, y: y.fill_(1.0),
+        lambda x, y: wp.copy(y, x),
+    ],
+    ids=["launch", "struct", "behind", "recorded", "fill", "copy"],
 )
 def test_old_contents_are_not_given_out(work, read):
     """The array holds what it held before the capture until the graph is launched."""

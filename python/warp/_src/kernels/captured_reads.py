@@ -47,15 +47,27 @@ def _written(held) -> list:
         one = held[position]
         position += 1
         if isinstance(one, _native.Kernel):
-            count = len(one.parameters)
-            leaves = leaves_of(one.parameters, held[position : position + count])
+            values, position = _arguments(held, position, len(one.parameters))
+            leaves = leaves_of(one.parameters, values)
             found += [
                 array for array, changes in zip(leaves, _changes(one), strict=False) if changes
             ]
-            position += count
         elif isinstance(one, _native.Array):
             found.append(("", one))
     return [one for _, one in found if one is not None and one.size]
+
+
+def _arguments(held, position, count) -> tuple[list, int]:
+    """The arguments of a launch from a position on, and the position behind them.
+
+    A struct is followed by the tuple of its arrays.
+    """
+    values: list = []
+    for _ in range(count):
+        values.append(held[position])
+        has_fields = hasattr(held[position], "_wp_fields_") and not isinstance(held[position], type)
+        position += 2 if has_fields else 1
+    return values, position
 
 
 def _changes(kernel):
