@@ -30,8 +30,11 @@ def newton_scene(name: str, worlds: int):
     options = OPTIONS.get(name, {})
     if name == "newton_mpm":
         make.register_custom_attributes(builder)
-        # A grid of the same cells in every step, which a graph needs.
-        options = {"config": make.Config(grid_type="fixed", max_active_cell_count=1 << 15)}
+        if wp.get_device().is_cuda:
+            # A grid of the same cells in every step, which a graph needs.
+            options = {"config": make.Config(grid_type="fixed", max_active_cell_count=1 << 15)}
+        else:
+            options = {"config": make.Config()}
     elif solver_name == "SolverMuJoCo":
         make.register_custom_attributes(builder)
     BUILDERS.get(name, robots)(builder, name, worlds)
