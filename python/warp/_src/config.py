@@ -161,8 +161,8 @@ SETTINGS = {
             "fuse_rows",
             bool,
             False,
-            "on GPUs so are launches of equal first extents whose threads share elements with those "
-            "of the same first index: a block runs them for each",
+            "on GPUs so are launches of equal first extents whose threads share elements with "
+            "those of the same first index: a block runs them for each",
         ),
         Setting(
             "verify_graphs",

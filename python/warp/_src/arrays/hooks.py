@@ -1,6 +1,7 @@
 """Functions of arrays that are written with kernels, or with indexed arrays, and so above them.
 
-`arrays.array`, `arrays.indexed` and `kernels.maps` put them here. Both are part of `import warp`.
+`arrays.array`, `arrays.indexed`, `kernels.call` and `kernels.maps` put them here. All are part of
+`import warp`.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ select: typing.Callable
 plain_array: type
 # check_settled(array): rejects reading what work that is being captured writes.
 check_settled: typing.Callable
+# signature_of(kernel, native, values): facts about arguments of a launch that observers need.
+signature_of: typing.Callable
 # reduce_array(array, protocol): the parts that an array is pickled as.
 reduce_array: typing.Callable
 # Captures in progress: by stream handle on CUDA, by thread on the CPU.

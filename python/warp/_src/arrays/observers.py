@@ -179,9 +179,7 @@ def launch_ordinary(kernel, dim, inputs, outputs, index, block_dim, record) -> b
         # The first launch that somebody observes.
         if not (isinstance(inputs, (list, tuple)) and isinstance(outputs, (list, tuple))):
             return False
-        from warp._src.kernels.call import signature_of
-
-        known = signature_of(kernel, kernel.native, (*inputs, *outputs))
+        known = hooks.signature_of(kernel, kernel.native, (*inputs, *outputs))
     if known.recorder is None:
         return False
     if Observers.executor is not None or Observers.timer is not None:

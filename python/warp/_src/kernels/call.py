@@ -8,6 +8,7 @@ import functools
 
 from warp import _native
 from warp._src import errors
+from warp._src.arrays import hooks
 from warp._src.arrays.array import array
 from warp._src.arrays.indexed import IndexedRecord, indexedarray
 from warp._src.arrays.versions import Event, event
@@ -241,6 +242,9 @@ def signature_of(kernel, native, values) -> Signature:
             known.clear()
         found = known[native] = Signature(native, values, kernel.has_regions)
     return found
+
+
+hooks.signature_of = signature_of
 
 
 def struct_leaves(name, value) -> list[tuple[str, array | None]]:
