@@ -48,7 +48,7 @@ static constexpr int mostLooks = 8;
 static constexpr int64_t mostRowThreads = 128;
 static constexpr int64_t fewestRows = 64;
 
-static thread_local bool isFusing = true, hasRowsOnGpu = true,
+static thread_local bool isFusing = true, hasRowsOnGpu = false,
                          hasRowsOnHost = false;
 
 bool warp::fusesLaunches() { return isFusing; }
