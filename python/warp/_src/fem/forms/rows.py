@@ -13,8 +13,9 @@ from warp._src.fem.forms.terms import dof_count
 
 # Pairs of nodes of an element from which rows are threads.
 FEWEST_PAIRS = 65
-# Numbers of the sums of a thread.
-_MOST_SUMS = 16
+# Numbers of the sums of a thread: a row of quadratic cubes, or three blocks of elasticity. Each
+# thread evaluates the form at all points, so fewer sums repeat more of that.
+_MOST_SUMS = 27
 
 
 def rows_text(plan) -> tuple | None:
@@ -29,7 +30,8 @@ def rows_text(plan) -> tuple | None:
         return None
     plan.names["Block"] = plan.block_dtype
     size = dof_count(test.nodes.dof_dtype) * dof_count(trial.nodes.dof_dtype)
-    width = min(columns, max(1, _MOST_SUMS // size))
+    parts = -(-columns // max(1, _MOST_SUMS // size))
+    width = -(-columns // parts)
     lines = [
         f"def rows(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
         "    local, i, part = wp.tid()",
@@ -49,7 +51,7 @@ def rows_text(plan) -> tuple | None:
     for k in range(width):
         lines += [f"    j = start + {k}", "    if j < end:", f"        block = sum_{k}"]
         store_block(plan, lines, "        ", f"local * {rows * columns}", columns)
-    return "\n".join(lines) + "\n", (rows, -(-columns // width))
+    return "\n".join(lines) + "\n", (rows, parts)
 
 
 def _row_sums(plan, lines) -> dict:
