@@ -162,3 +162,34 @@ func.func @rows(%x: !warp.array<1 x si32>, %y: !warp.array<2 x si32>, %n: i32)
   }
   return
 }
+
+// -----
+
+#gpu = #warp.variant<target = <name = "sm_90">>
+
+// Updates along rows of threads are in lines of their own in any order.
+// CHECK-LABEL: llvm.func ptx_kernelcc @rows
+// CHECK: scf.for
+// CHECK: scf.for
+// CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%[[I:.*]], %{{.*}}]
+// CHECK: gpu.shuffle idx
+// CHECK: warp.atomic_components add({{.*}}), %{{.*}}[%{{[^,]*}}]
+// CHECK: scf.for
+// CHECK-NOT: gpu.shuffle
+func.func @rows(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                %g: !warp.array<2 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #gpu} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %i = warp.tid : i32
+  %xi = warp.load_components %x[%i] : !warp.array<1 x f32>, i32 -> f32
+  scf.for %j = %c0 to %n step %c1 : i32 {
+    %xj = warp.load_components %x[%j] : !warp.array<1 x f32>, i32 -> f32
+    %v = arith.subf %xi, %xj : f32
+    %old = warp.atomic_components add(%v), %y[%j]
+      : (f32), !warp.array<1 x f32>, i32 -> f32
+    %row = warp.atomic_components add(%xj), %g[%i, %j]
+      : (f32), !warp.array<2 x f32>, i32, i32 -> f32
+  }
+  return
+}

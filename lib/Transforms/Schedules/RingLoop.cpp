@@ -32,9 +32,20 @@ bool RingLoop::isOrderOpen() {
   return !result.wasInterrupted();
 }
 
+/// True if each lane walks along a row, and others along other rows.
+static bool isAlongRow(warp::AtomicComponentsOp op,
+                       const warp::ThreadVariance &variance) {
+  auto isUniform = [&](Value index) {
+    return variance.isUniform(index, warp::Scope::Lanes);
+  };
+  OperandRange indices = op.getIndices();
+  return indices.size() > 1 && isUniform(indices.back()) &&
+         !llvm::all_of(indices.drop_back(), isUniform);
+}
+
 /// Finds updates of one element per iteration, the same for all threads. Sums
 /// of fewer than 32 bits would round. Updates that depend on the thread and the
-/// iteration would no longer be coalesced.
+/// iteration would no longer be coalesced; those along rows of threads are not.
 bool RingLoop::collectUpdates(const ThreadVariance &variance) {
   bool wouldScatter = false;
   loop.getBody()->walk([&](warp::AtomicComponentsOp op) {
@@ -52,9 +63,10 @@ bool RingLoop::collectUpdates(const ThreadVariance &variance) {
         variance.strideIfEqual(op.getArray(), loop, compared) != 0 ||
         !warp::canCombine(op) || !llvm::all_of(op.getIndices(), isKnown) ||
         !differs) {
-      wouldScatter |= !llvm::all_of(op.getIndices(), [&](Value index) {
-        return loop.isDefinedOutsideOfLoop(index);
-      });
+      wouldScatter |= !isAlongRow(op, variance) &&
+                      !llvm::all_of(op.getIndices(), [&](Value index) {
+                        return loop.isDefinedOutsideOfLoop(index);
+                      });
       return;
     }
     updates.push_back(op);
