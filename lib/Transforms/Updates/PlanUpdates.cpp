@@ -290,7 +290,7 @@ struct PlanUpdates : warp::impl::PlanUpdatesBase<PlanUpdates> {
     auto kernel = threads->getParentOfType<FunctionOpInterface>();
     warp::VariantAttr variant = warp::getVariant(kernel);
     if (warp::getTarget(kernel).isSimt() && !variant.getDebug() &&
-        !variant.isDeterministic() && variant.getLanes() != 1 &&
+        !variant.isDeterministic() &&
         !kernel->hasAttr(warp::attr::blockThreads))
       warp::addAlongRows(kernel, threads);
     bool any = kernel

@@ -283,7 +283,7 @@ SETTINGS = {
         Setting(
             "check_schedules",
             bool,
-            False,
+            True,
             "compare the schedule of a GPU kernel with the plain mapping in 28 launches, once it "
             "has been launched often, and keep the quicker; not in captures, and never of "
             "deterministic kernels, whose sums would round in another way",
