@@ -13,17 +13,6 @@
 // Arithmetic gains with a quarter of the lanes, too.
 // CHECK-LABEL: func.func @arithmetic
 // CHECK-SAME: #warp.schedule<lanes = 64>
-func.func @many
-// CHECK-SAME: size_facts = 2
-// CHECK-SAME: lanes = {{16|32}}
-// Most lanes of a few threads are idle.
-// CHECK-LABEL: func.func @few
-// CHECK-SAME: size_facts = 2
-// CHECK-NOT: vector<
-// Arithmetic gains by a quarter of the lanes, too.
-// CHECK-LABEL: func.func @arithmetic
-// CHECK-SAME: lanes = {{16|32}}
-// CHECK-NOT: size_facts
 func.func @many(%at: !warp.array<1 x si32>, %x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: i32)
     attributes {warp.kernel, warp.variant = #many} {
   %i = warp.tid : i32
