@@ -9,7 +9,6 @@
 
 #include "Kernel.h"
 
-#include "BackgroundThread.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "Grid.h"
@@ -462,19 +461,12 @@ static std::pair<int, int> promisedBlocks(CudaDevice &device,
 
 std::pair<int, int> Kernel::suggestedBlock(int device) {
   CudaDevice &owner = cudaDevice(device);
-  // Bounds answer at once, and other threads make the code meanwhile.
+  // Bounds answer at once. The launch that follows asks for its code: other
+  // code than that of its arguments would only delay it.
   const KernelOptions &options = impl->options;
   if (isLazyCompile() && !options.debug && options.minBlocks > 0 &&
-      options.maxThreads > 0 && !impl->findOn(device)) {
-    background::addUrgent([impl = impl, device] {
-      try {
-        impl->launched(device);
-      } catch (...) {
-        // The launch that needs the code finds the error, too.
-      }
-    });
+      options.maxThreads > 0 && !impl->findOn(device))
     return promisedBlocks(owner, options);
-  }
   const Variant &variant = impl->launched(device);
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;

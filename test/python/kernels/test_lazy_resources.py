@@ -342,6 +342,30 @@ print(len(wp.get_suggested_block_size(unbounded)))
     assert run(program, fake) == ["True", "1", "True True 0", "2"]
 
 
+def test_bounds_ask_for_no_other_code(fake):
+    """Only the code of the launch is made, here for arrays that overlap."""
+    program = """
+import pathlib
+
+@wp.kernel(launch_bounds=(64, 8), module_options={"block_dim": 64}, module="unique")
+def shift(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = x[i + 1]
+
+x = wp.zeros(101, dtype=float)
+wp.synchronize()
+_native.wait_for_background()
+folder = pathlib.Path(os.environ["WARP_CACHE_PATH"])
+before = len(list(folder.glob("*.code")))
+wp.get_suggested_block_size(shift)
+wp.launch(shift, 100, [x, x], block_dim=64)
+wp.synchronize()
+_native.wait_for_background()
+print(len(list(folder.glob("*.code"))) - before)
+"""
+    assert run(program, fake) == ["1"]
+
+
 def test_errors_name_kernel_and_line_once(fake):
     """One of many kernels that the compiler refuses: others run, the error comes with the wait."""
     program = """
