@@ -43,7 +43,7 @@ def launch_struct(x, y):
 
 
 def launch_behind(x, y):
-    """What is written comes after structs, whose arrays are only read."""
+    """Arrays that are written come after structs, whose arrays are only read."""
     pairs = [Pair(), Pair()]
     for pair in pairs:
         pair.x = pair.y = x
