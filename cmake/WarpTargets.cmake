@@ -16,8 +16,6 @@ function(warp_add_objects name)
     "${PROJECT_SOURCE_DIR}/include" "${PROJECT_BINARY_DIR}/include")
   target_include_directories(${name} PRIVATE
     "${CMAKE_CURRENT_SOURCE_DIR}" "${PROJECT_SOURCE_DIR}/lib")
-  target_compile_definitions(${name} PRIVATE
-    WARP_VERSION="${PROJECT_VERSION}")
   add_dependencies(${name} WarpHandleKinds WarpLaunchContract)
   if(arg_LLVM)
     target_link_libraries(${name} PUBLIC warp_llvm)

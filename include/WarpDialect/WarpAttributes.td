@@ -229,8 +229,7 @@ def Warp_HiddenKind : Warp_Enum<"HiddenKind", "what a hidden argument is", [
     I32EnumAttrCase<"Claims", 4, "claims">,
     I32EnumAttrCase<"Trips", 5, "trips">,
     I32EnumAttrCase<"Offsets", 6, "offsets">,
-    I32EnumAttrCase<"Totals", 7, "totals">,
-    I32EnumAttrCase<"Tape", 8, "tape">]>;
+    I32EnumAttrCase<"Tape", 7, "tape">]>;
 
 def Warp_HiddenAttr : Warp_Attr<"Hidden", "hidden"> {
   let summary = "an argument that the primal of a derivative does not have";

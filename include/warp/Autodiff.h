@@ -90,8 +90,6 @@ struct HiddenArgument {
     /// The same for where the thread's part of the tape begins: the trips of
     /// the threads before it.
     Offsets,
-    /// Not used.
-    Totals,
     /// Memory for as many trips of a loop, in rows of 2^16 elements.
     Tape,
   };

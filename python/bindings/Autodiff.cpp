@@ -37,8 +37,6 @@ static const char *kindText(HiddenArgument::Kind kind) {
     return "trips";
   case HiddenArgument::Kind::Offsets:
     return "offsets";
-  case HiddenArgument::Kind::Totals:
-    return "totals";
   case HiddenArgument::Kind::Tape:
     return "tape";
   }
