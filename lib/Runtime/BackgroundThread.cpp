@@ -174,7 +174,9 @@ void Workers::waitForTask(std::unique_lock<ForkMutex> &lock) {
     Clock::time_point begin(first.lastEnd.load() + quietTime);
     if (urgent || awaiting || Clock::now() >= begin)
       return;
-    changed.wait_until(lock, begin);
+    // Waits by the steady clock need a newer glibc than wheels do.
+    changed.wait_until(lock, std::chrono::system_clock::now() +
+                                 (begin - Clock::now()));
   }
 }
 
