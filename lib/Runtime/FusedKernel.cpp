@@ -51,15 +51,20 @@ static bool mayMoveUpdates(const GraphOperation &launch, const Access &access) {
   return false;
 }
 
+int64_t warp::rowThreads(const LaunchDim &dim) {
+  int64_t count = 1;
+  for (int i = 1; i < dim.rank; ++i)
+    count *= dim.extent[i];
+  return count;
+}
+
 bool warp::hasBlocksOfRows(const GraphOperation &launch) {
   const Kernel::Variant *variant = launch.plan.variant;
   if (!variant)
     return false;
   const Schedule &schedule = variant->code.schedule;
   const LaunchDim &dim = launch.dim;
-  int64_t row = 1;
-  for (int i = 1; i < dim.rank; ++i)
-    row *= dim.extent[i];
+  int64_t row = rowThreads(dim);
   bool isRow = dim.rank > 1 && row == dim.extent[dim.rank - 1];
   return schedule.cooperative && !schedule.ragged && isRow &&
          (isHost(launch.plan.device) || row == variant->key.blockDim);

@@ -31,8 +31,10 @@ std::string whyApart(const GraphOperation &launch);
 /// True if the code of a launch counts on its blocks.
 bool worksTogether(const GraphOperation &launch);
 
-/// True if blocks of a launch work together, each on a row: all threads of an
-/// index of the first extent.
+/// Threads of a row: those of one index of the first extent.
+int64_t rowThreads(const LaunchDim &dim);
+
+/// True if blocks of a launch work together, each on a row.
 bool hasBlocksOfRows(const GraphOperation &launch);
 
 /// Makes the code of several fused launches at a time, that `fuse` will ask
