@@ -6,8 +6,9 @@
 // first to miss an entry creates `<key>.claim` beside it; others wait until
 // that file is gone and read the entry. They wait for ten seconds at most, and
 // only while the claiming process lives, or for two if it is on another host,
-// so a killed or a slow process costs others time and never their result. A process that has compiled nothing yet
-// and has just waited lets others claim first, for some milliseconds.
+// so a killed or a slow process costs others time and never their result. A
+// process that has compiled nothing yet and has just waited lets others claim
+// first, for some milliseconds.
 //
 //===----------------------------------------------------------------------===//
 

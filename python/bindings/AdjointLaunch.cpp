@@ -32,9 +32,7 @@ struct Arguments {
     return position < items.size() ? items[position] : Py_None;
   }
 };
-} // namespace
 
-namespace {
 /// A launch, beside its arguments.
 struct Launched {
   size_t count;

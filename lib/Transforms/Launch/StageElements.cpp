@@ -218,7 +218,6 @@ void Finder::visit(Block &block) {
   }
 }
 
-
 warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   StagedAccesses staged;
   int64_t blockDim = getVariant(entry).getBlockDim();
