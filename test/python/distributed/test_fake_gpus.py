@@ -6,22 +6,19 @@ streams and the watch are the ones that GPUs have.
 
 import re
 import time
-from pathlib import Path
 
 import launcher
 import pytest
 import test_failures
 
-import warp as wp
-
-_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
+import programs
 
 
 @pytest.fixture
 def fake(monkeypatch):
-    if not _FAKE.exists():
+    if not programs.FAKE_CUDA.exists():
         pytest.skip("needs the driver that the unit tests are built with")
-    monkeypatch.setenv("WARP_CUDA_DRIVER", str(_FAKE))
+    monkeypatch.setenv("WARP_CUDA_DRIVER", str(programs.FAKE_CUDA))
 
 
 @pytest.fixture

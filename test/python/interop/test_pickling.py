@@ -4,7 +4,6 @@ import pickle
 import subprocess
 import sys
 import types
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -238,7 +237,7 @@ def test_pickles_of_another_version_say_so():
 
 
 def test_arrays_of_an_absent_device_come_to_the_default_one(tmp_path):
-    driver = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
+    driver = programs.FAKE_CUDA
     if not driver.exists():
         pytest.skip("needs the driver that the unit tests are built with")
     text = """

@@ -1,13 +1,8 @@
 """Machine code that is kept for one version of the driver is absent for another."""
 
-from pathlib import Path
-
 import pytest
 
 import programs
-import warp as wp
-
-_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
 
 PROGRAM = programs.write_program("""
 import ctypes, os
@@ -35,14 +30,14 @@ print(was_assembled)
 
 def test_driver_update(tmp_path):
     """Each version has the code assembled once, and finds its own again afterwards."""
-    if not _FAKE.exists():
+    if not programs.FAKE_CUDA.exists():
         pytest.skip("needs the driver that the unit tests are built with")
     found = []
     for version in (12080, 12080, 13000, 13000, 12080):
         status, out, err = programs.run(
             PROGRAM,
             WARP_CACHE_PATH=tmp_path / "cache",
-            WARP_CUDA_DRIVER=_FAKE,
+            WARP_CUDA_DRIVER=programs.FAKE_CUDA,
             FAKE_CUDA_VERSION=version,
         )
         assert status == 0, err

@@ -6,14 +6,11 @@ memory is that of the host.
 
 import os
 import sys
-from pathlib import Path
 
 import pytest
 
 import programs
 import warp as wp
-
-_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
 
 
 @pytest.fixture
@@ -21,9 +18,9 @@ def gpu(tmp_path):
     """The environment of programs with a GPU, or with what stands for one."""
     environment = {"WARP_CACHE_PATH": tmp_path / "cache"}
     if not wp.is_cuda_available():
-        if not _FAKE.exists():
+        if not programs.FAKE_CUDA.exists():
             pytest.skip("needs a GPU, or the driver that the unit tests are built with")
-        environment["WARP_CUDA_DRIVER"] = _FAKE
+        environment["WARP_CUDA_DRIVER"] = programs.FAKE_CUDA
     return environment
 
 
@@ -146,7 +143,7 @@ raise SystemExit(7)
 )
 def test_ctrl_c_while_waiting(tmp_path, interrupt):
     """The wait ends with KeyboardInterrupt; what waits is done by the next one."""
-    if not _FAKE.exists():
+    if not programs.FAKE_CUDA.exists():
         pytest.skip("needs the driver that the unit tests are built with")
     program = programs.write_program(
         BEGIN
@@ -168,7 +165,7 @@ print(_native.queued_operations())
 """,
         interrupt=interrupt,
     )
-    environment = {"WARP_CACHE_PATH": tmp_path, "WARP_CUDA_DRIVER": _FAKE}
+    environment = {"WARP_CACHE_PATH": tmp_path, "WARP_CUDA_DRIVER": programs.FAKE_CUDA}
     status, out, err = programs.run(program, **environment)
     assert status == 0, err
     assert out.split() == ["interrupted", "1", "0"]

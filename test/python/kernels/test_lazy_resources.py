@@ -4,14 +4,9 @@ The programs run on the driver of the unit tests, which loads no code while its 
 whose memory is that of the host, and which notes the order of what it is given.
 """
 
-from pathlib import Path
-
 import pytest
 
 import programs
-import warp as wp
-
-_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
 
 BEGIN = """
 import ctypes, gc, os, sys
@@ -34,9 +29,9 @@ wp.zeros(10, dtype=float).numpy()
 
 @pytest.fixture
 def fake(tmp_path):
-    if not _FAKE.exists():
+    if not programs.FAKE_CUDA.exists():
         pytest.skip("needs the driver that the unit tests are built with")
-    return {"WARP_CACHE_PATH": tmp_path / "cache", "WARP_CUDA_DRIVER": _FAKE}
+    return {"WARP_CACHE_PATH": tmp_path / "cache", "WARP_CUDA_DRIVER": programs.FAKE_CUDA}
 
 
 def run(program, environment):

@@ -4,14 +4,10 @@ Without a GPU the programs run on the driver of the unit tests, whose launches t
 test says.
 """
 
-from pathlib import Path
-
 import pytest
 
 import programs
 import warp as wp
-
-_FAKE = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
 
 PROGRAM = """
 import time
@@ -52,9 +48,9 @@ def run(tmp_path):
     def run(check=True, options="{}", body="time.sleep(0.2)", **environment):
         real = wp.is_cuda_available()
         if not real:
-            if not _FAKE.exists():
+            if not programs.FAKE_CUDA.exists():
                 pytest.skip("needs a GPU, or the driver that the unit tests are built with")
-            environment["WARP_CUDA_DRIVER"] = _FAKE
+            environment["WARP_CUDA_DRIVER"] = programs.FAKE_CUDA
         program = programs.write_program(
             PROGRAM.format(check=check, options=options, body=body, real=real)
         )

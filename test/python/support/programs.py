@@ -6,6 +6,11 @@ import sys
 import tempfile
 from pathlib import Path
 
+import warp as wp
+
+# The driver that the unit tests are built with, which stands for that of CUDA.
+FAKE_CUDA = Path(wp.__file__).parents[2] / "test" / "unit" / "libwarp-fake-cuda.so"
+
 
 def write_program(text, **values):
     """A file that holds `text`, with each `{name}` of `values` replaced."""

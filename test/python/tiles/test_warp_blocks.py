@@ -21,8 +21,8 @@ def made(body, **options):
     return wp.kernel(module="unique", enable_backward=False, **options)(body)
 
 
-def factor_of(n, extra=None):
-    """A kernel that factors and solves, and calls `extra` with its arguments."""
+def factor_of(n):
+    """A kernel that factors and solves for n rows."""
 
     def factor(a: wp.array3d[float], y: wp.array2d[float], x: wp.array2d[float]):
         i = wp.tid()
