@@ -22,18 +22,17 @@ from warp.sparse import bsr_from_triplets
 STEPS = 2000
 
 
-def stencil(shape, spacing=None):
+def stencil(shape):
     """Rows, columns and numbers of minus the Laplacian on a grid."""
     number = np.arange(np.prod(shape)).reshape(shape)
     rows, columns, values = [], [], []
     for axis in range(len(shape)):
-        scale = 1.0 if spacing is None else spacing[axis]
         n = np.moveaxis(number, axis, 0)
         low, high = n[:-1].ravel(), n[1:].ravel()
         everything = number.ravel()
         rows += [low, high, everything]
         columns += [high, low, everything]
-        values += [np.full(low.size, -scale)] * 2 + [np.full(everything.size, 2.0 * scale)]
+        values += [np.full(low.size, -1.0)] * 2 + [np.full(everything.size, 2.0)]
     return tuple(map(np.concatenate, (rows, columns, values)))
 
 
@@ -105,7 +104,7 @@ def timed(work):
     return result, time.process_time() - start
 
 
-def entry(package, how, n, factor, solve, nnz, x, apart, exact):
+def entry(package, how, factor, solve, nnz, x, apart, exact):
     """One row of the table; `apart` gives b - A x and |A| |x| + |b|."""
     left, size = apart(x)
     print(
@@ -124,14 +123,14 @@ def own(kinds, triplets, n, b, row):
     for kind in kinds:
         solver, factor = timed(lambda kind=kind: getattr(linear, kind)(matrix))
         x, solve = timed(lambda solver=solver: solver.solve(right).numpy())
-        row("this package", kind, n, factor, solve, f"{solver.nnz:,}", x)
+        row("this package", kind, factor, solve, f"{solver.nnz:,}", x)
     return matrix, right, solver.condition
 
 
-def stepped(matrix, right, n, row):
+def stepped(matrix, right, row):
     x = wp.zeros_like(right)
     done, took = timed(lambda: linear.cg(matrix, right, x, tol=1e-12, maxiter=STEPS))
-    row("this package", f"cg, {int(done[0]):,} steps", n, 0.0, took, "-", x.numpy())
+    row("this package", f"cg, {int(done[0]):,} steps", 0.0, took, "-", x.numpy())
 
 
 def others(symmetric, triplets, n, b, row):
@@ -145,7 +144,7 @@ def others(symmetric, triplets, n, b, row):
     a = sp.csc_matrix((values, (rows, columns)), shape=(n, n))
     factors, factor = timed(lambda: splu(a))
     x, solve = timed(lambda: factors.solve(b))
-    row("SuperLU", "lu, COLAMD", n, factor, solve, f"{factors.L.nnz + factors.U.nnz:,}", x)
+    row("SuperLU", "lu, COLAMD", factor, solve, f"{factors.L.nnz + factors.U.nnz:,}", x)
     if not symmetric:
         return
     try:
@@ -158,7 +157,7 @@ def others(symmetric, triplets, n, b, row):
     x, solve = timed(lambda: factors.solve(b) if hasattr(factors, "solve") else factors(b))
     inside = factors.L() if callable(getattr(factors, "L", None)) else getattr(factors, "L", None)
     nnz = f"{inside.nnz:,}" if inside is not None else "-"
-    row("CHOLMOD", "cholesky, AMD", n, factor, solve, nnz, x)
+    row("CHOLMOD", "cholesky, AMD", factor, solve, nnz, x)
 
 
 def main():
@@ -191,7 +190,7 @@ def main():
         matrix, right, condition = own(kinds, triplets, n, b, row)
         others(symmetric, triplets, n, b, row)
         if symmetric:
-            stepped(matrix, right, n, row)
+            stepped(matrix, right, row)
         print(f"\ncondition about {condition:.1e}")
 
 
