@@ -120,13 +120,6 @@ static void finish(ModuleOp module) {
 // Facts of the passes
 //===----------------------------------------------------------------------===//
 
-static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {
-  for (auto function : module.getOps<func::FuncOp>())
-    if (function->hasAttr(attribute))
-      return function;
-  return nullptr;
-}
-
 static std::vector<std::string> readLines(Attribute attribute) {
   std::vector<std::string> lines;
   if (auto array = dyn_cast_or_null<ArrayAttr>(attribute))
@@ -187,19 +180,19 @@ static void readFacts(func::FuncOp kernel, Derivative &derivative) {
 /// Parts the function with a mark, if there is one, from the adjoint: it is the
 /// kernel of a module of its own.
 static std::optional<warp::Module> takeMarked(ModuleOp module, StringRef mark) {
-  func::FuncOp function = findMarked(module, mark);
+  func::FuncOp function = warp::findMarked(module, mark);
   if (!function)
     return std::nullopt;
   auto other = std::make_shared<warp::Module::Impl>();
   other->op = module.clone();
-  func::FuncOp kernel = findMarked(*other->op, mark);
+  func::FuncOp kernel = warp::findMarked(*other->op, mark);
   kernel->removeAttr(mark);
   kernel->removeAttr(warp::attr::maxRank);
   for (StringRef rest :
        {StringRef(warp::kernelAttrName), StringRef(warp::attr::augmented),
         StringRef(warp::attr::counting), StringRef(warp::attr::sizing),
         StringRef(warp::attr::recording)})
-    if (func::FuncOp sibling = findMarked(*other->op, rest))
+    if (func::FuncOp sibling = warp::findMarked(*other->op, rest))
       sibling.erase();
   kernel->setAttr(warp::kernelAttrName, UnitAttr::get(module.getContext()));
   function.erase();

@@ -25,6 +25,10 @@
 #include <memory>
 #include <mutex>
 
+namespace mlir::func {
+class FuncOp;
+}
+
 namespace warp {
 
 /// A context, with the dialects that front-end IR uses loaded.
@@ -97,6 +101,11 @@ struct Module::Impl {
     op = nullptr;
   }
 };
+
+/// The function of a module that has an attribute; null if none has it.
+mlir::func::FuncOp findMarked(mlir::ModuleOp module, llvm::StringRef attribute);
+/// The kernel of a module. Throws if there is none.
+mlir::func::FuncOp kernelOf(mlir::ModuleOp module);
 
 } // namespace warp
 

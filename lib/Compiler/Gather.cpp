@@ -54,13 +54,6 @@ static void split(ModuleOp module) {
                               "the adjoint cannot be taken apart");
 }
 
-static func::FuncOp findMarked(ModuleOp module, StringRef attribute) {
-  for (auto function : module.getOps<func::FuncOp>())
-    if (function->hasAttr(attribute))
-      return function;
-  return nullptr;
-}
-
 static bool hasEffects(ModuleOp module) {
   return module
       .walk([](Operation *op) {

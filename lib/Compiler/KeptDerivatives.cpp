@@ -12,6 +12,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "Context.h"
 #include "KeptCalls.h"
 #include "Pipelines.h"
 
@@ -86,13 +87,9 @@ static bool isOfValues(func::FuncOp function) {
 }
 
 void warp::markKeptDerivatives(ModuleOp module) {
-  auto functions = module.getOps<func::FuncOp>();
-  auto found = llvm::find_if(functions, [](func::FuncOp function) {
-    return function->hasAttr(kernelAttrName);
-  });
-  if (found == functions.end())
+  func::FuncOp kernel = findMarked(module, kernelAttrName);
+  if (!kernel)
     return;
-  func::FuncOp kernel = *found;
   CallGraph graph(kernel);
   if (graph.isRecursive || graph.nodes.size() == 1)
     return;

@@ -14,11 +14,17 @@
 
 using namespace mlir;
 
-static func::FuncOp findKernel(ModuleOp module) {
+func::FuncOp warp::findMarked(ModuleOp module, StringRef attribute) {
   for (auto function : module.getOps<func::FuncOp>())
-    if (function->hasAttr(warp::kernelAttrName))
+    if (function->hasAttr(attribute))
       return function;
   return nullptr;
+}
+
+func::FuncOp warp::kernelOf(ModuleOp module) {
+  if (func::FuncOp kernel = findMarked(module, kernelAttrName))
+    return kernel;
+  throw Error(Error::Kind::Compile, "the module has no kernel");
 }
 
 warp::Module warp::Module::fromText(std::string_view text) {
@@ -47,6 +53,6 @@ std::string warp::Module::text(bool locations) const {
 
 std::string warp::Module::kernelName() const {
   ContextLock lock;
-  func::FuncOp kernel = findKernel(*impl->op);
+  func::FuncOp kernel = findMarked(*impl->op, kernelAttrName);
   return kernel ? kernel.getSymName().str() : std::string();
 }

@@ -60,12 +60,7 @@ int warp::threadRank(const Module &module) {
 
 std::vector<warp::Param> warp::parameters(const Module &module) {
   ContextLock lock;
-  func::FuncOp kernel;
-  for (auto function : module.getImpl()->op->getOps<func::FuncOp>())
-    if (function->hasAttr(kernelAttrName))
-      kernel = function;
-  if (!kernel)
-    throw Error(Error::Kind::Compile, "the module has no kernel");
+  func::FuncOp kernel = kernelOf(*module.getImpl()->op);
   auto names = kernel->getAttrOfType<ArrayAttr>(attr::argNames);
   ParameterLayout layout = layOutParameters(kernel.getArgumentTypes());
   std::vector<Param> params;

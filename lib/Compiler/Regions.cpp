@@ -20,13 +20,6 @@
 
 using namespace mlir;
 
-static func::FuncOp kernelOf(ModuleOp module) {
-  for (auto function : module.getOps<func::FuncOp>())
-    if (function->hasAttr(warp::kernelAttrName))
-      return function;
-  throw warp::Error(warp::Error::Kind::Compile, "the module has no kernel");
-}
-
 /// True if functions that a kernel calls may access its arrays.
 static bool passesArrays(func::FuncOp kernel) {
   auto mayHold = [](Type type) {
@@ -97,7 +90,7 @@ class FormulaPrinter {
 public:
   explicit FormulaPrinter(const warp::Module &module)
       : params(warp::parameters(module)),
-        leaves(kernelOf(*module.getImpl()->op)),
+        leaves(warp::kernelOf(*module.getImpl()->op)),
         formula(warp::regionFormula(module)), stream(text) {}
 
   std::string run();
