@@ -15,6 +15,8 @@ from warp._src.distributed.failures import DistributedError
 
 FORMAT = 1
 _MANIFEST = "manifest.json"
+# Advice about a file that cannot be written.
+_FIX = "free space or give another folder"
 
 
 def save(folder, comm=None, blocks=None, **state) -> None:
@@ -42,25 +44,27 @@ def save(folder, comm=None, blocks=None, **state) -> None:
         try:
             os.makedirs(aside)
         except OSError as error:
-            problem = str(error)
+            problem = f"{error}: {_FIX}"
     comm.barrier()
     for name, value in state.items():
         try:
             facts[name] = _write(aside, name, value, comm, blocks)
-        except (OSError, TypeError) as error:
-            problem = problem or str(error)
+        except TypeError as error:
+            problem = problem or f"{error}: leave it out or pass one of these"
+        except OSError as error:
+            problem = problem or f"{error}: {_FIX}"
     found = comm.gather_objects((problem, facts))
     problems = [text for text, _ in found]
     if comm.rank == 0 and not any(problems):
         try:
             _publish(aside, folder, comm, state, [own for _, own in found], blocks)
         except OSError as error:
-            problems[0] = str(error)
+            problems[0] = f"{error}: {_FIX}"
     for rank, text in enumerate(comm.broadcast_object(problems)):
         if text:
             raise DistributedError(
-                f"rank {comm.rank}: save to '{folder}': rank {rank} could not write ({text}): what "
-                "was there is still whole, free space or give another folder"
+                f"rank {comm.rank}: save to '{folder}': rank {rank} could not write, what was there "
+                f"is still whole: {text}"
             )
 
 

@@ -79,11 +79,11 @@ def checkpoints(comm):
     whole = folder + "2"
     wd.save(whole, comm, blocks, rows=rows, step=3)
     text = checking.fails(lambda: wd.save(whole, comm, blocks, rows=rows, bad=comm), who, "'bad'")
-    assert "not an array, number, text or list" in text
+    assert "not an array, number, text or list: leave it out" in text and "space" not in text
     # A full disk: of a rank's arrays, and of what rank 0 writes in the end.
     for rank, most in ((comm.size - 1, 1), (0, 200)):
         with limited_files(most if comm.rank == rank else None):
-            words = who, f"rank {rank} could not write", "is still whole"
+            words = who, f"rank {rank} could not write", "is still whole", "free space"
             checking.fails(lambda: wd.save(whole, comm, blocks, rows=rows, step=4), *words)
     assert wd.load(whole, comm, blocks)["step"] == 3
 
