@@ -74,20 +74,24 @@ protected:
     fs::remove_all(folder);
   }
 
+  /// Arguments of a launch over 100 elements, of an array without memory.
+  static std::vector<char> paramsOf(const Kernel &kernel) {
+    std::vector<char> params(kernel.parameterSize());
+    ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
+    std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
+    return params;
+  }
+
   /// Assemblies of a process that launches so many times.
   int run(int launches = 1, bool quickFirst = true) {
     KernelOptions options;
     options.quickFirst = quickFirst;
     Kernel kernel(Module::fromText(scaleText), "scale", options);
     int first = assemblies();
-    for (int i = 0; i < launches; ++i) {
-      std::vector<char> params(kernel.parameterSize());
-      ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
-      std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
-      LaunchDim dim;
-      dim.extent[0] = 100;
-      kernel.launch(0, dim, params.data());
-    }
+    LaunchDim dim;
+    dim.extent[0] = 100;
+    for (int i = 0; i < launches; ++i)
+      kernel.launch(0, dim, paramsOf(kernel).data());
     waitForBackground();
     return assemblies() - first;
   }
@@ -99,12 +103,10 @@ protected:
     options.quickFirst = true;
     Kernel kernel(Module::fromText(text), "scale", options);
     int first = assemblies();
+    LaunchDim dim;
+    dim.extent[0] = 100;
     for (int i = 0; i < launches; ++i) {
-      std::vector<char> params(kernel.parameterSize());
-      ArrayDescriptor x = packed(nullptr, {100}, sizeof(float));
-      std::memcpy(params.data() + kernel.parameters()[0].offset, &x, sizeof x);
-      LaunchDim dim;
-      dim.extent[0] = 100;
+      std::vector<char> params = paramsOf(kernel);
       Kernel::Plan plan = kernel.tryPrepare(0, dim, params.data(), 0);
       if (plan.variant && !Kernel::mustQueue(0))
         kernel.launch(0, dim, params.data());
