@@ -63,8 +63,8 @@ def save(folder, comm=None, blocks=None, **state) -> None:
     for rank, text in enumerate(comm.broadcast_object(problems)):
         if text:
             raise DistributedError(
-                f"rank {comm.rank}: save to '{folder}': rank {rank} could not write, what was there "
-                f"is still whole: {text}"
+                f"rank {comm.rank}: save to '{folder}': rank {rank} could not write, what was "
+                f"there is still whole: {text}"
             )
 
 
