@@ -2,10 +2,12 @@
 
     python -m warp.install             say which distributions provide `warp`, and what is damaged
     python -m warp.install --replace   remove warp-lang, then restore files of warp-mlir
+    ... --find-links FOLDER            where pip finds the wheel of warp-mlir, as in `pip install`
 
 Both distributions install the package `warp`. The one that came last has overwritten files of the
 other, and uninstalling one deletes files of both. This program uses the standard library alone, so
-it runs whichever files are there.
+it runs whichever files are there. Where `warp/__init__.py` is NVIDIA's, `python -m` fails, but
+`python -I .../warp/install.py` does not.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import importlib.metadata
 import json
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 OURS, THEIRS = "warp-mlir", "warp-lang"
@@ -57,7 +60,7 @@ def contents(files: dict[Path, str]) -> tuple[dict[Path, bytes], list[Path]]:
     return good, damaged
 
 
-def pip(*arguments: str) -> None:
+def pip(*arguments: str, hint: str = "") -> None:
     """Runs pip in this environment.
 
     Raises:
@@ -65,7 +68,7 @@ def pip(*arguments: str) -> None:
     """
     done = subprocess.run([sys.executable, "-m", "pip", *arguments])
     if done.returncode:
-        raise SystemExit(f"`pip {' '.join(arguments)}` failed with status {done.returncode}")
+        raise SystemExit(f"`pip {' '.join(arguments)}` failed with status {done.returncode}{hint}")
 
 
 def source(ours: importlib.metadata.Distribution) -> str:
@@ -75,8 +78,11 @@ def source(ours: importlib.metadata.Distribution) -> str:
     return url or f"{OURS}=={ours.version}"
 
 
-def replace() -> str:
+def replace(find_links: str = "") -> str:
     """Removes warp-lang and restores the files of warp-mlir; returns a line about it.
+
+    Where files of warp-mlir are damaged its wheel is fetched before anything is removed, from the
+    folder or address `find_links`, too.
 
     Raises:
         SystemExit: warp-mlir is not installed, or pip has failed.
@@ -87,17 +93,26 @@ def replace() -> str:
     if theirs is None or not holds_files(theirs):
         return f"nothing to do: {OURS} {ours.version} is alone"
     good, damaged = contents(recorded(ours))
-    pip("uninstall", "-y", "--quiet", THEIRS)
-    if damaged:
-        pip("install", "--quiet", "--force-reinstall", "--no-deps", source(ours))
-        return f"removed {THEIRS} {theirs.version}, installed {OURS} {ours.version} again"
+    # The metadata of a removed distribution can no longer be read.
+    removed, kept = f"{THEIRS} {theirs.version}", f"{OURS} {ours.version}"
+    with tempfile.TemporaryDirectory() as folder:
+        if damaged:
+            places = ["--find-links", find_links] if find_links else []
+            hint = ", nothing was removed: name the folder of the wheel, `--find-links FOLDER`"
+            fetch = ["wheel", "--quiet", "--no-deps", "--wheel-dir", folder, *places, source(ours)]
+            pip(*fetch, hint=hint)
+        pip("uninstall", "-y", "--quiet", THEIRS)
+        if damaged:
+            wheels = map(str, sorted(Path(folder).iterdir()))
+            pip("install", "--quiet", "--force-reinstall", "--no-deps", *wheels)
+            return f"removed {removed}, installed {kept} again"
     restored = 0
     for path, data in good.items():
         if not path.is_file():
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)
             restored += 1
-    return f"removed {THEIRS} {theirs.version}, restored {restored} files of {OURS} {ours.version}"
+    return f"removed {removed}, restored {restored} files of {kept}"
 
 
 def report() -> str:
@@ -120,8 +135,9 @@ def main(arguments: list[str] | None = None) -> None:
     about = "Repair an environment that has NVIDIA Warp and this package in one folder"
     parser = argparse.ArgumentParser(prog="python -m warp.install", description=about)
     parser.add_argument("--replace", action="store_true", help="remove NVIDIA Warp")
+    parser.add_argument("--find-links", default="", metavar="FOLDER", help="of warp-mlir's wheel")
     options = parser.parse_args(arguments)
-    print(replace() if options.replace else report())
+    print(replace(options.find_links) if options.replace else report())
 
 
 if __name__ == "__main__":
