@@ -94,6 +94,19 @@ def test_reference_has_every_header_that_programs_include(reference):
         assert re.fullmatch(r"WARP_\w+_H", guard)
 
 
+def test_decisions_are_listed_by_their_titles():
+    """Each page has evidence, and a line with its number and title in the index, in order."""
+    pages = sorted((DOCS / "decisions").glob("0*.md"))
+    lines = []
+    for path in pages:
+        number, title = path.read_text().splitlines()[0].removeprefix("# ").split(". ", 1)
+        assert path.name.startswith(f"{number}-"), path.name
+        assert "## Evidence" in path.read_text(), path.name
+        lines.append(f"- [{number}]({path.name}) {title}")
+    index = (DOCS / "decisions" / "README.md").read_text()
+    assert re.findall(r"^- \[.*$", index, re.MULTILINE) == lines
+
+
 def test_there_are_ten_tutorials_and_forty_recipes():
     assert len(TUTORIALS) == 10
     text = "".join(re.sub(r"```.*?```", "", path.read_text(), flags=re.DOTALL) for path in RECIPES)
