@@ -28,7 +28,7 @@ ON_GPUS = ("nccl", "torch-nccl", "gloo")
 
 def missing(engine):
     """Name of what an engine needs and is absent, or None."""
-    if engine == "torch":
+    if engine in ("torch", "torch-nccl", "gloo"):
         return None if importlib.util.find_spec("torch") else "torch"
     if importlib.util.find_spec("mpi4py") is None:
         return "mpi4py"
