@@ -74,8 +74,8 @@ unsigned CallGraph::visit(func::FuncOp function) {
   return number;
 }
 
-/// True if a function takes and gives numbers and composites of them, and has
-/// no derivative that somebody wrote.
+/// True if arguments and results of a function are numbers and composites of
+/// numbers, and the function has no derivative of its own.
 static bool isOfValues(func::FuncOp function) {
   auto isPlain = [](Type type) { return bool(warp::getElementScalar(type)); };
   return llvm::all_of(function.getArgumentTypes(), isPlain) &&

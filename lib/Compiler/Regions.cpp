@@ -54,7 +54,7 @@ public:
     });
     return sizes[function] = size;
   }
-  /// Larger kernels are looked at as they are written.
+  /// Kernels of more operations are analysed without inlining.
   static constexpr int64_t mostInlined = 20000;
 
 private:

@@ -122,9 +122,10 @@ public:
                                                const Code &) {
     return nullptr;
   }
-  /// Has machine code of a long program made while other threads have theirs
-  /// made, and keeps it for `loadKept`; null for others. It is provisional.
-  virtual std::unique_ptr<DeviceCode> loadBeside(const Kernel::Variant &,
+  /// Provisional machine code of a long program by the driver's linker, which
+  /// works for several threads at a time; kept for `loadKept`. Null for other
+  /// programs.
+  virtual std::unique_ptr<DeviceCode> loadLinked(const Kernel::Variant &,
                                                  const Code &) {
     return nullptr;
   }

@@ -183,7 +183,7 @@ bool warp::isCapturing(int device) {
       [&](const Entry &entry) { return entry.capture->device() == device; });
 }
 
-bool warp::isCapturingForGood(int device) {
+bool warp::capturesFixedCode(int device) {
   if (capturesInProgress.load(std::memory_order_relaxed) == 0)
     return false;
   if (isHost(device))

@@ -217,14 +217,15 @@ std::string GraphFuser::whyNot(int group, int node, bool &hasRows) const {
   }
   if (!hasRows)
     return "";
-  // It would delay what is as far from the end.
+  // A launch that waits for the group and is as far from the end would wait for
+  // this one, too.
   for (int member : members)
     for (int follower : followers[member])
       if (follower != node && groupOf[follower] != group &&
           height[follower] >= height[node])
         return "'" + records[follower].name + "' would have to wait";
   std::string whyRows = whyNoRows(group, node);
-  // The reason of threads, where rows are out of the question.
+  // Where blocks cannot run rows, the reason that keeps threads apart is given.
   bool areRows = mayBeRow(node) && mayBeRow(members.front());
   return whyRows.empty() || areRows ? whyRows : why;
 }

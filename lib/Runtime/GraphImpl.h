@@ -118,9 +118,9 @@ template <typename Fn> void recordOrRun(size_t bytes, Fn &&function) {
 /// this thread), puts `release` off until they are destroyed. False if none.
 bool keepForCapture(int device, std::function<void()> release);
 
-/// True if work for a device is being recorded by somebody who keeps the code
-/// that launches have now.
-bool isCapturingForGood(int device);
+/// True if a capture on a device keeps the code that launches have now, as
+/// graphs of other libraries and those that are verified do.
+bool capturesFixedCode(int device);
 /// Tells the captures on a GPU of a launch of tier-0 code, which one of them
 /// may have recorded.
 void noteProvisional(int device, ProvisionalLaunch launch);

@@ -13,8 +13,8 @@
 // the same bits, so launches, recorded ones and those in graphs too, go over to
 // it without knowing; graphs of CUDA are updated for this
 // (cuda/GraphRefresh.h). A launch of many operations on a CPU waits for the
-// tier-1 code, but for that of long code; so does one that is captured by
-// somebody else's graph.
+// tier-1 code, but for that of long code; so does one that a graph of
+// another library captures.
 //
 //===----------------------------------------------------------------------===//
 
@@ -177,14 +177,14 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   bool isKept = loaded != nullptr;
   bool mayWait = wanted && (options.quickFirst || options.linkedFirst) &&
-                 !isCapturingForGood(device.index);
+                 !capturesFixedCode(device.index);
   if (loaded && loaded->isProvisional() && !mayWait)
     loaded = nullptr;
   // The driver makes whole programs one after the other: launches that wait
   // for the code of several kernels have long ones linked first.
   if (!isKept && mayWait && background::isWorker() &&
       KernelCache::get().enabled())
-    loaded = device.loadBeside(variant, code);
+    loaded = device.loadLinked(variant, code);
   if (loaded && loaded->isProvisional() && !variant.quick) {
     variant.quick = makeQuick(*wanted, variant);
     variant.isQuick = true;
@@ -253,7 +253,7 @@ bool Kernel::Impl::mayBeQuick(const VariantKey &key,
     return true;
   bool isOpen = wanted.maxRegisters == 0 && wanted.minBlocks == 0;
   return linksLibrary && isOpen && items != anyItems &&
-         !isCapturingForGood(key.device) && wanted.optLevel >= 2 &&
+         !capturesFixedCode(key.device) && wanted.optLevel >= 2 &&
          hasAssembledLibrary(wanted.target);
 }
 
@@ -352,7 +352,7 @@ bool warp::isTooSlow(const Kernel::Variant &variant, int64_t items) {
   if (!variant.isQuick.load(std::memory_order_relaxed))
     return false;
   return isHost(variant.key.device) ? !isQuickEnough(variant.code, items)
-                                    : isCapturingForGood(variant.key.device);
+                                    : capturesFixedCode(variant.key.device);
 }
 
 void QuickCode::spend(int64_t amount) {

@@ -100,7 +100,7 @@ struct Kernel::Variant {
   /// mapping, and the same once launches run that.
   std::unique_ptr<LaunchTrial> launchTrial;
   std::unique_ptr<Variant> plain;
-  std::atomic<const Variant *> instead{nullptr};
+  std::atomic<const Variant *> replacement{nullptr};
   /// PTX that `current` was made of and no machine code is kept of.
   std::shared_ptr<Code> unkept;
   /// Loop times that the thread pool learned from its launches.

@@ -152,8 +152,8 @@ void Kernel::Impl::startLaunchTrial(const CompileOptions &wanted,
       inBackground(weak_from_this(), variant,
                    [wanted](Impl &impl, Variant &variant) {
                      if (impl.loadPlain(wanted, variant))
-                       variant.instead.store(variant.plain.get(),
-                                             std::memory_order_release);
+                       variant.replacement.store(variant.plain.get(),
+                                                 std::memory_order_release);
                    })();
     return;
   }
@@ -165,7 +165,7 @@ void Kernel::Impl::startLaunchTrial(const CompileOptions &wanted,
       });
   auto finish = [file, &variant](const LaneTimes &times) {
     if (times.prefersScalar())
-      variant.instead.store(variant.plain.get(), std::memory_order_release);
+      variant.replacement.store(variant.plain.get(), std::memory_order_release);
     background::add(
         [file, times] { KernelCache::get().write(file, times.toText()); });
   };

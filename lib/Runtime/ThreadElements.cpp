@@ -198,7 +198,7 @@ struct Reach {
   int64_t below = 0, above = 0;
 };
 
-/// Nothing if it is too far for numbers.
+/// Nothing if a reach overflows 64 bits.
 static std::optional<Reach> reachOf(const Index &index, const LaunchDim &dim) {
   Reach reach;
   for (int i = 1; i < dim.rank; ++i) {

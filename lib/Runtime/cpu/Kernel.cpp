@@ -30,7 +30,7 @@ static constexpr double chunkWork = 16384;
 /// its sums are then made in one order, and programs that decide by them, such
 /// as optimisers, take the same way in every run. Some tens of microseconds.
 static constexpr double orderedWork = 262144;
-/// Some microseconds.
+/// Ticks that a brief launch takes, at most: some microseconds.
 static constexpr uint64_t mostTicks = 16384;
 
 /// Held alone by code that updates arrays without atomic instructions, shared

@@ -72,7 +72,7 @@ public:
                                    Code &code) override;
   std::unique_ptr<DeviceCode> loadKept(const Kernel::Variant &variant,
                                        const Code &code) override;
-  std::unique_ptr<DeviceCode> loadBeside(const Kernel::Variant &variant,
+  std::unique_ptr<DeviceCode> loadLinked(const Kernel::Variant &variant,
                                          const Code &code) override;
   void keep(const Kernel::Variant &variant, Code code,
             const DeviceCode &loaded) override;

@@ -131,7 +131,7 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
 static constexpr size_t longProgram = 100'000;
 
 std::unique_ptr<DeviceCode>
-CudaDevice::loadBeside(const Kernel::Variant &variant, const Code &code) {
+CudaDevice::loadLinked(const Kernel::Variant &variant, const Code &code) {
   if (code.binary.size() < longProgram || isElf(code.binary) ||
       callsLibrary(code))
     return nullptr;
@@ -335,7 +335,7 @@ static void launchPlain(const Kernel::Variant &plain, Kernel::Plan plan,
 void CudaEntry::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
                        const Stream *stream) const {
   const Kernel::Variant &variant = *plan.variant;
-  if (const auto *plain = variant.instead.load(std::memory_order_acquire))
+  if (const auto *plain = variant.replacement.load(std::memory_order_acquire))
     return launchPlain(*plain, plan, params, paramSize, stream);
   LaunchTrial *trial = variant.launchTrial.get();
   if (!trial || !trial->isOpen() || capturesInProgress != 0 ||

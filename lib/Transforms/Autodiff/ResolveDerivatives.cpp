@@ -124,7 +124,7 @@ struct Request {
   bool arrays = false;
   /// Forward mode: how many arguments have tangents.
   unsigned tangents = 0;
-  /// The kernel has nothing to say of the derivative.
+  /// A derivative with notices is refused: calls have nobody to give them to.
   bool silent = false;
 };
 

@@ -161,7 +161,7 @@ bool LoopWriter::isMadeOfCounters(Value value) {
   }
   Operation *def = value.getDefiningOp();
   unsigned number = cast<OpResult>(value).getResultNumber();
-  // Either way it is.
+  // A condition picks one of two values, which are followed both.
   if (auto where = dyn_cast<warp::WhereOp>(def); where && !takesAll) {
     if (!comesFromCounters(where->getOperand(0)))
       picked.insert(value);

@@ -70,7 +70,7 @@ private:
 
   SmallVector<Staged> stages;
   int64_t bytes = 0;
-  /// Bytes that there may be.
+  /// Bytes of a lane that shared memory has room for.
   int64_t room = 0;
   /// Values that lanes must agree on for bounds and arrays to be the same.
   llvm::SetVector<Value> compared;

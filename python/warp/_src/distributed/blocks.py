@@ -159,7 +159,7 @@ class Blocks:
         self.interior, self.shell = self._split_owned()
         self.directions = self._find_directions()
         self._exchanges: dict = {}
-        # Functions of those that need no Python, by the field's id.
+        # Native functions of exchanges that need no Python, by the field's id.
         self._quick: dict = {}
         self._plans: dict = {}
 

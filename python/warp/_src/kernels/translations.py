@@ -122,7 +122,7 @@ def _tell(kernel, has_tiles, handles, sums_winding, warp_rank=None) -> None:
 
         blocks = block_code(kernel)
         if warp_rank is not None:
-            # Whoever names bounds or an option, for which files have code, means it.
+            # Bounds and the option fix the number of threads, for which files have code.
             is_fixed = "launch_bounds" in kernel.options or kernel.option("block_dim")
             blocks.warp_rank = 0 if is_fixed else warp_rank
     if handles or sums_winding:
