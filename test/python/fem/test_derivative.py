@@ -70,6 +70,7 @@ def vector_case(name):
 CASES = [(scalar_case, "grid2"), (scalar_case, "tet"), (vector_case, "grid3"), (vector_case, "tet")]
 
 
+@pytest.mark.usefixtures("threads")
 @pytest.mark.parametrize(("make", "name"), CASES)
 def test_residual_and_tangent(make, name):
     space, u, (form, first, second), values = make(name)
@@ -88,6 +89,7 @@ def test_residual_and_tangent(make, name):
         np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(expected).max())
 
 
+@pytest.mark.usefixtures("threads")
 def test_newton_finds_a_minimum():
     space, u, (form, _, _), values = scalar_case("grid2")
     domain = fem.Cells(space.geometry)

@@ -46,13 +46,6 @@ CASES = {
 }
 
 
-@pytest.fixture(params=["elements", "rows"])
-def threads(request, monkeypatch):
-    """Threads are elements, as on CPUs, or rows of elements, as on GPUs."""
-    monkeypatch.setattr(Form, "has_many_threads", request.param == "rows")
-    return request.param
-
-
 def case(name):
     form, cells, trial_degree, test_degree, *sizes = CASES[name]
     geo = programs.geometry(cells, 1, move=programs.warped)

@@ -40,16 +40,16 @@ def rows_text(plan) -> tuple | None:
         f"    end = {'i + 1' if plan.is_symmetric else columns}",
         "    if start >= end:",
         "        return",
-        *(f"    sum_{k} = Block()" for k in range(width)),
+        *(f"    entry_{k} = Block()" for k in range(width)),
     ]
     plan._loop(lines)
     groups = _row_sums(plan, lines)
     for k in range(width):
         # Nodes behind the last one stand for it, and are not stored.
         lines.append(f"        j = wp.min(start + {k}, {columns - 1})")
-        lines.append(f"        sum_{k} += {_entry(plan, lines, groups)}")
+        lines.append(f"        entry_{k} += {_entry(plan, lines, groups)}")
     for k in range(width):
-        lines += [f"    j = start + {k}", "    if j < end:", f"        block = sum_{k}"]
+        lines += [f"    j = start + {k}", "    if j < end:", f"        block = entry_{k}"]
         store_block(plan, lines, "        ", f"local * {rows * columns}", columns)
     return "\n".join(lines) + "\n", (rows, parts)
 

@@ -101,11 +101,11 @@ class Lines:
         ]
         for tag in sources:
             lines.append(f"                sum_{'v' if tag is None else tag} = Dof_{self.name}()")
-        lines.append(f"                for i in range({self.n}):")
+        lines.append(f"                for along in range({self.n}):")
         for tag, (source, table) in sources.items():
             lines.append(
-                f"                    sum_{'v' if tag is None else tag} += {table}[p, i] * "
-                f"{source}[(m * {self.n} + i) * {rest} + r]"
+                f"                    sum_{'v' if tag is None else tag} += {table}[p, along] * "
+                f"{source}[(m * {self.n} + along) * {rest} + r]"
             )
         for tag in sources:
             lines.append(
@@ -125,11 +125,11 @@ class Lines:
             wanted |= {str(t): (s, self.tables[0]) for t, s in self.state.items() if t is not None}
         for tag in wanted:
             lines.append(f"{indent}at_{self.name}_{tag} = Dof_{self.name}()")
-        lines.append(f"{indent}for i in range({self.n}):")
+        lines.append(f"{indent}for along in range({self.n}):")
         for tag, (source, table) in wanted.items():
             lines.append(
-                f"{indent}    at_{self.name}_{tag} += {table}[q // {rest}, i] * "
-                f"{source}[i * {rest} + q % {rest}]"
+                f"{indent}    at_{self.name}_{tag} += {table}[q // {rest}, along] * "
+                f"{source}[along * {rest} + q % {rest}]"
             )
         if self.value is not None:
             lines.append(f"{indent}{self.name}_0 = at_{self.name}_v")
