@@ -1,6 +1,9 @@
 """Kernels that cannot be: each is refused with file, line, caret and, if there is one, the fix."""
 
+import importlib.util
+import tempfile
 import typing
+from pathlib import Path
 
 import pytest
 
@@ -370,20 +373,41 @@ def test_constructs_outside_the_language():
         )
 
 
-def assert_refused_source(name, source):
-    import importlib.util
-    import tempfile
-    from pathlib import Path
+def test_constructs_outside_the_language_name_one_inside():
+    """The hint's own construct is accepted in the place of the refused one."""
+    source = "import math\nimport warp as wp\n\n@wp.func\ndef g(a: int):\n    return a\n\n"
+    source += "@wp.kernel\ndef kernel():\n    {}\n"
+    for refused_body, hint, body in (
+        ("print(f'{1}')", '`wp.printf("%d\\n", i)`', 'i = 1\n    wp.printf("%d\\n", i)'),
+        ("x = (lambda a: a)(1)", "`@wp.func`", "x = g(1)"),
+        ("def h():\n        return 1", "`@wp.func`", "x = g(1)"),
+        ("x = [k for k in range(3)]", "`wp.zeros(shape, dtype)`", "x = wp.zeros(3, dtype=int)"),
+        ("if (x := wp.tid()) > 0:\n        x = 1", "statement before", "x = wp.tid()"),
+        ("match wp.tid():\n        case 0: x = 1", "`elif`", "if wp.tid() == 0:\n        x = 1"),
+        ("raise ValueError('x')", "`assert`", "assert wp.tid() == 0"),
+        ("import math", "top of the file", "x = math.sin(1.0)"),
+    ):
+        message = assert_refused_source(refused_body, source.format(refused_body))
+        assert hint in message.partition("hint:")[2], message
+        wp.launch(module_of(source.format(body)).kernel, 1, device="cpu")
 
+
+def module_of(source):
+    """The module of a source text."""
     path = Path(tempfile.mkdtemp(prefix="warp-test-source-")) / "refused_module.py"
     path.write_text(source)
     spec = importlib.util.spec_from_file_location("refused_module", path)
     module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def assert_refused_source(name, source):
     with pytest.raises(errors.WarpCodegenError) as caught:
-        spec.loader.exec_module(module)
-        wp.launch(module.kernel, 1, device="cpu")
+        wp.launch(module_of(source).kernel, 1, device="cpu")
         pytest.fail(f"{name} was accepted")
     assert "refused_module.py:" in str(caught.value), f"{name}: {caught.value}"
+    return str(caught.value)
 
 
 def test_one_bad_kernel_does_not_spoil_its_module():

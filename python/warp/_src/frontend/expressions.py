@@ -74,6 +74,14 @@ _UNSUPPORTED = {
     "YieldFrom": "`yield from`",
     "Starred": "`*` outside a call",
 }
+_HINTS = {
+    "JoinedStr": 'use `wp.printf`, which formats as C does: `wp.printf("%d\\n", i)`',
+    "Lambda": "define a function with `@wp.func` outside the kernel",
+    "Dict": "use a `@wp.struct` for fields with names",
+    "ListComp": "use a loop, and `wp.zeros(shape, dtype)` for an array of the thread",
+    "GeneratorExp": "use a loop",
+    "NamedExpr": "assign in a statement before this one",
+}
 
 
 def _truncated(a, b):
@@ -89,8 +97,8 @@ class Expressions(Part):
         method = self.context.methods.get(type(node)) or self.context.method(type(node))
         if method is None:
             kind = type(node).__name__
-            what = _UNSUPPORTED.get(kind, f"`ast.{kind}`")
-            raise self.context.unsupported(node, what, code="construct", facts={"kind": kind})
+            what, hint = _UNSUPPORTED.get(kind, f"`ast.{kind}`"), _HINTS.get(kind)
+            raise self.context.unsupported(node, what, hint, code="construct", facts={"kind": kind})
         return method(node)
 
     def value(self, node):

@@ -44,6 +44,14 @@ _UNSUPPORTED = {
     "Global": "`global`",
     "Nonlocal": "`nonlocal`",
 }
+_HINTS = {
+    "FunctionDef": "define it with `@wp.func` outside the kernel",
+    "Match": "use `if` and `elif`",
+    "Raise": "use `assert`, which debug mode checks",
+    "Try": "test with `if` what can fail",
+    "Import": "import at the top of the file",
+    "ImportFrom": "import at the top of the file",
+}
 
 
 class Statements(Part):
@@ -76,7 +84,8 @@ class Statements(Part):
         method = getattr(self, "statement_" + type(node).__name__, None)
         if method is None:
             name = type(node).__name__
-            raise self.context.unsupported(node, _UNSUPPORTED.get(name, f"`ast.{name}`"))
+            what = _UNSUPPORTED.get(name, f"`ast.{name}`")
+            raise self.context.unsupported(node, what, _HINTS.get(name))
         self.context.node = node
         method(node)
 
