@@ -109,24 +109,40 @@ class AdjointLaunch(LaunchParameters):
         return launch_plain(kernel, self._native, self._dim, values, gradients, self._place)
 
     def _writable(self, signature, position, given):
-        """A gradient itself, or a copy of a read-only one that is only read.
+        """A gradient itself, or a copy of one that the derivative reads and does not add to.
+
+        A derivative sets the gradient of what the launch overwrites to zero. One that the caller
+        owns keeps its contents, as other libraries may read it again.
 
         Raises:
-            ValueError: the derivative adds to it.
+            ValueError: it is read-only, and the derivative adds to it.
         """
         if not _is_array(given):
             return given
         found = _as_array(given)
-        if not found.read_only:
+        access = self._access(signature, position)
+        is_added_to = access is None or access[0]
+        if found.read_only:
+            if not is_added_to:
+                return clone(found, requires_grad=False)
+            name = signature.parameters[position][0]
+            raise errors.WarpLaunchValueError(
+                f"launch('{self.kernel.key}', adjoint=True): the gradient of argument '{name}' is "
+                "a read-only array, but the derivative adds to it, use a copy"
+            )
+        own = getattr(self._values[position], "_grad", None)
+        is_own = isinstance(own, array) and own.ptr == found.ptr
+        if is_added_to or is_own or not access[1]:
             return given
-        number = [i for i, _ in signature.arrays].index(position) if signature.flat else None
-        if number is not None and not signature.accesses[number][0]:
-            return clone(found, requires_grad=False)
-        name = signature.parameters[position][0]
-        raise errors.WarpLaunchValueError(
-            f"launch('{self.kernel.key}', adjoint=True): the gradient of argument '{name}' is a "
-            "read-only array, but the derivative adds to it, use a copy"
-        )
+        return clone(found, requires_grad=False)
+
+    @staticmethod
+    def _access(signature, position):
+        """Facts about the access of an array; None if they are not known."""
+        if not signature.flat:
+            return None
+        numbers = [i for i, (place, _) in enumerate(signature.arrays) if place == position]
+        return signature.accesses[numbers[0]] if numbers else None
 
 
 def launch_again(kernel, dim, inputs, outputs, adj_inputs, adj_outputs, index, block_dim) -> bool:

@@ -75,6 +75,7 @@ def launch(
         stream: CUDA stream to queue on.
         adj_inputs, adj_outputs: with `adjoint`, arrays of gradients to use in place of those that
             the arguments have; None, and whatever belongs to no array, stands for the latter.
+            Those of arrays that the launch only writes are left as they are.
         adjoint: run the derivative instead: it takes the gradients of what the launch has written,
             and adds to those of what it has read.
         record_tape: False keeps the launch from the tape that is recording.
