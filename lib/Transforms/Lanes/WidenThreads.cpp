@@ -405,9 +405,11 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (kernel->hasAttr(warp::attr::blockThreads))
       return warp::noteChoice(kernel, "lanes", "1",
                               "loops over elements of tiles have them");
-    if (kernel->hasAttr(warp::attr::keepsCalls))
+    if (kernel->hasAttr(warp::attr::keepsCalls)) {
+      warp::leaveStep(kernel);
       return warp::noteChoice(kernel, "lanes", "1",
                               "large functions stay calls");
+    }
     warp::foldViews(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);

@@ -146,8 +146,11 @@ struct FormLaunch : warp::impl::FormLaunchBase<FormLaunch> {
     bool mayBeInStep =
         (!target.isSimt() || target.has(warp::Feature::SubgroupMax)) &&
         !variant.getDebug() && !kernel->hasAttr(warp::attr::blockThreads);
-    if (!mayBeInStep)
-      warp::leaveStep(kernel);
+    // Calls that stay may be made by some lanes only.
+    getOperation()->walk([&](FunctionOpInterface function) {
+      if (function != kernel || !mayBeInStep)
+        warp::leaveStep(function);
+    });
     formThreads(kernel);
   }
 };

@@ -160,3 +160,67 @@ def test_vectors_matrices_and_several_results():
     np.testing.assert_allclose(of_x, slope_x, rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(of_y, slope_y, rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(tangent, slope_x + slope_y, rtol=1e-3, atol=1e-4)
+
+
+def ended(x, level):
+    """Value and derivative of a loop that a condition on its sum ends."""
+    if level == 0:
+        return x, 1.0
+    s, slope = 0.0, 0.0
+    for _ in range(4):
+        if s > x:
+            break
+        s, slope = 0.5 * s + 0.3 * np.sin(x + s), 0.5 * slope + 0.3 * np.cos(x + s) * (1.0 + slope)
+    (half, of_x), (other, of_s) = ended(0.5 * x, level - 1), ended(s, level - 1)
+    return 0.5 * half + 0.25 * other + s, 0.25 * of_x + (0.25 * of_s + 1.0) * slope
+
+
+def left(x, level):
+    """Value and derivative of a loop with a return and a step that is skipped."""
+    if level == 0:
+        return x, 1.0
+    s, slope = 0.0, 0.0
+    for i in range(4):
+        if x > i - 2.0:
+            return s, slope
+        if i == 2:
+            continue
+        s, slope = s + np.sin(x * (i + 1)), slope + np.cos(x * (i + 1)) * (i + 1)
+    (half, of_x), (other, of_s) = left(0.5 * x, level - 1), left(0.5 * s, level - 1)
+    return 0.5 * half + 0.25 * other + s, 0.25 * of_x + (0.125 * of_s + 1.0) * slope
+
+
+LOOPS = {
+    # Sums of earlier iterations are kept in memory.
+    "break": (
+        "s = float(0.0)\n    for i in range(4):\n        if s > x:\n            break\n"
+        "        s = 0.5 * s + 0.3 * wp.sin(x + s)\n"
+        "    return 0.5 * {f}(x * 0.5) + 0.25 * {f}(s) + s",
+        5,
+        ended,
+    ),
+    # Functions that stay have such loops.
+    "return": (
+        "s = float(0.0)\n    for i in range(4):\n        if x > float(i) - 2.0:\n"
+        "            return s\n        if i == 2:\n            continue\n"
+        "        s = s + wp.sin(x * float(i + 1))\n"
+        "    return 0.5 * {f}(x * 0.5) + 0.25 * {f}(s * 0.5) + s",
+        12,
+        left,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LOOPS)
+@pytest.mark.parametrize("count", [1, 19])
+def test_loops_that_end_early(case, count):
+    """Threads end them after different numbers of iterations."""
+    body, levels, formula = LOOPS[case]
+    kernel = wp.kernel(tree(body, levels).func, module="unique", module_options=BUDGET)
+    x = np.random.default_rng(2).uniform(-3.0, 2.0, count).astype(np.float32)
+    y, (gradient,), tangent = gradients(kernel, x)
+    value, slope = np.array([formula(float(one), levels) for one in x]).T
+    np.testing.assert_allclose(y, value, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(gradient, slope, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(tangent, slope, rtol=1e-4, atol=1e-4)
+    kernel.ir(derivative="adjoint", stage="ptx", arch=90)
