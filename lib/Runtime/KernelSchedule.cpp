@@ -31,21 +31,21 @@ static std::string describeKind(const VariantKey &key, int arch) {
 }
 
 /// The times that lanes were checked by, and what came of it.
-static Choice describeTrial(const LaneTimes &times) {
+static Choice describeTrial(const TrialTimes &times) {
   char text[120];
   std::snprintf(text, sizeof(text),
                 "lanes took %.3g ns an index in a launch, scalar code %.3g",
-                times.lanes, times.scalar);
-  return {"measured", times.prefersScalar() ? "scalar" : "lanes", text};
+                times.chosen, times.plain);
+  return {"measured", times.prefersPlain() ? "scalar" : "lanes", text};
 }
 
 /// The same for a GPU's schedule.
-static Choice describeLaunches(const LaneTimes &times) {
+static Choice describeLaunches(const TrialTimes &times) {
   char text[120];
   std::snprintf(text, sizeof(text),
                 "the schedule took %.3g ns an index, the plain mapping %.3g",
-                times.lanes, times.scalar);
-  return {"measured", times.prefersScalar() ? "plain" : "schedule", text};
+                times.chosen, times.plain);
+  return {"measured", times.prefersPlain() ? "plain" : "schedule", text};
 }
 
 LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
@@ -74,7 +74,7 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
     result.choices.push_back(
         {"threads", "at most " + threads, "as many as a launch has work for"});
     if (variant && variant->trial)
-      if (std::optional<LaneTimes> times = variant->trial->result())
+      if (std::optional<TrialTimes> times = variant->trial->result())
         result.choices.push_back(describeTrial(*times));
     return result;
   }
@@ -85,7 +85,7 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
   if (variant) {
     variant->current.load()->describe(key, result.choices);
     if (variant->launchTrial)
-      if (std::optional<LaneTimes> times = variant->launchTrial->result())
+      if (std::optional<TrialTimes> times = variant->launchTrial->result())
         result.choices.push_back(describeLaunches(*times));
   }
   return result;

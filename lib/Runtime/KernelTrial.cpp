@@ -68,9 +68,9 @@ static std::function<void()> inBackground(std::weak_ptr<Impl> self,
 void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
   std::string key = fingerprint(hashes(), wanted);
   std::optional<std::string> text = KernelCache::get().read(fileOf(key));
-  std::optional<LaneTimes> known =
-      text ? LaneTimes::fromText(*text) : std::nullopt;
-  if (known && !known->prefersScalar()) {
+  std::optional<TrialTimes> known =
+      text ? TrialTimes::fromText(*text) : std::nullopt;
+  if (known && !known->prefersPlain()) {
     variant.trial = std::make_unique<LaneTrial>(*known);
     return;
   }
@@ -88,9 +88,9 @@ void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
       weak_from_this(), variant, [wanted](Impl &impl, Variant &variant) {
         variant.trial->begin(impl.loadScalar(wanted, variant));
       });
-  auto finish = [this, key, &variant](const LaneTimes &times) {
+  auto finish = [this, key, &variant](const TrialTimes &times) {
     KernelCache::get().write(fileOf(key), times.toText());
-    if (times.prefersScalar())
+    if (times.prefersPlain())
       finishTrial(variant);
   };
   variant.trial = std::make_unique<LaneTrial>(compile, finish);
@@ -144,11 +144,11 @@ void Kernel::Impl::startLaunchTrial(const CompileOptions &wanted,
   std::string file = fileOf(fingerprint(hashes(), wanted),
                             deviceInfo(variant.key.device).name);
   std::optional<std::string> text = KernelCache::get().read(file);
-  std::optional<LaneTimes> known =
-      text ? LaneTimes::fromText(*text) : std::nullopt;
+  std::optional<TrialTimes> known =
+      text ? TrialTimes::fromText(*text) : std::nullopt;
   if (known) {
     variant.launchTrial = std::make_unique<LaunchTrial>(*known);
-    if (known->prefersScalar())
+    if (known->prefersPlain())
       inBackground(weak_from_this(), variant,
                    [wanted](Impl &impl, Variant &variant) {
                      if (impl.loadPlain(wanted, variant))
@@ -163,8 +163,8 @@ void Kernel::Impl::startLaunchTrial(const CompileOptions &wanted,
         variant.launchTrial->begin(
             isOther ? variant.plain->current.load()->makeTimer() : nullptr);
       });
-  auto finish = [file, &variant](const LaneTimes &times) {
-    if (times.prefersScalar())
+  auto finish = [file, &variant](const TrialTimes &times) {
+    if (times.prefersPlain())
       variant.replacement.store(variant.plain.get(), std::memory_order_release);
     background::add(
         [file, times] { KernelCache::get().write(file, times.toText()); });

@@ -29,45 +29,45 @@ bool warp::hasLaneTrials() { return enabled; }
 // Times
 //===----------------------------------------------------------------------===//
 
-std::string LaneTimes::toText() const {
+std::string TrialTimes::toText() const {
   char text[80];
-  std::snprintf(text, sizeof(text), "lanes %.6g scalar %.6g\n", lanes, scalar);
+  std::snprintf(text, sizeof(text), "lanes %.6g scalar %.6g\n", chosen, plain);
   return text;
 }
 
-std::optional<LaneTimes> LaneTimes::fromText(const std::string &text) {
-  LaneTimes times;
+std::optional<TrialTimes> TrialTimes::fromText(const std::string &text) {
+  TrialTimes times;
   int end = 0;
   bool isRead = std::sscanf(text.c_str(), "lanes %lf scalar %lf%n",
-                            &times.lanes, &times.scalar, &end) == 2;
+                            &times.chosen, &times.plain, &end) == 2;
   bool isWhole = isRead && text.compare(end, std::string::npos, "\n") == 0;
-  if (!isWhole || !std::isfinite(times.lanes) || !(times.lanes > 0) ||
-      !std::isfinite(times.scalar) || !(times.scalar > 0))
+  if (!isWhole || !std::isfinite(times.chosen) || !(times.chosen > 0) ||
+      !std::isfinite(times.plain) || !(times.plain > 0))
     return std::nullopt;
   return times;
 }
 
-int64_t LaneRatios::pieceOf(int64_t items) const {
+int64_t TrialRatios::pieceOf(int64_t items) const {
   if (items < 4 * partOfSmall * leastPiece)
     return 0;
   int64_t piece = std::min(items / (4 * partOfLaunch), mostPiece);
   return std::max(piece / leastPiece, int64_t(1)) * leastPiece;
 }
 
-void LaneRatios::record(int64_t piece, double lanesTime, double scalarTime) {
+void TrialRatios::record(int64_t piece, double chosenTime, double plainTime) {
   double count = 2 * static_cast<double>(piece);
   launches.push_back(
-      {std::max(lanesTime, 1e-3) / count, std::max(scalarTime, 1e-3) / count});
+      {std::max(chosenTime, 1e-3) / count, std::max(plainTime, 1e-3) / count});
 }
 
-std::optional<LaneTimes> LaneRatios::result() const {
+std::optional<TrialTimes> TrialRatios::result() const {
   if (launches.size() < launchesOfTrial)
     return std::nullopt;
-  std::vector<LaneTimes> sorted = launches;
+  std::vector<TrialTimes> sorted = launches;
   auto middle = sorted.begin() + sorted.size() / 2;
   std::nth_element(sorted.begin(), middle, sorted.end(),
-                   [](const LaneTimes &x, const LaneTimes &y) {
-                     return x.scalar * y.lanes < y.scalar * x.lanes;
+                   [](const TrialTimes &x, const TrialTimes &y) {
+                     return x.plain * y.chosen < y.plain * x.chosen;
                    });
   return *middle;
 }
@@ -104,7 +104,7 @@ LaneTrial::measure(int64_t items,
     spent[byLanes] += double(nanoseconds(steady_clock::now() - start).count());
     at += piece;
   }
-  std::optional<LaneTimes> found;
+  std::optional<TrialTimes> found;
   {
     std::lock_guard lock(mutex);
     if (times)
@@ -119,7 +119,7 @@ LaneTrial::measure(int64_t items,
   return at;
 }
 
-std::optional<LaneTimes> LaneTrial::result() const {
+std::optional<TrialTimes> LaneTrial::result() const {
   std::lock_guard lock(mutex);
   return times;
 }

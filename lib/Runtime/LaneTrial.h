@@ -10,7 +10,7 @@
 // counts once, and their median decides. The quicker code stays, and the cache
 // remembers the times beside the code.
 //
-// `LaneRatios` are the rules, without a clock and without threads.
+// `TrialRatios` are the rules, without a clock and without threads.
 //
 //===----------------------------------------------------------------------===//
 
@@ -32,29 +32,30 @@ namespace warp {
 
 class DeviceCode;
 
-/// Nanoseconds of an index, by lanes and by scalar code.
-struct LaneTimes {
-  double lanes = 0, scalar = 0;
+/// Nanoseconds of an index, by the code that the cost model chose and by plain
+/// code: lanes and scalar code, or a GPU's schedule and the plain mapping.
+struct TrialTimes {
+  double chosen = 0, plain = 0;
 
-  /// True if scalar code is quicker by more than what is never certain.
-  bool prefersScalar() const { return scalar * 1.05 < lanes; }
+  /// True if plain code is quicker by more than what is never certain.
+  bool prefersPlain() const { return plain * 1.05 < chosen; }
   std::string toText() const;
   /// Reads what `toText` gave; nothing of other texts.
-  static std::optional<LaneTimes> fromText(const std::string &text);
+  static std::optional<TrialTimes> fromText(const std::string &text);
 };
 
 /// The rules of a trial.
-class LaneRatios {
+class TrialRatios {
 public:
   /// Indices of a piece of a launch with that many; 0 if it is too small.
   int64_t pieceOf(int64_t items) const;
   /// Notes a launch whose pieces had so many indices.
-  void record(int64_t piece, double lanesTime, double scalarTime);
+  void record(int64_t piece, double chosenTime, double plainTime);
   /// The times of the launch with the median ratio, after enough launches.
-  std::optional<LaneTimes> result() const;
+  std::optional<TrialTimes> result() const;
 
 private:
-  std::vector<LaneTimes> launches;
+  std::vector<TrialTimes> launches;
 };
 
 /// A variant's trial.
@@ -63,10 +64,10 @@ public:
   /// `compile` is called once, when launches have run for a while; it has
   /// `begin` called on another thread. `finish` is called with the times.
   LaneTrial(std::function<void()> compile,
-            std::function<void(const LaneTimes &)> finish)
+            std::function<void(const TrialTimes &)> finish)
       : compile(std::move(compile)), finish(std::move(finish)) {}
   /// A trial that has been made, with times of the cache.
-  explicit LaneTrial(const LaneTimes &times) : times(times), open(false) {}
+  explicit LaneTrial(const TrialTimes &times) : times(times), open(false) {}
 
   /// False once it is over: launches need not ask again.
   bool isOpen() const { return open.load(std::memory_order_relaxed); }
@@ -88,17 +89,17 @@ public:
   int64_t measure(int64_t items,
                   const std::function<void(bool, int64_t, int64_t)> &run);
   /// The times, once it is over.
-  std::optional<LaneTimes> result() const;
+  std::optional<TrialTimes> result() const;
 
 private:
   std::function<void()> compile;
-  std::function<void(const LaneTimes &)> finish;
+  std::function<void(const TrialTimes &)> finish;
   /// Nanoseconds that launches run for before anything is compiled.
   std::atomic<int64_t> patience{20'000'000};
   std::atomic<const DeviceCode *> scalar{nullptr};
   mutable ForkMutex mutex;
-  LaneRatios ratios;
-  std::optional<LaneTimes> times;
+  TrialRatios ratios;
+  std::optional<TrialTimes> times;
   std::atomic<bool> open{true};
 };
 

@@ -53,7 +53,7 @@ bool LaunchTrial::collect() {
   // A record is of two pieces by each.
   ratios.record(std::max<int64_t>(count(timed), 1), spent[0], spent[1]);
   spent[0] = spent[1] = 0;
-  std::optional<LaneTimes> decided = ratios.result();
+  std::optional<TrialTimes> decided = ratios.result();
   if (!decided)
     return true;
   {
@@ -97,7 +97,7 @@ bool LaunchTrial::measure(const Extents &extents, const Stream *stream,
   return true;
 }
 
-std::optional<LaneTimes> LaunchTrial::result() const {
+std::optional<TrialTimes> LaunchTrial::result() const {
   std::lock_guard lock(mutex);
   return times;
 }

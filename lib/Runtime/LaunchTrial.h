@@ -8,7 +8,7 @@
 // compiled in the background, and whole launches are made by schedule, plain,
 // plain, schedule in turn, between two events on their stream. A later launch
 // asks whether the events have come; no launch waits, and none is timed while a
-// graph records. The rules are those of lanes on CPUs (`LaneRatios`): the
+// graph records. The rules are those of lanes on CPUs (`TrialRatios`): the
 // quartet with the median ratio decides.
 //
 //===----------------------------------------------------------------------===//
@@ -41,13 +41,12 @@ public:
   using Extents = std::array<int64_t, 4>;
 
   /// `compile` is called once, when launches have done enough; it has `begin`
-  /// called on another thread. `finish` is called with the times, of which
-  /// `lanes` are those of the schedule.
+  /// called on another thread. `finish` is called with the times.
   LaunchTrial(std::function<void()> compile,
-              std::function<void(const LaneTimes &)> finish)
+              std::function<void(const TrialTimes &)> finish)
       : compile(std::move(compile)), finish(std::move(finish)) {}
   /// A trial that has been made, with times of the cache.
-  explicit LaunchTrial(const LaneTimes &times) : times(times), open(false) {}
+  explicit LaunchTrial(const TrialTimes &times) : times(times), open(false) {}
 
   /// False once it is over: launches need not ask again.
   bool isOpen() const { return open.load(std::memory_order_relaxed); }
@@ -58,14 +57,14 @@ public:
   bool measure(const Extents &extents, const Stream *stream,
                const std::function<void(bool)> &run);
   /// The times of a launch index, once it is over.
-  std::optional<LaneTimes> result() const;
+  std::optional<TrialTimes> result() const;
 
 private:
   bool collect();
   void spend(const Extents &extents);
 
   std::function<void()> compile;
-  std::function<void(const LaneTimes &)> finish;
+  std::function<void(const TrialTimes &)> finish;
   /// Threads that launches have before anything is compiled, and those of the
   /// smallest launch that counts.
   static constexpr int64_t enough = int64_t(1) << 25, least = 1 << 17;
@@ -78,9 +77,9 @@ private:
   int turn = 0, misses = 0;
   Extents timed{};
   double spent[2] = {0, 0};
-  LaneRatios ratios;
+  TrialRatios ratios;
   mutable ForkMutex mutex;
-  std::optional<LaneTimes> times;
+  std::optional<TrialTimes> times;
   std::atomic<bool> open{true};
 };
 

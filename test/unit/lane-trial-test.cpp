@@ -11,8 +11,8 @@
 
 using namespace warp;
 
-TEST(LaneRatios, PiecesAreAPartOfALaunch) {
-  LaneRatios ratios;
+TEST(TrialRatios, PiecesAreAPartOfALaunch) {
+  TrialRatios ratios;
   EXPECT_EQ(ratios.pieceOf(511), 0);
   for (int64_t items : {512, 2047, 2048, 5000, 100000, 1 << 30}) {
     int64_t piece = ratios.pieceOf(items);
@@ -24,37 +24,37 @@ TEST(LaneRatios, PiecesAreAPartOfALaunch) {
 }
 
 // Launches that something else came into count no more than others.
-TEST(LaneRatios, TheMedianDecides) {
-  LaneRatios ratios;
+TEST(TrialRatios, TheMedianDecides) {
+  TrialRatios ratios;
   double scalarTimes[] = {900, 800, 1e6, 850, 870, 2000, 860};
   for (double scalar : scalarTimes) {
     EXPECT_FALSE(ratios.result());
     ratios.record(64, 1280, scalar);
   }
   ASSERT_TRUE(ratios.result());
-  EXPECT_DOUBLE_EQ(ratios.result()->lanes, 10);
-  EXPECT_DOUBLE_EQ(ratios.result()->scalar, 870 / 128.0);
-  EXPECT_TRUE(ratios.result()->prefersScalar());
+  EXPECT_DOUBLE_EQ(ratios.result()->chosen, 10);
+  EXPECT_DOUBLE_EQ(ratios.result()->plain, 870 / 128.0);
+  EXPECT_TRUE(ratios.result()->prefersPlain());
 }
 
-TEST(LaneTimes, LanesStayWhereNothingIsCertain) {
-  EXPECT_FALSE((LaneTimes{10, 9.7}).prefersScalar());
-  EXPECT_FALSE((LaneTimes{10, 20}).prefersScalar());
-  EXPECT_TRUE((LaneTimes{10, 9}).prefersScalar());
+TEST(TrialTimes, LanesStayWhereNothingIsCertain) {
+  EXPECT_FALSE((TrialTimes{10, 9.7}).prefersPlain());
+  EXPECT_FALSE((TrialTimes{10, 20}).prefersPlain());
+  EXPECT_TRUE((TrialTimes{10, 9}).prefersPlain());
 }
 
-TEST(LaneTimes, TextThatIsNotWholeIsNothing) {
-  std::string text = LaneTimes{1.25, 0.5}.toText();
-  std::optional<LaneTimes> times = LaneTimes::fromText(text);
+TEST(TrialTimes, TextThatIsNotWholeIsNothing) {
+  std::string text = TrialTimes{1.25, 0.5}.toText();
+  std::optional<TrialTimes> times = TrialTimes::fromText(text);
   ASSERT_TRUE(times);
-  EXPECT_EQ(times->lanes, 1.25);
-  EXPECT_EQ(times->scalar, 0.5);
+  EXPECT_EQ(times->chosen, 1.25);
+  EXPECT_EQ(times->plain, 0.5);
   for (size_t length = 0; length < text.size(); ++length)
-    EXPECT_FALSE(LaneTimes::fromText(text.substr(0, length))) << length;
+    EXPECT_FALSE(TrialTimes::fromText(text.substr(0, length))) << length;
   for (const char *wrong :
        {"lanes -1 scalar 2\n", "lanes 0 scalar 2\n", "lanes nan scalar 2\n",
         "lanes 1 scalar inf\n", "lanes 1 scalar 2\nmore"})
-    EXPECT_FALSE(LaneTimes::fromText(wrong)) << wrong;
+    EXPECT_FALSE(TrialTimes::fromText(wrong)) << wrong;
 }
 
 namespace {
@@ -68,10 +68,10 @@ struct NoCode : DeviceCode {
 TEST(LaneTrial, RunsEachIndexOnce) {
   int compiled = 0, finished = 0;
   LaneTrial trial([&] { ++compiled; },
-                  [&](const LaneTimes &times) {
+                  [&](const TrialTimes &times) {
                     ++finished;
-                    EXPECT_GT(times.lanes, 0);
-                    EXPECT_GT(times.scalar, 0);
+                    EXPECT_GT(times.chosen, 0);
+                    EXPECT_GT(times.plain, 0);
                   });
   trial.spend(19'000'000);
   EXPECT_EQ(compiled, 0);
@@ -101,7 +101,7 @@ TEST(LaneTrial, RunsEachIndexOnce) {
 }
 
 TEST(LaneTrial, EndsWithoutCodeToCompareWith) {
-  LaneTrial trial([] {}, [](const LaneTimes &) { FAIL(); });
+  LaneTrial trial([] {}, [](const TrialTimes &) { FAIL(); });
   trial.begin(nullptr);
   EXPECT_FALSE(trial.isOpen());
 }

@@ -26,10 +26,10 @@ struct FakeTimer : LaunchTimer {
 
 struct Trial {
   int compiled = 0, launched[2] = {0, 0};
-  std::optional<LaneTimes> found;
+  std::optional<TrialTimes> found;
   FakeTimer *timer = nullptr;
   LaunchTrial trial{[this] { ++compiled; },
-                    [this](const LaneTimes &times) { found = times; }};
+                    [this](const TrialTimes &times) { found = times; }};
 
   void begin() {
     auto made = std::make_unique<FakeTimer>();
@@ -67,9 +67,9 @@ TEST(LaunchTrial, BothAreLaunchedEquallyOften) {
   EXPECT_EQ(one.launched[0], 14);
   EXPECT_EQ(one.launched[1], 14);
   ASSERT_TRUE(one.found);
-  EXPECT_DOUBLE_EQ(one.found->lanes, 4);
-  EXPECT_DOUBLE_EQ(one.found->scalar, 2);
-  EXPECT_TRUE(one.found->prefersScalar());
+  EXPECT_DOUBLE_EQ(one.found->chosen, 4);
+  EXPECT_DOUBLE_EQ(one.found->plain, 2);
+  EXPECT_TRUE(one.found->prefersPlain());
   EXPECT_FALSE(one.launch(1000, 1, 1));
 }
 
