@@ -99,7 +99,7 @@ def run(path, arguments, end, folder):
 def main():
     """Run the files, add up."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--jobs", type=int, default=min(16, os.cpu_count() or 1))
+    parser.add_argument("--jobs", type=int, default=min(12, os.cpu_count() or 1))
     parser.add_argument("--timeout", type=float, default=200.0, help="seconds for everything")
     parser.add_argument("--log", help="folder for reports and logs")
     parser.add_argument("files", nargs="*", type=Path)
