@@ -144,27 +144,28 @@ static void runPacked(PyObject *object, const Arguments &values,
 /// over a grid that is larger by a halo, then the rest if there is any. False,
 /// and nothing is done, if it is not for launches of these extents.
 static bool runGathered(PyObject *parts, const Arguments &values,
-                        const Arguments &named, const Launched &launch,
-                        PyObject *extents) {
+                        const Arguments &named, const Launched &launch) {
   PyObject *sums = PyTuple_GET_ITEM(parts, 0);
   PyObject *rest = PyTuple_GET_ITEM(parts, 1);
   PyObject *halo = PyTuple_GET_ITEM(parts, 2);
   const LaunchDim &dim = launch.dim;
-  auto list = py::reinterpret_steal<py::object>(
-      PyLong_CheckExact(extents) ? PyTuple_Pack(1, extents)
-                                 : PySequence_Tuple(extents));
-  if (!list)
-    throw py::error_already_set();
   constexpr int64_t largest = int64_t(1) << 29;
   if (PyTuple_GET_SIZE(halo) != dim.rank ||
-      PyTuple_GET_SIZE(list.ptr()) != dim.rank ||
       *std::max_element(dim.extent, dim.extent + dim.rank) >= largest)
     return false;
   LaunchDim larger = dim;
-  for (int i = 0; i < dim.rank; ++i)
+  auto extents = py::reinterpret_steal<py::object>(PyTuple_New(dim.rank));
+  if (!extents)
+    throw py::error_already_set();
+  for (int i = 0; i < dim.rank; ++i) {
     larger.extent[i] += PyLong_AsLong(PyTuple_GET_ITEM(halo, i));
+    PyObject *extent = PyLong_FromLongLong(dim.extent[i]);
+    if (!extent)
+      throw py::error_already_set();
+    PyTuple_SET_ITEM(extents.ptr(), i, extent);
+  }
   auto held = py::reinterpret_borrow<py::object>(parts);
-  runPacked(sums, values, named, launch, larger, list.ptr());
+  runPacked(sums, values, named, launch, larger, extents.ptr());
   if (rest != Py_None)
     runPacked(rest, values, named, launch, dim, nullptr);
   return true;
@@ -194,7 +195,7 @@ PyObject *python::launchAdjoint(PyObject *self, PyObject *const *args,
     if (PyErr_Occurred())
       throw py::error_already_set();
     if (PyTuple_Check(found)) {
-      if (!runGathered(found, values, named, launch, args[2]))
+      if (!runGathered(found, values, named, launch))
         Py_RETURN_FALSE;
     } else {
       runPacked(found, values, named, launch, launch.dim, nullptr);

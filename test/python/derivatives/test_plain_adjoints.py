@@ -230,3 +230,40 @@ def test_extents_of_launches_differ(device):
         wp.launch(product, dim, [x, y], [out], device=device, **given)
         right = expected(x, y, 1)[0] * [done, done, done - (dim == 2 or done == 3)]
         np.testing.assert_array_equal(x.grad.numpy(), right)
+
+
+@wp.kernel
+def triple(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = 3.0 * x[i]
+
+
+@wp.kernel
+def neighbors(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = x[wp.max(i - 1, 0)] + 2.0 * x[wp.min(i + 1, x.shape[0] - 1)]
+
+
+@pytest.mark.parametrize("count", [np.int64(4), np.array([4]), np.array([4, 1]), range(4, 5)])
+@pytest.mark.parametrize("kernel", [triple, neighbors], ids=["whole", "gathered"])
+def test_extents_of_other_types(device, kernel, count):
+    """An adjoint takes the extents that a launch takes, in each of its paths."""
+    x, y = (wp.zeros(4, dtype=float, device=device, requires_grad=True) for _ in range(2))
+    wanted = [3, 3, 3, 3] if kernel is triple else [2, 3, 3, 4]
+    with wp.Tape() as tape:
+        wp.launch(kernel, count, [x], [y], device=device)
+    for _ in range(2):
+        x.grad.zero_()
+        y.grad.fill_(1.0)
+        tape.backward()
+        assert x.grad.numpy().tolist() == wanted
+    command = wp.launch(kernel, count, [x], [y], device=device, adjoint=True, record_cmd=True)
+    command.set_dim(count)
+    for recorded in (False, False, False, True):
+        x.grad.zero_()
+        y.grad.fill_(1.0)
+        if recorded:
+            command.launch()
+        else:
+            wp.launch(kernel, count, [x], [y], device=device, adjoint=True)
+        assert x.grad.numpy().tolist() == wanted

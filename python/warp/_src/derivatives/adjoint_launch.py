@@ -16,6 +16,7 @@ from warp._src.arrays.gradients import make_gradient
 from warp._src.arrays.indexed import indexedarray
 from warp._src.arrays.observers import Observers, Observing
 from warp._src.derivatives import handles
+from warp._src.derivatives.gathers import extents_of
 from warp._src.devices.devices import by_index
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.interop.torch import from_torch
@@ -52,7 +53,7 @@ class AdjointLaunch(LaunchParameters):
 
     def set_dim(self, dim) -> None:
         """Changes the extents of the grid."""
-        self._dim = dim
+        self._dim = dim if type(dim) in (int, tuple, list) else extents_of(dim)
 
     def set_param(self, index, value, adjoint=False) -> None:
         """Changes the value of a parameter, or its gradient, by position."""

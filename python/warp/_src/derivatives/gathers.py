@@ -6,6 +6,7 @@ one is the rest of the adjoint. The compiler takes them apart where it can (incl
 
 from __future__ import annotations
 
+import operator
 import threading
 
 from warp import _native, config
@@ -40,12 +41,12 @@ class Gathered:
 
     def fits(self, dim) -> bool:
         """True if it is right for a launch of these extents, see `GatheredAdjoint`."""
-        extents = _extents(dim)
+        extents = extents_of(dim)
         return len(extents) == len(self._halo) and max(extents) < 2**29
 
     def launch(self, call, values, hidden) -> None:
         """Runs both parts; arguments are those of the adjoint."""
-        extents = _extents(call.dim)
+        extents = extents_of(call.dim)
         larger = tuple(extent + more for extent, more in zip(extents, self._halo, strict=True))
         place = (call.device, call.stream, call.block_dim or 0)
         # Code for blocks of threads is for the dimensions of a launch.
@@ -76,5 +77,6 @@ def gather_sums(kernel, adjoint) -> Gathered | None:
     return None if made is None else Gathered(kernel, made)
 
 
-def _extents(dim) -> tuple[int, ...]:
-    return tuple(map(int, dim)) if isinstance(dim, (tuple, list)) else (int(dim),)
+def extents_of(dim) -> tuple[int, ...]:
+    """The extents of a launch, of one or several dimensions."""
+    return tuple(map(operator.index, dim)) if hasattr(dim, "__len__") else (operator.index(dim),)

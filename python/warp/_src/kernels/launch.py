@@ -20,6 +20,7 @@ from warp._src.arguments import explained, misfit
 from warp._src.arrays.array import array
 from warp._src.arrays.observers import Observers, launch_ordinary, observed_launch
 from warp._src.derivatives.adjoint_launch import AdjointLaunch, launch_again, launch_plain
+from warp._src.derivatives.gathers import extents_of
 from warp._src.devices.devices import by_index, index_of, resolve_index
 from warp._src.kernels.block_sizes import block_threads
 from warp._src.kernels.call import Call
@@ -75,7 +76,7 @@ def launch(
         stream: CUDA stream to queue on.
         adj_inputs, adj_outputs: with `adjoint`, arrays of gradients to use in place of those that
             the arguments have; None, and whatever belongs to no array, stands for the latter.
-            Those of arrays that the launch only writes are left as they are.
+            Gradients named here of arrays that the launch only writes stay as they are.
         adjoint: run the derivative instead: it takes the gradients of what the launch has written,
             and adds to those of what it has read.
         record_tape: False keeps the launch from the tape that is recording.
@@ -182,6 +183,8 @@ def _launch_checked(
         )
     if gradients is not None:
         place = (index, stream, block_dim or 0)
+        if type(dim) not in (int, tuple, list):
+            dim = extents_of(dim)
         return _launch_adjoint(kernel, native, dim, inputs, outputs, gradients, place, record_cmd)
     if record_cmd:
         place = (index, stream, block_dim or 0)
