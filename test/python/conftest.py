@@ -9,6 +9,7 @@ Every session compiles into its own empty kernel cache.
 """
 
 import os
+import signal
 import tempfile
 
 import pytest
@@ -16,6 +17,10 @@ import pytest
 if "WARP_CACHE_PATH" not in os.environ:
     cache = tempfile.TemporaryDirectory(prefix="warp-test-cache-")
     os.environ["WARP_CACHE_PATH"] = cache.name
+
+# A process in the background of a shell ignores Ctrl-C, and so would the programs that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 import warp as wp  # noqa: E402  (reads WARP_CACHE_PATH)
 from warp import _native  # noqa: E402
