@@ -172,18 +172,9 @@ CaptureBase *warp::findTraced(int device, const Stream *stream) {
   return nullptr;
 }
 
-bool warp::isCapturing(int device) {
-  if (capturesInProgress.load(std::memory_order_relaxed) == 0)
-    return false;
-  if (isHost(device))
-    return threadRecorder() != nullptr;
-  std::lock_guard lock(registry().mutex);
-  return std::any_of(
-      registry().entries.begin(), registry().entries.end(),
-      [&](const Entry &entry) { return entry.capture->device() == device; });
-}
-
-bool warp::capturesFixedCode(int device) {
+/// True if this thread records, for the host, or if a capture on a GPU does of
+/// which `test` is true.
+template <typename Test> static bool hasCapture(int device, Test test) {
   if (capturesInProgress.load(std::memory_order_relaxed) == 0)
     return false;
   if (isHost(device))
@@ -192,8 +183,18 @@ bool warp::capturesFixedCode(int device) {
   return std::any_of(registry().entries.begin(), registry().entries.end(),
                      [&](const Entry &entry) {
                        return entry.capture->device() == device &&
-                              !entry.capture->takesBetterCode();
+                              test(*entry.capture);
                      });
+}
+
+bool warp::isCapturing(int device) {
+  return hasCapture(device, [](const CaptureBase &) { return true; });
+}
+
+bool warp::capturesFixedCode(int device) {
+  return hasCapture(device, [](const CaptureBase &capture) {
+    return !capture.takesBetterCode();
+  });
 }
 
 void warp::noteProvisional(int device, ProvisionalLaunch launch) {

@@ -243,7 +243,7 @@ bool CudaGraph::addToCapture(StreamHandle stream) const {
 
 void CudaGraph::takeBetterCode() {
   std::lock_guard lock(refreshing);
-  if (!provisional.areReady())
+  if (!isProvisional || !provisional.areReady())
     return;
   provisional.exchange(graph, exec);
   isProvisional = false;

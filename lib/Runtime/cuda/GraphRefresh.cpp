@@ -23,10 +23,6 @@ bool cuda::canRefreshGraphs() {
          driver.parameterInfo && driver.nodeType && driver.childGraph;
 }
 
-static Function functionOf(const DeviceCode *code) {
-  return static_cast<const CudaEntry *>(code)->function;
-}
-
 bool ProvisionalNodes::areReady() {
   while (next < launches.size() &&
          !launches[next].variant->isQuick.load(std::memory_order_acquire))
@@ -77,19 +73,17 @@ void ProvisionalNodes::exchange(GraphHandle graph, const Functions &functions) {
 void ProvisionalNodes::exchange(GraphHandle graph, GraphExec exec) {
   Functions functions;
   for (const ProvisionalLaunch &launch : launches) {
-    Function before = functionOf(launch.code);
-    Function after = functionOf(launch.variant->current.load());
+    Function before = functionOf(*launch.code);
+    Function after = functionOf(*launch.variant->current.load());
     if (before != after)
       functions[before] = after;
   }
-  next = 0;
   try {
     exchange(graph, functions);
     UpdateResult result;
     WARP_CUDA_GRAPH(updateExec, exec, graph, &result);
     launches.clear();
   } catch (const Error &) {
-    // Not asked again.
-    next = launches.size() + 1;
+    // The graph keeps its code.
   }
 }

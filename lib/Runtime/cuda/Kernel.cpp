@@ -175,7 +175,7 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
     assemble(code);
   if (!isElf(code.binary))
     return;
-  cuda::Function whole = static_cast<const CudaEntry &>(loaded).function;
+  cuda::Function whole = functionOf(loaded);
   struct Trial : CudaCode {
     ~Trial() { unload(); }
   } trial;
@@ -377,16 +377,12 @@ void CudaEntry::describe(const VariantKey &key,
            std::to_string(residentHalves)});
 }
 
-static cuda::Function functionOf(const Kernel::Variant &variant) {
-  return static_cast<const CudaEntry *>(variant.current.load())->function;
-}
-
 CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   CudaDevice &owner = cudaDevice(device);
   const Variant &variant = impl->loaded(device, blockDim);
   cuda::ContextScope scope(device);
   CudaProperties result;
-  cuda::Function function = functionOf(variant);
+  cuda::Function function = functionOf(*variant.current.load());
   result.registers = attributeOf(function, cuda::functionRegisters);
   result.localMemory = attributeOf(function, cuda::functionLocalSize);
   result.sharedMemory = attributeOf(function, cuda::functionSharedSize) +
@@ -431,7 +427,7 @@ std::pair<int, int> Kernel::suggestedBlock(int device) {
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;
   WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads,
-            functionOf(variant), nullptr, variant.code.schedule.dynamicBytes,
-            variant.key.blockDim);
+            functionOf(*variant.current.load()), nullptr,
+            variant.code.schedule.dynamicBytes, variant.key.blockDim);
   return {threads, blocks};
 }

@@ -55,6 +55,11 @@ private:
                    const Stream *stream) const;
 };
 
+/// The driver's function of code that a CUDA device has.
+inline cuda::Function functionOf(const DeviceCode &code) {
+  return static_cast<const CudaEntry &>(code).function;
+}
+
 /// Threads of a block for so many in all: half of the variant's if that keeps
 /// more of the card at work.
 int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,
