@@ -6,7 +6,6 @@ import pytest
 import fem_programs as programs
 import warp as wp
 import warp.fem as fem
-from warp._src.fem.forms.form import Form
 
 
 @fem.integrand
@@ -99,9 +98,8 @@ def laplace(s: fem.Sample, u: fem.Field, v: fem.Field):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("is_vector", [False, True])
 @pytest.mark.parametrize("is_warped", [False, True])
-@pytest.mark.parametrize("by_rows", [False, True])
-def test_symmetric_forms_have_symmetric_bits(degree, is_vector, is_warped, by_rows, monkeypatch):
-    monkeypatch.setattr(Form, "has_many_threads", by_rows)
+@pytest.mark.usefixtures("threads")
+def test_symmetric_forms_have_symmetric_bits(degree, is_vector, is_warped):
     grid = fem.Grid2D(wp.vec2i(3, 2))
     if is_warped:
         rng = np.random.default_rng(degree)

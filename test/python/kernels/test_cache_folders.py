@@ -9,6 +9,7 @@ import subprocess
 import pytest
 
 import programs
+from kernel_cache import PROGRAM
 
 FAULTS = r"""
 #define _GNU_SOURCE
@@ -98,26 +99,6 @@ int lockf(int file, int command, off_t size) {
 }
 """
 
-PROGRAM = programs.write_program("""
-import sys
-import warp as wp
-wp.config.quiet = True
-
-def make(c):
-    @wp.kernel
-    def scale(x: wp.array(dtype=float), y: wp.array(dtype=float)):
-        i = wp.tid()
-        y[i] = x[i] * c + 1.0
-    return scale
-
-x = wp.array([1.0, 2.0, 3.0], dtype=float, device="cpu")
-for k in range(6):
-    y = wp.zeros(3, dtype=float, device="cpu")
-    wp.launch(make(float(k) + 2.0), 3, [x], [y], device="cpu")
-    assert y.numpy().tolist() == [v * (k + 2.0) + 1.0 for v in (1.0, 2.0, 3.0)], y.numpy()
-print("right")
-""")
-
 
 @pytest.fixture(scope="module")
 def faults(tmp_path_factory):
@@ -137,18 +118,18 @@ def test_programs_run(faults, tmp_path, fault):
     """Results are right while the folder fails, for two processes at a time, and afterwards."""
     cache = tmp_path / "cache"
     setting = {"LD_PRELOAD": faults, "WARP_CACHE_PATH": cache}
-    running = [programs.start(PROGRAM, FAULT=fault, **setting) for _ in range(2)]
+    running = [programs.start(PROGRAM, 6, FAULT=fault, **setting) for _ in range(2)]
     for process in running:
         out, err = process.communicate(timeout=120)
         assert process.returncode == 0, err
-        assert out.strip() == "right"
+        assert out.strip() == "right 6"
         # The reason is said once, not for each kernel.
         assert err.count("kernel cache") <= 1, err
     left = [path for path in cache.rglob("*") if path.name.startswith(".writing-")]
     assert not left
     for _ in range(2):
-        status, out, err = programs.run(PROGRAM, **setting)
-        assert (status, out.strip()) == (0, "right"), err
+        status, out, err = programs.run(PROGRAM, 6, **setting)
+        assert (status, out.strip()) == (0, "right 6"), err
 
 
 def test_the_fault_is_noticed(faults, tmp_path):
@@ -156,7 +137,7 @@ def test_the_fault_is_noticed(faults, tmp_path):
     cache = tmp_path / "cache"
     environment = {"LD_PRELOAD": faults, "WARP_CACHE_PATH": cache, "FAULT": "ENOSPC"}
     loud = programs.write_program(PROGRAM.read_text().replace("wp.config.quiet = True", ""))
-    status, out, err = programs.run(loud, **environment)
+    status, out, err = programs.run(loud, 6, **environment)
     assert status == 0, err
     text = out + err
     assert "No space left on device" in text and str(cache) in text
