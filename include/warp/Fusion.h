@@ -20,8 +20,8 @@ namespace warp {
 struct FusionPart {
   const Module *module = nullptr;
   std::vector<int> arguments;
-  /// Where blocks run rows: the extents of its launch behind the first one, and
-  /// whether threads of the block wait before it.
+  /// For blocks that run rows: the extents of the launch behind the first one,
+  /// and true if threads of the block wait before it.
   std::vector<int64_t> inner = {};
   bool waits = false;
 };

@@ -225,7 +225,7 @@ std::string GraphFuser::whyNot(int group, int node, bool &hasRows) const {
           height[follower] >= height[node])
         return "'" + records[follower].name + "' would have to wait";
   std::string whyRows = whyNoRows(group, node);
-  // Where blocks cannot run rows, the reason that keeps threads apart is given.
+  // If blocks cannot run rows, the schedule says what keeps threads apart.
   bool areRows = mayBeRow(node) && mayBeRow(members.front());
   return whyRows.empty() || areRows ? whyRows : why;
 }

@@ -204,8 +204,8 @@ bool Kernel::isShort(const Plan &plan) {
 }
 
 bool Kernel::Variant::isBrief(int64_t items) const {
-  // Where threads share sums, their order is not to depend on times, and lanes
-  // are still to be checked.
+  // The order of sums that threads share must not depend on times, and a trial
+  // of lanes needs the pool.
   const Schedule &schedule = code.schedule;
   return history.isBrief(items) && !schedule.exclusive && !schedule.atomics &&
          !schedule.usesPrintf && code.sites.empty() &&
