@@ -4,7 +4,8 @@
     python benchmarks/ranks.py [--processes 8]  # CPU seconds of first launches, cold and warm
 
 Halos: microseconds (10th percentile) of an exchange of one row each way, and the ratio to
-`Startall` and `Waitall` over the same memory. Processes: twelve kernels of modules of their own.
+`Startall` and `Waitall` over the same memory; on a tape, and the adjoint's ratio to that.
+Processes: twelve kernels of modules of their own.
 """
 
 import argparse
@@ -49,18 +50,36 @@ def halos():
         def ours(blocks=blocks, x=x):
             blocks.halo(x)
 
-        times: dict = {bare: [], ours: []}
+        y = blocks.zeros(requires_grad=True)
+        tape = wp.Tape()
         count = 50 if size < 1 << 20 else 10
+
+        def repeated(work, count=count):
+            def run():
+                for _ in range(count):
+                    work()
+
+            return run
+
+        def taped(blocks=blocks, y=y, tape=tape, count=count):
+            tape.reset()
+            with tape:
+                for _ in range(count):
+                    blocks.halo(y)
+
+        times: dict = {repeated(bare): [], repeated(ours): [], taped: [], tape.backward: []}
         for _ in range(150):
             for work, found in times.items():
                 world.Barrier()
                 begin = time.perf_counter()
-                for _ in range(count):
-                    work()
+                work()
                 found.append((time.perf_counter() - begin) / count * 1e6)
-        a, b = (float(np.percentile(found, 10)) for found in times.values())
+            # While a tape has records, each write is told of.
+            tape.reset()
+        a, b, c, d = (float(np.percentile(found, 10)) for found in times.values())
         if comm.rank == 0:
             print(f"halo of {size >> 10:5} KB: {b:6.2f} us, bare {a:6.2f}, {b / a:.2f} times")
+            print(f"    on a tape {c:6.2f} us, its adjoint {d:6.2f}, {d / c:.2f} times")
 
 
 def together(count, cache):

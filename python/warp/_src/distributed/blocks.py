@@ -18,9 +18,16 @@ from warp._src.arrays.hooks import captures
 from warp._src.arrays.observers import Observers
 from warp._src.distributed import forward
 from warp._src.distributed.communicator import Message, flat, resolve
+from warp._src.distributed.exchanges import (
+    Exchange,
+    Side,
+    Work,
+    described_gradients,
+    gradient_places,
+)
 from warp._src.distributed.failures import DistributedError, DistributedValueError
 from warp._src.distributed.operations import checked, rows_of
-from warp._src.distributed.plans import Exchange, Side, Work, without_tape
+from warp._src.distributed.plans import without_tape
 from warp._src.types import dtypes
 
 # Exchanges of fields that are kept with their buffers.
@@ -289,7 +296,7 @@ class Blocks:
         if name != "halo":
             key = name, *key
         found = self._exchanges.get(key)
-        if found is not None and (Observers.tape is None or found.grads == _grads(fields)):
+        if found is not None and (Observers.tape is None or found.suits(fields)):
             return found
         if not fields:
             raise DistributedValueError(f"rank {self.comm.rank}: {name} expects a field")
@@ -301,12 +308,12 @@ class Blocks:
         described = tuple(
             (dtypes.type_repr(one.dtype), one.shape[: one.ndim - self.ndim]) for one in fields
         )
-        recorded = Observers.tape is not None and any(one.requires_grad for one in fields)
+        recorded = described_gradients(fields)
         symmetric = repr((name, described, _items_key(items), recorded, forward.Along.count))
         kinds = [one.dtype for one in fields]
         exchange = Exchange(self.comm, text, sides, kinds, recorded, self._plans.get(symmetric))
         self._plans[symmetric] = exchange.plan
-        exchange.grads = _grads(fields)
+        exchange.gradient_places = gradient_places(fields)
         # The key stays that of these objects.
         exchange.fields = fields, items
         while len(self._exchanges) >= _MOST_KEPT:
@@ -441,10 +448,6 @@ class _Overlap:
     def __exit__(self, kind, *_):
         if kind is None:
             self.exchange.finish()
-
-
-def _grads(fields) -> tuple:
-    return tuple(one.requires_grad and one.grad_ptr for one in fields)
 
 
 def _items_key(items):

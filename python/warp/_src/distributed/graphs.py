@@ -12,9 +12,15 @@ import warp as wp
 from warp._src.arrays.observers import Observers
 from warp._src.distributed import forward
 from warp._src.distributed.communicator import resolve
+from warp._src.distributed.exchanges import (
+    Exchange,
+    Side,
+    described_gradients,
+    gradient_places,
+)
 from warp._src.distributed.failures import DistributedError, DistributedValueError
 from warp._src.distributed.operations import checked, hash_of, rows_of
-from warp._src.distributed.plans import Exchange, Side, check_plan, without_tape
+from warp._src.distributed.plans import check_plan, without_tape
 from warp._src.types import dtypes
 
 PARTITIONS = ("rows", "metis", "hilbert")
@@ -146,8 +152,7 @@ class Neighbours:
     def _exchange(self, name, x):
         key = name, id(x)
         found = self._exchanges.get(key)
-        gradient = x.requires_grad and x.grad_ptr
-        if found is not None and (Observers.tape is None or found[2] == gradient):
+        if found is not None and (Observers.tape is None or found[0].suits([x])):
             return found[:2]
         self._check(name, x)
         packed, sides = [], []
@@ -160,14 +165,15 @@ class Neighbours:
             own = [values] if index.size else []
             give, take = (own, ghosts) if name == "halo" else (ghosts, own)
             sides.append(Side(peer, give, take, self.comm.rank, peer))
-        recorded = Observers.tape is not None and x.requires_grad
+        recorded = described_gradients([x])
         symmetric = name, dtypes.type_repr(x.dtype), recorded, forward.Along.count
         text, plan = f"{name} of {self.kind}", self._plans.get(symmetric)
         exchange = Exchange(self.comm, text, sides, [x.dtype], recorded, plan)
         self._plans[symmetric] = exchange.plan
         while len(self._exchanges) >= 64:
             self._exchanges.pop(next(iter(self._exchanges)))
-        self._exchanges[key] = exchange, packed, gradient, x
+        exchange.gradient_places = gradient_places([x])
+        self._exchanges[key] = exchange, packed, x
         return exchange, packed
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from warp._src.arrays.observers import Observers, Place
-from warp._src.derivatives import cotangents
 from warp._src.distributed import forward
+from warp._src.distributed.adjoints import additions, copying
+from warp._src.distributed.buffers import Buffer
 from warp._src.distributed.communicator import Message
-from warp._src.distributed.plans import Buffer, Work, _copy, record, run_or_record, without_tape
+from warp._src.distributed.exchanges import Work
+from warp._src.distributed.plans import record, run_or_record, without_tape
 
 
 class Adder:
@@ -30,6 +32,22 @@ class Adder:
             home.append(Message(side.peer, ghosts, own, side.take_tag, side.give_tag))
         self.works = {"outward": Work(self.comm, self.name, outward)}
         self.works["home"] = Work(self.comm, self.name, home)
+        self._steps: dict = {}
+
+    def _prepared(self, way, gradients):
+        """Functions that pack, and those that add what has come."""
+        found = self._steps.get((way, gradients))
+        if found is None:
+            packing, adding = found = [], []
+            for side, (own, ghosts) in zip(self.sides, self.buffers, strict=True):
+                ends = (side.take, ghosts), (side.give, own)
+                sent, added = ends if way == "home" else reversed(ends)
+                packing += _pairs(*sent, gradients)
+                adding += _pairs(*added, gradients)
+            packing = [copying(part, view) for view, part in packing]
+            adding = [one for view, part in adding for one in additions(view, part)]
+            found = self._steps[way, gradients] = packing, adding
+        return found
 
     def add(self, way, gradients) -> None:
         """Adds owners' values to ghosts ("outward"), or ghosts' to owners ("home").
@@ -37,12 +55,9 @@ class Adder:
         Args:
             gradients: move gradients, and not values.
         """
-        home = way == "home"
-        pairs = list(zip(self.sides, self.buffers, strict=True))
-        for side, (own, ghosts) in pairs:
-            views, packed = (side.take, ghosts) if home else (side.give, own)
-            for view, part in zip(views, packed.parts, strict=True):
-                _copy(part, view.grad if gradients else view)
+        packing, adding = self._prepared(way, gradients)
+        for function in packing:
+            function()
 
         def transfer():
             self.plan[1] += 1
@@ -51,11 +66,14 @@ class Adder:
             self.works[way].finish()
 
         run_or_record(self.comm, self.name, transfer)
-        for side, (own, ghosts) in pairs:
-            views, packed = (side.give, own) if home else (side.take, ghosts)
-            for view, part in zip(views, packed.parts, strict=True):
-                if view.size:
-                    cotangents.add_into(view.grad if gradients else view, part)
+        for function in adding:
+            function()
+
+
+def _pairs(views, packed, gradients) -> list:
+    """Parts of arrays, or of gradients, with the memory that they are packed in."""
+    pairs = zip(views, packed.parts, strict=True)
+    return [(view.grad if gradients else view, part) for view, part in pairs if view.size]
 
 
 def push(blocks, fields) -> None:

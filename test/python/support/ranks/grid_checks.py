@@ -226,6 +226,60 @@ def push_and_halo(comm):
             assert np.isclose(sum(left), sum(right), rtol=1e-12), (shape, operation, left, right)
 
 
+def adjoints_of_halos(comm):
+    """Adjoints of ghosts, of every kind of field: whole numbers against a padded array."""
+    rng = np.random.default_rng(5)
+    cases = [
+        ((4 * comm.size,), 2, float, None),
+        ((9, 4 * comm.size), (1, 2), wp.vec3, None),
+        ((4 * comm.size, 5), 1, wp.float64, 3),
+        ((4, 5, 4 * comm.size), (2, 1, 2), wp.mat22, None),
+        ((3, 4, 2 * comm.size, 3), 1, float, None),
+        ((3, 2 * comm.size, 3, 4), (1, 2, 1, 2), wp.vec2, None),
+        ((4 * comm.size,), 1, wp.float16, None),
+    ]
+    for (shape, width, kind, items), periodic in itertools.product(cases, (False, True)):
+        blocks = wd.Blocks(shape, width, periodic, comm=comm)
+        one, other = (blocks.zeros(kind, items, requires_grad=True) for _ in range(2))
+        lead, inner = (() if items is None else (items,)), np.shape(one.numpy())[one.ndim :]
+        # Weights of the cells of every rank, ghosts included, known to all ranks.
+        owned = [blocks._box_of(rank) for rank in range(comm.size)]
+        locals_ = [np.add(own.shape, 2 * np.array(blocks.width)) for own in owned]
+        weights = [rng.integers(-4, 5, (*lead, *local, *inner)) for local in locals_]
+        whole = np.zeros((*lead, *shape, *inner))
+        for own, weight in zip(owned, weights, strict=True):
+            ranges = [
+                np.arange(a - w, a + n + w) for a, n, w in zip(own.start, own.shape, blocks.width)
+            ]
+            index = np.meshgrid(*ranges, indexing="ij")
+            inside = np.ones(index[0].shape, bool)
+            for place, n in zip(index, shape):
+                inside &= True if periodic else (place >= 0) & (place < n)
+            place = tuple(i[inside] % n for i, n in zip(index, shape))
+            where = (slice(None),) * len(lead)
+            np.add.at(whole, (*where, *place), weight[(*where, inside)])
+        seeds = [wp.array(weights[comm.rank] * k, dtype=kind) for k in (1, 2)]
+        for together in (False, True):
+            with wp.Tape() as tape:
+                if together:
+                    blocks.halo(one, other)
+                else:
+                    blocks.halo(one)
+                    with blocks.overlap(other):
+                        pass
+            tape.zero()
+            tape.backward(grads=dict(zip((one, other), seeds, strict=True)))
+            for k, field in enumerate((one, other), 1):
+                found = blocks.gather(field.grad)
+                assert comm.rank or np.array_equal(found, k * whole), (shape, kind, found, whole)
+            if periodic:
+                # Nothing is left in ghosts, all of which have an owner.
+                ghosts = one.grad.numpy().copy()
+                inside = [slice(w, w + n) for w, n in zip(blocks.width, blocks.owned)]
+                ghosts[(*(slice(None),) * len(lead), *inside)] = 0
+                assert not ghosts.any(), ghosts
+
+
 def capture(comm):
     """A captured step replays its messages, with the bits of an eager one."""
     blocks = wd.Blocks((ROWS, COLUMNS), comm=comm)
@@ -291,5 +345,5 @@ def bad_blocks(comm):
 
 CHECKS = [
     *(jacobi, gradient, halo_values, halo_of_any_type, random_partitions, push_and_halo),
-    *(capture, bad_blocks),
+    *(adjoints_of_halos, capture, bad_blocks),
 ]
