@@ -182,3 +182,18 @@ def test_float32_is_solved_in_double_precision():
     found = linear.ldlt(A).solve(wp.array(b, dtype=float, device="cpu")).numpy()
     exact = np.linalg.solve(values.astype(float), b.astype(float))
     np.testing.assert_allclose(found, exact, rtol=3e-7)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_adjoints_use_the_factors_of_their_solution(device, kind):
+    # The second matrix is factored while a tape holds a solution with the first.
+    first, second = definite(5, seed=1), definite(5, seed=2)
+    b = wp.array(np.ones(5), dtype=wp.float64, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        solver = getattr(linear, kind)(wp.array(first, dtype=wp.float64, device=device))
+        x = solver.solve(b)
+        solver.refactor(wp.array(second, dtype=wp.float64, device=device))
+        y = solver.solve(x)
+    tape.backward(grads={y: wp.array(np.ones(5), dtype=wp.float64, device=device)})
+    expected = np.linalg.solve(first.T, np.linalg.solve(second.T, np.ones(5)))
+    np.testing.assert_allclose(b.grad.numpy(), expected, rtol=1e-9)

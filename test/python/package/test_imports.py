@@ -79,6 +79,7 @@ LIBRARIES = ("fem", "optim", "render", "sparse", "utils")
 NATIVE = {
     *("warp._src.sparse.number_product", "warp._src.utils.cuda_sequences"),
     *("warp._src.utils.sequences", "warp._src.optim.linear.direct_factors"),
+    "warp._src.optim.linear.direct_cudss",
 }
 
 

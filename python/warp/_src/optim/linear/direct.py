@@ -9,7 +9,7 @@ import numpy as np
 
 import warp as wp
 from warp._src.optim.linear.adjoint import _kernels
-from warp._src.optim.linear.direct_factors import Factors
+from warp._src.optim.linear.direct_factors import Factors, UntrustedFactorsError
 from warp._src.optim.linear.operators import blocks_of, numbers
 from warp.extend import (
     checked,
@@ -25,6 +25,10 @@ from warp.extend.kinds import ARRAY
 from warp.sparse import BsrMatrix
 
 _SCALARS = (wp.float16, wp.float32, wp.float64)
+
+
+def _is_on_gpu(A):
+    return A.device.is_cuda
 
 
 class DirectSolver:
@@ -44,11 +48,29 @@ class DirectSolver:
         self._scalar = type_scalar_type(A.dtype)
         if self._scalar not in _SCALARS:
             raise TypeError(f"expects a matrix of floats, but got '{A.dtype}'")
-        self.kind, self.matrix = kind, A
-        if A.device.is_cuda:
-            notice(f"{kind}: the matrix is factored on the host, from a copy of {A.device}")
-        self._factors = Factors(kind, A, self._scalar)
+        self.kind, self.matrix, self._is_recorded = kind, A, False
+        self._factors = self._factored(A)
         self._residuals = kind == "qr" and self.shape[0] != self.shape[1]
+
+    def _factored(self, A):
+        """Factors on a GPU where cuDSS is installed and finds them, else on the host."""
+        if _is_on_gpu(A):
+            from warp._src.optim.linear import direct_cudss
+
+            reason = "cuDSS has no factors for least squares"
+            try:
+                if self.kind in direct_cudss.KINDS:
+                    direct_cudss.library()
+                    return direct_cudss.CudssFactors(self.kind, A, self._scalar)
+            except ImportError as error:
+                reason = str(error)
+            except UntrustedFactorsError as error:
+                reason = f"cuDSS: {error}"
+            notice(
+                f"{self.kind}: the matrix is factored on the host, from a copy of {A.device}; "
+                f"{reason}"
+            )
+        return Factors(self.kind, A, self._scalar)
 
     @property
     def shape(self):
@@ -72,7 +94,14 @@ class DirectSolver:
             FactorError: the matrix has no factors; this solver has none then.
         """
         self.matrix = self.matrix if A is None else A
-        self._factors.factorize(self.matrix)
+        if self._is_recorded:
+            # A tape needs the factors of now for its adjoint.
+            self._factors, self._is_recorded = self._factored(self.matrix), False
+            return
+        try:
+            self._factors.factorize(self.matrix)
+        except UntrustedFactorsError:
+            self._factors = self._factored(self.matrix)
 
     @checked(b=ARRAY, x=ARRAY)
     def solve(self, b, x=None):
@@ -90,23 +119,24 @@ class DirectSolver:
             ValueError: sizes or devices do not fit.
             TypeError: the arrays are not of floats.
         """
-        rows = self._rows(b, self.shape[0], "b")
+        self._check(b, self.shape[0], "b")
         if x is None:
             x = self._new(b)
-        self._rows(x, self.shape[1], "x")
-        if len(rows) * self.shape[1] != x.size * type_size(x.dtype):
-            raise ValueError(f"expects 'x' for {len(rows)} right-hand sides, but got {x.shape}")
+        self._check(x, self.shape[1], "x")
+        count = b.size * type_size(b.dtype) // self.shape[0]
+        if count * self.shape[1] != x.size * type_size(x.dtype):
+            raise ValueError(f"expects 'x' for {count} right-hand sides, but got {x.shape}")
+        rows = self._factors.take(b, self.shape[0])
         found = self._factors.solve(rows)
         factors, matrix = self._factors, self.matrix
         values = matrix.values if isinstance(matrix, BsrMatrix) else matrix
         if x.requires_grad and (b.requires_grad or values.requires_grad):
-            left = rows.copy()
-            record_adjoint(
-                lambda: self._backward(factors, matrix, b, x, left, found), [b, values, x]
+            self._is_recorded |= record_adjoint(
+                lambda: self._backward(factors, matrix, b, x, rows, found), [b, values, x]
             )
         with unrecorded():
             note_writes("solve", x)
-            _assign(x, found)
+            factors.give(found, x)
         return x
 
     def _new(self, b):
@@ -118,8 +148,8 @@ class DirectSolver:
             shape = (self.shape[1],) if b.ndim == 1 else (b.shape[0], self.shape[1])
         return wp.zeros(shape, dtype=dtype, device=b.device, requires_grad=grad)
 
-    def _rows(self, array, width, name):
-        """An array's numbers, one right-hand side in each row."""
+    def _check(self, array, width, name):
+        """Refuses an array that does not have whole right-hand sides of floats."""
         if type_scalar_type(array.dtype) not in _SCALARS:
             raise TypeError(f"expects '{name}' of floats, but got '{array.dtype}'")
         length = array.shape[-1] * type_size(array.dtype) if array.ndim in (1, 2) else -1
@@ -128,10 +158,9 @@ class DirectSolver:
                 f"expects '{name}' with {width} numbers for each right-hand side, but got shape "
                 f"{array.shape} of '{array.dtype}'"
             )
-        return array.numpy().astype(np.float64).reshape(-1, width)
 
     def _backward(self, factors, matrix, b, x, rows, found):
-        seeds = self._rows(x.grad, self.shape[1], "the gradient of 'x'")
+        seeds = factors.take(x.grad, self.shape[1])
         x.grad.zero_()
         values = matrix.values if isinstance(matrix, BsrMatrix) else matrix
         if self._residuals:
@@ -142,10 +171,11 @@ class DirectSolver:
             left = factors.solve(seeds, 1)
             pairs = [(left, found)]
         if b.requires_grad:
-            _add(b.grad, left)
+            _add(b.grad, factors.cast(left, b.grad))
         if values.requires_grad:
             for one, other in pairs:
-                for row, column in zip(one, other, strict=True):
+                flat = (factors.cast(rows, values) for rows in (one, other))
+                for row, column in zip(*map(_split, flat, self.shape), strict=True):
                     _subtract_outer(matrix, values, row, column)
 
 
@@ -161,29 +191,21 @@ def _times(matrix, rows):
     return out
 
 
-def _array(row, like):
-    scalar = type_scalar_type(like.dtype)
-    return wp.array(row.reshape(-1), dtype=scalar, device=like.device)
+def _split(flat, width):
+    """The rows of a flat array."""
+    return [flat[at : at + width] for at in range(0, flat.size, width)]
 
 
-def _assign(x, rows):
-    scalar = type_scalar_type(x.dtype)
-    dtype = np.dtype(wp.dtype_to_numpy(scalar))
-    vector = x.shape if type_size(x.dtype) == 1 else (*x.shape, type_size(x.dtype))
-    x.assign(rows.astype(dtype).reshape(vector))
-
-
-def _add(grad, rows):
+def _add(grad, source):
     add, *_ = _kernels(type_scalar_type(grad.dtype), type_scalar_type(grad.dtype))
     flat = numbers(grad.flatten())
-    wp.launch(add, flat.size, [_array(rows, grad), flat], device=grad.device)
+    wp.launch(add, flat.size, [source, flat], device=grad.device)
 
 
-def _subtract_outer(matrix, values, row, column):
+def _subtract_outer(matrix, values, left, right):
     """Subtracts an outer product from the gradient of a matrix, where it stores numbers."""
     scalar = type_scalar_type(values.grad.dtype)
     _, add_dense, _, add_sparse = _kernels(scalar, scalar)
-    left, right = _array(row, values), _array(column, values)
     if isinstance(matrix, BsrMatrix):
         grad = blocks_of(values.grad)[: matrix.nnz]
         inputs = [left, right, matrix.uncompress_rows(), matrix.columns, grad]

@@ -9,6 +9,7 @@ import numpy as np
 
 import warp as wp
 from warp import _native
+from warp.extend import type_scalar_type, type_size
 from warp.sparse import BsrMatrix
 
 KINDS = ("ldlt", "cholesky", "lu", "qr")
@@ -28,6 +29,10 @@ class FactorError(ValueError):
     def __init__(self, message, index=-1, pivot=0.0):
         super().__init__(message)
         self.index, self.pivot = index, pivot
+
+
+class UntrustedFactorsError(ArithmeticError):
+    """Factors that do not solve a system whose solution is known."""
 
 
 @functools.cache
@@ -120,7 +125,7 @@ class Factors:
     def factorize(self, A):
         """Factors a matrix, with the analysis of the last one if its pattern is the same."""
         shape, offsets, columns, values = rows_of(A)
-        self._check(shape, offsets, columns, values)
+        check_matrix(self.kind, self.scalar, shape, offsets, columns, values)
         pattern = (shape, offsets.tobytes(), columns.tobytes())
         rows = [offsets.ctypes.data, columns.ctypes.data, values.ctypes.data]
         if self._handle and pattern == self._pattern:
@@ -133,21 +138,6 @@ class Factors:
             self._keep(handle)
         self._pattern, self.shape = pattern, shape
         self._read_info()
-
-    def _check(self, shape, offsets, columns, values):
-        if not np.isfinite(values).all():
-            raise FactorError("expects finite numbers, but the matrix has NaN or infinity")
-        if min(shape) == 0 or (self.kind == "qr" and shape[0] < shape[1]):
-            raise FactorError(f"expects one column or more and as many rows, but got {shape}")
-        if self.kind != "qr" and shape[0] != shape[1]:
-            raise FactorError(f"expects a square matrix, but got {shape}; 'qr' takes more rows")
-        if self.kind in _SYMMETRIC:
-            asymmetry = _asymmetry(shape, offsets, columns, values)
-            if asymmetry > _ROUNDING.get(self.scalar, 1.0e-13):
-                raise FactorError(
-                    f"expects a symmetric matrix, but got one with an asymmetry of "
-                    f"{asymmetry:.1e} of its largest number; use 'lu'"
-                )
 
     def _read_info(self):
         index, count = ctypes.c_int64(), ctypes.c_int64()
@@ -172,6 +162,42 @@ class Factors:
         if library().warp_direct_solve(self._handle, mode, count, b.ctypes.data, x.ctypes.data):
             raise MemoryError(f"{self.kind} solve for {count} right-hand sides")
         return x
+
+    def take(self, array, width):
+        """An array's numbers as doubles, one right-hand side in each row."""
+        return array.numpy().astype(np.float64).reshape(-1, width)
+
+    def cast(self, rows, like):
+        """Rows as one list of the numbers that an array has, on its device."""
+        scalar = type_scalar_type(like.dtype)
+        return wp.array(rows.reshape(-1), dtype=scalar, device=like.device)
+
+    def give(self, rows, x):
+        """Writes rows to an array."""
+        dtype = np.dtype(wp.dtype_to_numpy(type_scalar_type(x.dtype)))
+        vector = x.shape if type_size(x.dtype) == 1 else (*x.shape, type_size(x.dtype))
+        x.assign(rows.astype(dtype).reshape(vector))
+
+
+def check_matrix(kind, scalar, shape, offsets, columns, values):
+    """Refuses a matrix that a kind of factors does not exist for.
+
+    Raises:
+        FactorError: its shape, its numbers or its symmetry do not fit.
+    """
+    if not np.isfinite(values).all():
+        raise FactorError("expects finite numbers, but the matrix has NaN or infinity")
+    if min(shape) == 0 or (kind == "qr" and shape[0] < shape[1]):
+        raise FactorError(f"expects one column or more and as many rows, but got {shape}")
+    if kind != "qr" and shape[0] != shape[1]:
+        raise FactorError(f"expects a square matrix, but got {shape}; 'qr' takes more rows")
+    if kind in _SYMMETRIC:
+        asymmetry = _asymmetry(shape, offsets, columns, values)
+        if asymmetry > _ROUNDING.get(scalar, 1.0e-13):
+            raise FactorError(
+                f"expects a symmetric matrix, but got one with an asymmetry of "
+                f"{asymmetry:.1e} of its largest number; use 'lu'"
+            )
 
 
 def _asymmetry(shape, offsets, columns, values):
