@@ -19,9 +19,17 @@ WORDS = {
     "order": (("rank 0: halo (plan 1, step 4)", "rank 1: all_reduce (plan 2, step 4)"),),
     "leave": ("rank 0: halo (plan 1, step 4)", "rank 1 has come to its end", "as many calls"),
     "gather": ("rank 0: gather", "all ranks are there"),
+    # Steps are replays of a graph with both, by NCCL.
+    "replay": (
+        "rank 0: replay 3 of graph 1 with halo, all_reduce: no answer within 2 s",
+        "rank 1 last began replay 2 of graph 1 with halo, all_reduce",
+    ),
+    "replay-kill": (),
 }
 ON_TORCH = ("hang", "kill", "interrupt", "twice", "skip", "order", "leave")
-CASES = [("mpi", how) for how in WORDS] + [("torch", how) for how in ON_TORCH]
+CASES = [("mpi", how) for how in WORDS if "replay" not in how] + [
+    ("torch", how) for how in ON_TORCH
+]
 
 
 @pytest.mark.parametrize(("engine", "how"), CASES)

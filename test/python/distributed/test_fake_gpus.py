@@ -45,7 +45,7 @@ def test_messages_of_the_host_and_captures(start, fake, engine):
 
 
 @pytest.mark.parametrize("flags", [(), ("--queued",)], ids=["calls wait", "calls queue"])
-@pytest.mark.parametrize("how", ["raise", "hang", "kill"])
+@pytest.mark.parametrize("how", ["raise", "hang", "kill", "replay", "replay-kill"])
 def test_a_failing_rank_ends_the_job(ranks, how, flags):
     codes, output = ranks("failing.py", how, flags=flags)
     assert time.time() - float(re.search(r"fails at ([\d.]+)", output)[1]) < 20

@@ -44,7 +44,8 @@ def watched(monkeypatch):
     log.words[failures._WORDS :][0] = child.pid
     comm = types.SimpleNamespace(
         **{"rank": 0, "size": 2, "device": None, "timeout": 5.0, "process": os.getpid()},
-        **{"log": log, "plan_names": {7: "halo"}, "failure": lambda: comm.problem, "problem": None},
+        **{"log": log, "plan_names": {7: "halo"}, "graph_names": {}},
+        **{"failure": lambda: comm.problem, "problem": None},
     )
     made = watch.Watch(comm)
     yield made, comm, stream, child
@@ -121,6 +122,25 @@ def test_a_rank_that_has_come_to_its_end_is_not_missed(watched):
     assert made.look(1.0) is None and made.look(9.0) is None
     work(made, comm)
     assert "rank 1 has come to its end" in made.look(made.pending.since + 6)
+
+
+def test_replays_of_a_graph_name_its_messages(watched):
+    made, comm, stream, _ = watched
+    comm.check_use = lambda what: None
+    graph = watch.WatchedGraph(types.SimpleNamespace(device_index=-1), {made: [7, 7]})
+    launched = []
+    for _ in range(2):
+        graph.launch(stream, lambda *rest: launched.append(rest))
+    assert launched == [(graph, stream)] * 2 and len(stream.recorded) == 2
+    comm.log.words[failures._WORDS + 1] = -1
+    comm.log.words[failures._WORDS + 2] = 1
+    made._event.is_complete = True
+    now = made.pending.since
+    assert made.look(now) is None and made.look(now + 4) is None
+    assert made.look(now + 6) == (
+        "rank 0: replay 2 of graph 1 with halo: no answer within 5 s; "
+        "rank 1 last began replay 1 of graph 1 with halo"
+    )
 
 
 def test_errors_of_nccl_and_captures(watched):

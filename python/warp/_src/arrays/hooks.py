@@ -24,3 +24,5 @@ signature_of: typing.Callable
 reduce_array: typing.Callable
 # Captures in progress: by stream handle on CUDA, by thread on the CPU.
 captures: dict = {}
+# For a capture, by its key: what makes the graph, where that is not `Graph` itself.
+graph_makers: dict = {}

@@ -260,7 +260,7 @@ def capture_end(device=None, stream=None) -> Graph:
     if key not in _captures:
         raise errors.WarpError(f"no graph is being captured on '{device}'")
     with _Ending(key) as capture:
-        graph = Graph(capture.end())
+        graph = hooks.graph_makers.get(key, Graph)(capture.end())
     return graph
 
 
@@ -278,9 +278,15 @@ class _Ending(_native.Scope):
 
     def _restore(self):
         if self.capture is not None:
-            _captures.pop(self.key, None)
+            _forget(self.key)
             self.capture.abandon()
         self.capture = None
+
+
+def _forget(key):
+    """Takes a capture off the list; gives it, or None."""
+    hooks.graph_makers.pop(key, None)
+    return _captures.pop(key, None)
 
 
 def capture_launch(graph, stream=None) -> None:
@@ -291,7 +297,14 @@ def capture_launch(graph, stream=None) -> None:
         RuntimeError: a tape records.
     """
     if type(graph) is not Graph:
+        if isinstance(graph, Graph):
+            graph.launch(stream, _launch)
+            return
         raise errors.WarpLaunchTypeError(f"expects a graph, but got '{type(graph).__name__}'")
+    _launch(graph, stream)
+
+
+def _launch(graph, stream) -> None:
     if _captures:
         for capture in _captures.values():
             capture.hold(graph.native)
@@ -360,11 +373,11 @@ class ScopedCapture(_native.Scope):
     def _leave(self, kind, *exception):
         capture = _captures.get(self._key)
         if kind is None and capture is not None:
-            self.graph = Graph(capture.end())
+            self.graph = hooks.graph_makers.get(self._key, Graph)(capture.end())
 
     def _restore(self):
         self.active = False
-        capture = _captures.pop(self._key, None)
+        capture = _forget(self._key)
         if capture is not None:
             capture.abandon()
         self._key = None

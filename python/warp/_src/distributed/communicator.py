@@ -81,6 +81,8 @@ class Communicator:
         self.closed = False
         self.process = os.getpid()
         self.plan_names: dict[int, str] = {}
+        # Names of graphs that hold messages, by negative numbers.
+        self.graph_names: dict[int, str] = {}
         self.plans: dict = {}
         self.log = RankLog(size, rank)
         _alive.add(self)

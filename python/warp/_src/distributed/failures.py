@@ -118,10 +118,24 @@ def describe_ranks(comm, plan, step) -> str:
         elif not is_alive(process):
             parts.append(f"rank {rank} is gone")
         elif (number, count) != (plan, step):
-            name = comm.plan_names.get(number, "a plan that this rank has not made")
-            began = f"{name} (plan {number}, step {count})" if number else "nothing"
-            parts.append(f"rank {rank} last began {began}")
+            parts.append(f"rank {rank} last began {describe_work(comm, number, count)}")
     return ", ".join(parts) or "all ranks are there"
+
+
+def describe_work(comm, number, step, name=None) -> str:
+    """A step of a plan, or a replay of a graph that holds messages.
+
+    Args:
+        number: of a plan, or of a graph if it is negative; 0 for none.
+        name: of a plan that has no name, or of work without a plan.
+    """
+    if number < 0:
+        names = comm.graph_names.get(number, "messages that this rank has not captured")
+        return f"replay {step} of graph {-number} with {names}"
+    if not number and name is None:
+        return "nothing"
+    name = comm.plan_names.get(number, name or "a plan that this rank has not made")
+    return f"{name} (plan {number}, step {step})"
 
 
 def failed(comm, name, plan, step, problem) -> DistributedError:

@@ -70,6 +70,7 @@ class NcclCommunicator(base.Communicator):
             timeout=other.timeout if timeout is None else timeout,
         )
         self.log, self.plan_names = other.log, other.plan_names
+        self.graph_names = other.graph_names
         self._check_devices()
         # NCCL uses streams behind the runtime's back.
         _native.share_with_others()

@@ -13,6 +13,8 @@ import time
 import typing
 
 import warp as wp
+from warp._src.arrays.hooks import captures, graph_makers
+from warp._src.devices import graphs
 from warp._src.distributed import failures
 
 # Seconds between two looks, and until a rank that is gone has been missed for good.
@@ -51,11 +53,16 @@ class Watch:
         plan, step = self.comm.log.last(self.comm.rank)[1:]
         self.calling = Pending(time.monotonic(), plan, step, name)
 
-    def end(self) -> None:
-        """Notes the end of that call; what it queued on the current stream is watched then."""
+    def end(self, stream=None) -> None:
+        """Notes the end of that call; what it queued on a stream is watched then.
+
+        Args:
+            stream: by default the current one.
+        """
         called, self.calling = self.calling, None
-        stream = wp.get_stream(self.comm.device)
+        stream = stream or wp.get_stream(self.comm.device)
         if stream.is_capturing:
+            self._note_captured([called.plan])
             return
         with self._lock:
             if self.pending is None:
@@ -64,6 +71,13 @@ class Watch:
             else:
                 stream.record_event(self._last)
                 self.latest = called
+
+    def _note_captured(self, plans) -> None:
+        """Notes plans whose messages the captures on the GPU take down."""
+        for key in captures:
+            if isinstance(key, tuple) and key[0] == self.comm.device.index:
+                maker = graph_makers.setdefault(key, GraphMaker())
+                maker.plans.setdefault(self, []).extend(plans)
 
     def close(self) -> None:
         """Ends the watch."""
@@ -107,5 +121,57 @@ class Watch:
             return f"rank {comm.rank}: rank {gone[0]} is gone" if is_missed else None
         waited = "it waits" if is_missed else f"no answer within {comm.timeout:g} s"
         others = failures.describe_ranks(comm, work.plan, work.step)
-        name = comm.plan_names.get(work.plan, work.name)
-        return f"rank {comm.rank}: {name} (plan {work.plan}, step {work.step}): {waited}; {others}"
+        what = failures.describe_work(comm, work.plan, work.step, work.name)
+        return f"rank {comm.rank}: {what}: {waited}; {others}"
+
+
+class GraphMaker:
+    """Makes the graph of a capture that holds messages.
+
+    Attributes:
+        plans: numbers of what was captured, in order, by watch.
+    """
+
+    def __init__(self):
+        self.plans: dict[Watch, list] = {}
+
+    def __call__(self, native) -> WatchedGraph:
+        return WatchedGraph(native, self.plans)
+
+
+class WatchedGraph(graphs.Graph):
+    """A graph with messages of NCCL, whose replays are watched.
+
+    Args:
+        native: the graph.
+        plans: by watch the numbers of the plans in it.
+    """
+
+    def __init__(self, native, plans):
+        super().__init__(native)
+        self._plans = plans
+        self._steps = {}
+        for watch, numbers in plans.items():
+            comm = watch.comm
+            number = -1 - len(comm.graph_names)
+            names = [comm.plan_names.get(one, "messages") for one in dict.fromkeys(numbers)]
+            comm.graph_names[number] = ", ".join(dict.fromkeys(names))
+            self._steps[watch] = [number, 0]
+
+    def launch(self, stream, launch) -> None:
+        """Replays it on a stream, by default the current one, by `launch(graph, stream)`."""
+        for watch, found in self._steps.items():
+            comm = watch.comm
+            comm.check_use("a graph with messages")
+            if (stream or wp.get_stream(self.device)).is_capturing:
+                watch._note_captured(self._plans[watch])
+                continue
+            found[1] += 1
+            comm.log.begin(*found)
+            watch.begin("a graph")
+        try:
+            launch(self, stream)
+        finally:
+            for watch in self._steps:
+                if watch.calling is not None:
+                    watch.end(stream)

@@ -25,14 +25,20 @@ if way:
     wd.all_reduce(y)
     comm.barrier()
     comm.timeout = 2.0
+graph = None
+if how.startswith("replay"):
+    with wp.ScopedCapture(device=comm.device) as capture:
+        blocks.halo(x)
+        wd.all_reduce(y)
+    graph = capture.graph
 for step in range(1 if way else 0, 5):
     if step == 3 and comm.rank == 1:
         print(f"fails at {time.time()}", flush=True)
         if how == "raise":
             raise ValueError("broken")
-        if how == "kill":
+        if how in ("kill", "replay-kill"):
             os.kill(os.getpid(), signal.SIGKILL)
-        if how in ("hang", "gather"):
+        if how in ("hang", "gather", "replay"):
             time.sleep(60)
         if how == "interrupt":
             os.kill(os.getpid(), signal.SIGINT)
@@ -50,6 +56,10 @@ for step in range(1 if way else 0, 5):
             wp.empty((1 << 30, 1 << 12), dtype=wp.float64)
     if step == 3 and how == "gather":
         comm.gather_objects(step)
+    if graph is not None:
+        wp.capture_launch(graph)
+        y.numpy()
+        continue
     blocks.halo(x)
     x.numpy()
     if how != "skip" or step != 3 or comm.rank == 0:

@@ -5,7 +5,8 @@
 Memory of that driver is the host's, so a worker thread sends it by MPI. With `--queued` calls
 return at once, and `numpy()` and events wait as they do on a GPU; else calls wait themselves. With
 `--stall` rank 1 never comes back from `ncclCommInitRank`. Kernels do not run on that driver, copies
-and fills do, and do not wait for what is queued.
+and fills do, and do not wait for what is queued. Messages on a stream that is captured wait for
+replays of the graph.
 """
 
 import ctypes
@@ -20,7 +21,7 @@ import numpy as np
 from mpi4py import MPI
 
 import warp as wp
-from warp._src.distributed import nccl
+from warp._src.distributed import nccl, watch
 
 # The types and operations by NCCL's numbers.
 TYPES = ("i1", "u1", "i4", "u4", "i8", "u8", "f2", "f4", "f8")
@@ -44,6 +45,7 @@ class Library:
         self.work: queue.Queue = queue.Queue()
         self.group: list = []
         self.added = self.done = 0
+        self.captured: list = []
         # A function whose result has a type, as those of a library.
         self.ncclGetErrorString = lambda status: f"status {status}".encode()
         threading.Thread(target=self._run, daemon=True).start()
@@ -54,6 +56,9 @@ class Library:
             self.done += 1
 
     def _add(self, work):
+        if wp.get_stream().is_capturing:
+            self.captured.append(work)
+            return 0
         self.added += 1
         self.work.put(work)
         if not self.queued:
@@ -125,6 +130,21 @@ def install(queued, stalls):
         marks[event] = library.added
         return event
 
+    make, launch = watch.WatchedGraph.__init__, watch.WatchedGraph.launch
+
+    def made(self, *arguments):
+        make(self, *arguments)
+        self.messages, library.captured = library.captured, []
+
+    def replay(self, stream, run):
+        def run_all(graph, stream):
+            run(graph, stream)
+            for work in self.messages:
+                library._add(work)
+
+        launch(self, stream, run_all)
+
+    watch.WatchedGraph.__init__, watch.WatchedGraph.launch = made, replay
     wp.array.numpy, wp.Stream.record_event = read, record
     wp.Event.is_complete = property(lambda self: library.done >= marks.get(self, 0))
 
