@@ -13,16 +13,18 @@
 // its predecessor has waited likewise, so all that comes before has ended.
 //
 // A fused launch (GraphFusion.cpp) is captured into the graph, behind nothing,
-// and those that it stands for are destroyed.
+// and those that it stands for are destroyed. So is a kernel for several fills.
 //
 //===----------------------------------------------------------------------===//
 
 #include "GraphRewrite.h"
 
 #include "Device.h"
+#include "FillKernel.h"
 #include "GraphClone.h"
 #include "GraphFusion.h"
 #include "GraphOrder.h"
+#include "Kernel.h"
 
 #include <algorithm>
 #include <iterator>
@@ -52,9 +54,9 @@ public:
   bool isChain() const;
   /// Keeps launches of several nodes from being fused.
   void keepApart();
-  /// Puts fused launches in the place of those that were recorded; false if the
-  /// driver does not take them.
-  bool fuse(GraphHandle graph, FusedNodes fused, Stream &stream);
+  /// Puts fused launches, and fills that are one, in the place of those that
+  /// were recorded; false if the driver does not take them.
+  bool fuse(GraphHandle graph, FusedNodes fused, int device, Stream &stream);
   void exchange(const GraphSchedule &schedule, std::vector<GraphEdge> &removed,
                 std::vector<GraphEdge> &added) const;
   /// The only node of a group, or null.
@@ -72,11 +74,12 @@ private:
   int groupOf(GraphNode node) const { return owner.at(node); }
   std::vector<GraphNode> firstOf(size_t group) const;
   std::vector<GraphNode> lastOf(size_t group) const;
-  EdgeData dataOf(GraphNode to, size_t from, size_t group, bool isOnly) const;
+  EdgeData dataOf(GraphNode to, size_t from, size_t group) const;
+  void findEarly();
   void remove(GraphNode node);
 
   std::vector<GraphEdge> edges;
-  /// Attributes of edges that let a node start early, once launches are fused.
+  /// Attributes of edges that let a node start early.
   std::map<GraphNode, EdgeData> early;
   std::map<GraphNode, int> owner;
   std::map<GraphNode, std::vector<GraphNode>> predecessors;
@@ -175,6 +178,8 @@ Groups::Groups(GraphHandle graph, const GraphTrace &trace,
       records.push_back(unknownNode(typeName(node)));
     }
   sort();
+  if (areOrdered())
+    findEarly();
 }
 
 /// Brings groups into an order that keeps the edges, those made first first.
@@ -243,25 +248,33 @@ std::vector<GraphNode> Groups::lastOf(size_t group) const {
   return last;
 }
 
-/// The attributes of an edge to a node.
-EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group,
-                        bool isOnly) const {
+/// Finds the nodes that may start before the kernel before them has ended:
+/// those that were recorded so, and launches of code that waits first.
+void Groups::findEarly() {
+  for (const GraphEdge &edge : edges)
+    if (edge.data.isProgrammatic())
+      early[edge.to] = edge.data;
+  for (size_t i = 0; i < records.size(); ++i)
+    if (GraphNode node = only(i); node && records[i].launch &&
+                                  typeOf(node) == nodeKernel &&
+                                  waitsFirst(records[i].launch->plan))
+      early.try_emplace(node, programmaticEdge);
+}
+
+/// The attributes of an edge to a node, if it may start early.
+EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group) const {
   std::vector<GraphNode> last = lastOf(from);
-  if (!isOnly || last.size() != 1 || typeOf(last.front()) != nodeKernel)
+  if (last.size() != 1 || typeOf(last.front()) != nodeKernel)
     return {};
-  for (const GraphEdge &edge : edges) {
-    if (edge.to != to || !edge.data.isProgrammatic())
-      continue;
+  bool areOurs =
+      records[from].barrier.empty() && records[group].barrier.empty();
+  for (const GraphEdge &edge : edges)
     // Kernels of others may wait later.
-    if (edge.from == last.front() ||
-        (records[from].barrier.empty() && records[group].barrier.empty()))
+    if (edge.to == to && edge.data.isProgrammatic() &&
+        (edge.from == last.front() || areOurs))
       return edge.data;
-  }
   auto known = early.find(to);
-  if (known != early.end() && records[from].barrier.empty() &&
-      records[group].barrier.empty())
-    return known->second;
-  return {};
+  return known != early.end() && areOurs ? known->second : EdgeData();
 }
 
 //===----------------------------------------------------------------------===//
@@ -282,9 +295,9 @@ void Groups::keepApart() {
       records[i].launch = nullptr;
 }
 
-/// The node of a launch, behind nothing.
-static GraphNode addLaunch(GraphHandle graph, FusedLaunch &launch,
-                           Stream &stream) {
+/// The node of a launch that `queue` makes, behind nothing.
+template <typename Queue>
+static GraphNode addLaunch(GraphHandle graph, Stream &stream, Queue queue) {
   auto raw = static_cast<StreamHandle>(stream.handle());
   WARP_CUDA_GRAPH(beginCaptureTo, raw, graph, nullptr, nullptr, 0,
                   captureRelaxed);
@@ -296,7 +309,7 @@ static GraphNode addLaunch(GraphHandle graph, FusedLaunch &launch,
   GraphNode node = nullptr;
   std::optional<Error> failure;
   try {
-    launch.kernel->runAtOnce(launch.plan, launch.params.data(), &stream);
+    queue();
     WARP_CUDA_GRAPH(captureInfo, raw, &status, &id, &current, &last, &count);
     if (count == 1)
       node = last[0];
@@ -324,15 +337,19 @@ void Groups::remove(GraphNode node) {
   WARP_CUDA_GRAPH(destroyNode, node);
 }
 
-bool Groups::fuse(GraphHandle graph, FusedNodes fused, Stream &stream) {
-  for (const GraphEdge &edge : edges)
-    if (edge.data.isProgrammatic())
-      early[edge.to] = edge.data;
+bool Groups::fuse(GraphHandle graph, FusedNodes fused, int device,
+                  Stream &stream) {
   // All or none: a launch that fails leaves the graph as it was.
   std::map<size_t, GraphNode> nodes;
   try {
     for (auto &[i, launch] : fused.launches)
-      nodes[i] = addLaunch(graph, launch, stream);
+      nodes[i] = addLaunch(graph, stream, [&, &launch = launch] {
+        launch.kernel->runAtOnce(launch.plan, launch.params.data(), &stream);
+      });
+    for (const auto &[i, regions] : fused.fills)
+      nodes[i] = addLaunch(graph, stream, [&, &regions = regions] {
+        fillByKernel(device, regions, stream);
+      });
   } catch (const Error &) {
     for (const auto &[i, node] : nodes)
       WARP_CUDA_GRAPH(destroyNode, node);
@@ -346,12 +363,12 @@ bool Groups::fuse(GraphHandle graph, FusedNodes fused, Stream &stream) {
       made.push_back(std::move(members[parts.front()]));
     } else {
       GraphNode node = added->second;
-      for (int part : parts) {
-        GraphNode old = members[part].front();
-        if (auto known = early.find(old); known != early.end())
-          early[node] = EdgeData(known->second);
-        remove(old);
-      }
+      for (int part : parts)
+        for (GraphNode old : members[part]) {
+          if (auto known = early.find(old); known != early.end())
+            early[node] = EdgeData(known->second);
+          remove(old);
+        }
       predecessors[node];
       made.push_back({node});
     }
@@ -373,11 +390,13 @@ void Groups::exchange(const GraphSchedule &schedule,
     if (list.empty())
       continue;
     std::vector<GraphNode> first = firstOf(group);
-    bool isOnly = list.size() == 1;
     for (const GraphSchedule::Edge &edge : list)
-      for (GraphNode to : first)
+      for (GraphNode to : first) {
+        EdgeData data =
+            list.size() == 1 ? dataOf(to, edge.from, group) : EdgeData();
         for (GraphNode from : lastOf(edge.from))
-          wanted.push_back({from, to, dataOf(to, edge.from, group, isOnly)});
+          wanted.push_back({from, to, data});
+      }
   }
   std::vector<GraphEdge> old;
   for (const GraphEdge &edge : edges)
@@ -419,7 +438,7 @@ void GraphRewriter::apply(const Change &change) {
 }
 
 std::string GraphRewriter::undo() {
-  if (kernels.empty()) {
+  if (!hasFused) {
     for (const Change &change : changes)
       apply({change.graph, change.added, change.removed});
     changes.clear();
@@ -478,12 +497,16 @@ GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
   if (driver.destroyNode && driver.beginCaptureTo && groups.isChain()) {
     groups.keepApart();
     FusedNodes fused = fuseLaunches(
-        groups.records, *makeSchedule(groups.records, groups.before, {}));
+        groups.records, *makeSchedule(groups.records, groups.before, {}),
+        /*joinsFills=*/true);
     std::vector<std::shared_ptr<Kernel>> made;
     for (const auto &[number, launch] : fused.launches)
       made.push_back(launch.kernel);
-    if (!made.empty() && groups.fuse(graph, std::move(fused), stream))
+    bool changes = !made.empty() || !fused.fills.empty();
+    if (changes && groups.fuse(graph, std::move(fused), device, stream)) {
       kernels.insert(kernels.end(), made.begin(), made.end());
+      hasFused = true;
+    }
   }
   schedule = makeSchedule(groups.records, groups.before, capacityOf(device));
   schedule->recordedEdges = recordedEdges;

@@ -56,6 +56,8 @@ private:
   void apply(const Change &change);
 
   int device;
+  /// Nodes were exchanged, too.
+  bool hasFused = false;
   std::vector<Change> changes;
   std::map<GraphNode, std::shared_ptr<const GraphSchedule>> bodies;
 };

@@ -317,6 +317,43 @@ def test_launches_and_copies_of_nothing_are_left_out(device):
     assert capture.graph.schedule().nodes == ()
 
 
+def test_fills_of_many_types_and_lengths(device):
+    """Fills that are one kernel on a GPU write the bytes that NumPy writes, and no others."""
+    rng = np.random.default_rng(3)
+    cases = []
+    for dtype, value, number in (
+        (wp.int8, 7, np.int8),
+        (wp.int16, -300, np.int16),
+        (wp.float32, 1.5, np.float32),
+        (wp.float64, -2.25, np.float64),
+        (wp.vec4, wp.vec4(1.0, 2.0, 3.0, 4.0), np.float32),
+        (wp.vec3, wp.vec3(0.0), np.float32),
+        (wp.vec3, wp.vec3(1.0, 2.0, 3.0), np.float32),
+    ):
+        for length in (1, 5, 333, 20000):
+            width = len(value) if hasattr(value, "__len__") else 1
+            old = rng.integers(1, 100, (length + 3, width)).astype(number)
+            array = wp.array(old if width > 1 else old[:, 0], dtype=dtype, device=device)
+            begin = int(rng.integers(0, 3))
+            old[begin : begin + length] = np.array(value, number)
+            cases.append((array, slice(begin, begin + length), value, old))
+    with wp.ScopedCapture(device, optimize=True) as capture:
+        for array, where, value, _ in cases:
+            array[where].fill_(value)
+        x = wp.zeros(100, device=device)
+        wp.launch(scale, 100, [x, 2.0], device=device)
+        x.zero_()
+    for _ in range(2):
+        wp.capture_launch(capture.graph)
+    for array, where, value, expected in cases:
+        found = array.numpy().reshape(expected.shape)
+        np.testing.assert_array_equal(found, expected, f"{array.dtype} {where} {value}")
+    np.testing.assert_array_equal(x.numpy(), np.zeros(100, np.float32))
+    if x.device.is_cuda:
+        names = [node.name for node in capture.graph.schedule().nodes]
+        assert any(name.endswith(" fills") for name in names), names
+
+
 def test_options(device):
     x = wp.zeros(8, device=device)
 
