@@ -9,6 +9,8 @@
 
 #include "warp/Export.h"
 
+#include <string>
+
 namespace warp {
 
 /// Lets launches on GPUs return before their code is there, which they do at
@@ -17,6 +19,9 @@ WARP_API void setLazyCompile(bool isLazy);
 WARP_API bool isLazyCompile();
 /// Threads that make code for such launches; 0 is one per processor.
 WARP_API void setCompileThreads(int count);
+/// The program `ptxas` that assembles code for such launches beside the driver:
+/// a file, "" for none, or "auto", which looks where CUDA toolkits are.
+WARP_API void setAssembler(std::string file);
 /// Does what waits, and lets nothing wait from now on: other libraries use
 /// memory or streams, and know nothing of what waits here.
 WARP_API void shareWithOthers();

@@ -57,6 +57,7 @@ public:
   void stop();
   void restartInChild();
   void setMost(int count);
+  int tasksLeft() const { return left; }
 
 private:
   explicit Workers(bool urgent);
@@ -226,6 +227,8 @@ void background::add(std::function<void()> task) {
 void background::addUrgent(std::function<void()> task) {
   Workers::get(true).add(std::move(task));
 }
+
+int background::urgentTasks() { return Workers::get(true).tasksLeft(); }
 
 bool background::isWorker() { return isWorkerThread; }
 

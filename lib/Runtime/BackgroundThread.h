@@ -22,6 +22,8 @@ namespace warp::background {
 void add(std::function<void()> task);
 /// A task that somebody waits for, on as many threads as there are processors.
 void addUrgent(std::function<void()> task);
+/// Such tasks that wait or are being done.
+int urgentTasks();
 /// True on a thread of either group.
 bool isWorker();
 /// Threads for urgent tasks; 0 is one per processor. Changes later ones only.

@@ -129,6 +129,15 @@ public:
                                                  const Code &) {
     return nullptr;
   }
+  /// Machine code of the whole program by the toolkit's assembler, which works
+  /// for several threads at a time; kept for `loadKept`. Null where there is no
+  /// such program.
+  /// anyRelease: also by one of another release than the driver's, as
+  /// provisional code.
+  virtual std::unique_ptr<DeviceCode> loadAssembled(const Kernel::Variant &,
+                                                    const Code &, bool) {
+    return nullptr;
+  }
   /// Leaves machine code for `loadKept` of later processes. `loaded`: what
   /// `load` made of the code.
   virtual void keep(const Kernel::Variant &, Code, const DeviceCode &) {}

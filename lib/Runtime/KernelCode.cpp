@@ -166,6 +166,18 @@ static constexpr int64_t leastPatience = 1'000'000, patiencePerByte = 300;
 /// card, or is recorded.
 static constexpr int64_t launchesUntilBetter = 2, manyThreads = 1 << 18;
 
+/// Tasks for which launches wait, and bytes of PTX, from which it pays to start
+/// a program that assembles.
+static constexpr int manyTasks = 4;
+static constexpr size_t longText = 30'000;
+
+/// True if code had better be assembled beside the driver. Programs of other
+/// options are for debuggers and profilers.
+static bool mayAssembleApart(const CompileOptions &wanted, size_t bytes) {
+  return !wanted.debug && !wanted.lineinfo &&
+         (bytes >= longText || background::urgentTasks() >= manyTasks);
+}
+
 void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   variant.code.schedule.cost =
       std::clamp(variant.code.schedule.cost, 1.0, 1e12);
@@ -181,9 +193,12 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   if (loaded && loaded->isProvisional() && !mayWait)
     loaded = nullptr;
   // The driver makes whole programs one after the other: launches that wait
-  // for the code of several kernels have long ones linked first.
-  if (!isKept && mayWait && background::isWorker() &&
-      KernelCache::get().enabled())
+  // for the code of several kernels have others make it, or long ones linked
+  // first.
+  bool isBeside = !isKept && wanted && background::isWorker();
+  if (isBeside && mayAssembleApart(*wanted, bytes))
+    loaded = device.loadAssembled(variant, code, /*anyRelease=*/mayWait);
+  if (!loaded && isBeside && mayWait && KernelCache::get().enabled())
     loaded = device.loadLinked(variant, code);
   if (loaded && loaded->isProvisional() && !variant.quick) {
     variant.quick = makeQuick(*wanted, variant);
@@ -210,6 +225,14 @@ std::unique_ptr<DeviceCode> Kernel::Impl::loadBest(Variant &variant,
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   if (loaded && !loaded->isProvisional())
     return loaded;
+  if ((loaded = device.loadAssembled(variant, code, /*anyRelease=*/false)))
+    return loaded;
+  // The driver assembles for one thread at a time: those that somebody waits
+  // for find one other there at most.
+  static auto *assembling = new ForkMutex;
+  std::lock_guard assembles(*assembling);
+  if (isAbandoned())
+    return nullptr;
   setUnkept(variant, code);
   return device.load(variant, code);
 }
@@ -330,10 +353,6 @@ void Kernel::Impl::improve(Variant &variant) {
   std::unique_ptr<DeviceCode> better;
   try {
     Code code = obtain(variant.quick->wanted, spent);
-    // The driver assembles for one thread at a time: those that somebody waits
-    // for find one other there at most.
-    static auto *assembling = new ForkMutex;
-    std::lock_guard assembles(*assembling);
     if (!isAbandoned())
       better = loadBest(variant, code);
   } catch (...) {

@@ -123,6 +123,7 @@ void warp::python::watchWaits(py::module_ &m) {
       "second: (done, all) kernels, None at its end.");
   m.def("set_lazy_compile", &warp::setLazyCompile, py::arg("is_lazy"));
   m.def("set_compile_threads", &warp::setCompileThreads, py::arg("count"));
+  m.def("set_assembler", &warp::setAssembler, py::arg("file"));
   m.def("share_with_others", &warp::shareWithOthers,
         "Launches wait for their code themselves from now on: other libraries "
         "use the memory or the streams.");

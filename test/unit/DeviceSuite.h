@@ -15,6 +15,7 @@
 #define WARP_TEST_UNIT_DEVICESUITE_H
 
 #include "Runtime/Device.h"
+#include "warp/LaunchQueue.h"
 
 #include <cstdlib>
 #include <cstring>
@@ -28,6 +29,8 @@ namespace warp::test {
 
 /// Before any test makes the runtime look for a driver.
 inline const int chooseDriver = setenv("WARP_CUDA_DRIVER", WARP_FAKE_CUDA, 0);
+/// Machine code of a real one is nothing for the fake driver.
+inline const bool hasNoAssembler = (setAssembler(""), true);
 
 template <typename Fn> Fn *fakeSymbol(const char *name) {
   void *library = dlopen(std::getenv("WARP_CUDA_DRIVER"), RTLD_NOW);

@@ -63,12 +63,14 @@ protected:
     before = KernelCache::get().directory();
     KernelCache::get().setDirectory(folder);
     KernelCache::get().setEnabled(true);
+    setAssembler("");
   }
   void TearDown() override {
     if (!assemblies)
       return;
     waitForBackground();
     setLinkedStack(16);
+    setAssembler("");
     KernelCache::get().setDirectory(before);
     KernelCache::get().setEnabled(false);
     fs::remove_all(folder);
@@ -125,6 +127,31 @@ protected:
     return "";
   }
 
+  /// Programs in the place of `ptxas` that say that they are of a release, and
+  /// then do something. The fake driver is of 12.8.
+  void useAssembler(const std::string &release, const std::string &work) {
+    std::string file = folder + "/ptxas-" + std::to_string(++programs);
+    std::ofstream(file) << "#!/bin/sh\n"
+                        << "if [ \"$1\" = --version ]; then\n"
+                        << "  echo 'Cuda compilation tools, release " << release
+                        << ", V1'; exit 0\nfi\n"
+                        << "echo \"$1\" >> " << folder << "/asked\n"
+                        << work << "\n";
+    fs::permissions(file, fs::perms::owner_all);
+    setAssembler(file);
+  }
+  /// As the fake driver's linker does.
+  static constexpr const char *assembles =
+      "{ printf '\\177ELF'; cat \"$2\"; } > \"$4\"";
+  /// Arguments of each time that one was asked, in lines.
+  std::string asked() {
+    std::ifstream file(folder + "/asked");
+    std::string text{std::istreambuf_iterator<char>(file), {}};
+    fs::remove(folder + "/asked");
+    return text;
+  }
+
+  int programs = 0;
   std::string folder, before;
   int (*assemblies)() = nullptr;
   void (*setLinkedStack)(int) = nullptr;
@@ -157,6 +184,63 @@ TEST_F(MachineCodeTest, LaunchesThatWaitHaveShortProgramsWhole) {
   EXPECT_EQ(runQueued(1, scaleText), 2);
   EXPECT_TRUE(findMachineCode(fs::path(machineFile()).stem())->isBest);
   EXPECT_EQ(runQueued(3, scaleText), 0);
+}
+
+// The toolkit's assembler makes whole programs, which are kept as they are.
+TEST_F(MachineCodeTest, AProgramAssemblesBesideTheDriver) {
+  useAssembler("12.8", assembles);
+  std::string text = longText();
+  EXPECT_EQ(runQueued(3, text), 0);
+  EXPECT_EQ(asked(), "-arch=sm_90a\n");
+  EXPECT_TRUE(findMachineCode(fs::path(machineFile()).stem())->isBest);
+  EXPECT_EQ(runQueued(3, text), 0);
+  EXPECT_EQ(asked(), "");
+  // A launch that waits for nothing else has the driver do it, and keeps what
+  // the program makes.
+  EXPECT_EQ(run(), 1);
+  EXPECT_EQ(asked(), "-arch=sm_90a\n");
+  EXPECT_EQ(run(), 0);
+}
+
+// Code of an earlier release runs until the driver's own is there.
+TEST_F(MachineCodeTest, AnEarlierProgramMakesProvisionalCode) {
+  useAssembler("12.4", assembles);
+  std::string text = longText();
+  EXPECT_EQ(runQueued(1, text), 0);
+  EXPECT_FALSE(findMachineCode(fs::path(machineFile()).stem())->isBest);
+  EXPECT_EQ(runQueued(3, text), 1);
+  EXPECT_EQ(asked(), "-arch=sm_90a\n");
+}
+
+// The driver may not take the code of a later one.
+TEST_F(MachineCodeTest, ALaterProgramIsNotAsked) {
+  useAssembler("13.0", assembles);
+  EXPECT_EQ(runQueued(3, longText()), 2);
+  EXPECT_EQ(asked(), "");
+}
+
+// The driver does what a program cannot, which is asked three times.
+TEST_F(MachineCodeTest, AProgramThatFailsIsReplaced) {
+  for (const char *work : {"echo 'ptxas fatal' >&2; exit 1", "kill -9 $$",
+                           "echo 'no machine code' > \"$4\"",
+                           "printf '\\177ELF' > \"$4\"; exit 1"}) {
+    useAssembler("12.8", work);
+    for (int process = 0; process < 4; ++process) {
+      EXPECT_EQ(runQueued(1, longText()), 1) << work;
+      fs::remove(machineFile());
+    }
+    EXPECT_EQ(asked(), "-arch=sm_90a\n-arch=sm_90a\n-arch=sm_90a\n") << work;
+  }
+  setAssembler(folder + "/missing");
+  EXPECT_EQ(runQueued(1, longText()), 1);
+}
+
+// As one for another card: the driver does not take it, and it is not kept.
+TEST_F(MachineCodeTest, ForeignCodeOfAProgramIsReplaced) {
+  useAssembler("12.8", "printf '\\177ELF of another card' > \"$4\"");
+  EXPECT_EQ(runQueued(1, longText()), 1);
+  EXPECT_EQ(asked(), "-arch=sm_90a\n");
+  EXPECT_FALSE(findMachineCode(fs::path(machineFile()).stem())->isBest);
 }
 
 // Linked code that is worse runs until there is tier-1 code.

@@ -92,8 +92,7 @@ bool warp::callsLibrary(const Code &code) {
   return !isElf(code.binary) && text.find("\n.extern .func warp_") != text.npos;
 }
 
-/// "sm_90a" of PTX.
-static std::string targetOf(const Code &code) {
+std::string warp::targetOf(const Code &code) {
   static constexpr std::string_view before = "\n.target ";
   std::string_view text = textOf(code);
   text.remove_prefix(std::min(text.find(before), text.size() - before.size()) +

@@ -53,6 +53,9 @@ bool waitsForPredecessor(const Code &code);
 cuda::Result queueKernel(cuda::Function function, cuda::LaunchConfig config,
                          void **arguments, bool waits);
 
+/// "sm_90a" of PTX.
+std::string targetOf(const Code &code);
+
 /// True if the PTX calls functions of the assembled library.
 bool callsLibrary(const Code &code);
 

@@ -74,6 +74,9 @@ public:
                                        const Code &code) override;
   std::unique_ptr<DeviceCode> loadLinked(const Kernel::Variant &variant,
                                          const Code &code) override;
+  std::unique_ptr<DeviceCode> loadAssembled(const Kernel::Variant &variant,
+                                            const Code &code,
+                                            bool anyRelease) override;
   void keep(const Kernel::Variant &variant, Code code,
             const DeviceCode &loaded) override;
   void assemble(Code &code) override;

@@ -9,6 +9,7 @@
 
 #include "Kernel.h"
 
+#include "Assembler.h"
 #include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "Grid.h"
@@ -111,6 +112,30 @@ std::unique_ptr<DeviceCode> CudaDevice::load(const Kernel::Variant &variant,
 // Machine code on disk
 //===----------------------------------------------------------------------===//
 
+/// Loads machine code of a program. If the driver does not take it, it goes
+/// from the cache, and the result is null.
+static std::unique_ptr<CudaEntry> loadMachine(CudaDevice &device,
+                                              const Kernel::Variant &variant,
+                                              const Code &ptx,
+                                              MachineCode machine) {
+  BehindNothing exempt;
+  cuda::ContextScope scope(device.index);
+  cuda::RelaxedCaptures relaxed;
+  auto entry = std::make_unique<CudaEntry>(device);
+  entry->provisional = !machine.isBest;
+  Code code;
+  code.entry = std::move(machine.entry);
+  code.binary = std::move(machine.binary);
+  try {
+    finish(*entry, variant, code, mayWaitForPredecessor(ptx));
+    return entry;
+  } catch (const Error &) {
+    // For another card than its name says, say.
+    removeMachineCode(machineCodeKey(ptx, device.info.arch));
+    return nullptr;
+  }
+}
+
 std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
                                                  const Code &code) {
   if (isElf(code.binary))
@@ -119,22 +144,25 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
   std::optional<MachineCode> found = findMachineCode(key);
   if (!found || found->entry != code.entry)
     return nullptr;
-  BehindNothing exempt;
-  cuda::ContextScope scope(index);
-  cuda::RelaxedCaptures relaxed;
-  auto entry = std::make_unique<CudaEntry>(*this);
-  entry->provisional = !found->isBest;
-  Code machine;
-  machine.entry = found->entry;
-  machine.binary = std::move(found->binary);
-  try {
-    finish(*entry, variant, machine, mayWaitForPredecessor(code));
-  } catch (const Error &) {
-    // For another card than its name says.
-    removeMachineCode(key);
+  return loadMachine(*this, variant, code, std::move(*found));
+}
+
+std::unique_ptr<DeviceCode>
+CudaDevice::loadAssembled(const Kernel::Variant &variant, const Code &code,
+                          bool anyRelease) {
+  if (isElf(code.binary) || callsLibrary(code))
     return nullptr;
-  }
-  return entry;
+  std::string target = targetOf(code);
+  if (target.find(std::to_string(info.arch)) == target.npos)
+    return nullptr;
+  std::optional<AssembledProgram> made = assembleApart(
+      {code.binary.data(), code.binary.size()}, target, anyRelease);
+  if (!made)
+    return nullptr;
+  MachineCode machine{code.entry, std::move(made->binary),
+                      made->isDriversRelease};
+  storeMachineCode(machineCodeKey(code, info.arch), machine);
+  return loadMachine(*this, variant, code, std::move(machine));
 }
 
 /// Bytes of PTX from which others had better not wait for the assembler.
@@ -151,15 +179,11 @@ CudaDevice::loadLinked(const Kernel::Variant &variant, const Code &code) {
     assemble(machine);
     if (!isElf(machine.binary))
       return nullptr;
-    storeMachineCode(key, {code.entry, machine.binary, /*isBest=*/false});
-    BehindNothing exempt;
-    cuda::ContextScope scope(index);
-    cuda::RelaxedCaptures relaxed;
-    auto entry = std::make_unique<CudaEntry>(*this);
-    entry->provisional = true;
-    finish(*entry, variant, machine, mayWaitForPredecessor(code));
+    MachineCode linked{code.entry, std::move(machine.binary), false};
+    storeMachineCode(key, linked);
     // Parts of programs may take more registers than such blocks have.
-    if (entry->maxThreads() >= variant.key.blockDim)
+    auto entry = loadMachine(*this, variant, code, std::move(linked));
+    if (entry && entry->maxThreads() >= variant.key.blockDim)
       return entry;
   } catch (const Error &) {
     // The whole program says what is wrong, or is right.
@@ -179,8 +203,12 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
   std::optional<MachineCode> known = findMachineCode(key);
   if (known && known->entry != code.entry)
     known.reset();
+  std::optional<AssembledProgram> apart;
   if (known)
     code.binary = known->binary;
+  else if ((apart = assembleApart({code.binary.data(), code.binary.size()},
+                                  targetOf(code), /*anyRelease=*/false)))
+    code.binary = std::move(apart->binary);
   else
     assemble(code);
   if (!isElf(code.binary))

@@ -243,6 +243,14 @@ SETTINGS = {
             "threads that make code for launches on GPUs; None is one per processor, 16 at most",
         ),
         Setting(
+            "ptxas",
+            str,
+            "auto",
+            "program that assembles code for GPUs where several kernels wait for theirs, beside "
+            "the driver, which makes one after the other: a file, `none`, or `auto`, which looks "
+            "in `CUDA_HOME`, `PATH` and packages for one that is no newer than the driver",
+        ),
+        Setting(
             "progress",
             _MAYBE_BOOL,
             None,

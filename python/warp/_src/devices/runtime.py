@@ -65,6 +65,10 @@ def _set_compile_threads(count) -> None:
     _native.set_compile_threads(max(count or 0, 0))
 
 
+def _set_assembler(file) -> None:
+    _native.set_assembler("" if file == "none" else os.fsencode(file))
+
+
 def _show_progress(done, all_kernels) -> None:
     from warp._src.kernels.progress import show
 
@@ -81,6 +85,9 @@ def connect() -> None:
         _set_lazy()
     if config.compile_threads:
         _set_compile_threads(config.compile_threads)
+    settings.on_change("ptxas", _set_assembler)
+    if config.ptxas != "auto":
+        _set_assembler(config.ptxas)
     _native.set_type_resolver(_type_text)
     _native.set_notice_handler(_notice)
     settings.on_change("kernel_cache_dir", _set_cache_directory)
