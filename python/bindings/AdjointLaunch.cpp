@@ -5,7 +5,7 @@
 // `wp.launch(..., adjoint=True)` of a launch whose adjoint takes the same
 // arguments is packed and run here once Python has found that adjoint. Python
 // takes over, and nothing is done, where arrays share memory, gradients are to
-// be made first, or the launch names gradients of its own.
+// be made first or kept, or the launch names gradients of its own.
 //
 //===----------------------------------------------------------------------===//
 
@@ -72,6 +72,8 @@ static std::optional<bool> readGradient(PyObject *value, PyObject *named) {
       return std::nullopt;
     return false;
   }
+  if (array->retainsGradient)
+    return std::nullopt;
   if (named != Py_None)
     return isOwnGradient(array, named) ? std::optional(true) : std::nullopt;
   auto gradient =

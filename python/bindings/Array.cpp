@@ -208,6 +208,7 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
   }
   array->typeId = array->packId = typeId;
   array->readOnly = false;
+  array->retainsGradient = false;
   array->device = device;
   array->pinned = pinned;
   findFacts(array);
@@ -347,6 +348,7 @@ static PyMemberDef members[] = {
     {"pinned", T_BOOL, WARP_FIELD(pinned), READONLY, nullptr},
     {"read_only", T_BOOL, WARP_FIELD(readOnly), READONLY,
      "Whether the memory must not be written."},
+    {"_retain_grad", T_BOOL, WARP_FIELD(retainsGradient), 0, nullptr},
     {nullptr, 0, 0, 0, nullptr}};
 #undef WARP_FIELD
 

@@ -85,6 +85,9 @@ struct ArrayObject {
   bool pinned;
   /// Memory of a library that allows no writing.
   bool readOnly;
+  /// Adjoint launches leave the gradient, which they otherwise set to zero
+  /// where they overwrite the array.
+  bool retainsGradient;
 
   bool isContiguous() const { return descriptor.flags & arrayPacked; }
 };

@@ -70,6 +70,27 @@ def test_named_gradients_of_results_stay(device, has_own, recorded):
     assert not has_own or y.grad.numpy().tolist() == [7] * 4
 
 
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("recorded", [False, True])
+def test_retained_gradients_stay(device, named, recorded):
+    """Results with `retain_grad` keep their gradient, as in NVIDIA Warp 1.19; others lose it."""
+    x = ramp(4, device)
+    x.requires_grad = True
+    kept = wp.zeros(4, device=device, requires_grad=True, retain_grad=True)
+    lost = wp.zeros(4, device=device, requires_grad=True)
+    options = {"device": device, "adjoint": True, "record_cmd": recorded}
+    for y, left in ((kept, 1), (lost, 0), (kept, 1)):
+        x.grad.zero_()
+        for count in (1, 2, 3):
+            y.grad.fill_(1.0)
+            given = [y.grad] if named else [None]
+            command = wp.launch(square, 4, [1.0, x], [y], [None, None], given, **options)
+            if recorded:
+                command.launch()
+            assert x.grad.numpy().tolist() == [0, 2 * count, 4 * count, 6 * count]
+            assert y.grad.numpy().tolist() == [left] * 4
+
+
 def test_named_gradients_that_are_added_to(device):
     """Results that the launch also reads get sums in the gradients that it names."""
 

@@ -44,7 +44,6 @@ class ArrayGradients:
     # True if components of 16 bits are to have a gradient of 32 when it is made.
     _wide_grad = False
     _requires_grad = False
-    _retain_grad = False
     # The function that takes the gradient away at the end of another library's backward pass, if
     # any.
     passing = None
@@ -69,6 +68,9 @@ class ArrayGradients:
     @property
     def retain_grad(self) -> bool:
         """True if `backward` leaves the gradient by the last contents in `grad`.
+
+        Launches with `adjoint=True` leave the gradient of such an array as it is, if they only
+        write the array.
 
         Raises:
             ValueError: it is set for an array without gradient.

@@ -113,11 +113,16 @@ class AdjointLaunch(LaunchParameters):
         """A gradient itself, or a copy of one that the derivative reads and does not add to.
 
         A derivative sets the gradient of what the launch overwrites to zero. One that the caller
-        owns keeps its contents, as other libraries may read it again.
+        owns keeps its contents, as other libraries may read it again, and so does that of an array
+        with `retain_grad`.
 
         Raises:
             ValueError: it is read-only, and the derivative adds to it.
         """
+        value = self._values[position] if position < len(self._values) else None
+        retains = isinstance(value, array) and value.retain_grad
+        if given is None and retains:
+            given = value.grad
         if not _is_array(given):
             return given
         found = _as_array(given)
@@ -131,8 +136,8 @@ class AdjointLaunch(LaunchParameters):
                 f"launch('{self.kernel.key}', adjoint=True): the gradient of argument '{name}' is "
                 "a read-only array, but the derivative adds to it, use a copy"
             )
-        own = getattr(self._values[position], "_grad", None)
-        is_own = isinstance(own, array) and own.ptr == found.ptr
+        own = getattr(value, "_grad", None)
+        is_own = isinstance(own, array) and own.ptr == found.ptr and not retains
         if is_added_to or is_own or not access[1]:
             return given
         return clone(found, requires_grad=False)
@@ -181,6 +186,8 @@ def launch_plain(kernel, native, dim, values, gradients, place) -> bool:
         if type(one) is not array:
             return False
         gradient, named = one._grad, gradients[i] if i < count else None
+        if one._retain_grad:
+            return False
         if named is not None and named is not gradient:
             return False
         if gradient is not None:
