@@ -115,6 +115,35 @@ def test_constructors_convert(device):
     assert pair.numpy()[0] == 3.0
 
 
+@wp.kernel
+def by_class(out: wp.array(dtype=float)):
+    v = wp.vec(length=3, dtype=float)
+    w = wp.vec(5.0, length=2)
+    m = wp.mat(shape=(2, 2), dtype=float)
+    n = wp.mat(1.0, 2.0, 3.0, 4.0)
+    v[1] = 7.0
+    m[1, 0] = 8.0
+    out[0] = v[0] + v[1] + w[1]
+    out[1] = m[1, 0] + m[0, 0] + n[1, 1]
+
+
+def test_the_classes_of_all_vectors_and_matrices_construct(device):
+    out = wp.zeros(2, dtype=float, device=device)
+    wp.launch(by_class, 1, [out], device=device)
+    assert out.numpy().tolist() == [12.0, 12.0]
+
+
+@wp.kernel
+def named_number(out: wp.array(dtype=float)):
+    out[0] = wp.float32(value=2.0)
+
+
+def test_conversions_refuse_names(device):
+    out = wp.zeros(1, dtype=float, device=device)
+    with pytest.raises(TypeError, match="'float32' has no parameter 'value'"):
+        wp.launch(named_number, 1, [out], device=device)
+
+
 def test_graphs_of_arrays_with_gaps(device):
     source = wp.array(np.arange(16).reshape(4, 4), dtype=int, device=device)
     dest = wp.zeros((4, 4), dtype=int, device=device)

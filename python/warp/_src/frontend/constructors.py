@@ -13,6 +13,14 @@ from warp._src.types import dtypes
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
 
+# The classes that all vectors have, and so on, are called like the builtin of that name.
+_FAMILIES = {
+    dtypes.vec: "builtin_vector",
+    dtypes.mat: "builtin_matrix",
+    dtypes.Quaternion: "builtin_quaternion",
+    dtypes.Transformation: "builtin_transformation",
+}
+
 
 class Constructors(Part):
     """Translates calls that make a value of a named type."""
@@ -24,11 +32,14 @@ class Constructors(Part):
 
     def exactly(self, node, count, name):
         arguments, keywords = self.arguments(node)
-        if keywords or len(arguments) != count:
+        if keywords:
+            unknown = next(iter(keywords))
+            raise self.context.type_error(node, f"'{name}' has no parameter '{unknown}'")
+        if len(arguments) != count:
             raise self.context.type_error(
                 node,
                 f"'{name}' expects {count} argument{'s' if count != 1 else ''}, "
-                f"but got {len(arguments) + len(keywords)}",
+                f"but got {len(arguments)}",
             )
         return arguments
 
@@ -62,6 +73,8 @@ class Constructors(Part):
             return self.call_struct(kind, node)
         if dtypes.type_is_array(kind):
             return self.array_at(node)
+        if kind in _FAMILIES:
+            return getattr(self, _FAMILIES[kind])(node)
         if dtypes.type_is_composite(kind):
             if kind._length_ == 0 and not node.args and not node.keywords:
                 return kind()
