@@ -105,6 +105,39 @@ def compile_module(python: str, folder: Path) -> tuple[str, Path]:
     return tag, module
 
 
+def missing_functions(module: Path, library: Path) -> list[str]:
+    """Functions of the package that a module calls and a library does not have."""
+
+    def names(which: str, path: Path) -> set[str]:
+        listed = subprocess.run(
+            ["nm", "-D", "--format=posix", which, str(path)],
+            check=True,
+            capture_output=True,
+            text=True,
+        ).stdout
+        return {line.split(" ")[0].partition("@")[0] for line in listed.splitlines()}
+
+    needed = {name for name in names("--undefined-only", module) if "4warp" in name}
+    return sorted(needed - names("--defined-only", library))
+
+
+def check_module(tag: str, module: bytes, library: bytes) -> None:
+    """Ends the program if a module does not belong to the library.
+
+    A module that is compiled of later sources than `libwarp.so` of the wheel does not load.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / name for name in ("_native.so", "libwarp.so")]
+        for path, data in zip(paths, (module, library)):
+            path.write_bytes(data)
+        missing = missing_functions(*paths)
+    if missing:
+        raise SystemExit(
+            f"the module for {tag} calls {len(missing)} functions that the wheel's libwarp.so "
+            f"does not have, such as '{missing[0]}': its sources are newer, run 'make wheels' anew"
+        )
+
+
 def retagged(entries: dict[str, bytes], python: str) -> dict[str, bytes]:
     """Entries with the tag of a version of Python and of the platform."""
     found = dict(entries)
@@ -132,6 +165,9 @@ def main() -> None:
             if tag not in made:
                 others = {name: data for name, data in entries.items() if name != native}
                 made[tag] = {**others, f"warp/{module.name}": module.read_bytes()}
+    for tag, held in made.items():
+        module = next(name for name in held if re.match(r"warp/_native\..*\.so$", name))
+        check_module(tag, held[module], held["warp/libwarp.so"])
     options.wheel.unlink()
     for tag, held in made.items():
         wheel = options.wheel.parent / f"{stem}-{tag}-{tag}-{PLATFORM}.whl"

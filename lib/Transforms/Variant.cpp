@@ -44,6 +44,20 @@ bool warp::setOption(CompileOptions &options, StringRef key, StringRef value) {
   return isSet;
 }
 
+std::string warp::describeBadOption(StringRef key, StringRef value) {
+  std::string name = key.str(), known;
+  std::replace(name.begin(), name.end(), '-', '_');
+  bool isKnown = false;
+  CompileOptions options;
+  CompileOptions::visit(options, [&](const FactInfo &fact, auto &) {
+    isKnown |= name == fact.name;
+    known += (known.empty() ? "" : ", ") + std::string(fact.name);
+  });
+  if (isKnown)
+    return ("option '" + key + "' has no value '" + value + "'").str();
+  return ("no option '" + key + "', there are: " + known).str();
+}
+
 LogicalResult
 warp::parseOptions(StringRef text,
                    function_ref<LogicalResult(StringRef, StringRef)> set) {

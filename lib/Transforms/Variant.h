@@ -38,6 +38,9 @@ Schedule readSchedule(ScheduleAttr schedule);
 bool setOption(CompileOptions &options, llvm::StringRef key,
                llvm::StringRef value);
 
+/// The reason why `setOption` is false.
+std::string describeBadOption(llvm::StringRef key, llvm::StringRef value);
+
 /// Calls `set` for each `key` or `key=value` of a text, which commas or blanks
 /// separate, until it fails.
 mlir::LogicalResult parseOptions(

@@ -4,10 +4,10 @@
 // RUN: echo "module {}" | not warp-opt --warp-pipeline="to-trhead" 2>&1 | FileCheck %s --check-prefix=PHASE
 // RUN: not warp-opt %s --warp-emit=ptx --warp-options=target=sm_90,min-block=1 2>&1 | FileCheck %s --check-prefix=EMIT
 
-// VALUE: no option 'large' with the value 'perhaps'
-// NAME: no option 'lagre'
+// VALUE: option 'large' has no value 'perhaps'
+// NAME: no option 'lagre', there are: {{.*}}large{{.*}}
 // PHASE: no phase 'trhead', there are: warp, thread, launch, gpu, llvm
-// EMIT: no option 'min-block'
+// EMIT: no option 'min-block', there are: {{.*}}rank{{.*}}; of derivatives: active, apart
 
 // expected-error @+2 {{(C1) expects a target such as 'cpu', 'sm_90' or 'gfx90a', but got 'sm_'}}
 func.func private @no_version() attributes {warp.target =

@@ -32,6 +32,10 @@ static bool consumePrefix(std::string &text, const std::string &prefix) {
   return true;
 }
 
+static constexpr char derivationOptions[] =
+    "; of derivatives: active, apart, singular, unique, width, tape, "
+    "max-local-tape";
+
 /// Sets one option of a derivative; `active` and `apart` are one digit per
 /// array.
 static bool setOption(warp::AutodiffOptions &options, const std::string &key,
@@ -141,8 +145,12 @@ static int emitStage(const std::string &input, const std::string &stage,
     } else
       std::cout << warp::emitText(module, options, stage);
   } catch (const warp::Error &error) {
-    std::cerr << error.file << ':' << error.line << ':' << error.column
-              << ": error: " << error.what() << '\n';
+    if (error.file.empty())
+      std::cerr << "warp-opt: ";
+    else
+      std::cerr << error.file << ':' << error.line << ':' << error.column
+                << ": ";
+    std::cerr << "error: " << error.what() << '\n';
     return 1;
   }
   return 0;
@@ -168,9 +176,12 @@ std::optional<int> emitMain(int argc, char **argv) {
     auto set = [&](llvm::StringRef key, llvm::StringRef value) {
       bool isSet = warp::setOption(options, key, value) ||
                    setOption(derivation, key.str(), value.str());
-      if (!isSet)
-        std::cerr << "warp-opt: no option '" << key.str()
-                  << "' with the value '" << value.str() << "'\n";
+      if (!isSet) {
+        std::string problem = warp::describeBadOption(key, value);
+        bool isUnknown = problem.rfind("no ", 0) == 0;
+        std::cerr << "warp-opt: " << problem
+                  << (isUnknown ? derivationOptions : "") << '\n';
+      }
       return llvm::success(isSet);
     };
     if (llvm::failed(warp::parseOptions(argument, set)))

@@ -37,8 +37,7 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
     return warp::parseOptions(text, [&](StringRef key, StringRef value) {
       return warp::setOption(options, key, value)
                  ? success()
-                 : errorHandler("no option '" + key + "' with the value '" +
-                                value + "'");
+                 : errorHandler(warp::describeBadOption(key, value));
     });
   }
 

@@ -120,3 +120,16 @@ def test_a_wheel_takes_the_objects_of_the_optimised_build():
     assert wheel == settings
     wheel_rule = (ROOT / "Makefile").read_text().partition("\nwheel: release\n")[2]
     assert "-C build-dir=build/release" in wheel_rule.partition("\n\n")[0]
+
+
+@needs_build
+def test_wheels_get_no_module_of_later_sources(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import finish_wheel
+
+    module = next(LIBRARY.parent.glob("_native*.so"))
+    assert finish_wheel.missing_functions(module, LIBRARY) == []
+    # The library that only loads has fewer functions, as an older one has.
+    fewer = (ROOT / "build" / "lib" / "libwarp_runtime.so").read_bytes()
+    with pytest.raises(SystemExit, match=r"calls \d+ functions that libwarp.so .* run 'make wheel"):
+        finish_wheel.check_module("cp311", module.read_bytes(), fewer)
