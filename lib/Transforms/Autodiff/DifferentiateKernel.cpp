@@ -79,7 +79,10 @@ static void attachResults(func::FuncOp adjoint, const ReverseBuilder &builder) {
                "tape_bytes_per_trip",
                b.getI64IntegerAttr(builder.metrics.tapeBytesPerTrip)),
            b.getNamedAttr("replay_loops",
-                          b.getI64IntegerAttr(builder.metrics.replayLoops))}));
+                          b.getI64IntegerAttr(builder.metrics.replayLoops)),
+           b.getNamedAttr(
+               "ordered_reads",
+               b.getI64IntegerAttr(builder.options.ordered.size()))}));
 }
 
 /// A function with the signature of the kernel, without a body.
@@ -224,6 +227,14 @@ struct DifferentiateKernel
     return success();
   }
 
+  /// Finds values that the launch has left, or found.
+  void compareOrders(func::FuncOp kernel, ReverseOptions &options) {
+    warp::ArrayLeaves leaves(kernel);
+    Activity activity(kernel, leaves, options.active);
+    MemoryClasses memory(kernel, leaves, activity, options.unique);
+    options.ordered = findOrderedReads(kernel, memory);
+  }
+
   /// Lets the kernel run again before its adjoint, to keep what loops read.
   bool keepLog(func::FuncOp kernel, ReverseOptions &options,
                bool onlyIfShared) {
@@ -233,7 +244,7 @@ struct DifferentiateKernel
     SmallVector<unsigned> shared = memory.findUnknownSharing();
     llvm::append_range(shared, llvm::make_first_range(trusted.arrays));
     if (options.log || (onlyIfShared && shared.empty()) ||
-        !makeMemoryLog(kernel, memory, shared, log))
+        !makeMemoryLog(kernel, memory, shared, options.ordered, log))
       return false;
     options.log = &log;
     options.untaped.clear();
@@ -242,6 +253,7 @@ struct DifferentiateKernel
 
   LogicalResult buildReverse(func::FuncOp kernel, ReverseOptions &options) {
     guardArms(kernel);
+    compareOrders(kernel, options);
     keepLog(kernel, options, !hasLoopWithoutResults(kernel));
     if (!trusted.arrays.empty() && !options.log)
       return refuseReturned(trusted.arrays.front().second);

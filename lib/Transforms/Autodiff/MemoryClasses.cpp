@@ -40,11 +40,16 @@ static void followViews(Value array, Access &access) {
       leading.push_back(Forms().of(index));
     access.indices.insert(access.indices.begin(), leading.begin(),
                           leading.end());
+    access.values.insert(access.values.begin(), view.getIndices().begin(),
+                         view.getIndices().end());
   } else if (auto view = dyn_cast<IndexDimOp>(op.getOperation())) {
     access.indices.insert(access.indices.begin() + view.getDim(),
                           Forms().of(view.getIndex()));
+    access.values.insert(access.values.begin() + view.getDim(),
+                         view.getIndex());
   } else if (auto slice = dyn_cast<SliceOp>(op.getOperation())) {
     access.indices[slice.getDim()] = std::nullopt;
+    access.values[slice.getDim()] = nullptr;
   } else if (auto part = dyn_cast<ComponentViewOp>(op.getOperation())) {
     SmallVector<Attribute, 2> component;
     auto parts = cast<ArrayType>(part.getArray().getType());
@@ -81,6 +86,7 @@ std::optional<Access> getAccess(Operation *op) {
     access.array = tiles.getArray();
     auto type = cast<ArrayType>(access.array.getType());
     access.indices.resize(type.getRank());
+    access.values.resize(type.getRank());
     followViews(access.array, access);
     return access;
   }
@@ -89,8 +95,10 @@ std::optional<Access> getAccess(Operation *op) {
     return std::nullopt;
   access.array = accessOp.getArray();
   access.isWrite = accessOp.mayWrite();
-  for (Value index : accessOp.getIndices())
+  for (Value index : accessOp.getIndices()) {
     access.indices.push_back(Forms().of(index));
+    access.values.push_back(index);
+  }
   followViews(access.array, access);
   return access;
 }
@@ -207,6 +215,16 @@ Recovery MemoryClasses::getRecovery(Operation *load, std::string &why,
         (sharing == Sharing::Shared ? ", in any order of threads" : "") +
         "; keep the value in a variable, or write to another array";
   return Recovery::Impossible;
+}
+
+std::optional<WriteOrder> MemoryClasses::getWriteOrder(Operation *load) const {
+  unsigned leaf;
+  const Access *read = lookup(load, leaf);
+  if (!read || getSharing(leaf, /*onlyActive=*/false) != Sharing::Private)
+    return std::nullopt;
+  SmallVector<const Access *> writes = select(leaf, /*onlyActive=*/false);
+  llvm::erase_if(writes, [](const Access *access) { return !access->isWrite; });
+  return findWriteOrder(*read, writes);
 }
 
 } // namespace warp::autodiff

@@ -46,6 +46,8 @@ struct Access {
   unsigned position = 0;
   /// One per dimension of the leaf; none for an index within a slice.
   std::vector<std::optional<Form>> indices;
+  /// The same as values.
+  llvm::SmallVector<mlir::Value, 2> values;
   /// Component or field of the element, as far as it is constant.
   llvm::SmallVector<mlir::Attribute, 2> component;
   /// A component that is known only at run time is accessed.
@@ -66,6 +68,18 @@ bool areApart(const Access &a, const Access &b);
 /// True if they are to the same element and component, with the same values
 /// for what the indices are made of.
 bool areSame(const Access &a, const Access &b);
+
+/// A loop writes each element of an array once, in the order of one index.
+struct WriteOrder {
+  /// That index in a load, and what it is in the write of the same iteration.
+  mlir::Value read, write;
+  unsigned axis = 0;
+  /// One of the writes.
+  mlir::Operation *writer = nullptr;
+  bool isDescending = false;
+  /// The write of an iteration comes before the load.
+  bool isBefore = false;
+};
 
 class MemoryClasses {
 public:
@@ -97,6 +111,10 @@ public:
   /// `needsOneThread` if that is so in a launch of one thread only.
   Recovery getRecovery(mlir::Operation *load, std::string &why,
                        bool &needsOneThread) const;
+  /// Set if comparing indices tells whether an element was written before a
+  /// load, and if so, nothing has written it since. None for loads that can be
+  /// recovered otherwise.
+  std::optional<WriteOrder> getWriteOrder(mlir::Operation *load) const;
   /// N if no two threads of a launch of rank up to N touch the same gradient
   /// at this access; 0 if that is not known.
   int64_t getUniqueRank(mlir::Operation *access) const;
@@ -139,6 +157,10 @@ private:
 /// thread, after or before that.
 bool mayWriteAfter(const Access &read, const Access &write);
 bool mayWriteBefore(const Access &read, const Access &write);
+/// The order in which these writes, and no others of the thread, come to the
+/// elements that `read` may read.
+std::optional<WriteOrder> findWriteOrder(const Access &read,
+                                         llvm::ArrayRef<const Access *> writes);
 
 } // namespace warp::autodiff
 

@@ -113,4 +113,84 @@ bool mayWriteBefore(const Access &read, const Access &write) {
   return mayWrite(read, write, -1);
 }
 
+//===----------------------------------------------------------------------===//
+// Order of writes
+//===----------------------------------------------------------------------===//
+
+/// The counted loop that runs a write once in each iteration, or not.
+static scf::ForOp getLoopOf(const Access &write) {
+  Operation *op = write.op->getParentOp();
+  while (op && !isa<scf::ForOp, scf::WhileOp>(op))
+    op = op->getParentOp();
+  return dyn_cast_or_null<scf::ForOp>(op);
+}
+
+/// By how much an index grows with each iteration of a loop; 0 if it does not,
+/// or nobody knows.
+static int64_t getPace(const std::optional<Form> &index, Operation *loop) {
+  Symbol trip = Symbol::trip(loop);
+  if (!index || !index->without(trip).isDefinedOutside(loop))
+    return 0;
+  std::optional<Form> coefficient = index->coefficientOf(trip);
+  return coefficient ? coefficient->getConstant().value_or(0) : 0;
+}
+
+/// True if a write is to an element before those that the writes of a loop, of
+/// which `first` is the first index, come to.
+static bool isBeforeAll(const Access &read, const Access &write, unsigned axis,
+                        const Form &first, bool isDescending) {
+  const std::optional<Form> &index = write.indices[axis];
+  if (!index)
+    return false;
+  std::optional<int64_t> distance = getDistance(*index, first);
+  if (!distance || (isDescending ? *distance <= 0 : *distance >= 0))
+    return false;
+  return llvm::all_of(getCommonLoops(read.op, write.op), [&](Operation *loop) {
+    return index->isDefinedOutside(loop) && first.isDefinedOutside(loop);
+  });
+}
+
+std::optional<WriteOrder> findWriteOrder(const Access &read,
+                                         ArrayRef<const Access *> writes) {
+  SmallVector<const Access *> later, earlier;
+  for (const Access *write : writes) {
+    if (mayWriteAfter(read, *write))
+      later.push_back(write);
+    else if (mayWriteBefore(read, *write))
+      earlier.push_back(write);
+  }
+  scf::ForOp loop = later.empty() ? scf::ForOp() : getLoopOf(*later.front());
+  if (!loop || !loop->isProperAncestor(read.op))
+    return std::nullopt;
+  bool isBefore = later.front()->position < read.position;
+  for (const Access *write : later) {
+    if (getLoopOf(*write) != loop ||
+        (write->position < read.position) != isBefore)
+      return std::nullopt;
+    // Iterations of the loops around it have elements of their own.
+    for (Operation *outer : getCommonLoops(loop, loop))
+      if (mayMeet(read, *write, outer, 1) || mayMeet(read, *write, outer, -1))
+        return std::nullopt;
+  }
+  for (auto [axis, value] : llvm::enumerate(read.values)) {
+    const std::optional<Form> &index = later.front()->indices[axis];
+    int64_t pace = getPace(index, loop);
+    if (!value || pace == 0)
+      continue;
+    bool isDescending = pace < 0;
+    bool isInOrder = llvm::all_of(later, [&, axis = axis](const Access *write) {
+      return write->indices[axis] && write->indices[axis]->equals(*index);
+    });
+    Form first = index->without(Symbol::trip(loop));
+    isInOrder &= llvm::all_of(earlier, [&, axis = axis](const Access *write) {
+      return isBeforeAll(read, *write, axis, first, isDescending);
+    });
+    if (isInOrder)
+      return WriteOrder{value,          later.front()->values[axis],
+                        unsigned(axis), later.front()->op,
+                        isDescending,   isBefore};
+  }
+  return std::nullopt;
+}
+
 } // namespace warp::autodiff

@@ -162,7 +162,8 @@ static Operation *countPasses(func::FuncOp kernel, Block *block,
 //===----------------------------------------------------------------------===//
 
 bool makeMemoryLog(func::FuncOp kernel, const MemoryClasses &memory,
-                   ArrayRef<unsigned> shared, MemoryLog &log) {
+                   ArrayRef<unsigned> shared, const OrderedReads &ordered,
+                   MemoryLog &log) {
   ArrayLeaves leaves(kernel);
   if (!mayRunAgain(kernel, leaves))
     return false;
@@ -171,7 +172,7 @@ bool makeMemoryLog(func::FuncOp kernel, const MemoryClasses &memory,
     std::string why;
     bool needsOneThread;
     Block *block = getIteration(load);
-    if (block &&
+    if (block && !ordered.contains(load) &&
         memory.getRecovery(load, why, needsOneThread) == Recovery::Impossible)
       sites[block].push_back(load);
   });

@@ -7,7 +7,7 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_MEMORYLOG_H
 #define WARP_TRANSFORMS_AUTODIFF_MEMORYLOG_H
 
-#include "Autodiff/MemoryClasses.h"
+#include "OrderedReads.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 
@@ -39,9 +39,10 @@ struct MemoryLog {
 /// Chooses the loads, counts iterations in the kernel and makes the function
 /// that fills the log, next to the kernel. Returns whether there is anything to
 /// keep or to check; nothing has changed if not. `shared` are arrays of which
-/// indices do not show whether threads conflict.
+/// indices do not show whether threads conflict; `ordered` loads need no log.
 bool makeMemoryLog(mlir::func::FuncOp kernel, const MemoryClasses &memory,
-                   llvm::ArrayRef<unsigned> shared, MemoryLog &log);
+                   llvm::ArrayRef<unsigned> shared, const OrderedReads &ordered,
+                   MemoryLog &log);
 
 /// The element of a tape, which has rows, that is at a number.
 llvm::SmallVector<mlir::Value>

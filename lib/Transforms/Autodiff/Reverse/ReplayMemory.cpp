@@ -3,8 +3,9 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // The adjoint of a launch runs after it. A loaded value is in the array
-// still, or in a copy from before the launch, or the launch has saved it, or it
-// is in the log of a second run (Loops/MemoryLog.cpp).
+// still, or in a copy from before the launch, in one of both as indices tell
+// (Loops/OrderedReads.cpp), or the launch has saved it, or it is in the log of
+// a second run (Loops/MemoryLog.cpp).
 //
 //===----------------------------------------------------------------------===//
 
@@ -13,14 +14,20 @@
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
+#include "mlir/Dialect/SCF/IR/SCF.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
 
 using namespace mlir;
 
 namespace warp::autodiff {
 
-/// A loaded value may be in the log, and where that is, no operand says.
+/// A loaded value may be in the log or in a copy, and no operand says where.
 SmallVector<Value> ReverseBuilder::getReplayUses(Operation *op) const {
+  if (Value isWritten = options.ordered.lookup(op)) {
+    SmallVector<Value> uses(op->getOperands());
+    uses.push_back(isWritten);
+    return uses;
+  }
   std::string why;
   bool needsOneThread;
   if (logTapes.contains(op) &&
@@ -29,7 +36,36 @@ SmallVector<Value> ReverseBuilder::getReplayUses(Operation *op) const {
   return SmallVector<Value>(op->getOperands());
 }
 
+Value ReverseBuilder::recoverPreserved(Value array) {
+  return rebase(array, [&](Value root) {
+    return getHidden(HiddenKind::Preserved, leaves.of(root).front(),
+                     root.getType());
+  });
+}
+
+/// From the array if the launch had written the element before it was read.
+void ReverseBuilder::replayOrdered(AccessOp op, Value isWritten) {
+  Location loc = op->getLoc();
+  SmallVector<Value> indices = recover(op.getIndices());
+  Value left = recover(op.getArray()), copy = recoverPreserved(op.getArray());
+  auto branch = scf::IfOp::create(builder, loc, op->getResultTypes(),
+                                  recover(isWritten), /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(builder);
+  for (auto [array, block] :
+       {std::pair(left, branch.thenBlock()), {copy, branch.elseBlock()}}) {
+    builder.setInsertionPointToEnd(block);
+    auto load =
+        LoadOp::create(builder, loc, op->getResultTypes(), array, indices);
+    scf::YieldOp::create(builder, loc, load->getResults());
+  }
+  setRecovered(op.getRead(), branch.getResults());
+}
+
 LogicalResult ReverseBuilder::replayLoad(AccessOp op) {
+  if (Value isWritten = options.ordered.lookup(op)) {
+    replayOrdered(op, isWritten);
+    return success();
+  }
   std::string why;
   bool needsOneThread;
   Recovery recovery = memory.getRecovery(op, why, needsOneThread);
@@ -39,14 +75,9 @@ LogicalResult ReverseBuilder::replayLoad(AccessOp op) {
     replayLogged(op, options.log->loads.lookup(op));
     return success();
   }
-  Value array;
-  if (recovery == Recovery::Preserved)
-    array = rebase(op.getArray(), [&](Value root) {
-      return getHidden(HiddenKind::Preserved, leaves.of(root).front(),
-                       root.getType());
-    });
-  else
-    array = recover(op.getArray());
+  Value array = recovery == Recovery::Preserved
+                    ? recoverPreserved(op.getArray())
+                    : recover(op.getArray());
   auto load = LoadOp::create(builder, op.getLoc(), op->getResultTypes(), array,
                              recover(op.getIndices()));
   if (needsOneThread)

@@ -59,6 +59,8 @@ struct ReverseOptions {
   bool dumpRecovery = false;
   /// The values that a second run of the kernel keeps; null without one.
   const MemoryLog *log = nullptr;
+  /// Loads whose values the launch or a copy from before it has.
+  OrderedReads ordered;
   int64_t logSites() const { return log ? log->sites : 0; }
 };
 
@@ -168,8 +170,11 @@ public:
 private:
   mlir::LogicalResult replayRegions(mlir::Operation *op);
   mlir::LogicalResult replayLoad(AccessOp op);
+  void replayOrdered(AccessOp op, mlir::Value isWritten);
   mlir::LogicalResult replayUpdate(AccessOp op);
   mlir::LogicalResult replaySaved(mlir::Operation *op, llvm::StringRef why);
+  /// The copy of an array, or of a view, that was made before the launch.
+  mlir::Value recoverPreserved(mlir::Value array);
   void addLog();
   void replayLogged(mlir::Operation *op, const LoggedLoad &logged);
   mlir::LogicalResult replayCall(mlir::func::CallOp op);

@@ -49,10 +49,7 @@ LogicalResult ReverseBuilder::replayTileAccess(TileAccessOp op) {
   clone->setOperands(recover(op->getOperands()));
   if (recovery == Recovery::Preserved)
     cast<TileAccessOp>(clone).getArrayMutable().set(
-        rebase(op.getArray(), [&](Value root) {
-          return getHidden(HiddenKind::Preserved, leaves.of(root).front(),
-                           root.getType());
-        }));
+        recoverPreserved(op.getArray()));
   builder.insert(clone);
   if (recovery == Recovery::Impossible)
     clone->setAttr(attr::unrecoverable, builder.getStringAttr(why));
