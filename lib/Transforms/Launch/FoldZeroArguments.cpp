@@ -256,6 +256,8 @@ void FoldZeroArguments::collectSwitches() {
     next += leaves.size();
     if (!typeAttr || i >= mostArguments || next > kernel.getNumArguments())
       return;
+    if (leaves.empty())
+      continue; // A struct without fields.
     Value argument = kernel.getArgument(place);
     if (isa<warp::ArrayType>(typeAttr.getValue()))
       addElements(i, argument);

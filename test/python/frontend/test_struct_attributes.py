@@ -246,3 +246,28 @@ def test_attributes_are_part_of_what_a_kernel_is(tmp_path):
             [sys.executable, path, number], capture_output=True, text=True, timeout=120
         )
         assert found.stdout.strip().endswith(f"{number}.0"), found.stderr
+
+
+@wp.struct
+class Fieldless:
+    pass
+
+
+@wp.kernel
+def beside_nothing(empty: Fieldless, n: int, more: Fieldless, x: wp.array(dtype=int)):
+    i = wp.tid()
+    if n > 0:
+        x[i] = n * x[i] + 1
+
+
+@wp.kernel
+def of_nothing(empty: Fieldless):
+    i = wp.tid()
+
+
+def test_structs_without_fields_are_arguments(device):
+    x = wp.array([1, 2], dtype=int, device=device)
+    for n, expected in ((3, [4, 7]), (0, [4, 7]), (1, [5, 8])):
+        wp.launch(beside_nothing, 2, [Fieldless(), n, Fieldless(), x], device=device)
+        assert x.numpy().tolist() == expected
+    wp.launch(of_nothing, 2, [Fieldless()], device=device)

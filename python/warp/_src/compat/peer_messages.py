@@ -60,7 +60,7 @@ def _components(native, given) -> str | None:
             return f"the value used to fill {wanted}"
         return f"all values used to initialize {wanted}".replace(" is ", " are ")
     of_shape = {
-        "vector": f"vector of length {shape[0]}",
+        "vector": f"vector of length {shape[0] if shape else 0}",
         "matrix": f"matrix of shape {shape}",
         "quaternion": "quaternion",
     }.get(family, "transform; expected 0, 1, or 7")
