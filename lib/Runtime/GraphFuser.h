@@ -50,7 +50,7 @@ private:
   std::vector<FillRegion> regionsOf(int group) const;
 
   // GraphFusionRules.cpp: launches that may be one.
-  std::string whyNot(int group, int node, bool &hasRows) const;
+  std::string whyNot(int group, int node, bool hasEdge, bool &hasRows) const;
   std::string whyNoRows(int group, int node) const;
   std::string whyOrdered(int group, int node, bool hasEdge) const;
   bool isShort(int node) const;

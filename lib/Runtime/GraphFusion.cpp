@@ -14,6 +14,7 @@
 #include "warp/Fusion.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <deque>
 #include <queue>
 #include <tuple>
@@ -61,7 +62,7 @@ void GraphFuser::join(int node) {
       return false;
     tried.push_back(group);
     bool hasRows = false;
-    std::string why = whyNot(group, node, hasRows);
+    std::string why = whyNot(group, node, hasEdge, hasRows);
     if (why.empty())
       why = whyOrdered(group, node, hasEdge);
     if (!why.empty()) {
@@ -211,6 +212,9 @@ std::vector<int> GraphFuser::orderOfGroups() const {
   // Fills begin with the first of them.
   auto placeOf = [&](int group) {
     const std::vector<int> &nodes = groups[group].nodes;
+    if (graphTrial() & 64 && nodes.size() > 1 && records[nodes.front()].fill &&
+        before(group).empty())
+      return -1;
     return records[nodes.front()].fill ? nodes.front() : nodes.back();
   };
   auto later = [&](int a, int b) {
@@ -240,7 +244,7 @@ FusedNodes GraphFuser::run(bool joinsFills) {
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
       made[int(group)] = std::move(fused);
-  if (joinsFills && fusesLaunches())
+  if (joinsFills && fusesLaunches() && !(graphTrial() & 8))
     joinFills();
   FusedNodes result;
   for (int group : orderOfGroups()) {
@@ -263,6 +267,11 @@ FusedNodes GraphFuser::run(bool joinsFills) {
 FusedNodes warp::fuseLaunches(std::vector<NodeRecord> &records,
                               const GraphSchedule &schedule, bool joinsFills) {
   return GraphFuser(records, schedule).run(joinsFills);
+}
+
+int warp::graphTrial() {
+  const char *text = std::getenv("WARP_GRAPH_TRIAL");
+  return text ? std::atoi(text) : 0;
 }
 
 std::vector<std::vector<int>> warp::chainOf(size_t count) {

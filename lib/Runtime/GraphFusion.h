@@ -42,6 +42,9 @@ struct FusedNodes {
 FusedNodes fuseLaunches(std::vector<NodeRecord> &records,
                         const GraphSchedule &schedule, bool joinsFills = false);
 
+/// Choices to be measured.
+int graphTrial();
+
 /// Edges from each node to the next.
 std::vector<std::vector<int>> chainOf(size_t count);
 

@@ -76,6 +76,8 @@ private:
   std::vector<GraphNode> lastOf(size_t group) const;
   EdgeData dataOf(GraphNode to, size_t from, size_t group) const;
   void findEarly();
+  int nearestOf(const std::vector<GraphSchedule::Edge> &list,
+                const std::vector<int> &level) const;
   void remove(GraphNode node);
 
   std::vector<GraphEdge> edges;
@@ -277,6 +279,25 @@ EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group) const {
   return known != early.end() && areOurs ? known->second : EdgeData();
 }
 
+/// The node before another one that lets it start early, -1 if none does: the
+/// only one.
+int Groups::nearestOf(const std::vector<GraphSchedule::Edge> &list,
+                      const std::vector<int> &level) const {
+  if (list.size() == 1)
+    return list.front().from;
+  if (!(graphTrial() & 1))
+    return -1;
+  int nearest = -1;
+  for (const GraphSchedule::Edge &edge : list) {
+    std::vector<GraphNode> last = lastOf(edge.from);
+    bool isKernel = last.size() == 1 && typeOf(last.front()) == nodeKernel &&
+                    records[edge.from].barrier.empty();
+    if (isKernel && (nearest < 0 || level[edge.from] > level[nearest]))
+      nearest = edge.from;
+  }
+  return nearest;
+}
+
 //===----------------------------------------------------------------------===//
 // Fused launches
 //===----------------------------------------------------------------------===//
@@ -385,18 +406,22 @@ void Groups::exchange(const GraphSchedule &schedule,
                       std::vector<GraphEdge> &removed,
                       std::vector<GraphEdge> &added) const {
   std::vector<GraphEdge> wanted;
+  std::vector<int> level(members.size());
   for (size_t group = 0; group < members.size(); ++group) {
     const auto &list = schedule.nodes[group].before;
     if (list.empty())
       continue;
     std::vector<GraphNode> first = firstOf(group);
-    for (const GraphSchedule::Edge &edge : list)
+    int nearest = nearestOf(list, level);
+    for (const GraphSchedule::Edge &edge : list) {
+      level[group] = std::max(level[group], level[edge.from] + 1);
       for (GraphNode to : first) {
         EdgeData data =
-            list.size() == 1 ? dataOf(to, edge.from, group) : EdgeData();
+            edge.from == nearest ? dataOf(to, edge.from, group) : EdgeData();
         for (GraphNode from : lastOf(edge.from))
           wanted.push_back({from, to, data});
       }
+    }
   }
   std::vector<GraphEdge> old;
   for (const GraphEdge &edge : edges)
@@ -468,6 +493,12 @@ static GraphCapacity capacityOf(int device) {
     capacity.threads = int64_t(threads) * deviceInfo(device).smCount;
   capacity.bytes = manyBytes;
   capacity.branches = mostBranches;
+  if (graphTrial() & 4)
+    capacity.threads = capacity.bytes = INT64_MAX;
+  if (graphTrial() & 16)
+    capacity.branches = 8;
+  if (graphTrial() & 32)
+    capacity.branches = 5;
   return capacity;
 }
 
@@ -507,6 +538,15 @@ GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
       kernels.insert(kernels.end(), made.begin(), made.end());
       hasFused = true;
     }
+  }
+  if (graphTrial() & 64 && groups.records.size() > 1 &&
+      groups.records[0].name.ends_with(" fills")) {
+    MemoryBlock token;
+    token.start = outputAddress - 64;
+    token.item = 1;
+    for (NodeRecord &record : groups.records)
+      record.accesses.push_back(
+          {{{token}}, &record == &groups.records[0], "the fills"});
   }
   schedule = makeSchedule(groups.records, groups.before, capacityOf(device));
   schedule->recordedEdges = recordedEdges;
