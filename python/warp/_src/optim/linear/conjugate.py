@@ -13,6 +13,9 @@ from warp._src.optim.linear.state import LinearSolverState
 from warp.extend import checked
 from warp.extend.kinds import ARRAY, INTEGER, SOLVER
 
+# In place of the sign of products that had both.
+INDEFINITE = wp.constant(2.0)
+
 
 @wp.func
 def quotient(
@@ -38,14 +41,17 @@ def quotient(
 
 
 @wp.func
-def is_definite(value: wp.float64, signs: wp.array(dtype=wp.float64), batch: int) -> bool:
-    """True if a product has the sign of the one before it, which it leaves in `signs`.
+def note_sign(value: wp.float64, signs: wp.array(dtype=wp.float64), batch: int):
+    """Leaves the sign of a product in `signs`, or `INDEFINITE` once it has changed.
 
-    For a definite matrix, positive or negative, p^T A p has one sign for all p.
+    For a definite matrix, positive or negative, p^T A p has one sign for all p. Iterations go on
+    where it has not, as they solve many such systems.
     """
     before = signs[batch]
-    signs[batch] = wp.sign(value)
-    return before * value >= wp.float64(0.0)
+    if before == wp.float64(INDEFINITE) or before * value < wp.float64(0.0):
+        signs[batch] = wp.float64(INDEFINITE)
+    else:
+        signs[batch] = wp.sign(value)
 
 
 @wp.func
@@ -68,25 +74,6 @@ def step_length(
         return wp.float64(0.0)
     if size > wp.float64(0.0):
         shortest[batch] = wp.min(shortest[batch], size)
-    return length
-
-
-@wp.func
-def definite_length(
-    length: wp.float64,
-    above: wp.float64,
-    below: wp.float64,
-    signs: wp.array2d(dtype=wp.float64),
-    iteration: int,
-    broken: wp.array(dtype=int),
-    batch: int,
-):
-    """The length of a step, 0 and a breakdown where its terms show an indefinite matrix."""
-    if length != wp.float64(0.0):
-        above_fits = is_definite(above, signs[0], batch)
-        if not (is_definite(below, signs[1], batch) and above_fits):
-            broken[batch] = iteration
-            return wp.float64(0.0)
     return length
 
 
@@ -123,8 +110,9 @@ def _factor_kernels():
     ):
         i = wp.tid()
         length = quotient(above[i], below[i], residuals[i], limits[i], progress[0], broken, i)
-        if definite:
-            length = definite_length(length, above[i], below[i], signs, progress[0], broken, i)
+        if definite and length != wp.float64(0.0):
+            note_sign(above[i], signs[0], i)
+            note_sign(below[i], signs[1], i)
         alpha[i] = step_length(length, shortest, progress[0], broken, i)
 
     @kernel(name="linear_turn")
@@ -236,6 +224,10 @@ class _Restartable(LinearSolverState):
     def prepare(self):
         self.signs.zero_()
 
+    def indefinite_systems(self):
+        """Mask of the systems whose matrix or preconditioner has shown to be indefinite."""
+        return (self.signs.numpy() == INDEFINITE).any(axis=0)
+
     def cycle(self):
         for _ in range(self.cycle_size):
             self.iterate()
@@ -275,7 +267,8 @@ class _Restartable(LinearSolverState):
 class CG(_Restartable):
     """The method of conjugate gradients, for symmetric matrices that are definite.
 
-    They may be positive or negative definite; a preconditioner has to be definite, too.
+    They may be positive or negative definite; a preconditioner has to be definite, too. Others are
+    tried, with a warning if they are not solved.
     Arguments as for `LinearSolverState`, and `restart`: after how many iterations to begin anew,
     with the residual as it is by definition; checks lie between such cycles.
     """

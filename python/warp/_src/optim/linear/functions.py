@@ -39,9 +39,9 @@ def cg(
 ) -> typing.Any:
     """Solves A x = b for a symmetric definite matrix by conjugate gradients.
 
-    It may be positive or negative definite. One that turns out to be neither ends the iterations
-    with a warning. An operator that says so by `is_definite = False` is solved by conjugate
-    residuals.
+    It may be positive or negative definite. One that turns out to be neither is warned of if the
+    iterations do not solve it. An operator that says so by `is_definite = False` is solved by
+    conjugate residuals.
 
     Arguments: see `LinearSolverState`.
 

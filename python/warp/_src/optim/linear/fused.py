@@ -14,7 +14,7 @@ import numpy as np
 import warp as wp
 from warp._src.optim.linear.conjugate import (
     _Restartable,
-    definite_length,
+    note_sign,
     quotient,
     step_length,
     watch,
@@ -65,7 +65,9 @@ def _factor_kernels():
             turn = gamma / gammas[1, i]
             below = delta - turn * gamma / alphas[1, i]
         length = quotient(gamma, below, residuals[i], limits[i], progress[0], broken, i)
-        length = definite_length(length, gamma, below, signs, progress[0], broken, i)
+        if length != wp.float64(0.0):
+            note_sign(gamma, signs[0], i)
+            note_sign(below, signs[1], i)
         gammas[0, i] = gamma
         alphas[0, i] = step_length(length, shortest, progress[0], broken, i)
         beta[i] = turn

@@ -3,6 +3,8 @@
 import math
 import warnings
 
+import numpy as np
+
 import warp as wp
 from warp.extend import calling_frame
 
@@ -58,7 +60,7 @@ class Loops:
         error = math.sqrt(squares.max()) if squares.max() >= 0 else math.nan
         if callback is not None:
             callback(done, error, atol)
-        self._report(squares, limits)
+        self._report(squares, limits, done)
         return done, error, atol
 
     def has_drifted(self, squares, limits) -> bool:
@@ -71,13 +73,19 @@ class Loops:
     def guard(self) -> None:
         """Computes residuals that may have drifted anew, in a loop of the device."""
 
-    def _report(self, squares, limits) -> None:
+    def indefinite_systems(self):
+        """Mask of the systems whose products have shown that the method is not made for them."""
+        return np.zeros(self.batches, bool)
+
+    def _report(self, squares, limits, done) -> None:
         """Notes a breakdown, and warns of one that left a system unsolved."""
-        broken = self.broken.numpy()
+        broken, unsolved = self.broken.numpy(), ~(squares <= limits)
+        if unsolved.any():
+            broken = np.where(unsolved & (broken < 0) & self.indefinite_systems(), done, broken)
         if not (broken >= 0).any():
             return
         self.breakdown = int(broken[broken >= 0].min())
-        unsolved = (broken >= 0) & ~(squares <= limits)
+        unsolved &= broken >= 0
         if unsolved.any():
             batch = int(unsolved.argmax())
             system = f" of system {batch}" if self.batches > 1 else ""
