@@ -118,9 +118,7 @@ def test_indefinite_matrices_are_solved_or_named(device, solver, signs):
     b = np.linspace(1.0, 2.0, 32)
     right = wp.array(b, dtype=wp.float64, device=device)
     x = wp.zeros_like(right)
-    with pytest.warns(
-        UserWarning, match="cg: breakdown in iteration 6: the matrix is singular"
-    ):
+    with pytest.warns(UserWarning, match="cg: breakdown in iteration 6: the matrix is singular"):
         _, error, atol = solver(sparse(dense, device), right, x, tol=1e-12, maxiter=6)
     assert error > atol and np.isfinite(x.numpy()).all()
 

@@ -75,7 +75,7 @@ def record_adjoint(backward: Callable[[], None], arrays: Sequence) -> bool:
     """
     tape = Observers.tape
     if tape is not None:
-        tape.record_func(backward, arrays)
+        tape.add_function(backward, arrays)
     return tape is not None
 
 

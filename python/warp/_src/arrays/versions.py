@@ -144,6 +144,13 @@ class Version(_native.Version):
             value = zlib.crc32(contents.view(numpy.uint8), value)
         return value
 
+    def adopt(self, by: Event) -> None:
+        """Keeps what the memory holds now in place of what it held, if anybody wants to."""
+        self.pieces.clear()
+        self.complete, self.ended = False, None
+        if not self._keep(self.region, by, []):
+            self.ended = by
+
     # Reading.
 
     @property

@@ -62,15 +62,15 @@ def _overwritten(record) -> list:
 
 
 def _meets(arrays, loan) -> bool:
-    begin, end = _span(loan.array)
-    return any(begin < last and first < end for first, last in map(_span, arrays))
+    begin, end = span(loan.array)
+    return any(begin < last and first < end for first, last in map(span, arrays))
 
 
 def _contains(outer, inner) -> bool:
-    (first, last), (begin, end) = _span(outer), _span(inner)
+    (first, last), (begin, end) = span(outer), span(inner)
     return outer.is_contiguous and first <= begin and end <= last
 
 
-def _span(array) -> tuple[int, int]:
+def span(array) -> tuple[int, int]:
     begin = array.ptr or 0
     return begin, begin + array.capacity if array.size else begin

@@ -78,6 +78,7 @@ class Tape(_native.Scope):
         self.loss: array | None = None
         self.scopes: list = []
         self._records: list = []
+        self._solutions = None
         # Versions of the gradients as the last backward pass left them.
         self._left: list = []
         # The state before it was reset.
@@ -209,8 +210,20 @@ class Tape(_native.Scope):
         Args:
             backward: called without arguments; reads the gradients of what the forward code has
                 written and adds to those of what it has read.
-            arrays: arrays and structs whose gradients take part, for `zero` and `gradients`.
+            arrays: arrays and structs whose gradients take part, for `zero` and `gradients`. With
+                a right-hand side that the tape has computed of a first guess, and the solution that
+                replaced the guess, derivatives of the right-hand side are those at the solution, as
+                the implicit function theorem asks.
         """
+        from warp._src.derivatives.implicit import Solutions
+
+        record = FunctionRecord(backward, arrays, event("function"))
+        self._solutions = self._solutions or Solutions()
+        self._solutions.take(self._records, record.arrays(), record.event)
+        self._add(record)
+
+    def add_function(self, backward, arrays) -> None:
+        """Records the adjoint of work of a library; arguments as for `record_func`."""
         self._add(FunctionRecord(backward, arrays, event("function")))
 
     @checked(scope_name=TEXT, metadata=DICT)
@@ -322,6 +335,7 @@ class Tape(_native.Scope):
         structs = [value for record in self._records for value in getattr(record, "structs", ())]
         self._former = [weakref.ref(one) for one in (*self.arrays(), *structs)]
         self._records.clear()
+        self._solutions = None
         if self._budget is not None:
             self._budget.forget()
         self.scopes.clear()

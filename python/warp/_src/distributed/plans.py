@@ -128,7 +128,7 @@ def run_or_record(comm, name, function) -> None:
 
 def record(tape, backward, arrays) -> None:
     """Records an adjoint that tangents have one of their own of."""
-    tape.record_func(lambda: forward.values_only(backward), arrays)
+    tape.add_function(lambda: forward.values_only(backward), arrays)
 
 
 def without_tape(function):

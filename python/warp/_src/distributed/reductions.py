@@ -142,4 +142,4 @@ def _record(arrays, numbers, out) -> None:
                 grad.assign(target.reshape(grad.shape))
         out.grad.zero_()
 
-    Observers.tape.record_func(backward, [*arrays, out])
+    Observers.tape.add_function(backward, [*arrays, out])
