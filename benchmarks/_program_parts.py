@@ -125,10 +125,11 @@ def table(pick):
 def local_array(pick):
     count = pick([4, 12, 32])
     return Part(
-        f"l{{n}} = wp.types.vector({count}, T)()\nfor j in range({count}):\n"
+        f"l{{n}} = L{count}()\nfor j in range({count}):\n"
         f"    l{{n}}[j] = a * T(0.1) + y{{n}}[(i + j) % N]\n"
         f"for j in range(1, {count}):\n    a = a + l{{n}}[j] * l{{n}}[j - 1] * T(0.05)",
         (real("y{n}"),),
+        f"L{count} = wp.types.vector({count}, T)",
         weight=6 * count,
     )
 
