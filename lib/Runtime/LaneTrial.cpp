@@ -54,6 +54,12 @@ int64_t TrialRatios::pieceOf(int64_t items) const {
   return std::max(piece / leastPiece, int64_t(1)) * leastPiece;
 }
 
+int64_t TrialRatios::placeOf(int64_t items) const {
+  int64_t last = items - 4 * pieceOf(items), number = launches.size();
+  int64_t part = last / (int64_t(launchesOfTrial) * leastPiece);
+  return std::min(number * part * leastPiece, last);
+}
+
 void TrialRatios::record(int64_t piece, double chosenTime, double plainTime) {
   double count = 2 * static_cast<double>(piece);
   launches.push_back(
@@ -89,26 +95,30 @@ void LaneTrial::spend(int64_t nanoseconds) {
     compile();
 }
 
-int64_t
+LaneTrial::Part
 LaneTrial::measure(int64_t items,
                    const std::function<void(bool, int64_t, int64_t)> &run) {
   using namespace std::chrono;
   int64_t piece = ratios.pieceOf(items);
   if (piece == 0)
-    return 0;
+    return {};
+  Part part;
+  {
+    std::lock_guard lock(mutex);
+    part.begin = part.end = ratios.placeOf(items);
+  }
   double spent[2] = {0, 0};
-  int64_t at = 0;
   for (bool byLanes : {true, false, false, true}) {
     steady_clock::time_point start = steady_clock::now();
-    run(byLanes, at, at + piece);
+    run(byLanes, part.end, part.end + piece);
     spent[byLanes] += double(nanoseconds(steady_clock::now() - start).count());
-    at += piece;
+    part.end += piece;
   }
   std::optional<TrialTimes> found;
   {
     std::lock_guard lock(mutex);
     if (times)
-      return at;
+      return part;
     ratios.record(piece, spent[true], spent[false]);
     found = times = ratios.result();
   }
@@ -116,7 +126,7 @@ LaneTrial::measure(int64_t items,
     finish(*found);
     open = false;
   }
-  return at;
+  return part;
 }
 
 std::optional<TrialTimes> LaneTrial::result() const {

@@ -5,7 +5,9 @@
 // The compiler gives a kernel lanes where its cost model says that they gain.
 // Once launches of a variant have run for a while, the choice is checked: the
 // code without lanes is compiled in the background, and a few launches begin
-// with short pieces in turn, lanes, scalar, scalar, lanes. Work differs from
+// with short pieces in turn, lanes, scalar, scalar, lanes. Each launch takes
+// them from another part of it: a processor that sees the same indices again
+// predicts their branches, which scalar code has more of. Work differs from
 // index to index and other processes come in between, so the ratio of a launch
 // counts once, and their median decides. The quicker code stays, and the cache
 // remembers the times beside the code.
@@ -49,6 +51,8 @@ class TrialRatios {
 public:
   /// Indices of a piece of a launch with that many; 0 if it is too small.
   int64_t pieceOf(int64_t items) const;
+  /// The first index of the pieces of the next launch, which has so many.
+  int64_t placeOf(int64_t items) const;
   /// Notes a launch whose pieces had so many indices.
   void record(int64_t piece, double chosenTime, double plainTime);
   /// The times of the launch with the median ratio, after enough launches.
@@ -84,10 +88,14 @@ public:
   /// Adds the time of a launch before `begin`.
   void spend(int64_t nanoseconds);
 
-  /// Has some indices run by both codes in turn, from the first on; `run` gets
-  /// true for lanes. Returns how many were run.
-  int64_t measure(int64_t items,
-                  const std::function<void(bool, int64_t, int64_t)> &run);
+  /// Indices of a launch.
+  struct Part {
+    int64_t begin = 0, end = 0;
+  };
+  /// Has some indices run by both codes in turn; `run` gets true for lanes.
+  /// Returns which were run.
+  Part measure(int64_t items,
+               const std::function<void(bool, int64_t, int64_t)> &run);
   /// The times, once it is over.
   std::optional<TrialTimes> result() const;
 

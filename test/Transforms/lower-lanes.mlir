@@ -57,24 +57,29 @@ llvm.func @full(%v: vector<4xf32>) -> vector<4xf32> attributes {warp.entry} {
 
 // -----
 
-// An operation without a vector form is a loop over the live lanes. Operands
-// and results go through memory, booleans as bytes.
+// An operation without a vector form is a loop over the set bits of the mask,
+// from the lowest on, without a branch for each lane. Operands and results go
+// through memory.
 // CHECK-LABEL: llvm.func @each
-// CHECK-DAG: %[[IN:.*]] = llvm.alloca %{{.*}} x vector<4xf32>
-// CHECK-DAG: %[[OUT:.*]] = llvm.alloca %{{.*}} x vector<4xf32>
-// CHECK-DAG: %[[MASK:.*]] = llvm.alloca %{{.*}} x vector<4xi8>
-// CHECK-DAG: llvm.store %arg1, %{{.*}} : vector<4xf32>, !llvm.ptr
-// CHECK-DAG: %[[BYTES:.*]] = arith.extui %arg0 : vector<4xi1> to vector<4xi8>
-// CHECK-DAG: llvm.store %[[BYTES]], %[[MASK]]
-// CHECK: scf.for %[[LANE:.*]] = %{{.*}} to %{{.*}} step %{{.*}} : i32 {
-// CHECK: %[[BIT:.*]] = llvm.getelementptr %[[MASK]][%[[LANE]]]
-// CHECK: %[[BYTE:.*]] = llvm.load %[[BIT]] : !llvm.ptr -> i8
-// CHECK: %[[IS:.*]] = arith.trunci %[[BYTE]] : i8 to i1
-// CHECK: scf.if %[[IS]] {
-// CHECK: %[[ONE:.*]] = llvm.load %{{.*}} : !llvm.ptr -> f32
+// CHECK: %[[OUT:.*]] = llvm.alloca %{{.*}} x vector<4xf32>
+// CHECK: llvm.store %arg1, %[[IN:.*]] : vector<4xf32>, !llvm.ptr
+// CHECK: %[[BITS:.*]] = llvm.bitcast %arg0 : vector<4xi1> to i4
+// CHECK: %[[ALL:.*]] = arith.extui %[[BITS]] : i4 to i64
+// CHECK: scf.while (%[[LEFT:.*]] = %[[ALL]])
+// CHECK: %[[ANY:.*]] = arith.cmpi ne, %[[LEFT]]
+// CHECK: scf.condition(%[[ANY]]) %[[LEFT]]
+// CHECK: ^bb0(%[[NOW:.*]]: i64):
+// CHECK: %[[LANE:.*]] = "llvm.intr.cttz"(%[[NOW]])
+// CHECK: %[[AT:.*]] = llvm.getelementptr %[[IN]][%[[LANE]]]
+// CHECK: %[[ONE:.*]] = llvm.load %[[AT]] : !llvm.ptr -> f32
+// CHECK-NOT: scf.if
 // CHECK: %[[TWICE:.*]] = arith.addf %[[ONE]], %[[ONE]] : f32
-// CHECK: llvm.store %[[TWICE]], %{{.*}} : f32
-// CHECK: %[[R:.*]] = llvm.load %{{.*}} : !llvm.ptr -> vector<4xf32>
+// CHECK: %[[TO:.*]] = llvm.getelementptr %[[OUT]][%[[LANE]]]
+// CHECK: llvm.store %[[TWICE]], %[[TO]] : f32
+// CHECK: %[[LOWER:.*]] = arith.subi %[[NOW]]
+// CHECK: %[[NEXT:.*]] = arith.andi %[[NOW]], %[[LOWER]]
+// CHECK: scf.yield %[[NEXT]]
+// CHECK: %[[R:.*]] = llvm.load %[[OUT]] : !llvm.ptr -> vector<4xf32>
 // CHECK: llvm.return %[[R]]
 llvm.func @each(%m: vector<4xi1>, %v: vector<4xf32>) -> vector<4xf32>
     attributes {warp.entry} {
@@ -89,10 +94,30 @@ llvm.func @each(%m: vector<4xi1>, %v: vector<4xf32>) -> vector<4xf32>
 
 // -----
 
+// With all lanes live the loop has a known number of trips.
+// CHECK-LABEL: llvm.func @each_of_all
+// CHECK-NOT: cttz
+// CHECK: scf.for
+// CHECK: arith.addf
+// CHECK: llvm.return
+llvm.func @each_of_all(%v: vector<4xf32>) -> vector<4xf32>
+    attributes {warp.entry} {
+  %all = arith.constant dense<true> : vector<4xi1>
+  %any = warp.any %all : vector<4xi1>
+  %r = warp.each_lane %all (%v) {
+  ^bb0(%x: f32):
+    %y = arith.addf %x, %x : f32
+    warp.yield %y : f32
+  } : vector<4xi1>, vector<4xf32> -> vector<4xf32>
+  llvm.return %r : vector<4xf32>
+}
+
+// -----
+
 // Lanes that take numbers from a counter make one update by the sum of theirs;
 // sums over the lanes before each say what it would have seen.
 // CHECK-LABEL: llvm.func @counter
-// CHECK-NOT: scf.for
+// CHECK-NOT: scf.while
 // CHECK: %[[TERMS:.*]] = arith.select %arg0, %arg1, %[[NONE:.*]] :
 // CHECK: %[[ONE:.*]] = llvm.shufflevector %[[NONE]], %[[TERMS]] [3, 4, 5, 6]
 // CHECK: %[[PAIRS:.*]] = arith.addi %[[TERMS]], %[[ONE]]
@@ -124,9 +149,9 @@ llvm.func @counter(%m: vector<4xi1>, %v: vector<4xi32>, %block: !llvm.ptr)
 
 // Where lanes have counters of their own, or exchange, they are serialised.
 // CHECK-LABEL: llvm.func @turns
-// CHECK: scf.for
+// CHECK: scf.while
 // CHECK: warp.atomic_components add
-// CHECK: scf.for
+// CHECK: scf.while
 // CHECK: warp.atomic_components exch
 llvm.func @turns(%m: vector<4xi1>, %at: vector<4xi32>, %block: !llvm.ptr)
     -> vector<4xi32> attributes {warp.entry} {

@@ -23,6 +23,24 @@ TEST(TrialRatios, PiecesAreAPartOfALaunch) {
   }
 }
 
+// A launch of the same indices is not measured at the same ones each time.
+TEST(TrialRatios, EachLaunchIsMeasuredElsewhere) {
+  for (int64_t items : {512, 1000, 18736, 1 << 24}) {
+    TrialRatios ratios;
+    int64_t end = 0, piece = ratios.pieceOf(items);
+    for (int launch = 0; launch < 7; ++launch) {
+      int64_t place = ratios.placeOf(items);
+      EXPECT_EQ(place % 64, 0);
+      EXPECT_LE(place + 4 * piece, items);
+      if (4 * 7 * piece + 7 * 64 <= items) {
+        EXPECT_GE(place, end);
+      }
+      end = place + 4 * piece;
+      ratios.record(piece, 1, 1);
+    }
+  }
+}
+
 // Launches that something else came into count no more than others.
 TEST(TrialRatios, TheMedianDecides) {
   TrialRatios ratios;
@@ -85,15 +103,19 @@ TEST(LaneTrial, RunsEachIndexOnce) {
   for (int launch = 0; launch < 7; ++launch) {
     EXPECT_TRUE(trial.isOpen());
     EXPECT_FALSE(trial.result());
-    int64_t next = 0, byLanes = 0;
-    int64_t done =
+    int64_t first = -1, next = -1, byLanes = 0;
+    LaneTrial::Part done =
         trial.measure(10000, [&](bool lanes, int64_t begin, int64_t end) {
+          if (first < 0)
+            first = next = begin;
           EXPECT_EQ(begin, next);
           byLanes += lanes ? end - begin : 0;
           next = end;
         });
-    EXPECT_EQ(done, next);
-    EXPECT_EQ(2 * byLanes, done);
+    EXPECT_EQ(done.begin, first);
+    EXPECT_EQ(done.end, next);
+    EXPECT_EQ(2 * byLanes, done.end - done.begin);
+    EXPECT_LE(done.end, 10000);
   }
   EXPECT_EQ(finished, 1);
   EXPECT_FALSE(trial.isOpen());

@@ -77,15 +77,15 @@ void warp::runOnCpu(const Kernel::Variant &variant, const void *params,
   variant.quick->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
-/// Runs the first indices of a launch by lanes and scalar code in turn while
-/// the variant's lanes are checked; returns how many.
-static int64_t tryLanes(const Kernel::Variant &variant, const void *params,
-                        int64_t items) {
+/// Runs some indices of a launch by lanes and scalar code in turn while
+/// the variant's lanes are checked; returns which.
+static LaneTrial::Part tryLanes(const Kernel::Variant &variant,
+                                const void *params, int64_t items) {
   if (!variant.trial || !variant.trial->isOpen() || variant.isQuick)
-    return 0;
+    return {};
   auto *scalar = static_cast<const CpuCode *>(variant.trial->scalarCode());
   if (!scalar)
-    return 0;
+    return {};
   auto *lanes = static_cast<const CpuCode *>(
       variant.current.load(std::memory_order_acquire));
   return variant.trial->measure(
@@ -94,16 +94,33 @@ static int64_t tryLanes(const Kernel::Variant &variant, const void *params,
       });
 }
 
+/// Runs the indices of a launch but for those of a trial, on all threads.
+template <typename Fn>
+static void runOthers(const Kernel::Variant &variant, LaneTrial::Part tried,
+                      int64_t items, Fn &&run) {
+  if (tried.begin > 0)
+    ThreadPool::parallelFor(0, tried.begin, grainOf(variant.code), run);
+  ThreadPool::parallelFor(tried.end, items, grainOf(variant.code), run,
+                          &variant.history);
+}
+
+/// The same on this thread.
+static void runOthersHere(const Kernel::Variant &variant, LaneTrial::Part tried,
+                          int64_t items, const void *params) {
+  if (tried.begin > 0)
+    runOnCpu(variant, params, 0, tried.begin);
+  runOnCpu(variant, params, tried.end, items);
+}
+
 static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
   PrivateCopies copies(variant.code.schedule.copied, params, paramSize);
-  int64_t first =
+  LaneTrial::Part tried =
       tryLanes(variant, copies.paramsOf(ThreadPool::worker()), items);
   auto run = [&](int64_t begin, int64_t end) {
     runOnCpu(variant, copies.paramsOf(ThreadPool::worker()), begin, end);
   };
-  ThreadPool::parallelFor(first, items, grainOf(variant.code), run,
-                          &variant.history);
+  runOthers(variant, tried, items, run);
   copies.merge();
 }
 
@@ -116,7 +133,7 @@ static void launchAlone(const Kernel::Variant &variant, const void *params,
       chooseUpdates(copied, params, items) == UpdateMode::Copies)
     return launchOnCopies(variant, params, paramSize, items);
   freeIdleCopies();
-  runOnCpu(variant, params, tryLanes(variant, params, items), items);
+  runOthersHere(variant, tryLanes(variant, params, items), items, params);
 }
 
 /// Runs the indices below `items`; on this thread if `serial`.
@@ -127,14 +144,13 @@ static void launch(const Kernel::Variant &variant, const void *params,
   std::shared_lock<std::shared_mutex> shared;
   if (variant.code.schedule.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
-  int64_t first = tryLanes(variant, params, items);
+  LaneTrial::Part tried = tryLanes(variant, params, items);
   if (serial)
-    return runOnCpu(variant, params, first, items);
+    return runOthersHere(variant, tried, items, params);
   auto run = [&](int64_t begin, int64_t end) {
     runOnCpu(variant, params, begin, end);
   };
-  ThreadPool::parallelFor(first, items, grainOf(variant.code), run,
-                          &variant.history);
+  runOthers(variant, tried, items, run);
 }
 
 /// The same; adds its time to those after which the variant's lanes are

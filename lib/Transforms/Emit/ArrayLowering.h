@@ -186,12 +186,7 @@ private:
                    llvm::ArrayRef<mlir::Value> components);
   void updateEach(const LaneAccess &access, AtomicKind kind,
                   llvm::ArrayRef<mlir::Value> components);
-  mlir::Value spill(mlir::Value value);
-  mlir::Value spillMask(const LaneAccess &access);
-  void ifLive(mlir::Value live, mlir::Value lane,
-              llvm::function_ref<void()> body);
-  void forLiveLanes(const LaneAccess &access,
-                    llvm::function_ref<void(mlir::Value)> body);
+  mlir::Value spill(mlir::ValueRange vectors);
   mlir::Value gatherOffsets(const ArrayParts &parts, mlir::ValueRange indices,
                             llvm::ArrayRef<bool> nonNegative, int64_t lanes);
 

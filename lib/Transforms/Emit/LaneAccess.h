@@ -8,9 +8,8 @@
 #define WARP_LIB_TRANSFORMS_LANEACCESS_H
 
 #include "ArrayLowering.h"
+#include "Lanes/LiveLanes.h"
 #include "WarpDialect/ParameterLayout.h"
-
-#include "mlir/IR/Matchers.h"
 
 namespace warp {
 
@@ -87,13 +86,6 @@ struct ArrayLowering::LaneAccess {
         isFull ? mlir::LLVM::GEPNoWrapFlags::inbounds : mlir::LLVM::GEPNoWrapFlags::none);
   }
 };
-
-/// True if a mask certainly has all lanes.
-inline bool isFullMask(mlir::Value mask) {
-  mlir::DenseElementsAttr known;
-  return matchPattern(mask, mlir::m_Constant(&known)) && known.isSplat() &&
-         known.getSplatValue<bool>();
-}
 
 /// The type of a component in memory, in lanes.
 inline mlir::VectorType storedLanes(mlir::Type type, int64_t lanes) {

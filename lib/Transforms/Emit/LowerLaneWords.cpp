@@ -72,53 +72,24 @@ SmallVector<mlir::Value> ArrayLowering::loadWords(const LaneAccess &access) {
 // Updates
 //===----------------------------------------------------------------------===//
 
-/// Stores a vector in memory of the entry's and returns the address.
-mlir::Value ArrayLowering::spill(mlir::Value value) {
+/// Stores vectors of one type, one after the other, in memory of the entry's
+/// and returns the address.
+mlir::Value ArrayLowering::spill(mlir::ValueRange vectors) {
+  mlir::Type type = vectors.front().getType();
   mlir::Value slots;
   {
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPointToStart(&entry.getBody().front());
-    mlir::Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
-    slots = LLVM::AllocaOp::create(b, loc, pointer, value.getType(), one);
+    mlir::Value count =
+        LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(vectors.size()));
+    slots = LLVM::AllocaOp::create(b, loc, pointer, type, count);
   }
-  LLVM::StoreOp::create(b, loc, value, slots);
+  for (auto [k, vector] : llvm::enumerate(vectors)) {
+    mlir::Value to = LLVM::GEPOp::create(b, loc, pointer, type, slots,
+                                         ArrayRef<LLVM::GEPArg>(int32_t(k)));
+    LLVM::StoreOp::create(b, loc, vector, to);
+  }
   return slots;
-}
-
-/// A byte per lane in memory; null if all are live.
-mlir::Value ArrayLowering::spillMask(const LaneAccess &access) {
-  if (access.isFull)
-    return {};
-  auto bytes = VectorType::get(access.lanes, i8);
-  return spill(arith::ExtUIOp::create(b, loc, bytes, access.mask));
-}
-
-/// Runs code for a lane if it is live.
-void ArrayLowering::ifLive(mlir::Value live, mlir::Value lane,
-                           function_ref<void()> body) {
-  if (!live)
-    return body();
-  mlir::Value at = LLVM::GEPOp::create(b, loc, pointer, i8, live,
-                                       ArrayRef<LLVM::GEPArg>(lane));
-  mlir::Value is = arith::CmpIOp::create(
-      b, loc, arith::CmpIPredicate::ne,
-      LLVM::LoadOp::create(b, loc, i8, at).getResult(), constant(i8, 0));
-  auto branch = scf::IfOp::create(b, loc, is, /*withElseRegion=*/false);
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(branch.thenBlock());
-  body();
-}
-
-/// A loop over the lanes; `body` gets the number of one that is live.
-void ArrayLowering::forLiveLanes(const LaneAccess &access,
-                                 function_ref<void(mlir::Value)> body) {
-  mlir::Value live = spillMask(access);
-  auto loop = scf::ForOp::create(b, loc, constant(i64, 0),
-                                 constant(i64, access.lanes), constant(i64, 1));
-  OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(loop.getBody());
-  mlir::Value lane = loop.getInductionVar();
-  ifLive(live, lane, [&] { body(lane); });
 }
 
 /// Plain updates of elements that fit a row.
@@ -130,37 +101,53 @@ void ArrayLowering::updateWords(const LaneAccess &access, AtomicKind kind,
   while (int64_t(columns.size()) < rowSize)
     columns.push_back(columns.back());
   // Vector k has the rows of lanes k, k + 4, k + 8, ...
-  SmallVector<mlir::Value> rows = transpose(b, loc, columns), slots;
-  for (mlir::Value vector : rows)
-    slots.push_back(spill(vector));
-  mlir::Value pointers = spill(LLVM::PtrToIntOp::create(
-      b, loc, VectorType::get(lanes, i64), access.pointer));
-  mlir::Value live = spillMask(access);
+  SmallVector<mlir::Value> rows = transpose(b, loc, columns);
+  mlir::Value all = spill(rows);
+  mlir::Value addresses = LLVM::PtrToIntOp::create(
+      b, loc, VectorType::get(lanes, i64), access.pointer);
+  mlir::Value pointers = spill(addresses);
   auto row = VectorType::get(rowSize, getSignless(type));
-  auto laneOf = [&](mlir::Value square, int64_t k) -> mlir::Value {
-    return arith::AddIOp::create(
-        b, loc, arith::MulIOp::create(b, loc, square, constant(i64, rowSize)),
-        constant(i64, k));
-  };
-  auto updateLane = [&](mlir::Value square, mlir::Value lane, int64_t k) {
+  // Lane 4 * square + k.
+  auto updateLane = [&](mlir::Value lane, mlir::Value square, mlir::Value k) {
     mlir::Value at = LLVM::GEPOp::create(b, loc, pointer, i64, pointers,
                                          ArrayRef<LLVM::GEPArg>(lane));
     mlir::Value to = LLVM::LoadOp::create(b, loc, dataPointer, at);
-    mlir::Value from = LLVM::GEPOp::create(b, loc, pointer, row, slots[k],
-                                           ArrayRef<LLVM::GEPArg>(square));
+    mlir::Value squares = constant(i64, lanes / rowSize);
+    mlir::Value place = arith::AddIOp::create(
+        b, loc, arith::MulIOp::create(b, loc, k, squares), square);
+    mlir::Value from = LLVM::GEPOp::create(b, loc, pointer, row, all,
+                                           ArrayRef<LLVM::GEPArg>(place));
     mlir::Value term = LLVM::LoadOp::create(b, loc, row, from);
     updateRow(b, loc, kind, term, type, to, count);
   };
-  auto loop =
-      scf::ForOp::create(b, loc, constant(i64, 0),
-                         constant(i64, lanes / rowSize), constant(i64, 1));
+  mlir::Value size = constant(i64, rowSize);
+  auto updateAll = [&] {
+    auto loop =
+        scf::ForOp::create(b, loc, constant(i64, 0),
+                           constant(i64, lanes / rowSize), constant(i64, 1));
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPointToStart(loop.getBody());
+    mlir::Value square = loop.getInductionVar();
+    mlir::Value first = arith::MulIOp::create(b, loc, square, size);
+    for (int64_t k = 0; k < rowSize; ++k) {
+      mlir::Value number = constant(i64, k);
+      updateLane(arith::AddIOp::create(b, loc, first, number), square, number);
+    }
+  };
+  if (access.isFull)
+    return updateAll();
+  // In long code full vectors have no copy of their own.
+  mlir::Value isAll =
+      LLVM::vector_reduce_and::create(b, loc, b.getI1Type(), access.mask);
+  auto branch = scf::IfOp::create(b, loc, isAll, /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(loop.getBody());
-  mlir::Value square = loop.getInductionVar();
-  for (int64_t k = 0; k < rowSize; ++k) {
-    mlir::Value lane = laneOf(square, k);
-    ifLive(live, lane, [&] { updateLane(square, lane, k); });
-  }
+  b.setInsertionPointToStart(branch.thenBlock());
+  updateAll();
+  b.setInsertionPointToStart(branch.elseBlock());
+  forLiveLanes(b, loc, access.mask, [&](mlir::Value lane) {
+    updateLane(lane, arith::DivUIOp::create(b, loc, lane, size),
+               arith::RemUIOp::create(b, loc, lane, size));
+  });
 }
 
 /// Updates number by number.
@@ -169,9 +156,10 @@ void ArrayLowering::updateEach(const LaneAccess &access, AtomicKind kind,
   SmallVector<mlir::Value> slots;
   for (mlir::Value component : components)
     slots.push_back(spill(component));
-  mlir::Value pointers = spill(LLVM::PtrToIntOp::create(
-      b, loc, VectorType::get(access.lanes, i64), access.pointer));
-  forLiveLanes(access, [&](mlir::Value lane) {
+  mlir::Value addresses = LLVM::PtrToIntOp::create(
+      b, loc, VectorType::get(access.lanes, i64), access.pointer);
+  mlir::Value pointers = spill(addresses);
+  forLiveLanes(b, loc, access.mask, [&](mlir::Value lane) {
     mlir::Value at = LLVM::GEPOp::create(b, loc, pointer, i64, pointers,
                                          ArrayRef<LLVM::GEPArg>(lane));
     mlir::Value to = LLVM::LoadOp::create(b, loc, dataPointer, at);

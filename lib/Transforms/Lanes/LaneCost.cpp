@@ -389,7 +389,8 @@ void CostCounter::count(Operation *op, double trips, double use) {
         update.getIndices(), [&](Value index) { return isVarying(index); });
     double count = update.getComponents().size();
     double each = isOnePlace ? 1 : 4 * count + warp::cost::laneCost;
-    return add(4 * count, each, trips, use);
+    // Lanes that have left a loop take no turn.
+    return add(4 * count, each, trips, isOnePlace ? use : 1);
   }
   if (auto call = dyn_cast<warp::LibraryCallOp>(op)) {
     const warp::LibraryFunction *function =

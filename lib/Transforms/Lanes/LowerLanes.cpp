@@ -13,6 +13,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "KernelFunction.h"
+#include "LiveLanes.h"
 #include "Spread.h"
 #include "Updates/Atomics.h"
 #include "WrongRewrites.h"
@@ -235,13 +236,9 @@ void LaneLowering::count(warp::EachLaneOp op, warp::AtomicComponentsOp update) {
 void LaneLowering::lower(warp::EachLaneOp op) {
   if (warp::AtomicComponentsOp update = findCounter(op))
     return count(op, update);
-  auto maskType = cast<VectorType>(op.getMask().getType());
-  int64_t lanes = maskType.getNumElements();
-  SmallVector<Value> inputs(op.getInputs()), inSlots, outSlots;
-  bool isFull = getConstantMask(op.getMask()).value_or(false);
-  if (!isFull)
-    inputs.push_back(op.getMask());
-  for (Value input : inputs) {
+  int64_t lanes = cast<VectorType>(op.getMask().getType()).getNumElements();
+  SmallVector<Value> inSlots, outSlots;
+  for (Value input : op.getInputs()) {
     Value stored = toStored(b, loc, input);
     inSlots.push_back(makeSlots(cast<VectorType>(stored.getType())));
     LLVM::StoreOp::create(b, loc, stored, inSlots.back());
@@ -253,33 +250,25 @@ void LaneLowering::lower(warp::EachLaneOp op) {
   for (Type type : op.getResultTypes())
     outSlots.push_back(makeSlots(vectorOf(type)));
 
-  auto loop =
-      scf::ForOp::create(b, loc, constant(0), constant(lanes), constant(1));
-  b.setInsertionPointToStart(loop.getBody());
-  Value lane = loop.getInductionVar();
-  auto read = [&](Value slots, Type type) {
-    Type stored = storedType(b, type);
-    Value value =
-        LLVM::LoadOp::create(b, loc, stored, slot(slots, stored, lane));
-    return fromStored(b, loc, value, type);
-  };
-  if (!isFull) {
-    auto live = scf::IfOp::create(b, loc, read(inSlots.back(), b.getI1Type()),
-                                  /*withElseRegion=*/false);
-    b.setInsertionPointToStart(live.thenBlock());
-  }
-  Block &body = op.getBody().front();
-  for (auto [argument, slots] : llvm::zip(body.getArguments(), inSlots))
-    argument.replaceAllUsesWith(read(slots, argument.getType()));
-  Operation *end = body.getTerminator();
-  b.getInsertionBlock()->getOperations().splice(
-      b.getInsertionPoint(), body.getOperations(), body.begin(),
-      end->getIterator());
-  for (auto [value, slots] : llvm::zip_equal(end->getOperands(), outSlots)) {
-    Value stored = toStored(b, loc, value);
-    LLVM::StoreOp::create(b, loc, stored, slot(slots, stored.getType(), lane));
-  }
-  b.setInsertionPointAfter(loop);
+  warp::forLiveLanes(b, loc, op.getMask(), [&](Value lane) {
+    Block &body = op.getBody().front();
+    for (auto [argument, slots] : llvm::zip(body.getArguments(), inSlots)) {
+      Type stored = storedType(b, argument.getType());
+      Value value =
+          LLVM::LoadOp::create(b, loc, stored, slot(slots, stored, lane));
+      argument.replaceAllUsesWith(
+          fromStored(b, loc, value, argument.getType()));
+    }
+    Operation *end = body.getTerminator();
+    b.getInsertionBlock()->getOperations().splice(
+        b.getInsertionPoint(), body.getOperations(), body.begin(),
+        end->getIterator());
+    for (auto [value, slots] : llvm::zip_equal(end->getOperands(), outSlots)) {
+      Value stored = toStored(b, loc, value);
+      LLVM::StoreOp::create(b, loc, stored,
+                            slot(slots, stored.getType(), lane));
+    }
+  });
   for (auto [result, slots] : llvm::zip_equal(op.getResults(), outSlots)) {
     Value stored =
         LLVM::LoadOp::create(b, loc, vectorOf(result.getType()), slots);
