@@ -163,3 +163,18 @@ def test_a_default_device_of_one_thread(device):
             assert wp.get_device("cuda") is wp.get_device(device)
     assert found == [process, wp.get_device("cpu"), process]
     assert wp.get_device() is wp.zeros(1).device is process
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "is_concurrent_managed_access_supported",
+        "is_cpu_gpu_atomic_supported",
+        "is_cpu_memory_access_from_gpu_supported",
+        "is_gpu_memory_access_from_cpu_supported",
+        "is_managed_memory_supported",
+    ],
+)
+def test_what_memory_a_device_shares(device, name):
+    found = getattr(wp.get_device(device), name)
+    assert type(found) is bool and getattr(wp.get_device("cpu"), name) is False

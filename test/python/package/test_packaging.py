@@ -131,5 +131,7 @@ def test_wheels_get_no_module_of_later_sources(monkeypatch):
     assert finish_wheel.missing_functions(module, LIBRARY) == []
     # The library that only loads has fewer functions, as an older one has.
     fewer = (ROOT / "build" / "lib" / "libwarp_runtime.so").read_bytes()
-    with pytest.raises(SystemExit, match=r"calls \d+ functions that the wheel's libwarp.so .* run 'make wheel"):
+    with pytest.raises(
+        SystemExit, match=r"calls \d+ functions that the wheel's libwarp.so .* run 'make wheel"
+    ):
         finish_wheel.check_module("cp311", module.read_bytes(), fewer)

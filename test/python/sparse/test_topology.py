@@ -81,6 +81,21 @@ def test_padded_rows(device):
     assert narrow.status_message() == "row capacity exceeded"
 
 
+def test_rows_of_a_transposed_matrix_are_whole_or_empty(device):
+    values = np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 4.0]])
+    rows, columns = np.nonzero(values)
+    arrays = ints(rows, device), ints(columns, device), reals(values[rows, columns], device)
+    A = sp.bsr_from_triplets(2, 3, *arrays)
+    for room, kept in ((2, [1, 1, 2]), (1, [1, 1, 0])):
+        At = sp.bsr_zeros(3, 2, wp.float64, device, row_capacity=room)
+        sp.bsr_set_transpose(At, A, topology="padded")
+        assert At.row_counts.numpy().tolist() == kept
+        expected = values.T.copy()
+        expected[np.array(kept) == 0] = 0.0
+        np.testing.assert_array_equal(dense(At), expected)
+        assert At.status_sync() == (room == 1)
+
+
 def test_the_blocks_that_there_are(device):
     a, b = Triplets(4, 6, 6, (1, 1), 12), Triplets(5, 6, 6, (1, 1), 20)
     A = a.matrix(device)

@@ -311,3 +311,27 @@ def test_types_by_subscript():
     ):
         with pytest.raises(TypeError):
             family[parameters]
+
+
+@pytest.mark.parametrize(
+    "arguments, named, message",
+    [
+        ((1.5, 2.5), {}, "transform expects a sequence as 'p', but got 'float'"),
+        (((1, 2, 3), 1.0), {}, "transform expects a sequence as 'q', but got 'float'"),
+        ((), {"p": 1.0}, "transform expects a sequence as 'p', but got 'float'"),
+        ((), {"q": 1.0}, "transform expects a sequence as 'q', but got 'float'"),
+        ((object(),), {}, "transform expects numbers, but got 'object'"),
+        (range(7), {"q": (0, 0, 0, 1)}, "multiple values for argument 'q'"),
+        (range(7), {"pos": (0, 0, 0)}, "got an unexpected keyword argument 'pos'"),
+    ],
+)
+def test_transforms_refuse_parts_that_are_none(arguments, named, message):
+    with pytest.raises(TypeError, match=message):
+        wp.transform(*arguments, **named)
+
+
+def test_transforms_of_parts():
+    assert list(wp.transform(q=(1, 2, 3, 4))) == [0, 0, 0, 1, 2, 3, 4]
+    assert list(wp.transform(wp.vec3(1, 2, 3), q=wp.quat(4, 5, 6, 7))) == [1, 2, 3, 4, 5, 6, 7]
+    assert list(wp.transform(2.0)) == [2.0] * 7
+    assert list(wp.transform(np.float32(2))) == [2.0] * 7

@@ -93,3 +93,13 @@ def test_bad_arguments():
     with pytest.raises(TypeError, match="max_iterations"):
         edges = wp.zeros((0, 2), dtype=int, device="cpu")
         wp.utils.graph_coloring_balance(edges, colors, 1, 1.0, max_iterations=1.5)
+
+
+def test_the_search_needs_no_more_colors_than_the_greedy_order():
+    fewer = 0
+    for seed in range(60):
+        pairs = random_graph(np.random.default_rng(seed), 30, 90)
+        searched, greedy = (color(pairs, 30, algorithm)[0] for algorithm in ALGORITHMS)
+        assert searched <= greedy
+        fewer += searched < greedy
+    assert fewer

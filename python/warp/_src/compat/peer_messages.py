@@ -199,6 +199,12 @@ SENTENCES: dict[str, str | typing.Callable[..., str | None]] = {
     "launch-conversion": _launch_conversion,
     "map-function": _map_function,
     "result-type": _result,
+    "transform-number": (
+        "Invalid argument in transformation constructor: expected a scalar value, got {given}"
+    ),
+    "transform-part": (
+        "Invalid argument '{name}' in transformation constructor: expected a sequence, got {given}"
+    ),
     "view-size": _view,
     "aot-empty": "No compilable kernels found, expects a kernel or a generic kernel with overloads",
     "argument-missing": "{name}() missing required keyword argument '{which}'",

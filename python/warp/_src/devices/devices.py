@@ -7,6 +7,7 @@ has the device `cpu` and nothing fails until a CUDA device is asked for by name.
 
 from __future__ import annotations
 
+import ctypes
 import sys
 import threading
 import typing
@@ -95,6 +96,34 @@ class Device:
     def is_managed_memory_supported(self) -> bool:
         """True if memory can move between the device and the host on its own."""
         return self.info["has_managed_memory"]
+
+    @property
+    def is_concurrent_managed_access_supported(self) -> bool:
+        """True if the host may use managed memory while kernels of a GPU run."""
+        return self._driver_says(89)
+
+    @property
+    def is_cpu_memory_access_from_gpu_supported(self) -> bool:
+        """True if kernels of a GPU may use memory of the host that is not pinned."""
+        return self._driver_says(88)
+
+    @property
+    def is_gpu_memory_access_from_cpu_supported(self) -> bool:
+        """True if the host may use managed memory on a GPU without moving it."""
+        return self._driver_says(101)
+
+    @property
+    def is_cpu_gpu_atomic_supported(self) -> bool:
+        """True if atomics of a GPU and of the host on the same memory are native ones."""
+        return self._driver_says(86)
+
+    def _driver_says(self, attribute: int) -> bool:
+        """A `CUdevice_attribute` of a GPU, by its number; False for the CPU."""
+        if self.is_cpu:
+            return False
+        driver, value = ctypes.CDLL("libcuda.so.1"), ctypes.c_int()
+        status = driver.cuDeviceGetAttribute(ctypes.byref(value), attribute, self.ordinal)
+        return status == 0 and bool(value.value)
 
     @property
     def is_ipc_supported(self) -> bool:

@@ -152,6 +152,7 @@ def _kernels(key):
 def _count_rows(
     starts: wp.array(dtype=int),
     offsets: wp.array(dtype=int),
+    keeps_parts: wp.bool,
     row_counts: wp.array(dtype=int),
     status: wp.array(dtype=int),
 ):
@@ -160,7 +161,8 @@ def _count_rows(
     room = offsets[row + 1] - offsets[row]
     if count > room:
         status[0] = 1
-    row_counts[row] = wp.min(count, room)
+        count = wp.where(keeps_parts, room, 0)
+    row_counts[row] = count
 
 
 class _Sorted:
@@ -204,7 +206,7 @@ class _Sorted:
         return Entries(self.order, begins, ends)
 
 
-def collect(dest, rows, columns, topology, limit=None, kept=None) -> Entries:
+def collect(dest, rows, columns, topology, limit=None, kept=None, keeps_parts=True) -> Entries:
     """Gives a matrix the blocks for some contributions; its values are left to the caller.
 
     Args:
@@ -213,6 +215,7 @@ def collect(dest, rows, columns, topology, limit=None, kept=None) -> Entries:
         topology: which blocks `dest` gets.
         limit: an int32, how many of the first contributions count, or None for all.
         kept: int32 for each contribution, zero for those that do not count, or None.
+        keeps_parts: whether a row without enough room gets the first blocks, or none.
     """
     if topology != "compact":
         check_contents(dest, columns=False, most=dest.nnz)
@@ -232,7 +235,7 @@ def collect(dest, rows, columns, topology, limit=None, kept=None) -> Entries:
     sorted_.launch(sorted_.offsets_of, dest.nrow + 1, sorted_.keys, places, dest.ncol, starts)
     if not compact:
         make_padded(dest)
-        inputs = (starts, dest.offsets, dest.row_counts, dest._ensure_status())
+        inputs = (starts, dest.offsets, keeps_parts, dest.row_counts, dest._ensure_status())
         sorted_.launch(_count_rows, dest.nrow, *inputs)
     return sorted_.put(places, starts, dest.offsets, dest.columns, dest.nnz)
 

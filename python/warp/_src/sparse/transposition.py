@@ -20,7 +20,7 @@ def bsr_set_transpose(dest: BsrMatrix, src, topology: str | None = None) -> None
         dest: the target.
         src: the matrix to transpose.
         topology: "compact", "masked" (the blocks that `dest` has) or "padded" (within the room
-            of its rows; `dest.status_sync()` says whether it sufficed).
+            of its rows; one that has not enough stays empty, and `dest.status_sync()` says so).
 
     Raises:
         ValueError: shapes, types or devices do not fit.
@@ -52,7 +52,7 @@ def bsr_set_transpose(dest: BsrMatrix, src, topology: str | None = None) -> None
     if dest.columns.ptr == src.columns.ptr:
         columns = wp.clone(columns)
     blocks, values = src.scalar_values, src.values
-    entries = collect(dest, columns, rows, topology)
+    entries = collect(dest, columns, rows, topology, keeps_parts=False)
     fresh_values(dest, [values])
     kernel = sums.transpose_kernel(dest.scalar_type)
     sums.launch(kernel, dest, blocks, factor, entries.order, entries.begins, entries.ends)

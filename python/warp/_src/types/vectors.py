@@ -7,7 +7,7 @@ import itertools
 import types
 import typing
 
-from warp._src import arguments
+from warp._src import arguments, errors
 from warp._src.types import arithmetic, scalars
 from warp._src.types.composites import (
     ArrayMeta,
@@ -17,6 +17,7 @@ from warp._src.types.composites import (
     canonical_class,
     construct_components,
     flatten_numbers,
+    is_number,
     operand_error,
     scalars_of,
 )
@@ -93,6 +94,17 @@ class Quaternion(Vector):
         return self._like(Products.multiply(self, other))
 
 
+def _check_part(name, part) -> None:
+    """Refuses a number as translation or rotation of a transform."""
+    if is_number(part):
+        given = shown_name(type(part))
+        raise errors.WarpTypeError(
+            f"transform expects a sequence as '{name}', but got '{given}'",
+            code="transform-part",
+            facts={"name": name, "given": given},
+        )
+
+
 class Transformation(Vector):
     """Mixin of rigid transforms: a translation `p` and a rotation `q`, seven numbers."""
 
@@ -100,14 +112,30 @@ class Transformation(Vector):
     _wp_generic_type_str_ = "transform_t"
     _wp_constructor_ = "transformation"
 
-    def __init__(self, *args, p=None, q=None):
-        if p is not None or q is not None:
-            args = (p if p is not None else (0, 0, 0), *args, *(() if q is None else (q,)))
+    def __init__(self, *args, p=None, q=None, **others):
+        for name in others:
+            raise errors.WarpTypeError(f"got an unexpected keyword argument '{name}'")
+        named = [name for name, part in (("p", p), ("q", q)) if part is not None]
+        if len(args) > (p is None) and named:
+            raise errors.WarpTypeError(f"multiple values for argument '{named[-1]}'")
+        if named:
+            rest = [] if q is None else [q]
+            args = (*(args or ((0, 0, 0) if p is None else p,)), *rest)
+        if len(args) == 2 or named:
+            for name, part in zip("pq", args, strict=False):
+                _check_part(name, part)
         if not args:
             self._set(6, 1)
         elif len(args) == 1 and isinstance(args[0], (tuple, list, Composite)):
             numbers = flatten_numbers(args[0])
             construct_components(self, (numbers if len(numbers) == 7 else [*numbers, 0, 0, 0, 1],))
+        elif len(args) == 1 and not is_number(args[0]) and not hasattr(args[0], "__len__"):
+            given = shown_name(type(args[0]))
+            raise errors.WarpTypeError(
+                f"transform expects numbers, but got '{given}'",
+                code="transform-number",
+                facts={"given": given},
+            )
         elif len(args) == 2:
             construct_components(self, ([*flatten_numbers(args[0]), *flatten_numbers(args[1])],))
         else:

@@ -19,7 +19,8 @@ from warp.types import int32
 class GraphColoringAlgorithm(enum.IntEnum):
     """In which order nodes get the smallest colour that no neighbour has.
 
-    MCS: next is a node with most coloured neighbours (maximum cardinality search).
+    MCS: next is a node with most coloured neighbours (maximum cardinality search), unless `GREEDY`
+        needs fewer colours.
     GREEDY: by ascending degree of what is left, from the end: nodes of few neighbours come last.
     """
 
@@ -52,16 +53,25 @@ def graph_coloring_assign(edges, node_colors, algorithm=GraphColoringAlgorithm.M
     except ValueError:
         raise errors.WarpError(f"there is no algorithm {algorithm!r} for colors") from None
     near = _neighbours(edges, count, "Graph coloring failed")
-    order = _by_cardinality(near) if algorithm == GraphColoringAlgorithm.MCS else _by_degree(near)
-    colors = [-1] * count
+    used, colors = _colored(near, _by_degree(near))
+    if algorithm == GraphColoringAlgorithm.MCS:
+        searched = _colored(near, _by_cardinality(near))
+        if searched[0] <= used:
+            used, colors = searched
+    node_colors.assign(colors)
+    return used
+
+
+def _colored(near, order):
+    """The number of colours, and those of the nodes, if each in turn gets the first that is free."""
+    colors = [-1] * len(near)
     used = 0
     for node in order:
         taken = {colors[other] for other in near[node]}
         color = next(color for color in range(used + 1) if color not in taken)
         colors[node] = color
         used = max(used, color + 1)
-    node_colors.assign(colors)
-    return used
+    return used, colors
 
 
 @checked(
