@@ -68,7 +68,8 @@ def reduce_struct_class(cls) -> tuple:
     if issubclass(cls, IndexedRecord) and cls is not IndexedRecord:
         annotation = cls._wp_annotation_
         return record_class, (type_reference(annotation.dtype), annotation.ndim)
-    if cls.__module__.partition(".")[0] == "warp":
+    in_package = cls.__module__.partition(".")[0] == "warp"
+    if in_package and _found(cls.__module__, cls.__qualname__) is cls:
         return named, (cls.__module__, cls.__qualname__)
     fields = tuple((name, type_reference(one)) for name, one in cls._wp_fields_.items())
     return struct_class, (cls.__module__, cls.__qualname__, cls.__name__, fields)

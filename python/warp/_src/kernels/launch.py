@@ -380,6 +380,12 @@ class Launch(LaunchParameters, _native.PackedLaunch):
         made._values = [*inputs, *outputs]
         return made
 
+    def __reduce__(self):
+        raise TypeError(
+            f"cannot pickle a launch of '{self.kernel.key}': send the kernel and its arguments, "
+            "and record it where it is to run"
+        )
+
     def _launch_observed(self, stream=None) -> None:
         """Takes the place of `launch` while somebody observes."""
         index, own, block_dim = self._place

@@ -81,6 +81,12 @@ class Module:
         # Changes with each call that makes compiled kernels stale.
         self.version = 0
 
+    def __reduce__(self):
+        raise TypeError(
+            f"cannot pickle the module '{self.name}': send its kernels, or get it where it is "
+            f"needed by `wp.get_module('{self.name}')`"
+        )
+
     @checked(name=TEXT, own=DICT)
     def option(self, name, own=None):
         """Value of an option: the kernel's own, the module's, the setting's.

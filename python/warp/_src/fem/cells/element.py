@@ -34,6 +34,10 @@ class Element:
     degree: int
     variant: Polynomial
 
+    def __reduce__(self):
+        # The numbers are worked out anew.
+        return Element, (self.cell, self.basis, self.degree, self.variant)
+
     @functools.cached_property
     def definition(self):
         """The numbers of the element."""

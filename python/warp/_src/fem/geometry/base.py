@@ -12,13 +12,20 @@ from warp._src.fem.geometry.derived import element_measure, element_normal
 from warp._src.fem.types import coords_type, sample_type
 
 
+class PerDevice(dict):
+    """Values of devices, which mean nothing to other processes: pickles without them."""
+
+    def __reduce__(self):
+        return PerDevice, ()
+
+
 def per_device(method):
     """Decorates a method of `device` whose value is kept per device until it is forgotten."""
 
     @functools.wraps(method)
     def kept(self, device=None):
         device = wp.get_device(device)
-        values = self.__dict__.setdefault("_per_device", {})
+        values = self.__dict__.setdefault("_per_device", PerDevice())
         key = (method.__name__, device.alias)
         if key not in values:
             values[key] = method(self, device)

@@ -59,6 +59,11 @@ class DeformedGeometry(HasHierarchy, Geometry):
         if build_bvh:
             self.build_bvh(getattr(getattr(field, "dof_values", None), "device", None))
 
+    def __reduce__(self):
+        # The record describes the field by types that only this process has.
+        made = type(self), (self.field, self.relative)
+        return *made, {"_hierarchy": self._hierarchy}
+
     @property
     def base(self) -> Geometry:
         """The geometry that is deformed."""

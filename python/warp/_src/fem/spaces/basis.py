@@ -182,7 +182,10 @@ class ShapeBasisSpace(BasisSpace):
         return ShapeFunction(self.element, self.geometry.scalar_type)
 
     def __getattr__(self, name):
-        if name == "node_grid" and "topology" in self.__dict__:
+        if "topology" not in self.__dict__:
+            # Copies and pickles ask before there is anything.
+            raise AttributeError(f"{type(self).__name__!r} has no {name!r} yet")
+        if name == "node_grid":
             return self.topology.node_grid
         makers = {"node_triangulation": "triangles", "node_tets": "tets", "node_hexes": "hexes"}
         if name in makers or name == "vtk_cells":

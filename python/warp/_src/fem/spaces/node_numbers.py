@@ -54,8 +54,16 @@ class SpacePartition:
     def __init__(self, space_topology, geo_partition, is_whole=False):
         self.space_topology, self.geo_partition = space_topology, geo_partition
         self.record = SpacePartitionRecord(is_whole)
-        self.PartitionArg = self.record.functions.PartitionArg
-        self.partition_node_index = self.record.functions.partition_node_index
+
+    @property
+    def PartitionArg(self):
+        """Struct of the argument of `partition_node_index`."""
+        return self.record.functions.PartitionArg
+
+    @property
+    def partition_node_index(self):
+        """Function of kernels: the number of a node in the partition."""
+        return self.record.functions.partition_node_index
 
     @property
     def name(self) -> str:

@@ -1,6 +1,7 @@
 """The stabilised method of biconjugate gradients, after van der Vorst (1992), preconditioned."""
 
 import functools
+import typing
 
 import warp as wp
 from warp._src.optim.linear.conjugate import quotient, step_length, vector_kernels, watch
@@ -96,6 +97,8 @@ class BiCGSTAB(LinearSolverState):
     """
 
     name = "bicgstab"
+
+    own_options: typing.ClassVar[dict] = {"is_left_preconditioner": "left"}
 
     @checked(**SOLVER, is_left_preconditioner=FLAG)
     def __init__(

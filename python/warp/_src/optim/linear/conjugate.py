@@ -6,6 +6,7 @@ with a preconditioner. Factors of vectors stay on the device, one per system, in
 
 import functools
 import operator
+import typing
 
 import warp as wp
 from warp._src.optim.linear.operators import numbers, numbers_like
@@ -183,6 +184,8 @@ class _Restartable(LinearSolverState):
     """
 
     symmetric = True
+
+    own_options: typing.ClassVar[dict] = {"restart": "restart"}
 
     @checked(**SOLVER, restart=INTEGER)
     def __init__(

@@ -52,6 +52,10 @@ class DirectSolver:
         self._factors = self._factored(A)
         self._residuals = kind == "qr" and self.shape[0] != self.shape[1]
 
+    def __reduce__(self):
+        # Factors stay in their process; the matrix is factored anew.
+        return DirectSolver, (self.kind, self.matrix)
+
     def _factored(self, A):
         """Factors on a GPU where cuDSS is installed and finds them, else on the host."""
         if _is_on_gpu(A):

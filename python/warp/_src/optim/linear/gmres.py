@@ -5,6 +5,7 @@ The least-squares problem of a cycle is solved on the device by rotations, a thr
 """
 
 import functools
+import typing
 
 import warp as wp
 from warp._src.optim.linear.operators import numbers
@@ -152,6 +153,8 @@ class GMRES(LinearSolverState):
     """
 
     name = "gmres"
+
+    own_options: typing.ClassVar[dict] = {"restart": "cycle_size", "is_left_preconditioner": "left"}
 
     @checked(**SOLVER, restart=INTEGER, is_left_preconditioner=FLAG)
     def __init__(

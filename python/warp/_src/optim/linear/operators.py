@@ -166,40 +166,40 @@ def _diagonal_kernel(scalar):
     return multiply
 
 
+# Actions are functions of this module with the matrix in front, so that operators can be pickled.
+
+
+def _dense(A, transposed, x, y, z, alpha, beta):
+    target = numbers(z)
+    inputs = [A, numbers(x), numbers(y), target, alpha, beta, transposed]
+    wp.launch(_dense_kernel(A.dtype), target.size, inputs, device=A.device)
+
+
+def _diagonal(A, x, y, z, alpha, beta):
+    target = numbers(z)
+    inputs = [A, numbers(x), numbers(y), target, alpha, beta]
+    wp.launch(_diagonal_kernel(A.dtype), target.size, inputs, device=A.device)
+
+
+def _sparse(A, trusted, x, y, z, alpha, beta):
+    if beta != 0.0 and y.ptr != z.ptr:
+        wp.copy(z, y)
+    A.multiply(x, z, alpha, beta, trusted)
+
+
 def dense_matvec(A, transposed=False):
     """The action of a dense matrix, or of its transposed."""
-    kernel = _dense_kernel(A.dtype)
-
-    def matvec(x, y, z, alpha, beta):
-        target = numbers(z)
-        inputs = [A, numbers(x), numbers(y), target, alpha, beta, transposed]
-        wp.launch(kernel, target.size, inputs, device=A.device)
-
-    return matvec
+    return functools.partial(_dense, A, transposed)
 
 
 def diagonal_matvec(A):
     """The action of a diagonal matrix, given by its elements."""
-    A = numbers(A)
-    kernel = _diagonal_kernel(A.dtype)
-
-    def matvec(x, y, z, alpha, beta):
-        target = numbers(z)
-        inputs = [A, numbers(x), numbers(y), target, alpha, beta]
-        wp.launch(kernel, target.size, inputs, device=A.device)
-
-    return matvec
+    return functools.partial(_diagonal, numbers(A))
 
 
 def sparse_matvec(A, trusted=False):
     """The action of a sparse matrix; `trusted`: its contents have been checked."""
-
-    def matvec(x, y, z, alpha, beta):
-        if beta != 0.0 and y.ptr != z.ptr:
-            wp.copy(z, y)
-        A.multiply(x, z, alpha, beta, trusted)
-
-    return matvec
+    return functools.partial(_sparse, A, trusted)
 
 
 def trusted(operator):

@@ -211,13 +211,13 @@ def _block_jacobi(A, kind) -> LinearOperator:
     symmetric = kind != "block_jacobi_direct"
     inputs = [_diagonal(A), symmetric, factor, columns, solution, inverse]
     wp.launch(_block_inverse_kernel(scalar), A.nrow, inputs, device=device)
-    kernel = _block_kernel(scalar)
+    return LinearOperator(A.shape, scalar, device, functools.partial(_blocks, inverse))
 
-    def matvec(x, y, z, alpha, beta):
-        arrays = [inverse, numbers(x), numbers(y), numbers(z)]
-        wp.launch(kernel, shape[:2], [*arrays, alpha, beta], device=device)
 
-    return LinearOperator(A.shape, scalar, device, matvec)
+def _blocks(inverse, x, y, z, alpha, beta):
+    arrays = [inverse, numbers(x), numbers(y), numbers(z)]
+    kernel, rows = _block_kernel(inverse.dtype), inverse.shape[:2]
+    wp.launch(kernel, rows, [*arrays, alpha, beta], device=inverse.device)
 
 
 @checked(A=OPERATOR, ptype=TEXT)

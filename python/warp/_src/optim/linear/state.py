@@ -8,6 +8,7 @@ the solver starts again from where it is, as long as that makes a difference.
 
 import functools
 import math
+import typing
 
 import warp as wp
 from warp._src.optim.linear.adjoint import record
@@ -30,6 +31,11 @@ def tolerances(epsilon, tol, atol) -> tuple[float, float]:
     if not (tol >= 0 and atol >= 0):
         raise ValueError(f"expects tolerances >= 0, got tol={tol} and atol={atol}")
     return tol, atol
+
+
+def _made(method, A, b, x, given):
+    """A solver of pickled parts."""
+    return method(A, b, x, **given)
 
 
 @wp.kernel(enable_backward=False)
@@ -119,6 +125,8 @@ class LinearSolverState(Loops):
     # True if the transposed system is solved by the same method with the same matrix.
     symmetric = False
     cycle_size = 1
+    # Further arguments of a method, by name, with the attributes that have them.
+    own_options: typing.ClassVar[dict] = {}
 
     @checked(A=OPERATOR, b=ARRAY, x=ARRAY, maxiter=INTEGER, M=OPERATOR, check_every=INTEGER)
     def __init__(
@@ -151,6 +159,13 @@ class LinearSolverState(Loops):
         self.device, self.breakdown = b.device, None
         self._plan()
         self._allocate()
+
+    def __reduce__(self):
+        # Vectors of the method share memory, which copies of them would not.
+        names = ("tol", "atol", "callback", "check_every", "use_cuda_graph")
+        given = dict(zip(names, self.options, strict=True), maxiter=self.maxiter, M=self._source_M)
+        given |= {name: getattr(self, place) for name, place in self.own_options.items()}
+        return _made, (type(self), self._source, self.b, self.x, given)
 
     def _check(self, b, x) -> None:
         A = self.A
