@@ -132,8 +132,8 @@ public:
   /// Machine code of the whole program by the toolkit's assembler, which works
   /// for several threads at a time; kept for `loadKept`. Null where there is no
   /// such program.
-  /// anyRelease: also by one of another release than the driver's, as
-  /// provisional code.
+  /// mayBeWorse: also provisional code, by a program of another release than
+  /// the driver's, or with less effort for a long program.
   virtual std::unique_ptr<DeviceCode> loadAssembled(const Kernel::Variant &,
                                                     const Code &, bool) {
     return nullptr;

@@ -197,7 +197,7 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   // first.
   bool isBeside = !isKept && wanted && background::isWorker();
   if (isBeside && mayAssembleApart(*wanted, bytes))
-    loaded = device.loadAssembled(variant, code, /*anyRelease=*/mayWait);
+    loaded = device.loadAssembled(variant, code, /*mayBeWorse=*/mayWait);
   if (!loaded && isBeside && mayWait && KernelCache::get().enabled())
     loaded = device.loadLinked(variant, code);
   if (loaded && loaded->isProvisional() && !variant.quick) {
@@ -225,7 +225,7 @@ std::unique_ptr<DeviceCode> Kernel::Impl::loadBest(Variant &variant,
   std::unique_ptr<DeviceCode> loaded = device.loadKept(variant, code);
   if (loaded && !loaded->isProvisional())
     return loaded;
-  if ((loaded = device.loadAssembled(variant, code, /*anyRelease=*/false)))
+  if ((loaded = device.loadAssembled(variant, code, /*mayBeWorse=*/false)))
     return loaded;
   // The driver assembles for one thread at a time: those that somebody waits
   // for find one other there at most.

@@ -135,7 +135,7 @@ protected:
                         << "if [ \"$1\" = --version ]; then\n"
                         << "  echo 'Cuda compilation tools, release " << release
                         << ", V1'; exit 0\nfi\n"
-                        << "echo \"$1\" >> " << folder << "/asked\n"
+                        << "echo $1 $5 >> " << folder << "/asked\n"
                         << work << "\n";
     fs::permissions(file, fs::perms::owner_all);
     setAssembler(file);

@@ -261,14 +261,19 @@ void warp::setAssembler(std::string file) {
   setting = std::move(file);
 }
 
+/// The first release with levels of effort.
+static constexpr int knowsEffort = 13000;
+
 std::optional<AssembledProgram> warp::assembleApart(std::string_view ptx,
                                                     const std::string &target,
-                                                    bool anyRelease) {
+                                                    bool mayBeWorse) {
   Program found = program();
+  bool isQuick =
+      mayBeWorse && found.release >= knowsEffort && ptx.size() >= longProgram;
   AssembledProgram made;
-  made.isDriversRelease = found.release == cudaDriverVersion();
+  made.isBest = found.release == cudaDriverVersion() && !isQuick;
   if (found.release == 0 || failures >= mostFailures ||
-      !(anyRelease || made.isDriversRelease))
+      !(mayBeWorse || made.isBest))
     return std::nullopt;
   // The text may end in what ends a string.
   ptx = ptx.substr(0, ptx.find('\0'));
@@ -277,10 +282,12 @@ std::optional<AssembledProgram> warp::assembleApart(std::string_view ptx,
       lseek(input.number, 0, SEEK_SET) != 0)
     return std::nullopt;
   std::string arch = "-arch=" + target;
-  bool isMade = run({found.file.c_str(), arch.c_str(), "/proc/self/fd/3", "-o",
-                     "/proc/self/fd/4"},
-                    {input.number, output.number}, /*printed=*/-1);
-  if (isMade)
+  std::vector<const char *> arguments{found.file.c_str(), arch.c_str(),
+                                      "/proc/self/fd/3", "-o",
+                                      "/proc/self/fd/4"};
+  if (isQuick)
+    arguments.push_back("--Ofast-compile=min");
+  if (run(std::move(arguments), {input.number, output.number}, /*printed=*/-1))
     made.binary = readAll(output.number);
   if (isAbandoned())
     return std::nullopt;

@@ -12,6 +12,7 @@
 #ifndef WARP_LIB_RUNTIME_CUDA_ASSEMBLER_H
 #define WARP_LIB_RUNTIME_CUDA_ASSEMBLER_H
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,21 +20,23 @@
 
 namespace warp {
 
+/// Bytes of PTX from which others had better not wait for the assembler.
+constexpr size_t longProgram = 100'000;
+
 struct AssembledProgram {
   std::vector<char> binary;
-  /// The program is of the driver's own release, whose code is as good as that
-  /// of the driver.
-  bool isDriversRelease = false;
+  /// It is as good as what the driver makes: by a program of its release.
+  bool isBest = false;
 };
 
 /// Machine code by `ptxas`, whose end the caller waits for. Nothing if there is
 /// no program that the driver goes with, if it fails, or if the work of this
 /// thread is abandoned.
 /// target: "sm_90a".
-/// anyRelease: also by one of another release than the driver's.
-std::optional<AssembledProgram> assembleApart(std::string_view ptx,
-                                              const std::string &target,
-                                              bool anyRelease);
+/// mayBeWorse: also by one of another release than the driver's, and long
+/// programs with less effort.
+std::optional<AssembledProgram>
+assembleApart(std::string_view ptx, const std::string &target, bool mayBeWorse);
 
 } // namespace warp
 

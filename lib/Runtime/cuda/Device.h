@@ -76,7 +76,7 @@ public:
                                          const Code &code) override;
   std::unique_ptr<DeviceCode> loadAssembled(const Kernel::Variant &variant,
                                             const Code &code,
-                                            bool anyRelease) override;
+                                            bool mayBeWorse) override;
   void keep(const Kernel::Variant &variant, Code code,
             const DeviceCode &loaded) override;
   void assemble(Code &code) override;

@@ -149,24 +149,20 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
 
 std::unique_ptr<DeviceCode>
 CudaDevice::loadAssembled(const Kernel::Variant &variant, const Code &code,
-                          bool anyRelease) {
+                          bool mayBeWorse) {
   if (isElf(code.binary) || callsLibrary(code))
     return nullptr;
   std::string target = targetOf(code);
   if (target.find(std::to_string(info.arch)) == target.npos)
     return nullptr;
   std::optional<AssembledProgram> made = assembleApart(
-      {code.binary.data(), code.binary.size()}, target, anyRelease);
+      {code.binary.data(), code.binary.size()}, target, mayBeWorse);
   if (!made)
     return nullptr;
-  MachineCode machine{code.entry, std::move(made->binary),
-                      made->isDriversRelease};
+  MachineCode machine{code.entry, std::move(made->binary), made->isBest};
   storeMachineCode(machineCodeKey(code, info.arch), machine);
   return loadMachine(*this, variant, code, std::move(machine));
 }
-
-/// Bytes of PTX from which others had better not wait for the assembler.
-static constexpr size_t longProgram = 100'000;
 
 std::unique_ptr<DeviceCode>
 CudaDevice::loadLinked(const Kernel::Variant &variant, const Code &code) {
@@ -207,7 +203,7 @@ void CudaDevice::keep(const Kernel::Variant &variant, Code code,
   if (known)
     code.binary = known->binary;
   else if ((apart = assembleApart({code.binary.data(), code.binary.size()},
-                                  targetOf(code), /*anyRelease=*/false)))
+                                  targetOf(code), /*mayBeWorse=*/false)))
     code.binary = std::move(apart->binary);
   else
     assemble(code);

@@ -52,16 +52,16 @@ os._exit(0)
 class Assembler:
     """A script that says of each time that it is asked, and then does something."""
 
-    def __init__(self, folder, work):
+    def __init__(self, folder, work, release="12.8"):
         (folder / "bin").mkdir()
         self.file = folder / "bin" / "ptxas"
         self.log = folder / "asked"
         self.file.write_text(
             f"""#!/bin/sh
 if [ "$1" = --version ]; then
-  echo "Cuda compilation tools, release 12.8, V12.8.93"; exit 0
+  echo "Cuda compilation tools, release {release}, V{release}.93"; exit 0
 fi
-echo $$ >> {self.log}
+echo $$ $5 >> {self.log}
 {work}
 """
         )
@@ -69,7 +69,11 @@ echo $$ >> {self.log}
 
     def processes(self):
         """Numbers of the processes that were started so far."""
-        return [int(line) for line in self.log.read_text().split()] if self.log.exists() else []
+        return [int(line.split()[0]) for line in self.lines()]
+
+    def lines(self):
+        """A number for each process, and how it was asked to hurry."""
+        return self.log.read_text().splitlines() if self.log.exists() else []
 
 
 def environment_of(tmp_path, **more):
@@ -110,6 +114,41 @@ def test_kernels_that_wait_are_assembled_by_a_program(tmp_path, how):
     made, asked = map(int, out.split())
     assert made + asked == 6
     assert asked == 0 if how == "none" else asked >= 2
+
+
+def test_long_kernels_are_assembled_with_less_effort_first(tmp_path):
+    """Code of all effort follows the second launch; a later process asks for none."""
+    assembler = Assembler(tmp_path, ASSEMBLE, release="13.0")
+    environment = environment_of(tmp_path, WARP_PTXAS=assembler.file, FAKE_CUDA_VERSION=13000)
+    steps = "\n".join(f"    y = y * y + {step}.5" for step in range(3500))
+    program = programs.write_program(
+        """
+import warp as wp
+from warp import _native
+
+@wp.kernel
+def long(x: wp.array(dtype=float)):
+    i = wp.tid()
+    y = x[i]
+{steps}
+    x[i] = y
+
+x = wp.zeros(100, dtype=float, device="cuda:0")
+for _ in range(3):
+    wp.launch(long, 100, [x], device="cuda:0")
+    wp.synchronize()
+_native.wait_for_background()
+print(len(long.prepare().ir("ptx", 90)) >= 100_000)
+""",
+        steps=steps,
+    )
+    for _ in range(2):
+        status, out, err = programs.run(program, **environment)
+        assert status == 0, err
+        assert out.split() == ["True"]
+        first, second = (line.split()[1:] for line in assembler.lines())
+        assert first == ["--Ofast-compile=min"]
+        assert second == []
 
 
 def test_exit_ends_the_program(tmp_path):
