@@ -156,8 +156,10 @@ def PlaceBarriers : WarpTilePass<"warp-place-barriers"> {
   let description = [{
     A barrier stands before an operation on memory, of tiles or of arrays, that
     another thread has accessed since the last barrier, unless both only read.
-    An element that the same thread accesses both times needs none. Loops are
-    followed to a fixed point. On a CPU a block is one thread.
+    An element that the same thread accesses both times needs none. On a GPU the
+    accesses before a branch enter it and those of its sides leave it; a loop
+    begins and ends its turns with a barrier if there is anything to wait for. On
+    a CPU a block is one thread.
   }];
   let dependentDialects = ["::warp::WarpDialect"];
 }

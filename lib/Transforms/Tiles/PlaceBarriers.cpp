@@ -11,9 +11,10 @@
 // Threads make an access of their own elements if the operation treats element
 // e in thread e mod B; two of those with equal tiles never conflict.
 //
-// Accesses before an operation enter its regions, and those that leave a loop's
-// body enter it again, so loops begin with a barrier if their bodies
-// touch memory that threads share.
+// Accesses before a branch enter its sides, and what either side has accessed
+// since its last barrier leaves it: a branch waits for nothing by itself. A
+// turn of a loop ends with a barrier if anything has been accessed since the
+// last one, as the next turn may meet it, and a loop begins with one.
 //
 //===----------------------------------------------------------------------===//
 
@@ -77,7 +78,8 @@ class BarrierPlacer {
 public:
   BarrierPlacer(FunctionOpInterface kernel, int64_t threads)
       : buffers(kernel), origins(kernel, getVariant(kernel).getDisjoint()),
-        varying(kernel), threads(threads), b(kernel.getContext()) {}
+        varying(kernel), threads(threads), isSimt(getTarget(kernel).isSimt()),
+        b(kernel.getContext()) {}
 
   void place(Block &block) {
     for (Operation &op : llvm::make_early_inc_range(block))
@@ -208,19 +210,28 @@ private:
       llvm::append_range(pending, touches);
       return;
     }
-    waitBefore(op);
     // Waits within a loop that loads ahead come with the loads.
     bool isStaged = op->hasAttr(tiles::attr::stages);
     bool isLoop = isa<LoopLikeOpInterface>(op);
+    bool isPrecise = isSimt && !isStaged;
+    if (!isPrecise || (isLoop && !pending.empty()))
+      waitBefore(op);
+    Touches before = std::move(pending), after;
     for (Region &region : op->getRegions()) {
-      if (region.empty() || isStaged)
+      pending = before;
+      if (region.empty() || isStaged) {
+        llvm::append_range(after, pending);
         continue;
-      pending.clear();
+      }
       place(region.front());
       // The next iteration starts where this one ends.
       if (isLoop && !pending.empty())
         waitBefore(region.front().getTerminator());
+      llvm::append_range(after, pending);
     }
+    pending = std::move(after);
+    if (isPrecise)
+      return;
     b.setInsertionPointAfter(op);
     BarrierOp::create(b, op->getLoc());
     pending.clear();
@@ -230,6 +241,7 @@ private:
   ArrayOrigins origins;
   BlockVariance varying;
   int64_t threads;
+  bool isSimt;
   OpBuilder b;
   Touches pending;
 };
