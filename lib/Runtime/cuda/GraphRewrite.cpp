@@ -59,6 +59,10 @@ public:
   bool fuse(GraphHandle graph, FusedNodes fused, int device, Stream &stream);
   void exchange(const GraphSchedule &schedule, std::vector<GraphEdge> &removed,
                 std::vector<GraphEdge> &added) const;
+  /// For nodes with several predecessors: the edge from the one that is done
+  /// last, as far as paths say, and the same edge if the node may start early.
+  void findJoins(const GraphSchedule &schedule, std::vector<GraphEdge> &plain,
+                 std::vector<GraphEdge> &early) const;
   /// The only node of a group, or null.
   GraphNode only(size_t group) const {
     return members[group].size() == 1 ? members[group].front() : nullptr;
@@ -76,8 +80,6 @@ private:
   std::vector<GraphNode> lastOf(size_t group) const;
   EdgeData dataOf(GraphNode to, size_t from, size_t group) const;
   void findEarly();
-  int nearestOf(const std::vector<GraphSchedule::Edge> &list,
-                const std::vector<int> &level) const;
   void remove(GraphNode node);
 
   std::vector<GraphEdge> edges;
@@ -279,25 +281,6 @@ EdgeData Groups::dataOf(GraphNode to, size_t from, size_t group) const {
   return known != early.end() && areOurs ? known->second : EdgeData();
 }
 
-/// The node before another one that lets it start early, -1 if none does: the
-/// only one.
-int Groups::nearestOf(const std::vector<GraphSchedule::Edge> &list,
-                      const std::vector<int> &level) const {
-  if (list.size() == 1)
-    return list.front().from;
-  if (!(graphTrial() & 1))
-    return -1;
-  int nearest = -1;
-  for (const GraphSchedule::Edge &edge : list) {
-    std::vector<GraphNode> last = lastOf(edge.from);
-    bool isKernel = last.size() == 1 && typeOf(last.front()) == nodeKernel &&
-                    records[edge.from].barrier.empty();
-    if (isKernel && (nearest < 0 || level[edge.from] > level[nearest]))
-      nearest = edge.from;
-  }
-  return nearest;
-}
-
 //===----------------------------------------------------------------------===//
 // Fused launches
 //===----------------------------------------------------------------------===//
@@ -406,22 +389,18 @@ void Groups::exchange(const GraphSchedule &schedule,
                       std::vector<GraphEdge> &removed,
                       std::vector<GraphEdge> &added) const {
   std::vector<GraphEdge> wanted;
-  std::vector<int> level(members.size());
   for (size_t group = 0; group < members.size(); ++group) {
     const auto &list = schedule.nodes[group].before;
     if (list.empty())
       continue;
     std::vector<GraphNode> first = firstOf(group);
-    int nearest = nearestOf(list, level);
-    for (const GraphSchedule::Edge &edge : list) {
-      level[group] = std::max(level[group], level[edge.from] + 1);
+    for (const GraphSchedule::Edge &edge : list)
       for (GraphNode to : first) {
         EdgeData data =
-            edge.from == nearest ? dataOf(to, edge.from, group) : EdgeData();
+            list.size() == 1 ? dataOf(to, edge.from, group) : EdgeData();
         for (GraphNode from : lastOf(edge.from))
           wanted.push_back({from, to, data});
       }
-    }
   }
   std::vector<GraphEdge> old;
   for (const GraphEdge &edge : edges)
@@ -433,6 +412,35 @@ void Groups::exchange(const GraphSchedule &schedule,
                       std::back_inserter(removed));
   std::set_difference(wanted.begin(), wanted.end(), old.begin(), old.end(),
                       std::back_inserter(added));
+}
+
+void Groups::findJoins(const GraphSchedule &schedule,
+                       std::vector<GraphEdge> &plain,
+                       std::vector<GraphEdge> &early) const {
+  std::vector<int> level(members.size());
+  for (size_t group = 0; group < members.size(); ++group) {
+    const auto &list = schedule.nodes[group].before;
+    GraphNode to = only(group);
+    std::optional<GraphEdge> found;
+    int latest = -1;
+    for (const GraphSchedule::Edge &edge : list) {
+      level[group] = std::max(level[group], level[edge.from] + 1);
+      // Kernels of others may wait later.
+      bool areOurs =
+          records[edge.from].barrier.empty() && records[group].barrier.empty();
+      if (!to || list.size() == 1 || !areOurs || level[edge.from] <= latest)
+        continue;
+      EdgeData data = dataOf(to, edge.from, group);
+      if (!data.isProgrammatic())
+        continue;
+      latest = level[edge.from];
+      found = {lastOf(edge.from).front(), to, data};
+    }
+    if (!found)
+      continue;
+    early.push_back(*found);
+    plain.push_back({found->from, found->to, {}});
+  }
 }
 
 //===----------------------------------------------------------------------===//
@@ -462,7 +470,28 @@ void GraphRewriter::apply(const Change &change) {
            change.added);
 }
 
+void GraphRewriter::startEarly(Change change) {
+  if (change.added.empty())
+    return;
+  callWith(graphDriver().removeEdges, "cuGraphRemoveDependencies", change.graph,
+           change.removed);
+  try {
+    callWith(graphDriver().addEdges, "cuGraphAddDependencies", change.graph,
+             change.added);
+    joins.push_back(std::move(change));
+  } catch (const Error &) {
+    callWith(graphDriver().addEdges, "cuGraphAddDependencies", change.graph,
+             change.removed);
+  }
+}
+
 std::string GraphRewriter::undo() {
+  if (!joins.empty()) {
+    for (const Change &change : joins)
+      apply({change.graph, change.added, change.removed});
+    joins.clear();
+    return "";
+  }
   if (!hasFused) {
     for (const Change &change : changes)
       apply({change.graph, change.added, change.removed});
@@ -555,9 +584,13 @@ GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
       schedule->nodes[i].body = body->second;
   Change change{graph, {}, {}};
   groups.exchange(*schedule, change.removed, change.added);
-  if (change.removed.empty() && change.added.empty())
-    return schedule;
-  apply(change);
-  changes.push_back(std::move(change));
+  if (!change.removed.empty() || !change.added.empty()) {
+    apply(change);
+    changes.push_back(std::move(change));
+  }
+  Change join{graph, {}, {}};
+  if (graphTrial() & 1)
+    groups.findJoins(*schedule, join.removed, join.added);
+  startEarly(std::move(join));
   return schedule;
 }

@@ -41,9 +41,11 @@ public:
     bodies[node] = std::move(body);
   }
   /// True if edges were exchanged.
-  bool hasChanges() const { return !changes.empty(); }
-  /// All graphs get the edges of their recording back; those with fused
-  /// launches keep theirs, but kernels no longer start early. Says what it did.
+  bool hasChanges() const { return !changes.empty() || !joins.empty(); }
+  /// Takes back what a driver may refuse, one thing a call. Kernels no longer
+  /// start early behind one of several nodes. Then all graphs get the edges of
+  /// their recording back; those with fused launches keep theirs, but kernels
+  /// no longer start early. Says if nodes have the order of the recording.
   std::string undo();
   /// The kernels that were made, which the graph keeps.
   std::vector<std::shared_ptr<Kernel>> kernels;
@@ -54,11 +56,13 @@ private:
     std::vector<GraphEdge> removed, added;
   };
   void apply(const Change &change);
+  void startEarly(Change change);
 
   int device;
   /// Nodes were exchanged, too.
   bool hasFused = false;
-  std::vector<Change> changes;
+  /// Edges, and edges that let a kernel with several predecessors start early.
+  std::vector<Change> changes, joins;
   std::map<GraphNode, std::shared_ptr<const GraphSchedule>> bodies;
 };
 
