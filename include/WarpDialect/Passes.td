@@ -167,7 +167,8 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
            "How many tangents the forward mode carries beside a value">,
     Option<"unique", "unique", "bool", "true", "No two arrays overlap">,
     Option<"maxLocalTape", "max-local-tape", "int64_t", "256",
-           "Bytes that a thread may keep of a loop with a known length">,
+           "Bytes that a thread may keep of a loop with a known length, where "
+           "checkpoints take less">,
     Option<"tape", "tape", "std::string", "\"checkpoints\"",
            "How longer loops have what they need again: checkpoints, or global "
            "for memory that the runtime allocates">,

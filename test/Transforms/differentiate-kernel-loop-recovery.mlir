@@ -21,6 +21,49 @@ func.func @kept(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
+// More than 256 bytes, but no more than the 844 of checkpoints.
+func.func @long(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>)
+    attributes {warp.kernel} {
+  %one = warp.constant 1.0 : f64
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %n = arith.constant 105 : i32
+  %i = warp.tid : si32
+  // expected-remark@+1 {{carried value 0 of type 'f64': rank 5, 840 bytes}}
+  %s = scf.for %k = %c0 to %n step %c1 iter_args(%t = %one) -> (f64) : i32 {
+    %j = warp.cast %k : i32 to si32
+    %v = warp.load %x[%j] : !warp.array<1 x f64>, si32 -> f64
+    %u = warp.sin(%t) : (f64) -> f64
+    %w = warp.add(%u, %v) : (f64, f64) -> f64
+    scf.yield %w : f64
+  }
+  warp.store %s, %y[%i] : f64, !warp.array<1 x f64>, si32
+  return
+}
+
+// -----
+
+func.func @longer(%x: !warp.array<1 x f64>, %y: !warp.array<1 x f64>)
+    attributes {warp.kernel} {
+  %one = warp.constant 1.0 : f64
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %n = arith.constant 106 : i32
+  %i = warp.tid : si32
+  // expected-remark@+1 {{carried value 0 of type 'f64': rank 6, 648 bytes}}
+  %s = scf.for %k = %c0 to %n step %c1 iter_args(%t = %one) -> (f64) : i32 {
+    %j = warp.cast %k : i32 to si32
+    %v = warp.load %x[%j] : !warp.array<1 x f64>, si32 -> f64
+    %u = warp.sin(%t) : (f64) -> f64
+    %w = warp.add(%u, %v) : (f64, f64) -> f64
+    scf.yield %w : f64
+  }
+  warp.store %s, %y[%i] : f64, !warp.array<1 x f64>, si32
+  return
+}
+
+// -----
+
 func.func @computed(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
                     %n: i32) attributes {warp.kernel} {
   %one = warp.constant 1.0 : f32

@@ -292,3 +292,39 @@ def test_sums_cost_no_replay():
     metrics = wp.autograd.adjoint_metrics(weighted)
     assert metrics["replay_loops"] == 0
     assert metrics["tape_bytes"] == 0
+
+
+@pytest.mark.parametrize("trips", [32, 33, 105, 106, 300])
+def test_values_of_loops_of_constant_length(trips, device):
+    """Few are kept, more are kept where checkpoints would take as much, others run again."""
+
+    @wp.kernel
+    def rounds(x: wp.array(dtype=wp.float64), w: wp.array(dtype=wp.float64)):
+        i = wp.tid()
+        a = x[i]
+        for j in range(trips):
+            a = wp.sin(a) * w[j] + a
+        x[i] = a
+
+    start, weights = np.array([0.3, -0.7]), np.linspace(-0.2, 0.3, trips)
+    x, w = (
+        wp.array(one, dtype=wp.float64, device=device, requires_grad=True)
+        for one in (start, weights)
+    )
+    with wp.Tape() as tape:
+        wp.launch(rounds, 2, [x, w], device=device)
+    tape.backward(grads={x: wp.ones(2, dtype=wp.float64, device=device)})
+
+    def plain(x, w):
+        for weight in w:
+            x = np.sin(x) * weight + x
+        return x.sum().imag / 1e-30
+
+    for one, got in ((0, x.grad), (1, w.grad)):
+        values = [start.astype(complex), weights.astype(complex)]
+        wanted = []
+        for j in range(len(values[one])):
+            values[one][j] += 1e-30j
+            wanted.append(plain(*values))
+            values[one][j] -= 1e-30j
+        np.testing.assert_allclose(got.numpy(), wanted, rtol=1e-12)

@@ -138,20 +138,33 @@ LogicalResult LoopReversal::fillSegments(scf::ForOp reversed,
   return success();
 }
 
+/// Checkpoints without their memory.
+LoopReversal::Checkpoints
+LoopReversal::planCheckpoints(ArrayRef<unsigned> needed) {
+  Checkpoints plan;
+  llvm::append_range(plan.needed, needed);
+  plan.stateNumbers = closure(needed);
+  int64_t bytes = bytesOf(plan.stateNumbers);
+  plan.ringSlots = bytes <= 16 ? 32 : bytes <= 64 ? 16 : 8;
+  plan.checkpointSlots = bytes <= 16 ? 48 : bytes <= 64 ? 32 : 24;
+  return plan;
+}
+
+/// Bytes that they take of a thread, with numbers of iterations of a type.
+int64_t LoopReversal::checkpointBytes(ArrayRef<unsigned> needed, Type number) {
+  Checkpoints plan = planCheckpoints(needed);
+  return bytesOf(needed) * plan.ringSlots +
+         (bytesOf(plan.stateNumbers) + getByteSize(number)) * plan.stateSlots();
+}
+
 FailureOr<SmallVector<Value>>
 LoopReversal::recoverFromCheckpoints(scf::ForOp reversed, Value trips,
                                      ArrayRef<unsigned> needed) {
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPoint(reversed);
   Type type = trips.getType();
-  Checkpoints memory;
-  llvm::append_range(memory.needed, needed);
-  memory.stateNumbers = closure(needed);
-  int64_t bytes = bytesOf(memory.stateNumbers);
-  memory.ringSlots = bytes <= 16 ? 32 : bytes <= 64 ? 16 : 8;
-  memory.checkpointSlots = bytes <= 16 ? 48 : bytes <= 64 ? 32 : 24;
-  // The last slot takes what nobody reads again.
-  int64_t slots = memory.checkpointSlots + 1;
+  Checkpoints memory = planCheckpoints(needed);
+  int64_t slots = memory.stateSlots();
   memory.ring = makeScratch(needed, memory.ringSlots);
   memory.states = makeScratch(memory.stateNumbers, slots);
   memory.starts =
@@ -174,6 +187,7 @@ LoopReversal::recoverFromCheckpoints(scf::ForOp reversed, Value trips,
   if (failed(fillSegments(reversed, after->getArguments(), memory)))
     return failure();
   note(needed, RecoveryRank::Checkpoints,
-       bytesOf(needed) * memory.ringSlots + bytes * slots);
+       bytesOf(needed) * memory.ringSlots +
+           bytesOf(memory.stateNumbers) * slots);
   return SmallVector<Value>(outer.getResults().drop_front(2));
 }

@@ -106,6 +106,9 @@ private:
     int64_t ringSlots, checkpointSlots;
     llvm::SmallVector<mlir::Value> ring, states;
     mlir::Value starts;
+
+    /// The last slot takes what nobody reads again.
+    int64_t stateSlots() const { return checkpointSlots + 1; }
   };
 
   // LoopReversal.cpp: the reverse loop.
@@ -172,6 +175,8 @@ private:
                   mlir::Value slot);
 
   // Checkpoints.cpp: states from memory of a fixed size.
+  Checkpoints planCheckpoints(llvm::ArrayRef<unsigned> needed);
+  int64_t checkpointBytes(llvm::ArrayRef<unsigned> needed, mlir::Type number);
   mlir::FailureOr<llvm::SmallVector<mlir::Value>>
   recoverFromCheckpoints(mlir::scf::ForOp loop, mlir::Value trips,
                          llvm::ArrayRef<unsigned> needed);

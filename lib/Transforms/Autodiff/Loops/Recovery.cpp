@@ -219,10 +219,15 @@ static std::optional<int64_t> knownTrips(Value trips) {
   return count.getZExtValue();
 }
 
+/// True if the number of iterations is known and they take little memory, or
+/// no more than checkpoints would, which run the loop once more.
 bool LoopReversal::fitsTape(Value trips, ArrayRef<unsigned> needed) {
   std::optional<int64_t> count = knownTrips(trips);
-  return count && *count <= maxComponents &&
-         *count * bytesOf(needed) <= reverse.options.maxLocalTape;
+  if (!count || *count > maxComponents)
+    return false;
+  int64_t bytes = *count * bytesOf(needed);
+  return bytes <= reverse.options.maxLocalTape ||
+         bytes <= checkpointBytes(needed, trips.getType());
 }
 
 LogicalResult LoopReversal::recoverFromTape(scf::ForOp reversed, Value trips,
