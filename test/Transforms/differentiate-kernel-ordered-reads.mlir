@@ -103,3 +103,34 @@ func.func @rows(%x: !warp.array<3 x f32>, %n: i32, %p: !warp.array<1 x si32>)
   }
   return
 }
+
+// -----
+
+// Without a copy from before the launch, each value that is needed asserts that
+// the launch had written it. The last store needs none.
+// CHECK-LABEL: func.func @unrecorded_adjoint
+// CHECK-NOT: warp.hidden
+// CHECK: warp.where
+// CHECK: %[[EARLIER:.*]] = warp.lt
+// CHECK: warp.load %arg0
+// CHECK: warp.assert %[[EARLIER]], "the derivative depends on array 'x' as it was before the launch, record the launch on a `wp.Tape`" always
+// CHECK-NOT: warp.assert
+// CHECK: return
+func.func @unrecorded(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32,
+                      %p: !warp.array<1 x si32>)
+    attributes {warp.kernel, warp.unrecorded, warp.arg_names = ["x", "y", "n", "p"]} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %i = warp.tid : si32
+  scf.for %c = %c0 to %n step %c1 : i32 {
+    %k = warp.cast %c : i32 to si32
+    %j = warp.load %p[%k] : !warp.array<1 x si32>, si32 -> si32
+    %v = warp.load %x[%i, %j] : !warp.array<2 x f32>, si32, si32 -> f32
+    %w = warp.sin(%v) : (f32) -> f32
+    warp.store %w, %x[%i, %k] : f32, !warp.array<2 x f32>, si32, si32
+    %l = warp.load %p[%j] : !warp.array<1 x si32>, si32 -> si32
+    %u = warp.load %x[%i, %l] : !warp.array<2 x f32>, si32, si32 -> f32
+    warp.store %u, %y[%i, %k] : f32, !warp.array<2 x f32>, si32, si32
+  }
+  return
+}

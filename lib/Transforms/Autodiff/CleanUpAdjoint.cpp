@@ -19,6 +19,7 @@
 #include "DeadValues.h"
 #include "HiddenArguments.h"
 #include "KernelFunction.h"
+#include "ValueConditions.h"
 
 #include "WarpDialect/TileOps.h"
 
@@ -187,7 +188,9 @@ static void describeCode(func::FuncOp adjoint, func::FuncOp recording,
   warp::ThreadVariance variance(adjoint, /*disjoint=*/true);
   adjoint.walk([&](Operation *op) {
     shadowed += isa<warp::GradOp>(op);
-    assertions += isa<warp::AssertOp>(op);
+    // Others need code with checks.
+    if (auto assertion = dyn_cast<warp::AssertOp>(op))
+      assertions += !assertion.getAlways();
     if (auto sum = dyn_cast<warp::AccumulateOp>(op); sum && !sum.getUnique()) {
       ++atomics;
       reductions += isShared(sum, variance);
@@ -228,6 +231,7 @@ struct CleanUpAdjoint : warp::impl::CleanUpAdjointBase<CleanUpAdjoint> {
         dyn_cast_or_null<func::FuncOp>(warp::findKernel(getOperation()));
     if (!adjoint || failed(checkMarks(adjoint)))
       return signalPassFailure();
+    assertConditions(adjoint);
     func::FuncOp augmented, recording, sizing;
     for (auto function : getOperation().getOps<func::FuncOp>()) {
       if (function->hasAttr(warp::attr::augmented))

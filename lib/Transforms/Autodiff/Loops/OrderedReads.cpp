@@ -9,7 +9,8 @@
 //   v = y[i, p]   =>   v = p < k ? y[i, p] : copy of y[i, p]
 //
 // Which of the two it is, one comparison of indices tells, whatever memory the
-// index comes from. No second run of the kernel is needed (MemoryLog.cpp).
+// index comes from. No second run of the kernel is needed (MemoryLog.cpp). A
+// launch without a copy asserts that each element came earlier.
 // MemoryOrder.cpp decides for which loads that is so.
 //
 //===----------------------------------------------------------------------===//
@@ -18,7 +19,6 @@
 
 #include "Analysis/Effects.h"
 #include "Analysis/Ranges.h"
-#include "Autodiff/Recording.h"
 #include "WarpDialect/Registry.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -90,9 +90,6 @@ static Value compareIndices(LoadOp load, const WriteOrder &order) {
 OrderedReads findOrderedReads(func::FuncOp kernel,
                               const MemoryClasses &memory) {
   OrderedReads found;
-  // The launch has left no copy of what was there before.
-  if (kernel->hasAttr(attr::unrecorded))
-    return found;
   SmallVector<std::pair<LoadOp, WriteOrder>> loads;
   kernel.walk([&](LoadOp load) {
     std::string why;

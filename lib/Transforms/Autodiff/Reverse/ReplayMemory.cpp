@@ -11,6 +11,8 @@
 
 #include "Reverse.h"
 
+#include "Autodiff/Recording.h"
+#include "Autodiff/ValueConditions.h"
 #include "WarpDialect/Passes.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -47,7 +49,19 @@ Value ReverseBuilder::recoverPreserved(Value array) {
 void ReverseBuilder::replayOrdered(AccessOp op, Value isWritten) {
   Location loc = op->getLoc();
   SmallVector<Value> indices = recover(op.getIndices());
-  Value left = recover(op.getArray()), copy = recoverPreserved(op.getArray());
+  Value left = recover(op.getArray());
+  if (primal->hasAttr(attr::unrecorded)) {
+    auto load =
+        LoadOp::create(builder, loc, op->getResultTypes(), left, indices);
+    std::string why = "the derivative depends on array '" +
+                      leaves.getName(leaves.of(op.getArray()).front()) +
+                      "' as it was before the launch, record the launch on a "
+                      "`wp.Tape`";
+    setRecovered(op.getRead(),
+                 expect(builder, recover(isWritten), load->getResult(0), why));
+    return;
+  }
+  Value copy = recoverPreserved(op.getArray());
   auto branch = scf::IfOp::create(builder, loc, op->getResultTypes(),
                                   recover(isWritten), /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(builder);
