@@ -43,6 +43,7 @@ std::optional<FillRegion> warp::fillRegionOf(const GraphOperation &fill) {
 
 void GraphFuser::joinFills() {
   std::vector<int> level(groups.size()), fills, joined;
+  std::vector<int64_t> bytes(groups.size());
   std::vector<std::vector<int>> next(groups.size());
   for (int group : orderOfGroups()) {
     for (int other : before(group)) {
@@ -51,18 +52,14 @@ void GraphFuser::joinFills() {
     }
     const NodeRecord &record = records[groups[group].nodes.front()];
     if (record.fill && record.barrier.empty() && record.bytes <= mostBytes &&
-        fillRegionOf(*record.fill))
+        fillRegionOf(*record.fill)) {
       fills.push_back(group);
+      bytes[group] = record.bytes;
+    }
   }
   std::sort(fills.begin(), fills.end(), [&](int a, int b) {
     return std::pair(level[a], a) < std::pair(level[b], b);
   });
-  auto bytesOf = [&](int group) {
-    int64_t bytes = 0;
-    for (int node : groups[group].nodes)
-      bytes += records[node].bytes;
-    return bytes;
-  };
   // True if what comes behind a fill may come behind a level.
   auto mayWait = [&](int group, int wanted) {
     return std::all_of(next[group].begin(), next[group].end(),
@@ -71,7 +68,7 @@ void GraphFuser::joinFills() {
   for (int own : fills) {
     auto hasRoom = [&](int group) {
       return groups[group].nodes.size() < mostFills &&
-             bytesOf(group) + bytesOf(own) <= mostBytes;
+             bytes[group] + bytes[own] <= mostBytes;
     };
     auto found = std::find_if(joined.begin(), joined.end(), [&](int group) {
       return level[group] == level[own] && hasRoom(group);
@@ -86,6 +83,7 @@ void GraphFuser::joinFills() {
       continue;
     }
     level[*found] = level[own];
+    bytes[*found] += bytes[own];
     next[*found].insert(next[*found].end(), next[own].begin(), next[own].end());
     int node = groups[own].nodes.front();
     groups[*found].nodes.push_back(node);

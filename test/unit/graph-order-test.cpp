@@ -562,6 +562,29 @@ TEST_F(OrderedGraphs, JoinFills) {
   EXPECT_EQ(graph->schedule()->nodes.size(), 11u);
 }
 
+// A table has 64 of them, and an order that no edge forbids is kept: the later
+// of two fills of the same memory wins.
+TEST_F(OrderedGraphs, JoinManyFills) {
+  constexpr int count = 200;
+  Buffer memory(0, 4 * count);
+  auto *numbers = static_cast<int *>(memory.data());
+  std::shared_ptr<Graph> graph = record([&](Capture &) {
+    for (int i = 0; i < 2 * count; ++i)
+      fillMemory(numbers + i % count, 0, &i, 4, 1);
+  });
+  size_t nodes = graph->schedule()->nodes.size();
+  // Four and four tables.
+  EXPECT_EQ(nodes, 8u);
+  EXPECT_EQ(graph->size(), nodes);
+  for (unsigned order = 0; order < 12; ++order) {
+    setOrder(order);
+    std::fill_n(numbers, count, -1);
+    graph->launch();
+    for (int i = 0; i < count; ++i)
+      ASSERT_EQ(numbers[i], count + i) << "order " << order;
+  }
+}
+
 static const char *const addText = R"(
 func.func @add(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
     attributes {warp.kernel, warp.arg_names = ["x", "y"]} {

@@ -30,6 +30,7 @@
 #include <iterator>
 #include <optional>
 #include <queue>
+#include <set>
 
 using namespace warp;
 using namespace warp::cuda;
@@ -80,7 +81,7 @@ private:
   std::vector<GraphNode> lastOf(size_t group) const;
   EdgeData dataOf(GraphNode to, size_t from, size_t group) const;
   void findEarly();
-  void remove(GraphNode node);
+  void remove(const std::set<GraphNode> &nodes);
 
   std::vector<GraphEdge> edges;
   /// Attributes of edges that let a node start early.
@@ -328,17 +329,19 @@ static GraphNode addLaunch(GraphHandle graph, Stream &stream, Queue queue) {
   return node;
 }
 
-void Groups::remove(GraphNode node) {
-  edges.erase(std::remove_if(edges.begin(), edges.end(),
-                             [&](const GraphEdge &edge) {
-                               return edge.from == node || edge.to == node;
-                             }),
-              edges.end());
-  owner.erase(node);
-  predecessors.erase(node);
+void Groups::remove(const std::set<GraphNode> &nodes) {
+  auto isGone = [&](GraphNode node) { return nodes.count(node) != 0; };
+  std::erase_if(edges, [&](const GraphEdge &edge) {
+    return isGone(edge.from) || isGone(edge.to);
+  });
+  std::erase_if(predecessors,
+                [&](const auto &entry) { return isGone(entry.first); });
   for (auto &[other, list] : predecessors)
-    list.erase(std::remove(list.begin(), list.end(), node), list.end());
-  WARP_CUDA_GRAPH(destroyNode, node);
+    std::erase_if(list, isGone);
+  for (GraphNode node : nodes) {
+    owner.erase(node);
+    WARP_CUDA_GRAPH(destroyNode, node);
+  }
 }
 
 bool Groups::fuse(GraphHandle graph, FusedNodes fused, int device,
@@ -360,6 +363,7 @@ bool Groups::fuse(GraphHandle graph, FusedNodes fused, int device,
     return false;
   }
   std::vector<std::vector<GraphNode>> made;
+  std::set<GraphNode> replaced;
   for (size_t i = 0; i < fused.members.size(); ++i) {
     const std::vector<int> &parts = fused.members[i];
     auto added = nodes.find(i);
@@ -371,7 +375,7 @@ bool Groups::fuse(GraphHandle graph, FusedNodes fused, int device,
         for (GraphNode old : members[part]) {
           if (auto known = early.find(old); known != early.end())
             early[node] = EdgeData(known->second);
-          remove(old);
+          replaced.insert(old);
         }
       predecessors[node];
       made.push_back({node});
@@ -379,6 +383,7 @@ bool Groups::fuse(GraphHandle graph, FusedNodes fused, int device,
     for (GraphNode node : made.back())
       owner[node] = int(i);
   }
+  remove(replaced);
   members = std::move(made);
   records = std::move(fused.records);
   before = chainOf(records.size());
