@@ -213,6 +213,76 @@ def kernel(y: wp.array(dtype=float)):
         wp.launch(define(source)["kernel"], 1, [y], device="cpu")
 
 
+def test_recursion_through_two_functions():
+    """Each calls the other by way of one that calls its argument; the chain is named."""
+    source = """
+@wp.func
+def apply(f: wp.Function, x: float) -> float:
+    return f(x)
+
+@wp.func
+def even(x: float) -> float:
+    return apply(odd, x - 1.0)
+
+@wp.func
+def odd(x: float) -> float:
+    return apply(even, x - 1.0)
+
+@wp.kernel
+def kernel(y: wp.array(dtype=float)):
+    y[0] = even(y[0])
+"""
+    y = wp.zeros(1, dtype=float, device="cpu")
+    chain = "even -> apply -> odd -> apply -> even"
+    with pytest.raises(errors.WarpError, match=f"recursion is not supported.*{chain}"):
+        wp.launch(define(source)["kernel"], 1, [y], device="cpu")
+
+
+def test_recursion_through_types():
+    """Calls of a function for other types within itself that never end are an error, too."""
+    source = """
+@wp.func
+def grow(t: Any):
+    return grow((t, 1.0))
+
+@wp.kernel
+def kernel(y: wp.array(dtype=float)):
+    x = grow(y[0])
+"""
+    y = wp.zeros(1, dtype=float, device="cpu")
+    with pytest.raises(errors.WarpError, match="recursion is not supported.*grow -> grow"):
+        wp.launch(define("from typing import Any\n" + source)["kernel"], 1, [y], device="cpu")
+
+
+def test_functions_for_other_arguments_are_others():
+    """One that calls its argument may be called below that, for another function or type."""
+    source = """
+@wp.func
+def apply(f: wp.Function, x: Any):
+    return f(x)
+
+@wp.func
+def negate(x: Any):
+    return -x
+
+@wp.func
+def half_below(x: Any):
+    return apply(negate, 0.5 * float(x))
+
+@wp.func
+def plus_one(x: float):
+    return apply(half_below, x) + 1.0
+
+@wp.kernel
+def kernel(y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = apply(plus_one, y[i]) + apply(half_below, i)
+"""
+    y = wp.full(4, 3.0, dtype=float, device="cpu")
+    wp.launch(define("from typing import Any\n" + source)["kernel"], 4, [y], device="cpu")
+    assert y.numpy().tolist() == [-0.5 - 0.5 * i for i in range(4)]
+
+
 def test_many_functions():
     """Code follows the text: each of 60 functions calls the two before it."""
     count = 60

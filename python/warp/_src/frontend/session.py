@@ -16,7 +16,7 @@ class Session:
 
     __slots__ = (
         *("active", "build", "builder", "callers", "calls", "debug", "depends_on_threads"),
-        *("derived", "handles"),
+        *("derived", "handles", "unfinished"),
         *(
             "has_breakpoints",
             "is_ragged",
@@ -35,6 +35,8 @@ class Session:
         # Options that native code is compiled with.
         self.build = build or Build()
         self.max_unroll = max_unroll
+        # Keys of `calls` that are being translated.
+        self.unfinished = set()
         # Finished functions by overload and argument types, and symbol names in use.
         self.calls = {}
         self.taken = {}

@@ -12,6 +12,9 @@ from warp._src.frontend.functions import NOTHING, Specialization
 from warp._src.frontend.session import note_of_call
 from warp._src.frontend.updates import updated_arguments
 
+# Calls of a function within itself, each for other types or functions than those around it.
+_MOST_LEVELS = 16
+
 
 class UserCalls(Part):
     """Translates calls of `@wp.func` functions."""
@@ -99,8 +102,10 @@ class UserCalls(Part):
         calls = self.context.session.calls
         if key in calls:
             return calls[key]
-        self.check_recursion(overload, node)
-        active, callers = self.context.session.active, self.context.session.callers
+        session = self.context.session
+        active, callers = session.active, session.callers
+        self.check_recursion(overload, key in session.unfinished, node)
+        session.unfinished.add(key)
         active.append(overload)
         callers.append((self.context.source, node))
         try:
@@ -108,6 +113,7 @@ class UserCalls(Part):
         except errors.WarpError as problem:
             problem.notes = (*problem.notes, note_of_call(*callers.pop()))
             raise
+        session.unfinished.remove(key)
         active.pop()
         callers.pop()
         return made
@@ -130,9 +136,10 @@ class UserCalls(Part):
             return getattr(binding, "name", None) or binding
         return self.context.static_type(binding)
 
-    def check_recursion(self, overload, node):
+    def check_recursion(self, overload, is_unfinished, node):
+        """A function may call itself for other types or functions, if that ends."""
         active = self.context.session.active
-        if overload not in active:
+        if not is_unfinished and active.count(overload) < _MOST_LEVELS:
             return
         chain = [o.function.__name__ for o in active[active.index(overload) :]]
         chain.append(overload.function.__name__)
