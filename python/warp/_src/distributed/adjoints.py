@@ -174,6 +174,8 @@ class HomeRecord:
         return self._arrays if self._function is Home.send else []
 
     def reverse(self, state) -> None:
+        if self._exchange.comm.closed:
+            self._exchange.comm.check_use(f"adjoint of {self._exchange.name}")
         if Observers.executor is not None:
             changed = [one.grad for one in self._arrays]
             Observers.executor.access(changed, changed)

@@ -421,6 +421,7 @@ class Blocks:
         return Box(tuple(a for a, _ in ends), tuple(b - a for a, b in ends))
 
     def _move(self, name, messages) -> None:
+        self.comm.check_use(name)
         packed = [
             one._replace(
                 give=None if one.give is None else flat(one.give, wp.uint8),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import pickle
 import threading
@@ -22,7 +23,7 @@ _alive: weakref.WeakSet = weakref.WeakSet()
 def _leave_to_parent() -> None:
     """In a fork: messages are those of the parent."""
     for one in _alive:
-        one.closed = True
+        one._end_use()
 
 
 os.register_at_fork(after_in_child=_leave_to_parent)
@@ -52,6 +53,24 @@ class Message(typing.NamedTuple):
     take: typing.Any
     give_tag: int
     take_tag: int
+
+
+# Methods that are errors once a communicator is closed, or in a fork.
+_OF_ENGINES = (
+    *("exchange", "all_reduce", "reduce_scatter", "all_gather", "broadcast", "all_to_all"),
+    *("barrier", "split", "persistent", "gather_objects", "broadcast_object", "check_sum"),
+)
+
+
+class _EndedLog:
+    """The log of a communicator that is closed; beginning anything is an error."""
+
+    def __init__(self, comm):
+        self.comm, self.last = comm, comm.log.last
+
+    def begin(self, plan, step) -> None:
+        """Raises the error of a use."""
+        self.comm.check_use(self.comm.plan_names.get(plan, "an exchange"))
 
 
 class Communicator:
@@ -164,8 +183,20 @@ class Communicator:
 
     def close(self) -> None:
         """Ends the use of the communicator; its plans are of no use any more."""
-        self.closed = True
+        self._end_use()
         self.plans.clear()
+
+    def _end_use(self) -> None:
+        """Makes all uses from now on errors; until then nothing is checked."""
+        if self.closed:
+            return
+        self.closed = True
+        for name in _OF_ENGINES:
+            setattr(self, name, functools.partial(self._refuse, name))
+        self.log = _EndedLog(self)
+
+    def _refuse(self, name, *_, **__):
+        self.check_use(name)
 
     # Engines may do better.
 

@@ -227,6 +227,8 @@ class Graph(Neighbours):
                 f"{who} expects numbers of nodes from 0 to {count - 1}, but got "
                 f"{most if most >= count else least}"
             )
+        if not count:
+            raise DistributedValueError(f"{who} has no nodes: give edges, or `count`")
         if count < comm.size:
             raise DistributedValueError(
                 f"{who}: {comm.size} ranks have no node each of {count}: use fewer ranks"

@@ -259,10 +259,20 @@ def lifetime(comm):
     checking.fails(lambda: wd.all_reduce(x, comm=part), f"rank {part.rank}", "closed")
     other = comm.split(0)
     blocks = wd.Blocks((4 * comm.size,), ranks=(comm.size,), comm=other)
-    field = blocks.zeros()
-    blocks.halo(field)
+    field = blocks.zeros(requires_grad=True)
+    with wp.Tape() as tape:
+        blocks.halo(field)
+    with wp.ScopedCapture() if comm.device.is_cpu else contextlib.nullcontext() as capture:
+        blocks.halo(field)
     other.close()
-    checking.fails(lambda: blocks.halo(field), who, "closed")
+    uses = [lambda: blocks.halo(field), other.barrier, lambda: other.split(0)]
+    uses += [lambda: blocks.gather(field), lambda: other.gather_objects(1)]
+    if comm.size > 1:
+        uses.append(tape.backward)
+    if comm.size > 1 and comm.device.is_cpu:
+        uses.append(lambda: wp.capture_launch(capture.graph))
+    for use in uses:
+        checking.fails(use, who, "closed")
     blocks = wd.Blocks((4 * comm.size,), ranks=(comm.size,), comm=comm)
     field = blocks.zeros()
     blocks.halo(field)
@@ -276,6 +286,8 @@ def lifetime(comm):
             text = checking.fails(lambda: wd.all_reduce(x, "min"), "fork", "wd.init")
             # An exchange that is there already.
             checking.fails(lambda: blocks.halo(field), "fork", "wd.init")
+            checking.fails(comm.barrier, "fork", "wd.init")
+            checking.fails(lambda: comm.gather_objects(1), "fork", "wd.init")
         except BaseException as problem:
             text = repr(problem)
         os.write(write, text.encode())
