@@ -426,25 +426,28 @@ void Groups::findJoins(const GraphSchedule &schedule,
   for (size_t group = 0; group < members.size(); ++group) {
     const auto &list = schedule.nodes[group].before;
     GraphNode to = only(group);
-    std::optional<GraphEdge> found;
+    std::vector<GraphEdge> found;
     int latest = -1;
     for (const GraphSchedule::Edge &edge : list) {
       level[group] = std::max(level[group], level[edge.from] + 1);
       // Kernels of others may wait later.
       bool areOurs =
           records[edge.from].barrier.empty() && records[group].barrier.empty();
-      if (!to || list.size() == 1 || !areOurs || level[edge.from] <= latest)
+      if (!to || list.size() == 1 || !areOurs)
         continue;
       EdgeData data = dataOf(to, edge.from, group);
-      if (!data.isProgrammatic())
+      if (!data.isProgrammatic() ||
+          (!(graphTrial() & 128) && level[edge.from] <= latest))
         continue;
+      if (!(graphTrial() & 128))
+        found.clear();
       latest = level[edge.from];
-      found = {lastOf(edge.from).front(), to, data};
+      found.push_back({lastOf(edge.from).front(), to, data});
     }
-    if (!found)
-      continue;
-    early.push_back(*found);
-    plain.push_back({found->from, found->to, {}});
+    for (const GraphEdge &edge : found) {
+      early.push_back(edge);
+      plain.push_back({edge.from, edge.to, {}});
+    }
   }
 }
 
@@ -594,7 +597,7 @@ GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
     changes.push_back(std::move(change));
   }
   Change join{graph, {}, {}};
-  if (graphTrial() & 1)
+  if (graphTrial() & 129)
     groups.findJoins(*schedule, join.removed, join.added);
   startEarly(std::move(join));
   return schedule;
