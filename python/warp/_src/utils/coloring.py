@@ -63,7 +63,7 @@ def graph_coloring_assign(edges, node_colors, algorithm=GraphColoringAlgorithm.M
 
 
 def _colored(near, order):
-    """The number of colours, and those of the nodes, if each in turn gets the first that is free."""
+    """The number of colours, and those of nodes that in turn get the first which is free."""
     colors = [-1] * len(near)
     used = 0
     for node in order:
