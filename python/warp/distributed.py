@@ -11,6 +11,7 @@
 The same program runs alone, under `mpirun -n 4 python` and under `torchrun`.
 """
 
+import contextlib
 import typing
 
 if typing.TYPE_CHECKING:
@@ -92,16 +93,31 @@ def __dir__():
     return sorted({*globals(), *_MODULES})
 
 
+@contextlib.contextmanager
+def _needing(package, name):
+    """A block whose import of a package that is absent is an error with the command to run."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if error.name != package:
+            raise
+        from warp._src import errors
+
+        raise errors.absent(package, f"`{name}`") from None
+
+
 def mpi(comm=None, device=None, timeout=300):
     """The ranks of an mpi4py communicator, by default all."""
-    from warp._src.distributed.mpi import MpiCommunicator
+    with _needing("mpi4py", "wd.mpi"):
+        from warp._src.distributed.mpi import MpiCommunicator
 
     return MpiCommunicator(comm, device, timeout)
 
 
 def torch(group=None, device=None, timeout=300):
     """The ranks of a process group of PyTorch, by default all."""
-    from warp._src.distributed.torch import TorchCommunicator
+    with _needing("torch", "wd.torch"):
+        from warp._src.distributed.torch import TorchCommunicator
 
     return TorchCommunicator(group, device, timeout)
 

@@ -1,9 +1,12 @@
 """Every failure of a rank ends the job with a message, and nothing hangs."""
 
 import re
+import sys
 import time
 
 import pytest
+
+import warp.distributed as wd
 
 WORDS = {
     "raise": ("rank 1 of 2 ends all ranks", "ValueError: broken"),
@@ -47,3 +50,11 @@ def test_a_failing_rank_ends_the_job(start, engine, how):
         assert "make the same calls on all ranks" in output
     if engine == "torch" and how == "kill":
         assert "rank 1 is gone" in output, output
+
+
+@pytest.mark.parametrize("package, name", [("mpi4py", "mpi"), ("torch", "torch")])
+def test_an_absent_package_is_named_with_the_command(monkeypatch, package, name):
+    monkeypatch.delitem(sys.modules, f"warp._src.distributed.{name}", raising=False)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=f"`wd.{name}` needs .* '{package}': pip install"):
+        getattr(wd, name)()
