@@ -4,6 +4,7 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "WarpDialect/CompositeFolds.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/IR/Builders.h"
@@ -12,10 +13,8 @@
 
 using namespace mlir;
 
-/// Position of the component that constant indices select, in row-major
-/// order; nothing if an index varies, is out of range or selects a row.
-static std::optional<int64_t> getPosition(mlir::Type composite,
-                                          ValueRange indices) {
+std::optional<int64_t> warp::getComponentPosition(mlir::Type composite,
+                                                  ValueRange indices) {
   SmallVector<int64_t, 2> extents = warp::getIndexExtents(composite);
   if (indices.size() != extents.size())
     return std::nullopt;
@@ -57,12 +56,13 @@ static OpFoldResult getComponent(warp::ConstructOp construct,
 /// of them has changed it, in one go: a matrix is many of them.
 OpFoldResult warp::ExtractOp::fold(FoldAdaptor) {
   mlir::Type composite = getSource().getType();
-  std::optional<int64_t> position = getPosition(composite, getIndices());
+  std::optional<int64_t> position =
+      getComponentPosition(composite, getIndices());
   if (!position)
     return {};
   mlir::Value source = getSource();
   while (auto insert = source.getDefiningOp<InsertOp>()) {
-    auto written = getPosition(composite, insert.getIndices());
+    auto written = getComponentPosition(composite, insert.getIndices());
     if (!written)
       break;
     if (*written == *position)

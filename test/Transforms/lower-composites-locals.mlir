@@ -155,3 +155,46 @@ func.func @few(%at: si32, %x: f32) -> !warp.vec<4 x f32> {
   %v = warp.insert %x, %zero[%at] : f32, !warp.vec<4 x f32>, si32
   return %v : !warp.vec<4 x f32>
 }
+
+// A component that an insertion leaves alone is read from the memory that it
+// changes, though the value is older: a chain has one memory, in a branch, too.
+// CHECK-LABEL: func.func @older
+// CHECK-COUNT-1: warp.scratch : !warp.scratch<16 x f32>
+// CHECK-NOT: warp.scratch :
+// CHECK: return
+func.func @older(%c: i1, %at: si32, %x: f32) -> f32 {
+  %zero = warp.construct() : () -> !warp.vec<16 x f32>
+  %c0 = warp.constant 0 : si32
+  %c1 = warp.constant 1 : si32
+  %c2 = warp.constant -1 : si32
+  %v = warp.insert %x, %zero[%at] : f32, !warp.vec<16 x f32>, si32
+  %w = scf.if %c -> (!warp.vec<16 x f32>) {
+    %a = warp.insert %x, %v[%c0] : f32, !warp.vec<16 x f32>, si32
+    %p = warp.extract %v[%c1] : !warp.vec<16 x f32>, si32 -> f32
+    %q = warp.add(%p, %x) : (f32, f32) -> f32
+    %b = warp.insert %q, %a[%c1] : f32, !warp.vec<16 x f32>, si32
+    %r = warp.extract %v[%c2] : !warp.vec<16 x f32>, si32 -> f32
+    %s = warp.add(%r, %x) : (f32, f32) -> f32
+    %d = warp.insert %s, %b[%c2] : f32, !warp.vec<16 x f32>, si32
+    scf.yield %d : !warp.vec<16 x f32>
+  } else {
+    scf.yield %v : !warp.vec<16 x f32>
+  }
+  %y = warp.extract %w[%at] : !warp.vec<16 x f32>, si32 -> f32
+  return %y : f32
+}
+
+// The old value of a component that has been changed is no other one.
+// CHECK-LABEL: func.func @overwritten
+// CHECK-COUNT-2: warp.scratch : !warp.scratch<16 x f32>
+func.func @overwritten(%at: si32, %x: f32) -> f32 {
+  %zero = warp.construct() : () -> !warp.vec<16 x f32>
+  %c1 = warp.constant 1 : si32
+  %c2 = warp.constant -15 : si32
+  %v = warp.insert %x, %zero[%at] : f32, !warp.vec<16 x f32>, si32
+  %a = warp.insert %x, %v[%c1] : f32, !warp.vec<16 x f32>, si32
+  %p = warp.extract %v[%c2] : !warp.vec<16 x f32>, si32 -> f32
+  %q = warp.extract %a[%at] : !warp.vec<16 x f32>, si32 -> f32
+  %y = warp.add(%p, %q) : (f32, f32) -> f32
+  return %y : f32
+}

@@ -249,5 +249,6 @@ void PlaceLocals::run() {
 
 void warp::placeLocals(FunctionOpInterface function) {
   addInPlace(function);
+  readNewest(function);
   PlaceLocals(function).run();
 }

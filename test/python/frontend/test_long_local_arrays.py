@@ -143,3 +143,32 @@ def test_an_index_out_of_range_touches_nothing_else():
     found = out.numpy()
     assert (found[:, 1] == 0).all()
     assert (found[[0, 1, 5, 6], 0] == 7).all() and np.isin(found[:, 0], [0, 7]).all()
+
+
+mat66 = wp.types.matrix(shape=(6, 6), dtype=float)
+
+
+@wp.kernel(enable_backward=False)
+def diagonal(places: wp.array(dtype=int), damped: bool, out: wp.array(dtype=float)):
+    a = mat66(0.0)
+    for k in range(places.shape[0]):
+        a[places[k] % 6, places[k] // 6] = float(k + 1)
+    if damped:
+        # Components that are read after others have changed.
+        for r in range(6):
+            a[r, r] += float(r) + a[r, 5 - r]
+    for k in range(places.shape[0]):
+        out[k] = a[places[k] // 6, places[k] % 6]
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_constant_places_of_a_matrix_that_is_indexed(damped):
+    order = np.random.default_rng(6).permutation(36).astype(np.int32)
+    a = np.zeros((6, 6))
+    a[order % 6, order // 6] = np.arange(36) + 1
+    for r in range(6 if damped else 0):
+        a[r, r] += r + a[r, 5 - r]
+    places = wp.array(order, dtype=int)
+    out = wp.zeros(36, dtype=float)
+    wp.launch(diagonal, 1, [places, damped, out])
+    np.testing.assert_array_equal(out.numpy(), a[order // 6, order % 6])
