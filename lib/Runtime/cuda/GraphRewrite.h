@@ -7,7 +7,7 @@
 #ifndef WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
 #define WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
 
-#include "GraphDriver.h"
+#include "GraphGroups.h"
 #include "GraphTrace.h"
 #include "warp/Device.h"
 #include "warp/Graph.h"
@@ -17,13 +17,6 @@
 #include <vector>
 
 namespace warp::cuda {
-
-struct GraphEdge {
-  GraphNode from, to;
-  EdgeData data;
-
-  auto operator<=>(const GraphEdge &) const = default;
-};
 
 /// Exchanges edges of graphs, and launches for fused ones.
 class GraphRewriter {
