@@ -146,3 +146,62 @@ func.func @sums_in_branches(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
   warp.store %s#1, %y[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+// A condition bounds the number of iterations: the loop that counts them keeps
+// the values.
+func.func @bounded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %one = warp.constant 1.0 : f32
+  %small = warp.constant 0.001 : f32
+  %first = warp.constant -4 : si32
+  %step = warp.constant 3 : si32
+  %end = warp.constant 40 : si32
+  %i = warp.tid : si32
+  // expected-remark@+1 {{carried value 1 of type 'f32': rank 5, 60 bytes}}
+  %s:2 = scf.while (%k = %first, %t = %one) : (si32, f32) -> (si32, f32) {
+    %large = warp.gt(%t, %small) : (f32, f32) -> i1
+    %more = warp.lt(%k, %end) : (si32, si32) -> i1
+    %both = warp.bit_and(%large, %more) : (i1, i1) -> i1
+    scf.condition(%both) %k, %t : si32, f32
+  } do {
+  ^bb0(%k: si32, %t: f32):
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %u = warp.sin(%t) : (f32) -> f32
+    %w = warp.mul(%u, %v) : (f32, f32) -> f32
+    %next = warp.add(%step, %k) : (si32, si32) -> si32
+    scf.yield %next, %w : si32, f32
+  }
+  warp.store %s#1, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+
+// -----
+
+// The counter stands still where the value is negative: no bound.
+func.func @unbounded(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel} {
+  %one = warp.constant 1.0 : f32
+  %zero = warp.constant 0.0 : f32
+  %first = warp.constant 0 : si32
+  %step = warp.constant 1 : si32
+  %end = warp.constant 40 : si32
+  %i = warp.tid : si32
+  // expected-remark@+1 {{carried value 1 of type 'f32': rank 6, 324 bytes}}
+  %s:2 = scf.while (%k = %first, %t = %one) : (si32, f32) -> (si32, f32) {
+    %more = warp.lt(%k, %end) : (si32, si32) -> i1
+    scf.condition(%more) %k, %t : si32, f32
+  } do {
+  ^bb0(%k: si32, %t: f32):
+    %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+    %u = warp.sin(%t) : (f32) -> f32
+    %w = warp.mul(%u, %v) : (f32, f32) -> f32
+    %after = warp.add(%step, %k) : (si32, si32) -> si32
+    %stays = warp.lt(%w, %zero) : (f32, f32) -> i1
+    %next = warp.where(%stays, %k, %after) : (i1, si32, si32) -> si32
+    scf.yield %next, %w : si32, f32
+  }
+  warp.store %s#1, %y[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}

@@ -9,6 +9,8 @@ import pytest
 
 import warp as wp
 
+rng = np.random.default_rng(5)
+
 F = wp.float64
 STEP = 1e-5
 
@@ -328,3 +330,62 @@ def test_values_of_loops_of_constant_length(trips, device):
             wanted.append(plain(*values))
             values[one][j] -= 1e-30j
         np.testing.assert_allclose(got.numpy(), wanted, rtol=1e-12)
+
+
+@wp.kernel
+def march(
+    x: wp.array(dtype=wp.float64), w: wp.array(dtype=wp.float64), out: wp.array(dtype=wp.float64)
+):
+    i = wp.tid()
+    a = x[i]
+    for j in range(3, 60, 2):
+        if a > wp.float64(4.0):
+            break
+        n = int(j)
+        while a < w[j] and n < 40:
+            a = a * wp.float64(1.1) + wp.sin(a) * w[n]
+            n += 3
+        if a < wp.float64(0.1):
+            continue
+        a = a + wp.exp(-a) * w[j]
+    out[i] = a
+
+
+def march_plain(x, w):
+    out = []
+    for a in x:
+        for j in range(3, 60, 2):
+            if a.real > 4.0:
+                break
+            n = j
+            while a.real < w[j].real and n < 40:
+                a = a * 1.1 + np.sin(a) * w[n]
+                n += 3
+            if a.real < 0.1:
+                continue
+            a = a + np.exp(-a) * w[j]
+        out.append(a)
+    return np.array(out)
+
+
+def test_values_of_loops_with_a_bounded_length(device):
+    """Loops that a condition or `break` leaves: the run that counts the trips keeps the values."""
+    start, weights, seed = rng.uniform(-1, 5, 40), rng.uniform(0, 1.5, 60), rng.normal(size=40)
+    x, w = (
+        wp.array(one, dtype=wp.float64, device=device, requires_grad=True)
+        for one in (start, weights)
+    )
+    out = wp.zeros(40, dtype=wp.float64, device=device, requires_grad=True)
+    with wp.Tape() as tape:
+        wp.launch(march, 40, [x, w, out], device=device)
+    np.testing.assert_allclose(out.numpy(), march_plain(start + 0j, weights + 0j).real, rtol=1e-12)
+    tape.backward(grads={out: wp.array(seed, dtype=wp.float64, device=device)})
+
+    def slope(one, j):
+        values = [start.astype(complex), weights.astype(complex)]
+        values[one][j] += 1e-30j
+        return (march_plain(*values) @ seed).imag / 1e-30
+
+    for one, got in ((0, x.grad), (1, w.grad)):
+        wanted = [slope(one, j) for j in range(len((start, weights)[one]))]
+        np.testing.assert_allclose(got.numpy(), wanted, rtol=1e-11, atol=1e-13)

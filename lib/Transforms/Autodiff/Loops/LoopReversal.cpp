@@ -21,7 +21,8 @@
 //   rank 4   an integer whose update has an exact inverse: carried backwards
 //            from its last value
 //   rank 5   few iterations, their number a constant: a forward loop keeps the
-//            needed values of all of them in scratch memory
+//            needed values of all of them in scratch memory. If a constant only
+//            bounds the number, the loop that counts them does
 //   rank 6   any number of iterations in memory of a fixed size, which is what
 //            Checkpoints.cpp builds
 //   rank 7   instead of that, if asked for: all of them, in memory that the
@@ -219,7 +220,8 @@ LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
   if (failed(checkKept(closure(kept))))
     return failure();
   // The states of checkpoints have to be there together.
-  if (kept.empty() || fitsTape(trips, kept) || fitsGlobalTape(kept))
+  if (kept.empty() || fitsTape(trips, kept) || fitsCountedTape(trips, kept) ||
+      fitsGlobalTape(kept))
     carryBackwards(reversed, *inverses, needed);
   else
     kept.assign(needed.begin(), needed.end());
@@ -228,7 +230,8 @@ LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
   if (failed(done))
     return failure();
   Value steps = trips;
-  if (mayEndApart() && !(!kept.empty() && fitsGlobalTape(kept))) {
+  bool isCounted = !kept.empty() && fitsCountedTape(trips, kept);
+  if (mayEndApart() && (kept.empty() || isCounted || !fitsGlobalTape(kept))) {
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPoint(reversed);
     ownTrips = trips;
@@ -238,6 +241,8 @@ LoopReversal::recoverBackwards(scf::ForOp reversed, Value trips,
   if (kept.empty()) {
     startBackwards(reversed, {}, {});
     skipOthers(reversed, bindNumber(reversed, steps));
+  } else if (isCounted) {
+    recoverFromCountedTape(reversed, steps, kept);
   } else if (fitsTape(trips, kept)) {
     done = recoverFromTape(reversed, trips, kept);
   } else {

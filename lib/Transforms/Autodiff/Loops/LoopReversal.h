@@ -71,6 +71,14 @@ protected:
   runAlong(mlir::scf::ForOp reversed) {
     return mlir::failure();
   }
+  /// The most trips that the loop can make, if its forward sweep counts them
+  /// and a constant bounds them.
+  virtual std::optional<int64_t> getMostTrips() { return std::nullopt; }
+  /// The loop that does.
+  virtual mlir::Operation *getForwardSweep() { return nullptr; }
+  /// Has it keep states in a tape with a slot for each of these trips.
+  virtual void keepWhileCounting(llvm::ArrayRef<unsigned> states,
+                                 mlir::ValueRange tape) {}
   /// Replays what the first draft of the reverse loop has placeholders for.
   virtual mlir::LogicalResult completeDraft() { return mlir::success(); }
 
@@ -82,6 +90,7 @@ protected:
   bool isZero(llvm::ArrayRef<mlir::Value> cotangents);
   mlir::Value constant(mlir::Type type, int64_t value);
   mlir::Value placeholder(mlir::Type type);
+  void keep(mlir::ValueRange memory, mlir::Value slot, mlir::ValueRange values);
   /// The states before the loop.
   llvm::SmallVector<mlir::Value> recoverInits(llvm::ArrayRef<unsigned> states);
   /// Operations that have to stay while the reverse loop is not finished.
@@ -159,7 +168,12 @@ private:
           mlir::ValueRange values,
           llvm::function_ref<void(mlir::Value number)> visit);
   mlir::LogicalResult checkKept(llvm::ArrayRef<unsigned> states);
+  bool fitsTape(int64_t trips, mlir::Type number,
+                llvm::ArrayRef<unsigned> needed);
   bool fitsTape(mlir::Value trips, llvm::ArrayRef<unsigned> needed);
+  bool fitsCountedTape(mlir::Value trips, llvm::ArrayRef<unsigned> needed);
+  void recoverFromCountedTape(mlir::scf::ForOp loop, mlir::Value trips,
+                              llvm::ArrayRef<unsigned> needed);
   mlir::LogicalResult recoverFromTape(mlir::scf::ForOp loop, mlir::Value trips,
                                       llvm::ArrayRef<unsigned> needed);
   mlir::Value bindNumber(mlir::scf::ForOp loop, mlir::Value end);
@@ -168,7 +182,6 @@ private:
   int64_t bytesOf(llvm::ArrayRef<unsigned> states);
   llvm::SmallVector<mlir::Value> makeScratch(llvm::ArrayRef<unsigned> states,
                                              int64_t slots);
-  void keep(mlir::ValueRange memory, mlir::Value slot, mlir::ValueRange values);
   llvm::SmallVector<mlir::Value> load(mlir::ValueRange memory,
                                       mlir::Value slot);
   void loadNeeded(llvm::ArrayRef<unsigned> needed, mlir::ValueRange memory,

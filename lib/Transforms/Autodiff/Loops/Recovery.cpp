@@ -219,15 +219,20 @@ static std::optional<int64_t> knownTrips(Value trips) {
   return count.getZExtValue();
 }
 
-/// True if the number of iterations is known and they take little memory, or
-/// no more than checkpoints would, which run the loop once more.
+/// True if so many iterations take little memory, or no more than checkpoints
+/// would, which run the loop once more.
+bool LoopReversal::fitsTape(int64_t trips, Type number,
+                            ArrayRef<unsigned> needed) {
+  if (trips > maxComponents)
+    return false;
+  int64_t bytes = trips * bytesOf(needed);
+  return bytes <= reverse.options.maxLocalTape ||
+         bytes <= checkpointBytes(needed, number);
+}
+
 bool LoopReversal::fitsTape(Value trips, ArrayRef<unsigned> needed) {
   std::optional<int64_t> count = knownTrips(trips);
-  if (!count || *count > maxComponents)
-    return false;
-  int64_t bytes = *count * bytesOf(needed);
-  return bytes <= reverse.options.maxLocalTape ||
-         bytes <= checkpointBytes(needed, trips.getType());
+  return count && fitsTape(*count, trips.getType(), needed);
 }
 
 LogicalResult LoopReversal::recoverFromTape(scf::ForOp reversed, Value trips,
@@ -249,4 +254,28 @@ LogicalResult LoopReversal::recoverFromTape(scf::ForOp reversed, Value trips,
   loadNeeded(needed, tape, bindNumber(reversed, trips));
   note(needed, RecoveryRank::Tape, slots * bytesOf(needed));
   return success();
+}
+
+/// A loop that is left by a condition, of a bounded number of iterations.
+bool LoopReversal::fitsCountedTape(Value trips, ArrayRef<unsigned> needed) {
+  std::optional<int64_t> most = getMostTrips();
+  return most && fitsTape(*most, trips.getType(), needed);
+}
+
+/// The run that counts the iterations keeps their values.
+void LoopReversal::recoverFromCountedTape(scf::ForOp reversed, Value trips,
+                                          ArrayRef<unsigned> needed) {
+  int64_t slots = std::max<int64_t>(*getMostTrips(), 1);
+  SmallVector<Value> tape;
+  {
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPoint(getForwardSweep());
+    tape = makeScratch(needed, slots);
+  }
+  keepWhileCounting(needed, tape);
+  startBackwards(reversed, {}, {});
+  Value count = bindNumber(reversed, trips);
+  loadNeeded(needed, tape, count);
+  skipOthers(reversed, count);
+  note(needed, RecoveryRank::Tape, slots * bytesOf(needed));
 }

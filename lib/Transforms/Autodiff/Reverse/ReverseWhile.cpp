@@ -18,6 +18,7 @@
 #include "Autodiff/Loops/LoopReversal.h"
 
 #include "Analysis/Effects.h"
+#include "Analysis/Forms.h"
 #include "Autodiff/DeadValues.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -45,6 +46,9 @@ private:
   LogicalResult reverseIteration() override;
   LogicalResult completeDraft() override;
   bool mayEndApart() override { return true; }
+  std::optional<int64_t> getMostTrips() override;
+  Operation *getForwardSweep() override { return counting; }
+  void keepWhileCounting(ArrayRef<unsigned> states, ValueRange tape) override;
   bool mayRunAlong(scf::ForOp reversed) override;
   FailureOr<SmallVector<Value>> runAlong(scf::ForOp reversed) override;
 
@@ -55,7 +59,7 @@ private:
                                 ArrayRef<unsigned> passed);
   void count();
 
-  scf::WhileOp op;
+  scf::WhileOp op, counting;
   /// The evaluation of the condition has no derivative and no effect.
   bool decidesApart;
   /// The iterations are those of the first draft: without the condition.
@@ -263,7 +267,7 @@ void WhileReversal::count() {
   SmallVector<Type> types(replayed.getResultTypes());
   types.push_back(type);
   llvm::append_range(types, getStates().getTypes());
-  auto counting = scf::WhileOp::create(b, loc, types, inits);
+  counting = scf::WhileOp::create(b, loc, types, inits);
   counting.getBefore().takeBody(replayed.getBefore());
   counting.getAfter().takeBody(replayed.getAfter());
 
@@ -287,6 +291,72 @@ void WhileReversal::count() {
   trips = results[given];
   llvm::append_range(final, results.drop_front(given + 1));
   ++reverse.metrics.replayLoops;
+}
+
+/// The body has the number and the states as its last arguments.
+void WhileReversal::keepWhileCounting(ArrayRef<unsigned> states,
+                                      ValueRange tape) {
+  OpBuilder::InsertionGuard guard(b);
+  Block *body = counting.getAfterBody();
+  b.setInsertionPointToStart(body);
+  unsigned first = body->getNumArguments() - getStates().size();
+  SmallVector<Value> values;
+  for (unsigned state : states)
+    values.push_back(body->getArgument(first + state));
+  Value slot = body->getArgument(first - 1);
+  for (auto [memory, value] : llvm::zip_equal(tape, values))
+    keep(memory, slot, value);
+}
+
+/// The largest value of an integer that is a constant, or one of several.
+static std::optional<int64_t> findMost(Value value) {
+  if (auto constant = warp::getConstantInteger(value))
+    return constant;
+  auto choice = value.getDefiningOp<warp::WhereOp>();
+  if (!choice)
+    return std::nullopt;
+  auto x = findMost(choice->getOperand(1)), y = findMost(choice->getOperand(2));
+  return x && y ? std::optional(std::max(*x, *y)) : std::nullopt;
+}
+
+/// How often `index < bound` can hold for a state that grows by a constant in
+/// each iteration; none if that is not known.
+static std::optional<int64_t> countBelow(scf::WhileOp op, Value index,
+                                         Value bound,
+                                         function_ref<Value(Value)> trace) {
+  auto state = dyn_cast<BlockArgument>(index);
+  if (!state || state.getOwner() != op.getBeforeBody())
+    return std::nullopt;
+  unsigned number = state.getArgNumber();
+  auto next = op.getYieldOp().getResults()[number].getDefiningOp<warp::AddOp>();
+  auto first = warp::getConstantInteger(op.getInits()[number]);
+  auto most = findMost(bound);
+  if (!next || !first || !most)
+    return std::nullopt;
+  for (unsigned i : {0, 1}) {
+    auto step = warp::getConstantInteger(next->getOperand(1 - i));
+    if (step && *step > 0 && trace(next->getOperand(i)) == state)
+      return std::max<int64_t>(llvm::divideCeilSigned(*most - *first, *step),
+                               0);
+  }
+  return std::nullopt;
+}
+
+/// One part of the condition has to compare a counter with a constant.
+std::optional<int64_t> WhileReversal::getMostTrips() {
+  SmallVector<Value> parts{op.getConditionOp().getCondition()};
+  while (!parts.empty()) {
+    Operation *part = parts.pop_back_val().getDefiningOp();
+    if (!part)
+      continue;
+    if (isa<warp::BitAndOp, arith::AndIOp>(part))
+      llvm::append_range(parts, part->getOperands());
+    else if (isa<warp::LtOp>(part))
+      if (auto count = countBelow(op, part->getOperand(0), part->getOperand(1),
+                                  [&](Value value) { return trace(value); }))
+        return count;
+  }
+  return std::nullopt;
 }
 
 /// The evaluation of the condition that ends the loop.
