@@ -26,9 +26,10 @@ using namespace warp;
 /// Operations that are worth handing to another thread, until launches have
 /// shown how long they take.
 static constexpr double chunkWork = 16384;
-/// Operations up to which code with atomic instructions stays on one thread:
-/// its sums are then made in one order, and programs that decide by them, such
-/// as optimisers, take the same way in every run. Some tens of microseconds.
+/// Operations of a lane up to which code with atomic instructions stays on one
+/// thread: its sums are then made in one order, and programs that decide by
+/// them, such as optimisers, take the same way in every run. Some tens of
+/// microseconds, in which vectors do the operations of all their lanes.
 static constexpr double orderedWork = 262144;
 /// Ticks that a brief launch takes, at most: some microseconds.
 static constexpr uint64_t mostTicks = 16384;
@@ -192,8 +193,9 @@ void CpuCode::launch(const Kernel::Plan &plan, void *params, size_t paramSize,
   const Kernel::Variant &variant = *plan.variant;
   if (!isCheap(plan) && variant.isBrief(plan.items))
     return launchBriefly(variant, params, plan.items);
-  bool serial = isCheap(plan) ||
-                (variant.code.schedule.atomics && plan.work < orderedWork);
+  bool serial =
+      isCheap(plan) || (variant.code.schedule.atomics &&
+                        plan.work < orderedWork * variant.code.schedule.lanes);
   if (variant.code.sites.empty()) {
     launchTimed(variant, params, paramSize, plan.items, serial);
   } else {

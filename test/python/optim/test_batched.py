@@ -155,3 +155,23 @@ def test_runs_repeat():
         LBFGS([x], max_iter=30).step(closure)
         ways.add(x.numpy().tobytes())
     assert len(ways) == 1
+
+
+@wp.kernel
+def long_terms(x: wp.array(dtype=float), total: wp.array(dtype=float)):
+    v = x[wp.tid()]
+    for _ in range(40):
+        v = wp.sin(v) + 0.3 * wp.cos(v)
+    wp.atomic_add(total, 0, v)
+
+
+def test_sums_of_short_launches_of_many_operations_repeat():
+    """Vectors do in some tens of microseconds what is a launch for several threads without them."""
+    x = np.random.default_rng(0).normal(size=4096)
+    x = wp.array(x, dtype=float, device="cpu")
+    found = set()
+    for _ in range(400):
+        total = wp.zeros(1, dtype=float, device="cpu")
+        wp.launch(long_terms, x.size, [x, total], device="cpu")
+        found.add(total.numpy().item())
+    assert len(found) == 1
