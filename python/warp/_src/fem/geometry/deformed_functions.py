@@ -173,6 +173,34 @@ def _add_sides(f, record) -> None:
             return wp.matrix_from_cols(F * axis(arg, side, b), F * axis(arg, side, c))
 
     f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
+    normal_of = of_gradient(k - 1, k)[1]
+    if k != record.dimension or normal_of is None:
+        return
+    zero, inside_of = real(0.0), params(real(1.0 / (k + 1)))
+
+    @wp.func
+    def side_normal(arg: SideArg, s: Sample):
+        """Normal out of the inner cell, which positions may mirror."""
+        side = s.element_index
+        corner = inner_coords(arg, side, a)
+        away = params()
+        for i in range(k):
+            away[i] = corner[i + shift] - inside_of[i]
+        F = gradient(
+            arg.cell_arg,
+            make_free_sample(inner_cell(arg, side), inner_coords(arg, side, s.element_coords)),
+        )
+        turn = wp.determinant(F)
+        if wp.static(is_curve):
+            along = axis(arg, side, b)
+            turn *= wp.dot(normal_of(along), away)
+            return normal_of(F * along) * wp.where(turn < zero, real(-1.0), real(1.0))
+        else:
+            across = wp.matrix_from_cols(axis(arg, side, b), axis(arg, side, c))
+            turn *= wp.dot(normal_of(across), away)
+            return normal_of(F * across) * wp.where(turn < zero, real(-1.0), real(1.0))
+
+    f.side_normal = side_normal
 
 
 def _inverse(Arg, Sample, gradient, cell_dimension: int, dimension: int) -> wp.Function:
