@@ -150,3 +150,23 @@ def test_meshes_without_cells():
 def test_negative_degree(space):
     with pytest.raises(ValueError, match="degree"):
         fem.make_polynomial_space(space.geometry, degree=-1)
+
+
+def test_geometries_and_orders_in_place_of_domains_and_rules(space):
+    values = {"fields": {"v": space.make_field()}, "values": {"c": 1.0}}
+    with pytest.raises(ValueError, match=r"'domain' expects .*fem.Cells.*, but got 'Grid2D'"):
+        fem.integrate(load, domain=space.geometry, **values)
+    with pytest.raises(ValueError, match=r"'quadrature' expects a rule .*, but got '3'"):
+        fem.integrate(load, quadrature=3, **values)
+
+
+def test_arrays_of_other_types(space):
+    cells = fem.Cells(space.geometry)
+    with pytest.raises(ValueError, match=r"shape \(9,\) of int32, but got \(9,\) of float32"):
+        fem.Subdomain(cells, element_mask=wp.ones(9, dtype=float))
+    with pytest.raises(ValueError, match=r"'positions' expects .* of vec2f, but got vec3f"):
+        fem.PicQuadrature(cells, wp.zeros(4, dtype=wp.vec3))
+    with pytest.raises(ValueError, match="has vectors of 2 components, but 'dtype' is vec3f"):
+        fem.make_polynomial_space(
+            space.geometry, dtype=wp.vec3, element_basis=fem.ElementBasis.NEDELEC_FIRST_KIND
+        )

@@ -341,11 +341,13 @@ class Subdomain(GeometryDomain):
         if element_indices is None:
             from warp._src.fem.geometry.indices import masked_indices
 
-            if element_mask.shape != (domain.element_count(),):
-                raise ValueError(
-                    f"'element_mask' expects shape ({domain.element_count()},), "
-                    f"but got {element_mask.shape}"
-                )
+            count = domain.element_count()
+            is_mask = extend.is_array(element_mask) and element_mask.dtype is wp.int32
+            if not is_mask or element_mask.shape != (count,):
+                got = extend.shown(element_mask)
+                if extend.is_array(element_mask):
+                    got = f"{element_mask.shape} of {extend.type_repr(element_mask.dtype)}"
+                raise ValueError(f"'element_mask' expects shape ({count},) of int32, but got {got}")
             element_indices, _ = masked_indices(element_mask)
         else:
             _check_indices(element_indices, domain.element_count())

@@ -99,9 +99,21 @@ def integrate(
 
 def domain_of(domain, quadrature, fields):
     """The elements to integrate over."""
+    from warp._src.fem.domains import GeometryDomain
     from warp._src.fem.fields.base import GeometryField
     from warp._src.fem.fields.virtual import VirtualField
+    from warp._src.fem.quadratures import Quadrature
 
+    if domain is not None and not isinstance(domain, GeometryDomain):
+        raise ValueError(
+            "'domain' expects a domain such as `fem.Cells(geometry)`, but got "
+            f"{extend.shown(domain)}"
+        )
+    if quadrature is not None and not isinstance(quadrature, Quadrature):
+        raise ValueError(
+            "'quadrature' expects a rule such as `fem.RegularQuadrature(domain, order)`, but got "
+            f"{extend.shown(quadrature)}"
+        )
     virtual = [field for field in fields.values() if isinstance(field, VirtualField)]
     given = [one for one in (domain, quadrature and quadrature.domain) if one is not None]
     given += [field.domain for field in virtual]

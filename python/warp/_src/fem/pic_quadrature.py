@@ -152,6 +152,12 @@ class PicQuadrature(Quadrature):
     def _find(self, positions, env_indices, max_dist) -> None:
         domain, device, n = self._domain, positions.device, positions.shape[0]
         real = domain.geometry.scalar_type
+        vector = wp.types.vector(domain.geometry.dimension, real)
+        if positions.ndim != 1 or not extend.types_equal(positions.dtype, vector):
+            raise ValueError(
+                f"'positions' expects an array (particles,) of {extend.type_repr(vector)}, but got "
+                f"{extend.type_repr(positions.dtype)} of shape {positions.shape}"
+            )
         if domain.geometry.environment_count() > 1 and env_indices is None:
             raise ValueError(
                 f"'env_indices' expects an array, as the geometry has "

@@ -111,6 +111,12 @@ def make_polynomial_space(
         ValueError: the cells of the geometry have no such element, or types do not fit.
     """
     basis = make_polynomial_basis_space(geo, degree, element_basis, discontinuous, family)
+    dimension, is_vector = geo.dimension, dtype is not None and extend.type_is_vector(dtype)
+    if basis.element.map != "identity" and is_vector and dtype._length_ != dimension:
+        raise ValueError(
+            f"{element_basis.name} on '{geo.name}' has vectors of {dimension} components, but "
+            f"'dtype' is {extend.type_repr(dtype)}"
+        )
     if basis.element.map == "covariant":
         return make_covariant_function_space(basis)
     if basis.element.map == "contravariant":
