@@ -153,10 +153,6 @@ def _regular(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespa
     Arg = extend.struct_from_fields("RegularArg", fields, module=__name__)
 
     @wp.func
-    def point_count(elements: ElementArg, arg: Arg, domain_element: int, element: int):
-        return n
-
-    @wp.func
     def point_coords(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
         return arg.points[k]
 
@@ -164,21 +160,10 @@ def _regular(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespa
     def point_weight(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
         return arg.weights[k]
 
-    @wp.func
-    def point_index(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
-        return n * domain_element + k
-
-    return SimpleNamespace(
-        Arg=Arg,
-        point_count=point_count,
-        point_coords=point_coords,
-        point_weight=point_weight,
-        point_index=point_index,
-        point_evaluation_index=point_index,
-    )
-
-
-MAKERS["regular"] = _regular
+    made = _same_count(ElementArg, Arg, n)
+    made.point_coords, made.point_weight = point_coords, point_weight
+    made.point_index = made.point_evaluation_index
+    return made
 
 
 class NodalQuadrature(Quadrature):
@@ -360,4 +345,4 @@ def _explicit(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamesp
     return made
 
 
-MAKERS.update(nodal=_nodal, explicit=_explicit)
+MAKERS.update(regular=_regular, nodal=_nodal, explicit=_explicit)

@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ def deformed_functions(record) -> SimpleNamespace:
     base = geometry_functions(base_record)
     f = _structs(record, base, FieldArg)
     _add_positions(f, base, record, description, is_relative)
-    _add_places(f, base, record)
+    _add_places(f, base)
     _add_sides(f, record)
     _add_lookup(f, record, description.degree)
     return f
@@ -77,62 +78,52 @@ def _add_positions(f, base, record, description, is_relative) -> None:
     f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
 
 
-def _add_places(f, base, record) -> None:
+# What does not depend on positions: functions of an element, and of an element and coordinates.
+_PLACES = {
+    "cell_environment_index": 1,
+    "side_environment_index": 1,
+    "side_inner_cell_index": 1,
+    "side_outer_cell_index": 1,
+    "side_inner_cell_coords": 2,
+    "side_outer_cell_coords": 2,
+    "side_from_cell_coords": 3,
+}
+
+
+def _add_places(f, base) -> None:
     """Adds what does not depend on positions, from the base."""
-    CellArg, SideArg, Sample = f.CellArg, f.SideArg, sample_type(record.scalar)
-    Coords = coords_type(record.scalar)
-    cell_environment, side_environment = base.cell_environment_index, base.side_environment_index
-    inner_index, outer_index = base.side_inner_cell_index, base.side_outer_cell_index
-    inner_coords, outer_coords = base.side_inner_cell_coords, base.side_outer_cell_coords
-    from_cell = base.side_from_cell_coords
-
-    @wp.func
-    def cell_environment_index(arg: CellArg, cell: int):
-        return cell_environment(arg.base, cell)
-
-    @wp.func
-    def cell_environment_index(arg: CellArg, s: Sample):
-        return cell_environment(arg.base, s.element_index)
-
-    @wp.func
-    def side_environment_index(arg: SideArg, side: int):
-        return side_environment(arg.base, side)
-
-    @wp.func
-    def side_environment_index(arg: SideArg, s: Sample):
-        return side_environment(arg.base, s.element_index)
-
-    @wp.func
-    def side_inner_cell_index(arg: SideArg, side: int):
-        return inner_index(arg.base, side)
-
-    @wp.func
-    def side_outer_cell_index(arg: SideArg, side: int):
-        return outer_index(arg.base, side)
-
-    @wp.func
-    def side_inner_cell_coords(arg: SideArg, side: int, s: Coords):
-        return inner_coords(arg.base, side, s)
-
-    @wp.func
-    def side_outer_cell_coords(arg: SideArg, side: int, s: Coords):
-        return outer_coords(arg.base, side, s)
-
-    @wp.func
-    def side_from_cell_coords(arg: SideArg, side: int, cell: int, c: Coords):
-        return from_cell(arg.base, side, cell, c)
+    SideArg = f.SideArg
+    for name, count in _PLACES.items():
+        setattr(f, name, _of_base(getattr(base, name), count))
 
     @wp.func
     def side_to_cell_arg(arg: SideArg):
         return arg.cell_arg
 
-    f.cell_environment_index = cell_environment_index
-    f.side_environment_index = side_environment_index
-    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
-    f.side_inner_cell_coords = side_inner_cell_coords
-    f.side_outer_cell_coords = side_outer_cell_coords
-    f.side_from_cell_coords, f.side_to_cell_arg = side_from_cell_coords, side_to_cell_arg
-    f.boundary_side_index = base.boundary_side_index
+    f.side_to_cell_arg, f.boundary_side_index = side_to_cell_arg, base.boundary_side_index
+
+
+def _of_base(function, count: int) -> wp.Function:
+    """A function of the argument's base and of `count` values more."""
+    if count == 1:
+
+        @wp.func
+        def of_base(arg: Any, element: Any):
+            return function(arg.base, element)
+
+    elif count == 2:
+
+        @wp.func
+        def of_base(arg: Any, element: int, coords: Any):
+            return function(arg.base, element, coords)
+
+    else:
+
+        @wp.func
+        def of_base(arg: Any, side: int, cell: int, coords: Any):
+            return function(arg.base, side, cell, coords)
+
+    return of_base
 
 
 def _add_sides(f, record) -> None:
