@@ -167,7 +167,7 @@ def long_terms(x: wp.array(dtype=float), total: wp.array(dtype=float)):
 
 def test_sums_of_short_launches_of_many_operations_repeat():
     """Vectors do in some tens of microseconds what is a launch for several threads without them."""
-    x = np.random.default_rng(0).normal(size=4096)
+    x = np.random.default_rng(0).normal(size=8192)
     x = wp.array(x, dtype=float, device="cpu")
     found = set()
     for _ in range(400):

@@ -77,3 +77,14 @@ def test_records_of_library_functions_have_their_parameters(name):
         (list(inspect.signature(one).parameters), len(one.__defaults__ or ())) for one in overloads
     ]
     assert calls_in_stub(name) == calls_of(written)
+
+
+def test_absent_names_have_hints():
+    import numpy  # noqa: F401
+
+    with pytest.raises(AttributeError, match=r"'linspace', NumPy has: `wp.array\(np.linspace"):
+        _ = wp.linspace
+    code = "import warp as wp; wp.aray"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "module 'warp' has no attribute 'aray'. Did you mean: 'array'?" in run.stderr
+    assert not hasattr(wp, "nothing_of_this_name")

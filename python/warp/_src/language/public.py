@@ -41,7 +41,13 @@ def find(name: str):
     if found is None and not name.startswith("_"):
         found = namespace.find(name) or importlib.import_module("warp._src.absent").find(name)
     if found is None:
-        raise AttributeError(f"module 'warp' has no attribute '{name}'")
+        numpy = sys.modules.get("numpy")
+        is_numpys = not name.startswith("_") and callable(getattr(numpy, name, None))
+        hint = f", NumPy has: `wp.array(np.{name}(...))`" if is_numpys else ""
+        # Python suggests a name that is alike, of those that the module has.
+        raise AttributeError(
+            f"module 'warp' has no attribute '{name}'{hint}", name=name, obj=sys.modules["warp"]
+        )
     return found
 
 
