@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import typing
 from array import array
 
@@ -69,7 +70,6 @@ class Exchange:
         self.plan = self.check() if plan is None else plan
         self.is_own = all(side.peer == comm.rank for side in self.sides)
         self._own = self._own_copies() if self.is_own else None
-        self._is_packed = False
         self._packed = self._packed_work = self._direct = None
         self.is_direct = not self.is_own and all(
             len(side.give) <= 1
@@ -136,46 +136,52 @@ class Exchange:
             comm.check_use(self.name)
         if Observers.tape is not None and self.given:
             self._record(self.given, Home.add)
-        self._is_packed = not self.is_own and (bool(captures) or not self.is_direct)
-        if self._is_packed:
-            if captures:
-                check_capture(comm, self.name)
-            self._pack()
-            run_or_record(comm, self.name, self._start_packed)
-            return
-        if Observers.active:
-            # From now on messages are written.
-            self._written.tell()
         if self.is_own:
             # Nothing travels, so nothing is packed.
+            self._tell()
             self.plan[1] += 1
             for take, give in self._own:
                 _native.copy_array(take, give, None)
+            return
+        if captures:
+            check_capture(comm, self.name)
+        if self.is_direct:
+            # From now on messages are written.
+            self._tell()
+            work = self._direct or self._direct_work()
         else:
-            self._begin(self._direct or self._direct_work())
+            self._pack()
+            work = self._packed_work
+        if captures:
+            run_or_record(comm, self.name, functools.partial(self._begin, work))
+        else:
+            self._begin(work)
 
     def finish(self) -> None:
         """Waits, and unpacks."""
-        if self._is_packed:
-            run_or_record(self.comm, self.name, self._packed_work.finish)
-            if Observers.active:
-                self._written.tell()
+        if not self.is_own:
+            work = self._direct if self.is_direct else self._packed_work
+            if captures:
+                run_or_record(self.comm, self.name, work.finish)
+            else:
+                work.finish()
+        if not (self.is_own or self.is_direct):
+            self._tell()
             for side, (_, taken) in zip(self.sides, self._packed, strict=True):
                 for view, part in zip(side.take, taken.parts, strict=True):
                     _copy(view, part)
-        elif not self.is_own:
-            self._direct.finish()
         if Observers.tape is not None and (self.taken or self.given):
             self._record(self.taken, Home.send)
+
+    def _tell(self) -> None:
+        if Observers.active:
+            self._written.tell()
 
     def _begin(self, work) -> None:
         plan = self.plan
         plan[1] += 1
         self.comm.log.begin(plan[0], plan[1])
         work.start()
-
-    def _start_packed(self) -> None:
-        self._begin(self._packed_work)
 
     # Memory.
 

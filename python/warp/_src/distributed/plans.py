@@ -123,6 +123,8 @@ def run_or_record(comm, name, function) -> None:
             for key, capture in captures.items():
                 if isinstance(key, tuple):
                     capture.note_other(f"messages of NCCL, '{name}'")
+                    # The graph needs the memory of messages as long as it lives.
+                    capture.hold(function)
     function()
 
 

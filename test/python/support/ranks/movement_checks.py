@@ -1,6 +1,8 @@
 """Checks that move elements and compute nothing, for a driver that runs no kernels."""
 
+import gc
 import sys
+import weakref
 
 import checking
 import numpy as np
@@ -67,6 +69,30 @@ def captures(comm):
         work()
 
 
+def graphs_hold_memory(comm):
+    """A graph keeps the memory of its messages, and nothing does after it."""
+    x = wp.zeros(3, dtype=float, device=comm.device)
+    blocks = wd.Blocks((4 * comm.size,), comm=comm)
+    y = blocks.zeros()
+    for _ in range(2):
+        wd.all_reduce(x, comm=comm)
+        blocks.halo(y)
+        alive = weakref.ref(x), weakref.ref(y)
+        with wp.ScopedCapture(device=comm.device) as capture:
+            wd.all_reduce(x, comm=comm)
+            blocks.halo(y)
+        del x, y, blocks
+        gc.collect()
+        assert all(one() is not None for one in alive)
+        del capture
+        gc.collect()
+        assert not any(one() is not None for one in alive)
+        x = wp.zeros(3, dtype=float, device=comm.device)
+        blocks = wd.Blocks((4 * comm.size, 3), comm=comm)
+        y = blocks.zeros()
+
+
 if __name__ == "__main__":
     by_nccl = "--way=nccl" in sys.argv
-    checking.run([halos, collectives, refusals if by_nccl else captures])
+    own = (refusals, graphs_hold_memory) if by_nccl else (captures,)
+    checking.run([halos, collectives, *own])
