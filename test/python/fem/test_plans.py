@@ -216,3 +216,23 @@ def test_elements_of_more_numbers_than_an_array_of_a_thread(name, degree):
     # With v = u: the squares of the values and of the gradients.
     found = (r * u.dof_values.numpy()).sum()
     assert found == pytest.approx(total + 4.0 / 3.0 + 2.0 / 3.0, rel=1e-11)
+
+
+@fem.integrand
+def beside_a_field(s: fem.Sample, c: fem.Field, u: fem.Field, v: fem.Field):
+    weight = c(s) + fem.grad(c, s)[0]
+    if weight > 1.0e9:
+        weight = 1.0
+    return wp.dot(fem.grad(u, s), fem.grad(v, s))
+
+
+def test_constant_coefficients_beside_a_field():
+    """The plan by reference tensors evaluates no field; the form reads one in vain."""
+    grid = fem.Grid2D(wp.vec2i(3, 2))
+    space = fem.make_polynomial_space(grid, degree=2)
+    fields = {"c": space.make_field(), "u": fem.make_trial(space), "v": fem.make_test(space)}
+    one, other = (
+        fem.integrate(beside_a_field, fields=fields, assembly=assembly)
+        for assembly in ("dispatch", "generic")
+    )
+    np.testing.assert_allclose(one.values.numpy(), other.values.numpy(), atol=2e-6)

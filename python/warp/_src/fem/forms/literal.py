@@ -70,7 +70,7 @@ def literal_text(plan, by_rows=False) -> tuple:
         "    domain_element = first + local",
     ]
     plan.first_sample(lines)
-    lines += ["    scale = measure(domain_arg.geo, s)", "    points = ()"]
+    lines += ["    scale = measure(domain_arg.geo, s)", f"    points = {plan.zero_points()}"]
     pairs = add_coefficients(plan, lines, "    ")
     tensors: list = []
     entries: dict = {}

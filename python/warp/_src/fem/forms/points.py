@@ -242,12 +242,11 @@ class PointsPlan:
         self.names["form"] = self._form_function()
         returns = facts.returns_value(self.record.integrand)
         slots = self.slot_parameters
-        zeros = [self._zero_points(role) for role in self.discrete.values()]
         text = (
             f"def probe({_parameters(slots)}s: Sample, domain_arg: DomainArg, fields: Fields, "
             f"values: Values):\n"
             f"    {'result = ' * returns}form({', '.join([*(n for n, _ in slots), 's'])}, "
-            f"domain_arg, fields, values, ({''.join(f'{one}, ' for one in zeros)}))\n"
+            f"domain_arg, fields, values, {self.zero_points()})\n"
             f"    {'result = 0' * (not returns)}\n"
         )
         function = extend.function_from_text(text, self._names_in(text), module=__name__)
@@ -261,10 +260,14 @@ class PointsPlan:
                 raise
         return result if returns else None, operations
 
-    def _zero_points(self, role) -> str:
-        self._slots(role)
-        parts = [f"Slot_{role.role}_{number}()" for number in range(len(role.slots))]
-        return f"({', '.join(parts)},)"
+    def zero_points(self) -> str:
+        """The slots of discrete fields where the form does not depend on them."""
+        tuples = []
+        for role in self.discrete.values():
+            self._slots(role)
+            parts = [f"Slot_{role.role}_{number}(), " for number in range(len(role.slots))]
+            tuples.append(f"({''.join(parts)}), ")
+        return f"({''.join(tuples)})"
 
     # Tables.
 
