@@ -245,9 +245,10 @@ def GatherSums : WarpPass<"warp-gather-sums"> {
     has the extents of the adjoint's launch as further parameters. A module
     without such sums stays as it is.
 
-    An index may be clamped to bounds that are the same in all threads. Such an
-    addition is split: threads between the bounds are gathered, and those at a
-    border keep an atomic addition in the adjoint.
+    An index may be clamped to bounds that are the same in all threads, or be
+    the rest of a division by such a period. Such an addition is split: threads
+    between the bounds are gathered, and those at a border keep an atomic
+    addition in the adjoint.
 
     ```
     func.func @k_adjoint(%x, %y) attributes {warp.kernel} {

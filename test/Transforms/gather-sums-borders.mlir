@@ -126,3 +126,43 @@ func.func @function(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32
   warp.accumulate %w, %gx[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
+
+// -----
+
+// Periodic indices, of an extent that the program knows or not: the threads at
+// the end of the period add by themselves.
+// CHECK-LABEL: func.func @periodic_sums
+// CHECK-SAME: warp.halo = array<i64: 1>
+// CHECK: warp.accumulate %{{.*}} {unique = 1 : i64}
+// CHECK-NOT: warp.accumulate
+// CHECK-LABEL: func.func @periodic
+// CHECK: %[[BEFORE:.*]] = warp.mod(%[[FROM:.*]], %arg2)
+// CHECK: %[[AFTER:.*]] = warp.mod(%[[TO:.*]], %arg2)
+// CHECK: warp.ge(%[[TO]]
+// CHECK: warp.lt(%[[TO]], %arg2)
+// CHECK: scf.if
+// CHECK-NEXT: } else {
+// CHECK-NEXT: warp.accumulate %{{.*}}, %{{.*}}[%[[AFTER]]]
+// CHECK: %[[REAL:.*]] = warp.sub(%[[FROM]], %arg2)
+// CHECK: warp.ge(%[[REAL]]
+// CHECK: warp.lt(%[[REAL]], %arg2)
+// CHECK: scf.if
+// CHECK-NEXT: } else {
+// CHECK-NEXT: warp.accumulate %{{.*}}, %{{.*}}[%[[BEFORE]]]
+// CHECK-NOT: warp.accumulate
+func.func @periodic(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>, %n: si32)
+    attributes {warp.kernel} {
+  %one = warp.constant 1 : si32
+  %i = warp.tid : si32
+  %gx = warp.grad %x : !warp.array<1 x f32> -> !warp.array<1 x f32>
+  %v = warp.load %y[%i] : !warp.array<1 x f32>, si32 -> f32
+  %sum = warp.add(%i, %n) : (si32, si32) -> si32
+  %from = warp.sub(%sum, %one) : (si32, si32) -> si32
+  %before = warp.mod(%from, %n) : (si32, si32) -> si32
+  %to = warp.add(%i, %one) : (si32, si32) -> si32
+  %after = warp.mod(%to, %n) : (si32, si32) -> si32
+  warp.accumulate %v, %gx[%after] : f32, !warp.array<1 x f32>, si32
+  warp.accumulate %v, %gx[%i] : f32, !warp.array<1 x f32>, si32
+  warp.accumulate %v, %gx[%before] : f32, !warp.array<1 x f32>, si32
+  return
+}

@@ -173,6 +173,37 @@ def kernel(x: A1, y: A1, low: int, high: int):
 """
 
 
+PERIODIC_LINE = """
+@wp.kernel
+def kernel(x: A1, y: A1, n: int):
+    i = wp.tid()
+    y[i] = x[(i + n - 1) % n] - R(2.0) * x[i % n] + R(3.0) * x[(i + 1) % n] + x[(i + 2 + n) % n]
+"""
+# The rest of a division of a number below zero is one, too, which counts from the end.
+PERIODIC_PLANE = """
+@wp.kernel
+def kernel(x: A2, y: A2):
+    i, j = wp.tid()
+    n = x.shape[0]
+    y[i, j] = x[(i + 1) % n, (j - 1) % 7] - x[(i - 2) % n, (j + 6) % 7] + R(2.0) * x[i, j]
+"""
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 9])
+@pytest.mark.parametrize("threads", [1, 2, 3, 9])
+def test_periodic_line(device, n, threads):
+    x = RNG.normal(size=9)
+    kernel = check(PERIODIC_LINE, threads, [x, np.zeros(9)], [n], device, gathered=None)
+    assert kernel.derivatives.last_adjoint().gathered is not None
+
+
+@pytest.mark.parametrize("shape", [(2, 7), (5, 7), (6, 7)])
+def test_periodic_plane(device, shape):
+    x = RNG.normal(size=shape)
+    kernel = check(PERIODIC_PLANE, shape, [x, *zeros_like(x)], [], device, gathered=None)
+    assert kernel.derivatives.last_adjoint().gathered is not None
+
+
 @pytest.mark.parametrize("n", [1, 2, 3, 9])
 def test_clamped_line(device, n):
     x = RNG.normal(size=n)

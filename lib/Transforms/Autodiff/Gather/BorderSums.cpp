@@ -1,4 +1,4 @@
-//===- BorderSums.cpp - Clamped stencil updates, split at borders ---------===//
+//===- BorderSums.cpp - Stencil updates, split at borders -----------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -8,6 +8,11 @@
 //
 //   g[max(i - 1, 0)] += v     ==>     if i - 1 >= 0: g[i - 1] += v
 //                                     else:          g[max(i - 1, 0)] += v
+//
+// Periodic ones go on at the other end, `x[(i + 1) % n]`:
+//
+//   g[(i + 1) % n] += v       ==>     if i + 1 < n: g[i + 1] += v
+//                                     else:         g[(i + 1) % n] += v
 //
 // The bounds have to be the same in all threads. Values are computed anew for
 // each neighbour, so they have to be short arithmetic of elements near by: on
@@ -29,18 +34,22 @@ namespace warp::autodiff {
 
 namespace {
 
-/// An index between bounds.
+/// An index between bounds, or the rest of a division by a period.
 struct Clamped {
-  /// A thread index plus a constant.
+  /// A thread index plus a constant, and a period as well if it `isLater`.
   Value inner;
   SmallVector<Value, 2> lows, highs;
+  Value period;
+  bool isLater = false;
 
   bool parse(Value value);
-  bool hasBounds() const { return !lows.empty() || !highs.empty(); }
-  Value isInside(OpBuilder &b, Location loc) const;
+  bool hasBounds() const { return !lows.empty() || !highs.empty() || period; }
+  Value getInner(OpBuilder &b, Location loc) const;
+  Value isInside(OpBuilder &b, Location loc, Value index) const;
 
 private:
   bool parseBound(Operation *op, SmallVectorImpl<Value> &bounds);
+  bool parsePeriod(ModOp op);
 };
 
 } // namespace
@@ -60,9 +69,24 @@ bool Clamped::parseBound(Operation *op, SmallVectorImpl<Value> &bounds) {
   return false;
 }
 
+/// `(i + 1) % n`, or `(i - 1 + n) % n`.
+bool Clamped::parsePeriod(ModOp op) {
+  inner = op->getOperand(0);
+  period = op->getOperand(1);
+  if (!isBound(period) || !inner.getType().isSignedInteger(32))
+    return false;
+  if (getShift(inner))
+    return true;
+  isLater = true;
+  std::optional<Form> before = Forms().of(inner) - Forms().of(period);
+  return before && getShift(*before);
+}
+
 bool Clamped::parse(Value value) {
   inner = value;
   Operation *op = value.getDefiningOp();
+  if (auto rest = dyn_cast_or_null<ModOp>(op))
+    return parsePeriod(rest);
   if (isa_and_nonnull<MaxOp>(op))
     return parseBound(op, lows);
   if (isa_and_nonnull<MinOp>(op))
@@ -77,8 +101,16 @@ bool Clamped::parse(Value value) {
   return getShift(value).has_value();
 }
 
+Value Clamped::getInner(OpBuilder &b, Location loc) const {
+  if (!isLater)
+    return inner;
+  return SubOp::create(b, loc, TypeRange(inner.getType()),
+                       ValueRange{inner, period})
+      ->getResult(0);
+}
+
 /// True if no bound changes the index.
-Value Clamped::isInside(OpBuilder &b, Location loc) const {
+Value Clamped::isInside(OpBuilder &b, Location loc, Value index) const {
   Value all;
   auto add = [&](Value condition) {
     all = !all ? condition
@@ -86,18 +118,26 @@ Value Clamped::isInside(OpBuilder &b, Location loc) const {
                                   ValueRange{all, condition})
                      ->getResult(0);
   };
+  auto compare = [&]<typename Op>(Op, Value bound) {
+    add(Op::create(b, loc, TypeRange(b.getI1Type()), ValueRange{index, bound})
+            ->getResult(0));
+  };
   for (Value low : lows)
-    add(GeOp::create(b, loc, TypeRange(b.getI1Type()), ValueRange{inner, low})
-            ->getResult(0));
+    compare(GeOp(), low);
   for (Value high : highs)
-    add(LeOp::create(b, loc, TypeRange(b.getI1Type()), ValueRange{inner, high})
-            ->getResult(0));
+    compare(LeOp(), high);
+  if (period) {
+    compare(GeOp(),
+            ConstantOp::create(b, loc, b.getIntegerAttr(index.getType(), 0)));
+    compare(LtOp(), period);
+  }
   return all;
 }
 
+/// Rests of divisions take lanes more time than they save.
 static bool isNear(Value index) {
   Clamped clamped;
-  return isUniform(index) || clamped.parse(index);
+  return isUniform(index) || (clamped.parse(index) && !clamped.period);
 }
 
 /// True if the value of an addition, the indices and conditions are short
@@ -110,8 +150,8 @@ static bool isShort(AccumulateOp sum) {
     if (isPlainRead(op))
       return llvm::all_of(cast<AccessOp>(op).getIndices(), isNear);
     return isa<TidOp, GradOp, DimOp, AddOp, SubOp, MulOp, NegOp, MinOp, MaxOp,
-               ClampOp, EqOp, NeOp, LtOp, LeOp, GtOp, GeOp, BitAndOp, BitOrOp,
-               UNotOp, CastOp, ExtractOp, ConstructOp, scf::IfOp>(op);
+               ClampOp, ModOp, EqOp, NeOp, LtOp, LeOp, GtOp, GeOp, BitAndOp,
+               BitOrOp, UNotOp, CastOp, ExtractOp, ConstructOp, scf::IfOp>(op);
   };
   return llvm::all_of(getSlice(sum), [&](Operation *op) {
     return !op->walk([&](Operation *inner) {
@@ -131,12 +171,13 @@ static Operation *split(AccumulateOp sum) {
     Clamped clamped;
     if (!clamped.parse(index) || !clamped.hasBounds())
       continue;
-    Value here = clamped.isInside(b, loc);
+    Value inner = clamped.getInner(b, loc);
+    Value here = clamped.isInside(b, loc, inner);
     inside = !inside ? here
                      : BitAndOp::create(b, loc, TypeRange(b.getI1Type()),
                                         ValueRange{inside, here})
                            ->getResult(0);
-    index = clamped.inner;
+    index = inner;
   }
   if (!inside)
     return nullptr;

@@ -24,7 +24,6 @@
 
 #include "Analysis/ArrayOrigins.h"
 #include "Analysis/Effects.h"
-#include "Analysis/Forms.h"
 #include "Analysis/Ranges.h"
 #include "Analysis/ThreadVariance.h"
 #include "Autodiff/DeadValues.h"
@@ -42,8 +41,10 @@ constexpr int64_t maxOffset = 1024;
 std::optional<Shift> getShift(Value value) {
   if (!value.getType().isSignedInteger())
     return std::nullopt;
-  Forms forms;
-  const Form &form = forms.of(value);
+  return getShift(Forms().of(value));
+}
+
+std::optional<Shift> getShift(const Form &form) {
   if (form.terms.size() != 1 || form.terms[0].factor != 1 ||
       form.terms[0].product.size() != 1 || std::abs(form.constant) > maxOffset)
     return std::nullopt;

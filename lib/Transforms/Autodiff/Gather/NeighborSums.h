@@ -7,6 +7,7 @@
 #ifndef WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
 #define WARP_TRANSFORMS_AUTODIFF_NEIGHBORSUMS_H
 
+#include "Analysis/Forms.h"
 #include "WarpDialect/WarpOps.h"
 
 #include "mlir/Dialect/Func/IR/FuncOps.h"
@@ -25,8 +26,9 @@ struct Shift {
   }
 };
 
-/// A signed value of that form.
+/// A signed value of that form, or a form that is one.
 std::optional<Shift> getShift(mlir::Value value);
+std::optional<Shift> getShift(const Form &form);
 
 /// One addition to an element near the thread's own.
 struct NeighborSum {
