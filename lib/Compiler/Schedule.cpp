@@ -28,10 +28,13 @@ static std::pair<std::string, std::string> describeForm(Operation *access,
                                                         warp::LaneForm form,
                                                         size_t components,
                                                         int64_t stride) {
-  if (access->hasAttr(warp::attr::run))
+  if (access->hasAttr(warp::attr::run)) {
+    bool stores = isa<warp::StoreLanesOp>(access);
     return {"rows, transposed",
-            "each lane reads its own row, elements per load: " +
+            (stores ? "each lane writes its own row, elements per store: "
+                    : "each lane reads its own row, elements per load: ") +
                 std::to_string(components)};
+  }
   if (access->hasAttr(warp::attr::neighbours))
     return {
         "vectors, or gathered",

@@ -51,12 +51,66 @@ func.func @written(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
   scf.for %k = %c0 to %n step %c1 : i32 {
     %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
     %u = arith.addf %v, %v : f32
-    %j = arith.addi %k, %c1 : i32
-    warp.store_components(%u), %x[%i, %j] : (f32), !warp.array<2 x f32>, i32, i32
+    warp.store_components(%u), %x[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
   }
   scf.for %k = %c0 to %n step %c2 : i32 {
     %v = warp.load_components %y[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
     warp.store_components(%v), %x[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
+  }
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, lanes = 4>
+
+// Eight elements of each row are stored together, behind the last of their
+// iterations.
+// CHECK-LABEL: func.func @stored
+// CHECK: scf.for %[[K:.*]] = %{{.*}} to %{{.*}} step %c8_i32 iter_args
+// CHECK: warp.load_lanes gather %arg0[%{{.*}}, %[[K]]] {{.*}}warp.run = 8
+// CHECK-NOT: warp.store_lanes
+// CHECK-COUNT-8: arith.addf {{.*}} : vector<4xf32>
+// CHECK: warp.store_lanes gather({{.*}}), %arg1[%{{.*}}, %[[K]]] {{.*}}warp.run = 8
+// CHECK: scf.yield
+// CHECK: scf.for
+// CHECK: warp.store_lanes gather(
+// CHECK-NOT: warp.run
+// CHECK: return
+func.func @stored(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %z = arith.constant 0.0 : f32
+  %s = scf.for %k = %c0 to %n step %c1 iter_args(%t = %z) -> (f32) : i32 {
+    %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    %u = arith.addf %t, %v : f32
+    warp.store_components(%u), %y[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
+    scf.yield %u : f32
+  }
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      lanes = 4>
+
+// Arrays may overlap: an iteration may read what the one before has stored.
+// CHECK-LABEL: func.func @overlapping
+// CHECK-NOT: warp.run
+// CHECK: return
+func.func @overlapping(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  scf.for %k = %c0 to %n step %c1 : i32 {
+    %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    %u = arith.addf %v, %v : f32
+    warp.store_components(%u), %y[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
   }
   return
 }

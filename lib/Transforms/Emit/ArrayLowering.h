@@ -173,6 +173,8 @@ private:
           together,
       llvm::function_ref<llvm::SmallVector<mlir::Value>()> apart);
   llvm::SmallVector<mlir::Value> loadNeighbours(LoadLanesOp op);
+  LaneAccess runAccess(AccessOp op, mlir::Value mask,
+                       llvm::ArrayRef<bool> nonNegative, int64_t count);
   llvm::SmallVector<mlir::Value> loadRun(LoadLanesOp op);
   void updateNeighbours(UpdateLanesOp op);
   void updateApart(UpdateLanesOp op);

@@ -182,7 +182,13 @@ SmallVector<mlir::Value> ArrayLowering::LaneAccess::storePointers(
         b, loc, LLVM::getVectorType(pointer.getType(), lanes), b.getI8Type(),
         pointer, ArrayRef<LLVM::GEPArg>(all));
   }
+  auto move = [&](mlir::Value from) -> mlir::Value {
+    return LLVM::GEPOp::create(b, loc, from.getType(), b.getI8Type(), from,
+                               ArrayRef<LLVM::GEPArg>(offset));
+  };
   if (!isFull) {
+    if (offset)
+      addresses = move(addresses);
     OpBuilder atStart = OpBuilder::atBlockBegin(&entry.getBody().front());
     auto element =
         LLVM::LLVMArrayType::get(wordLanes().getElementType(), leaves.size());
@@ -197,8 +203,8 @@ SmallVector<mlir::Value> ArrayLowering::LaneAccess::storePointers(
   for (int64_t lane = 0; lane < lanes; ++lane) {
     mlir::Value number =
         arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(lane));
-    pointers.push_back(
-        LLVM::ExtractElementOp::create(b, loc, addresses, number));
+    mlir::Value to = LLVM::ExtractElementOp::create(b, loc, addresses, number);
+    pointers.push_back(isFull && offset ? move(to) : to);
   }
   return pointers;
 }
@@ -258,22 +264,25 @@ SmallVector<mlir::Value> ArrayLowering::loadGathered(const LaneAccess &access) {
   return components;
 }
 
-/// Elements that follow each other in each lane's row. Where lanes have the
-/// same index in the row, it is added last: rows begin at the same address in
-/// all iterations of a loop.
-SmallVector<mlir::Value> ArrayLowering::loadRun(LoadLanesOp op) {
+/// Elements that follow each other in each lane's row, so many. Where lanes
+/// have the same index in the row, it is added last: rows begin at the same
+/// address in all iterations of a loop.
+ArrayLowering::LaneAccess ArrayLowering::runAccess(AccessOp op,
+                                                   mlir::Value mask,
+                                                   ArrayRef<bool> nonNegative,
+                                                   int64_t count) {
   SmallVector<mlir::Value> indices(op.getIndices());
   mlir::Value column = indices.back();
   bool isShared = !isa<VectorType>(column.getType());
   if (isShared)
     indices.back() =
         arith::ConstantOp::create(b, loc, b.getZeroAttr(column.getType()));
-  LaneAccess access = laneAccess(op.getArray(), indices, op.getMask(),
-                                 LaneForm::gather, op.getNonNegative());
+  LaneAccess access =
+      laneAccess(op.getArray(), indices, mask, LaneForm::gather, nonNegative);
   Leaf leaf = access.leaves.front();
   int64_t size = getByteSize(leaf.type);
   access.leaves.clear();
-  for (int64_t k = 0, count = op.getNumResults(); k < count; ++k) {
+  for (int64_t k = 0; k < count; ++k) {
     access.leaves.push_back(leaf);
     access.leaves.back().offset = k * size;
   }
@@ -284,6 +293,12 @@ SmallVector<mlir::Value> ArrayLowering::loadRun(LoadLanesOp op) {
       column = arith::ExtSIOp::create(b, loc, i64, column);
     access.offset = arith::MulIOp::create(b, loc, column, constant(i64, size));
   }
+  return access;
+}
+
+SmallVector<mlir::Value> ArrayLowering::loadRun(LoadLanesOp op) {
+  LaneAccess access = runAccess(cast<AccessOp>(op.getOperation()), op.getMask(),
+                                op.getNonNegative(), op.getNumResults());
   return asStored(access.leaves, access.lanes, loadWords(access));
 }
 
@@ -386,6 +401,11 @@ void ArrayLowering::storeScattered(const LaneAccess &access,
 }
 
 void ArrayLowering::lowerLanes(StoreLanesOp op) {
+  if (op->hasAttr(attr::run))
+    return storeScattered(runAccess(cast<AccessOp>(op.getOperation()),
+                                    op.getMask(), op.getNonNegative(),
+                                    op.getComponents().size()),
+                          SmallVector<mlir::Value>(op.getComponents()));
   LaneAccess access = laneAccess(op.getArray(), op.getIndices(), op.getMask(),
                                  op.getForm(), op.getNonNegative());
   SmallVector<mlir::Value> components;

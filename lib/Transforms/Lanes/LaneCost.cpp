@@ -305,13 +305,15 @@ static double gatherCost(Operation *op, ValueRange numbers, double use) {
                                               : warp::cost::gatherCost;
 }
 
-/// True if lanes load a number of a row together with the next ones.
+/// True if lanes load or store a number of a row together with the next ones.
 static bool isInRun(Operation *op, const ThreadVariance &variance) {
   constexpr int64_t lanes = 16;
   auto load = dyn_cast<warp::LoadComponentsOp>(op);
-  return load && warp::isRowLoad(load, variance) &&
-         warp::iterationsInRun(cast<scf::ForOp>(load->getParentOp()), variance,
-                               lanes) > 1;
+  auto store = dyn_cast<warp::StoreComponentsOp>(op);
+  bool isRow = (load && warp::isRowLoad(load, variance)) ||
+               (store && warp::isRowStore(store, variance));
+  return isRow && warp::iterationsInRun(cast<scf::ForOp>(op->getParentOp()),
+                                        variance, lanes) > 1;
 }
 
 void CostCounter::countAccess(warp::AccessOp op, double trips, double use) {

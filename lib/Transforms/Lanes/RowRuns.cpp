@@ -14,16 +14,22 @@
 //
 // The iterations are one after the other, so a thread does the same as before.
 // All elements that are read early are read anyway, and nobody writes to them.
+// Stores along a row are put together in the same way and made behind the last
+// of the iterations, where nothing in the loop reads what they write.
 //
 //===----------------------------------------------------------------------===//
 
 #include "RowRuns.h"
 
+#include "Analysis/ArrayOrigins.h"
 #include "Analysis/Ranges.h"
+#include "KernelFunction.h"
 #include "LanePlan.h"
+#include "Variant.h"
 #include "WarpDialect/ParameterLayout.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
+#include "mlir/Interfaces/SideEffectInterfaces.h"
 
 using namespace mlir;
 
@@ -33,32 +39,38 @@ static constexpr int64_t longRun = 8, shortRun = 4, mostInLong = 16,
 /// Vectors that runs may keep in registers at a time.
 static constexpr int64_t mostVectors = 16;
 
-bool warp::isRowLoad(LoadComponentsOp load, const ThreadVariance &variance) {
-  auto loop = dyn_cast<scf::ForOp>(load->getParentOp());
-  ValueRange indices = load.getIndices();
+/// True if an access in the body of a loop that lanes run in step is to the
+/// next element of a row of each lane's own in every iteration.
+static bool goesAlongRows(warp::AccessOp access,
+                          const warp::ThreadVariance &variance) {
+  auto loop = dyn_cast<scf::ForOp>(access->getParentOp());
+  ValueRange indices = access.getIndices();
   if (!loop || variance.isDivergent(loop) || indices.empty() ||
-      load.getComponents().size() != 1 ||
-      getConstantInteger(loop.getStep()) != 1)
+      warp::getConstantInteger(loop.getStep()) != 1)
     return false;
-  mlir::Type type = cast<ArrayType>(load.getArray().getType()).getElementType();
-  int64_t size = getByteSize(type);
-  if ((size != 4 && size != 8) || isa<ArrayType>(type) ||
-      !hasDenseElements(load.getArray()) ||
-      variance.isWritten(load.getArray()) ||
-      !isNonNegative(indices.back(), load->getBlock()))
+  mlir::Type type =
+      cast<warp::ArrayType>(access.getArray().getType()).getElementType();
+  if (isa<warp::ArrayType>(type))
+    return false;
+  int64_t size = warp::getByteSize(type);
+  SmallVector<warp::Leaf> leaves;
+  warp::collectLeaves(type, 0, leaves);
+  if ((size != 4 && size != 8) || leaves.size() != 1 ||
+      !warp::hasDenseElements(access.getArray()) ||
+      !warp::isNonNegative(indices.back(), access->getBlock()))
     return false;
   // Neighbours side by side are vectors already.
   auto differs = [&](mlir::Value index) {
-    return !variance.isUniform(index, Scope::Lanes);
+    return !variance.isUniform(index, warp::Scope::Lanes);
   };
   bool areSideBySide = llvm::none_of(indices.drop_back(), differs) &&
                        variance.step(indices.back()).value_or(0) <= 4 &&
                        variance.step(indices.back()).has_value();
   if (llvm::none_of(indices, differs) || areSideBySide)
     return false;
-  Symbol trip = Symbol::trip(loop);
-  const Form &last = variance.form(indices.back());
-  std::optional<Form> pace = last.coefficientOf(trip);
+  warp::Symbol trip = warp::Symbol::trip(loop);
+  const warp::Form &last = variance.form(indices.back());
+  std::optional<warp::Form> pace = last.coefficientOf(trip);
   return pace && pace->getConstant() == 1 &&
          last.without(trip).isDefinedOutside(loop) &&
          llvm::all_of(indices.drop_back(), [&](mlir::Value index) {
@@ -66,21 +78,51 @@ bool warp::isRowLoad(LoadComponentsOp load, const ThreadVariance &variance) {
          });
 }
 
+bool warp::isRowLoad(LoadComponentsOp load, const ThreadVariance &variance) {
+  return goesAlongRows(cast<AccessOp>(load.getOperation()), variance) &&
+         !variance.isWritten(load.getArray());
+}
+
+bool warp::isRowStore(StoreComponentsOp store, const ThreadVariance &variance) {
+  auto kernel = store->getParentOfType<FunctionOpInterface>();
+  if (!getVariant(kernel).getDisjoint() ||
+      !goesAlongRows(cast<AccessOp>(store.getOperation()), variance))
+    return false;
+  ArrayOrigins origins(kernel, /*disjoint=*/true);
+  return !store->getParentOp()
+              ->walk([&](Operation *op) {
+                auto access = dyn_cast<AccessOp>(op);
+                bool isApart = op == store || op->getNumRegions() != 0 ||
+                               isMemoryEffectFree(op) ||
+                               (access && !origins.mayAlias(access.getArray(),
+                                                            store.getArray()));
+                return isApart ? WalkResult::advance()
+                               : WalkResult::interrupt();
+              })
+              .wasInterrupted();
+}
+
 int64_t warp::iterationsInRun(scf::ForOp loop, const ThreadVariance &variance,
                               int64_t lanes) {
-  int64_t loads = 0, operations = 0;
+  if (lanes % 4 != 0)
+    return 1;
+  int64_t rows = 0, operations = 0;
   for (auto load : loop.getBody()->getOps<LoadComponentsOp>())
-    loads += isRowLoad(load, variance);
-  if (loads == 0 || lanes % 4 != 0)
+    rows += isRowLoad(load, variance);
+  for (auto store : loop.getBody()->getOps<StoreComponentsOp>())
+    rows += isRowStore(store, variance);
+  if (rows == 0)
     return 1;
   loop->walk([&](Operation *) { ++operations; });
   int64_t run = operations <= mostInLong    ? longRun
                 : operations <= mostInShort ? shortRun
                                             : 1;
-  if (run * loads > mostVectors)
-    run = shortRun;
   std::optional<APInt> trips = loop.getStaticTripCount();
-  if (run * loads > mostVectors || (trips && trips->ult(run)))
+  // Iterations behind the last run go one by one.
+  bool leavesMany = trips && trips->urem(longRun) >= shortRun;
+  if (run > 1 && (run * rows > mostVectors || leavesMany))
+    run = shortRun;
+  if (run * rows > mostVectors || (trips && trips->ult(run)))
     return 1;
   return run;
 }

@@ -18,9 +18,12 @@ namespace warp {
 /// iteration of the loop around, and no thread writes to the array.
 bool isRowLoad(LoadComponentsOp load, const ThreadVariance &variance);
 
-/// Iterations of a loop that are done together, so that lanes load as many
-/// elements of their rows at once; 1 if there are no such loads, or if that is
-/// too much code.
+/// The same of a store, in a loop in which nothing else is at the array.
+bool isRowStore(StoreComponentsOp store, const ThreadVariance &variance);
+
+/// Iterations of a loop that are done together, so that lanes load or store as
+/// many elements of their rows at once; 1 if there are no such accesses, or if
+/// that is too much code.
 int64_t iterationsInRun(mlir::scf::ForOp loop, const ThreadVariance &variance,
                         int64_t lanes);
 

@@ -149,7 +149,29 @@ void Widening::loadOfRun(warp::LoadComponentsOp op) {
   setVector(op.getComponents().front(), loaded[number]);
 }
 
+/// The last of the iterations that are together stores what all of them have.
+void Widening::storeOfRun(warp::StoreComponentsOp op) {
+  auto [count, number] = together.lookup(op->getParentOp());
+  Values &stored = runs[op], &indices = runIndices[op];
+  if (number == 0) {
+    stored.clear();
+    indices = accessIndices(op.getIndices(), warp::LaneForm::gather);
+  }
+  stored.push_back(vector(op.getComponents().front()));
+  if (number + 1 < count)
+    return;
+  auto store = warp::StoreLanesOp::create(
+      b, loc, stored, scalar(op.getArray()), indices, mask,
+      warp::LaneForm::gather, nonNegative(op.getIndices(), op->getBlock()),
+      /*stride=*/1);
+  store->setAttr(warp::attr::run, b.getI64IntegerAttr(count));
+}
+
 void Widening::widenStore(warp::StoreComponentsOp op) {
+  auto run = together.find(op->getParentOp());
+  if (run != together.end() && run->second.first > 1 &&
+      warp::isRowStore(op, variance))
+    return storeOfRun(op);
   bool isOnePlace = llvm::none_of(
       op.getIndices(), [&](Value index) { return isVarying(index); });
   if (isOnePlace) {

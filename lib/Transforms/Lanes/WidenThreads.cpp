@@ -24,6 +24,7 @@
 #include "Widening.h"
 
 #include "Analysis/Effects.h"
+#include "CarryElements.h"
 #include "Choices.h"
 #include "InStep.h"
 #include "KernelFunction.h"
@@ -411,6 +412,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
                               "large functions stay calls");
     }
     warp::foldViews(kernel);
+    warp::carryElements(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);

@@ -100,6 +100,7 @@ private:
   // WidenAccesses.cpp
   void widenLoad(LoadComponentsOp op);
   void loadOfRun(LoadComponentsOp op);
+  void storeOfRun(StoreComponentsOp op);
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
   void updateTogether(AtomicComponentsOp op, mlir::ValueRange indices);
@@ -142,8 +143,9 @@ private:
   /// Loops with several iterations together: how many, and which of them is
   /// written.
   llvm::DenseMap<mlir::Operation *, std::pair<int64_t, int64_t>> together;
-  /// The results of loads of rows for these.
-  llvm::DenseMap<mlir::Operation *, Values> runs;
+  /// For these the results of loads of rows, and what stores of rows have so
+  /// far, with the indices of the first.
+  llvm::DenseMap<mlir::Operation *, Values> runs, runIndices;
 };
 
 } // namespace warp

@@ -119,6 +119,78 @@ def test_rows_that_are_written_are_read_in_turn():
         np.testing.assert_allclose(y.numpy(), wanted, rtol=1e-5)
 
 
+def recurrences(dtype, lanes):
+    """Kernels that store along rows, by as many lanes."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def smoothed(u: wp.array2d(dtype=dtype), first: int, last: int, q: wp.array2d(dtype=dtype)):
+        i = wp.tid()
+        for k in range(first, last):
+            q[i, k + 1] = dtype(0.8) * q[i, k] + dtype(0.2) * u[i, k]
+            if q[i, k + 1] > dtype(0.5):
+                u[i, k] = dtype(2.0) * q[i, k + 1]
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def scanned(x: wp.array(dtype=dtype), n: int, y: wp.array(dtype=dtype)):
+        i = wp.tid()
+        if i % 3 != 1:
+            s = dtype(0.0)
+            for k in range(n):
+                s += x[i * n + k]
+                y[i * n + k] = s
+
+    return smoothed, scanned
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8, 16, 32])
+@pytest.mark.parametrize("dtype", [wp.float32, wp.float64])
+def test_rows_that_are_stored(dtype, lanes):
+    """The next iteration reads elements; some lanes store nothing; elements around stay."""
+    real = wp.dtype_to_numpy(dtype)
+    tolerance = {"rtol": 2e-5 if real == np.float32 else 1e-13, "atol": 1e-6}
+    smoothed, scanned = recurrences(dtype, lanes)
+    for n in LENGTHS[1:]:
+        for rows in (1, lanes + 1, 2 * lanes + 3):
+            for first, last in ((0, n - 1), (n // 3, n - 2), (n - 1, 0)):
+                u, q = (rng.random((rows, n)).astype(real) for _ in range(2))
+                arrays = [wp.array(one, dtype=dtype, device="cpu") for one in (u, q)]
+                wp.launch(smoothed, rows, [arrays[0], first, last, arrays[1]], device="cpu")
+                u, q = u.astype(float), q.astype(float)
+                for k in range(first, last):
+                    q[:, k + 1] = 0.8 * q[:, k] + 0.2 * u[:, k]
+                    u[:, k] = np.where(q[:, k + 1] > 0.5, 2.0 * q[:, k + 1], u[:, k])
+                np.testing.assert_allclose(arrays[1].numpy(), q, **tolerance)
+                near = np.abs(q - 0.5).min(axis=1) > 1e-5
+                np.testing.assert_allclose(arrays[0].numpy()[near], u[near], **tolerance)
+
+            x = rng.random((rows, n)).astype(real)
+            y = wp.full(rows * n, 7.0, dtype=dtype, device="cpu")
+            given = wp.array(x.reshape(-1), dtype=dtype, device="cpu")
+            wp.launch(scanned, rows, [given, n, y], device="cpu")
+            sums = x.astype(float).cumsum(axis=1)
+            sums[np.arange(rows) % 3 == 1] = 7.0
+            np.testing.assert_allclose(y.numpy().reshape(rows, n), sums, **tolerance)
+
+
+def test_stores_of_rows_over_what_is_read():
+    """Rows of one array that overlap those of another are stored in turn."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": 16})
+    def shifted(x: wp.array2d(dtype=float), y: wp.array2d(dtype=float), n: int):
+        i = wp.tid()
+        for k in range(n):
+            y[i, k] = 0.5 * x[i, k]
+
+    memory = wp.array(rng.random((20, 12)), dtype=float, device="cpu")
+    wanted = memory.numpy()
+    for k in range(11):
+        wanted[:, k + 1] = 0.5 * wanted[:, k]
+    wp.launch(shifted, 20, [memory[:, :11], memory[:, 1:], 11], device="cpu")
+    np.testing.assert_array_equal(memory.numpy(), wanted)
+
+
 def test_schedule_tells_of_runs():
     along, _, _ = kernels(wp.float32, 16)
     assert "rows, transposed" in str(along.schedule("cpu"))
+    _, scanned = recurrences(wp.float32, 16)
+    assert "each lane writes its own row" in str(scanned.schedule("cpu"))
