@@ -13,13 +13,14 @@
 # make shim    a wheel in dist/ that stands for `warp-lang`, for clients that require it
 # make tools   a wheel in dist/ with `warp-opt`
 # make runtime  a wheel in dist/ for C++ programs: libwarp_runtime.so, which has no compiler
+# make vdb     a wheel in dist/ with the component for files of OpenVDB, and the libraries it needs
 # make check-wheel  installs each in an empty environment and runs programs from there
 # Everything that is missing (packages, .venv, build) is set up first.
 
 SHELL := /bin/bash
 PYTHON := .venv/bin/python
 
-.PHONY: environment build package demo report test release bench docs site wheel wheels shim tools runtime check-wheel device-bundle format clean
+.PHONY: environment build package demo report test release bench docs site wheel wheels shim tools runtime vdb check-wheel device-bundle format clean
 
 export WHEEL
 
@@ -90,6 +91,9 @@ tools: release
 runtime: release
 	@ninja -C build/release --quiet warp_runtime
 	@$(PYTHON) scripts/make_runtime.py
+
+vdb: release
+	@$(PYTHON) scripts/make_vdb.py
 
 check-wheel: wheel
 	@$(PYTHON) scripts/check_wheel.py dist/warp_mlir-*-manylinux*.whl --pythons $(PYTHONS) $(CHECK_ARGS)

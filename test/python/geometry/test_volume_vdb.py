@@ -1,7 +1,10 @@
 """`.vdb` files written and read through the component of OpenVDB."""
 
 import ctypes
+import os
 import pathlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -104,3 +107,45 @@ def test_without_the_component_the_error_names_both_ways(tmp_path, monkeypatch, 
             wp.Volume.load_from_vdb(tmp_path / "a.vdb", device="cpu")
     finally:
         vdb._library.cache_clear()
+
+
+# In a process in which the package has no component of its own.
+OF_A_WHEEL = """
+import pathlib, sys, types
+import numpy as np
+import warp as wp
+from warp._src.geometry.volumes import vdb
+vdb._native = types.SimpleNamespace(__file__="/nowhere/_native.so")
+values = np.arange(64, dtype=np.float32).reshape(4, 4, 4)
+made = wp.Volume.load_from_numpy(values, voxel_size=0.5, device="cpu")
+made.save_to_vdb(sys.argv[1])
+again = wp.Volume.load_from_vdb(sys.argv[1], device="cpu")
+assert again.get_voxel_count() == made.get_voxel_count()
+maps = pathlib.Path("/proc/self/maps").read_text()
+loaded = {line.split()[-1] for line in maps.splitlines() if "libopenvdb" in line}
+assert len(loaded) == 1 and "warp_mlir_vdb" in loaded.pop(), loaded
+print("read", again.get_voxel_count())
+"""
+
+
+@needs_component
+def test_the_wheel_of_the_component_needs_no_library_of_the_system(tmp_path):
+    root = pathlib.Path(__file__).resolve().parents[3]
+    own = pathlib.Path(wp.__file__).parent / "libwarp_openvdb.so"
+    make = [sys.executable, root / "scripts" / "make_vdb.py", tmp_path / "dist"]
+    subprocess.run([*make, "--library", own, "--level", "0"], check=True, capture_output=True)
+    (wheel,) = (tmp_path / "dist").iterdir()
+    site = tmp_path / "site"
+    install = [sys.executable, "-m", "pip", "install", "-q", "--no-index", "--target", site, wheel]
+    subprocess.run(install, check=True, capture_output=True)
+    licences = {path.name for path in site.glob("*.dist-info/licenses/*")}
+    assert "LICENSE" in licences and any("openvdb" in name for name in licences)
+    paths = [str(pathlib.Path(wp.__file__).parents[1]), str(site)]
+    run = subprocess.run(
+        [sys.executable, "-c", OF_A_WHEEL, tmp_path / "a.vdb"],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("read ")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import importlib
 import os
 import pathlib
 import tempfile
@@ -14,23 +15,36 @@ from warp._src import errors
 _LENGTH = 1024
 
 
+def _places(name):
+    """Where the component may be, and the libraries to be loaded before it."""
+    yield pathlib.Path(_native.__file__).parent / name, ()
+    try:
+        wheel = importlib.import_module("warp_mlir_vdb")
+        yield wheel.FOLDER / name, [wheel.FOLDER / library for library in wheel.LIBRARIES]
+    except ModuleNotFoundError:
+        pass
+    yield name, ()
+
+
 @functools.cache
 def _library():
-    """The component, which is found beside the package or where the system looks."""
+    """The component: beside the package, in a wheel of its own, or where the system looks."""
     name = "libwarp_openvdb.so"
-    own = pathlib.Path(_native.__file__).parent / name
-    problem = "which is not in this package: build from source where"
-    for path in (str(own), name):
+    problem = "which is not in this package"
+    for path, needed in _places(name):
         try:
-            found = ctypes.CDLL(path)
+            for library in needed:
+                ctypes.CDLL(str(library))
+            found = ctypes.CDLL(str(path))
             break
         except OSError as error:
-            if path == str(own) and own.exists():
+            if path != name and path.exists():
                 # A library that it needs is absent; the loader names it.
-                problem = f"which cannot be loaded ({error}): use it where"
+                problem = f"which cannot be loaded ({error})"
     else:
         raise ImportError(
-            f"files of OpenVDB need the component '{name}', {problem} 'apt-get install "
+            f"files of OpenVDB need the component '{name}', {problem}: install the wheel "
+            "'warp-mlir-vdb', which 'make vdb' writes, or build from source where 'apt-get install "
             "libopenvdb-dev libnanovdb-dev' has been run, or convert with 'nanovdb_convert a.vdb "
             "a.nvdb' and use 'load_from_nvdb'"
         )
