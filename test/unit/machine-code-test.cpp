@@ -7,6 +7,7 @@
 //===----------------------------------------------------------------------===//
 
 #include "DeviceSuite.h"
+#include "Runtime/KernelClaim.h"
 #include "Runtime/MachineCode.h"
 #include "warp/Background.h"
 #include "warp/KernelCache.h"
@@ -19,6 +20,8 @@
 #include <fstream>
 #include <gtest/gtest.h>
 #include <string>
+#include <thread>
+#include <unistd.h>
 
 using namespace warp;
 using namespace warp::test;
@@ -200,6 +203,33 @@ TEST_F(MachineCodeTest, AProgramAssemblesBesideTheDriver) {
   EXPECT_EQ(run(), 1);
   EXPECT_EQ(asked(), "-arch=sm_90a\n");
   EXPECT_EQ(run(), 0);
+}
+
+// Ranks that start together need the same code: one has it assembled.
+TEST_F(MachineCodeTest, ProcessesWaitForTheCodeOfOthers) {
+  useAssembler("12.8", assembles);
+  std::string text = longText();
+  EXPECT_EQ(runQueued(1, text), 0);
+  asked();
+  std::string file = machineFile(), key = fs::path(file).stem();
+  std::string claim = folder + "/" + key + claimSuffix;
+  char host[256] = {};
+  gethostname(host, sizeof(host) - 1);
+  std::ofstream(claim) << getpid() << " " << host << "\n";
+  fs::rename(file, folder + "/other");
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    fs::rename(folder + "/other", file);
+    fs::remove(claim);
+  });
+  EXPECT_EQ(runQueued(1, text), 0);
+  other.join();
+  EXPECT_EQ(asked(), "");
+  // One that ends without code leaves it to the others.
+  fs::remove(file);
+  std::ofstream(claim) << "999999999 " << host << "\n";
+  EXPECT_EQ(runQueued(1, text), 0);
+  EXPECT_EQ(asked(), "-arch=sm_90a\n");
 }
 
 // Code of an earlier release runs until the driver's own is there.

@@ -261,6 +261,15 @@ void warp::setAssembler(std::string file) {
   setting = std::move(file);
 }
 
+static bool serves(const Program &program, bool mayBeWorse) {
+  return program.release != 0 && failures < mostFailures &&
+         (mayBeWorse || program.release == cudaDriverVersion());
+}
+
+bool warp::hasAssembler(bool mayBeWorse) {
+  return serves(program(), mayBeWorse);
+}
+
 /// The first release with levels of effort.
 static constexpr int knowsEffort = 13000;
 
@@ -268,13 +277,12 @@ std::optional<AssembledProgram> warp::assembleApart(std::string_view ptx,
                                                     const std::string &target,
                                                     bool mayBeWorse) {
   Program found = program();
+  if (!serves(found, mayBeWorse))
+    return std::nullopt;
   bool isQuick =
       mayBeWorse && found.release >= knowsEffort && ptx.size() >= longProgram;
   AssembledProgram made;
   made.isBest = found.release == cudaDriverVersion() && !isQuick;
-  if (found.release == 0 || failures >= mostFailures ||
-      !(mayBeWorse || made.isBest))
-    return std::nullopt;
   // The text may end in what ends a string.
   ptx = ptx.substr(0, ptx.find('\0'));
   Descriptor input(memoryFile()), output(memoryFile());

@@ -29,6 +29,10 @@ struct AssembledProgram {
   bool isBest = false;
 };
 
+/// True if there is a program that does not fail, of the driver's release.
+/// mayBeWorse: or of another one.
+bool hasAssembler(bool mayBeWorse);
+
 /// Machine code by `ptxas`, whose end the caller waits for. Nothing if there is
 /// no program that the driver goes with, if it fails, or if the work of this
 /// thread is abandoned.

@@ -13,6 +13,7 @@
 #include "GraphDriver.h"
 #include "GraphImpl.h"
 #include "Grid.h"
+#include "KernelClaim.h"
 #include "MachineCode.h"
 #include "Support.h"
 #include "TensorMaps.h"
@@ -150,18 +151,27 @@ std::unique_ptr<DeviceCode> CudaDevice::loadKept(const Kernel::Variant &variant,
 std::unique_ptr<DeviceCode>
 CudaDevice::loadAssembled(const Kernel::Variant &variant, const Code &code,
                           bool mayBeWorse) {
-  if (isElf(code.binary) || callsLibrary(code))
+  if (isElf(code.binary) || callsLibrary(code) || !hasAssembler(mayBeWorse))
     return nullptr;
   std::string target = targetOf(code);
   if (target.find(std::to_string(info.arch)) == target.npos)
     return nullptr;
-  std::optional<AssembledProgram> made = assembleApart(
-      {code.binary.data(), code.binary.size()}, target, mayBeWorse);
-  if (!made)
-    return nullptr;
-  MachineCode machine{code.entry, std::move(made->binary), made->isBest};
-  storeMachineCode(machineCodeKey(code, info.arch), machine);
-  return loadMachine(*this, variant, code, std::move(machine));
+  std::string key = machineCodeKey(code, info.arch);
+  // Ranks that start together need the same.
+  KernelClaim claim(key);
+  std::optional<MachineCode> machine;
+  if (claim.hasWaited())
+    machine = findMachineCode(key);
+  if (!machine || machine->entry != code.entry ||
+      !(machine->isBest || mayBeWorse)) {
+    std::optional<AssembledProgram> made = assembleApart(
+        {code.binary.data(), code.binary.size()}, target, mayBeWorse);
+    if (!made)
+      return nullptr;
+    machine = {code.entry, std::move(made->binary), made->isBest};
+    storeMachineCode(key, *machine);
+  }
+  return loadMachine(*this, variant, code, std::move(*machine));
 }
 
 std::unique_ptr<DeviceCode>
