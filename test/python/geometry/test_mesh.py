@@ -241,3 +241,61 @@ def test_faces_that_are_not_finite_are_counted(bad):
     wp.launch(closest, dim=2, inputs=[mesh.id, x, 9.0, at, sign], device="cpu")
     assert np.allclose(at.numpy(), [[0, 0, -1], [0, 0, 0]]) and sign.numpy()[1] == 0
     wp.launch(closest, dim=1, inputs=[empty.id, x, 9.0, at, sign], device="cpu")
+
+
+def _record(out: wp.array2d(dtype=float), n: int, found: bool, side: float, place: wp.vec3):
+    out[n, 0] = float(found)
+    out[n, 1] = side
+    for k in range(3):
+        out[n, 2 + k] = place[k]
+
+
+record = wp.func(_record)
+
+
+@wp.kernel(enable_backward=False)
+def into_variables(mesh: wp.uint64, at: wp.vec3, out: wp.array2d(dtype=float)):
+    side = float(0.0)
+    face = int(-1)
+    u = float(0.0)
+    v = float(0.0)
+    r = wp.mesh_query_point(mesh, at, 9.0, side, face, u, v)
+    record(out, 0, r, side, wp.mesh_eval_position(mesh, face, u, v))
+    r = wp.mesh_query_point_no_sign(mesh, at, 9.0, face, u, v)
+    record(out, 1, r, 0.0, wp.mesh_eval_position(mesh, face, u, v))
+    r = wp.mesh_query_furthest_point_no_sign(mesh, at, 0.0, face, u, v)
+    record(out, 2, r, 0.0, wp.mesh_eval_position(mesh, face, u, v))
+    r = wp.mesh_query_point_sign_normal(mesh, at, 9.0, side, face, u, v)
+    record(out, 3, r, side, wp.mesh_eval_position(mesh, face, u, v))
+    r = wp.mesh_query_point_sign_normal(mesh, at, 9.0, side, face, u, v, epsilon=0.01)
+    record(out, 4, r, side, wp.mesh_eval_position(mesh, face, u, v))
+    r = wp.mesh_query_point_sign_winding_number(mesh, at, 9.0, side, face, u, v)
+    record(out, 5, r, side, wp.mesh_eval_position(mesh, face, u, v))
+    r = wp.mesh_query_point_sign_parity(mesh, at, 9.0, side, face, u, v)
+    record(out, 6, r, side, wp.mesh_eval_position(mesh, face, u, v))
+
+
+def test_queries_into_variables(device):
+    """A cube of side 2 around the origin: closest points and the furthest corner are known."""
+    corners = np.array(
+        [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float32
+    )
+    faces = [
+        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
+        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+    ]
+    mesh = wp.Mesh(
+        wp.array(corners, dtype=wp.vec3, device=device),
+        wp.array(np.ravel(faces), dtype=int, device=device),
+        support_winding_number=True,
+    )
+    for at, side, near in (
+        ([1.5, 0.25, 0.5], 1, [1, 0.25, 0.5]),
+        ([0.75, 0.25, 0.5], -1, [1, 0.25, 0.5]),
+    ):
+        out = wp.zeros((7, 5), dtype=float, device=device)
+        wp.launch(into_variables, 1, [mesh.id, wp.vec3(at), out], device=device)
+        expected = np.array([[1, side, *near]] * 7, dtype=float)
+        expected[1:3, 1] = 0.0
+        expected[2, 2:] = [-1, -1, -1]
+        np.testing.assert_allclose(out.numpy(), expected, atol=1e-6)

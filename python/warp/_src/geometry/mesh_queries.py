@@ -176,6 +176,31 @@ def _no_sign_into(
     return assign_place(no_sign(id, point, max_dist), face, bary_u, bary_v)
 
 
+def _normal_into(
+    id: uint64,
+    point: vec3f,
+    max_dist: float,
+    inside: ref[float32],
+    face: ref[int32],
+    bary_u: ref[float32],
+    bary_v: ref[float32],
+    epsilon: float = 1e-3,
+) -> bool:
+    found = by_normal(id, point, max_dist, epsilon)
+    return assign_side(found, inside, face, bary_u, bary_v)
+
+
+def _furthest_into(
+    id: uint64,
+    point: vec3f,
+    min_dist: float,
+    face: ref[int32],
+    bary_u: ref[float32],
+    bary_v: ref[float32],
+) -> bool:
+    return assign_place(furthest(id, point, min_dist), face, bary_u, bary_v)
+
+
 def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int = -1):
     """Where a ray first meets a mesh, at 0 <= t < max_t; back faces count."""
     check_root(id, root)
@@ -227,6 +252,8 @@ def mesh_query_ray_anyhit(
 face_normal = Function(mesh_eval_face_normal)
 no_sign = Function(mesh_query_point_no_sign)
 point_and_side = Function(mesh_query_point)
+furthest = Function(mesh_query_furthest_point_no_sign)
+by_normal = Function(mesh_query_point_sign_normal)
 ray = Function(mesh_query_ray)
 assign_place = Function(_assign_place, "assign_place")
 assign_side = Function(_assign_side, "assign_side")
@@ -242,5 +269,7 @@ FUNCTIONS = {
 }
 FUNCTIONS["mesh_query_point"].add_overload(_point_into)
 FUNCTIONS["mesh_query_point_no_sign"].add_overload(_no_sign_into)
+FUNCTIONS["mesh_query_furthest_point_no_sign"].add_overload(_furthest_into)
+FUNCTIONS["mesh_query_point_sign_normal"].add_overload(_normal_into)
 FUNCTIONS["mesh_query_ray"].add_overload(_ray_into)
 publish(FUNCTIONS)

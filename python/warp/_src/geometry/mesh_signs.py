@@ -5,15 +5,9 @@ from warp._src.geometry.handles import publish
 from warp._src.geometry.mesh_arrays import indices, points, velocities
 from warp._src.geometry.mesh_derivatives import constant
 from warp._src.geometry.mesh_queries import (
-    FUNCTIONS as QUERIES,
-)
-from warp._src.geometry.mesh_queries import (
-    assign_place,
     assign_side,
     face_normal,
     mesh_eval_position,
-    mesh_query_furthest_point_no_sign,
-    mesh_query_point_sign_normal,
     no_sign,
     point_and_side,
 )
@@ -110,31 +104,6 @@ def _parity_into(
     return assign_side(found, inside, face, bary_u, bary_v)
 
 
-def _normal_into(
-    id: uint64,
-    point: vec3f,
-    max_dist: float,
-    inside: ref[float32],
-    face: ref[int32],
-    bary_u: ref[float32],
-    bary_v: ref[float32],
-    epsilon: float = 1e-3,
-) -> bool:
-    found = by_normal(id, point, max_dist, epsilon)
-    return assign_side(found, inside, face, bary_u, bary_v)
-
-
-def _furthest_into(
-    id: uint64,
-    point: vec3f,
-    min_dist: float,
-    face: ref[int32],
-    bary_u: ref[float32],
-    bary_v: ref[float32],
-) -> bool:
-    return assign_place(furthest(id, point, min_dist), face, bary_u, bary_v)
-
-
 def mesh_query_ray_count_intersections(id: uint64, start: vec3f, dir: vec3f, root: int = -1) -> int:
     """How often a ray crosses a mesh at t >= 0.
 
@@ -194,8 +163,6 @@ def mesh_sdf(id: uint64, point: vec3f, max_dist: float = _INFINITY) -> float:
 
 by_winding = Function(mesh_query_point_sign_winding_number)
 by_parity = Function(mesh_query_point_sign_parity)
-by_normal = Function(mesh_query_point_sign_normal)
-furthest = Function(mesh_query_furthest_point_no_sign)
 position = Function(mesh_eval_position)
 distance = custom_vjp(
     Function(_distance, "distance"), Function(_distance_pullback, "distance_pullback")
@@ -209,10 +176,4 @@ FUNCTIONS = {
 }
 FUNCTIONS["mesh_query_point_sign_winding_number"].add_overload(_winding_into)
 FUNCTIONS["mesh_query_point_sign_parity"].add_overload(_parity_into)
-for _form, _name in (
-    (_normal_into, "mesh_query_point_sign_normal"),
-    (_furthest_into, "mesh_query_furthest_point_no_sign"),
-):
-    FUNCTIONS[_name] = QUERIES[_name]
-    FUNCTIONS[_name].add_overload(_form)
 publish(FUNCTIONS)
