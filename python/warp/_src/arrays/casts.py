@@ -19,7 +19,8 @@ def cast(source, target) -> None:
         for i in range(source.shape[0]):
             cast(source[i], target[i])
         return
-    source, target = components_of(source), components_of(target)
+    packed = source.is_contiguous and target.is_contiguous
+    source, target = components_of(source, packed), components_of(target, packed)
     kind = target.dtype
     name = f"cast_to_{kind.__name__}"
     hooks.apply(name, "kind(x0)", {"kind": kind}, name, [(None, source)], target, False, None, None)
@@ -32,12 +33,13 @@ def casted(source, dtype):
     return result
 
 
-def components_of(one):
-    """The components of all elements, in a row if they are packed."""
+def components_of(one, in_a_row=True):
+    """The components of all elements, in a row if they are packed and that is wanted."""
     scalar = type_scalar_type(one.dtype)
-    if one.is_contiguous:
+    in_a_row = in_a_row and one.is_contiguous
+    if in_a_row:
         one = one.flatten()
     if scalar is one.dtype:
         return one
     numbers = one.view(scalar)
-    return numbers.flatten() if numbers.is_contiguous else numbers
+    return numbers.flatten() if in_a_row else numbers

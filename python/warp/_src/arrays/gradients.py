@@ -164,6 +164,13 @@ def has_gradient(dtype) -> bool:
     return getattr(dtype, "_wp_scalar_type_", dtype) in dtypes.FLOAT_TYPES
 
 
+def has_wide_gradient(one) -> bool:
+    """True if the gradient of an array has, or is going to have, twice its bits."""
+    if one._grad is None:
+        return one._wide_grad
+    return one._grad.item_size != one.item_size
+
+
 def wants_wide_gradient(dtype, wanted) -> bool:
     """True if the option `grad_dtype` asks for a wider type than that of the elements.
 

@@ -208,12 +208,9 @@ class Home:
             come = [by_tag[side.give_tag] for side in sides]
             self._after = [_clearing(one) for parts in ghosts for one in parts]
         else:
-            arrived = [Buffer(active(side.give), comm.device) for side in sides]
+            arrived = [Buffer(parts, comm.device) for parts in own]
             come = [one.parts for one in arrived]
-            gone = [
-                self._leaving(active(side.take), parts, comm.device)
-                for side, parts in zip(sides, ghosts, strict=True)
-            ]
+            gone = [self._leaving(parts, comm.device) for parts in ghosts]
             pairs = [(one.bytes, other) for one, other in zip(arrived, gone, strict=True)]
             self._work = exchange.work(pairs, backwards=True)
         # In the order in which launches that pack would be run backwards.
@@ -225,12 +222,12 @@ class Home:
             self._adding += self._after
             self._after = []
 
-    def _leaving(self, likes, parts, device):
+    def _leaving(self, parts, device):
         """The memory that is sent of adjoints of ghosts, which are zero then."""
-        if len(parts) == 1 and parts[0].is_contiguous and _is_plain(likes[0], parts[0]):
+        if len(parts) == 1 and parts[0].is_contiguous:
             self._after.append(_clearing(parts[0]))
             return parts[0]
-        buffer = Buffer(likes, device)
+        buffer = Buffer(parts, device)
         for part, one in zip(buffer.parts, parts, strict=True):
             self._before += _removals(part, one)
         return buffer.bytes

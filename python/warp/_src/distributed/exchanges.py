@@ -7,6 +7,7 @@ import typing
 from array import array
 
 from warp import _native
+from warp._src.arrays.gradients import has_wide_gradient
 from warp._src.arrays.hooks import captures
 from warp._src.arrays.observers import Observers
 from warp._src.distributed.adjoints import Home, HomeRecord, Writes, active
@@ -31,9 +32,13 @@ def described_gradients(fields) -> str:
     if Observers.tape is None:
         return ""
     found = [number for number, one in enumerate(fields) if one.requires_grad]
-    if len(found) in (0, len(fields)):
-        return ", on a tape" if found else ""
-    return f", on a tape with gradients of fields {', '.join(map(str, found))}"
+    if not found:
+        return ""
+    text = ", on a tape"
+    if len(found) < len(fields):
+        text += f" with gradients of fields {', '.join(map(str, found))}"
+    wide = [number for number in found if has_wide_gradient(fields[number])]
+    return text + (f" with gradients of 32 bits of fields {wide}" if wide else "")
 
 
 def gradient_places(fields) -> tuple:

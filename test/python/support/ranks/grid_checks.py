@@ -237,6 +237,8 @@ def adjoints_of_halos(comm):
         ((3, 4, 2 * comm.size, 3), 1, float, None),
         ((3, 2 * comm.size, 3, 4), (1, 2, 1, 2), wp.vec2, None),
         ((4 * comm.size,), 1, wp.float16, None),
+        # With gradients of 32 bits.
+        ((4 * comm.size, 3), 1, wp.float16, None),
     ]
     for (shape, width, kind, items), periodic in itertools.product(cases, (False, True)):
         blocks = wd.Blocks(shape, width, periodic, comm=comm)
@@ -246,6 +248,11 @@ def adjoints_of_halos(comm):
         owned = [blocks._box_of(rank) for rank in range(comm.size)]
         locals_ = [np.add(own.shape, 2 * np.array(blocks.width)) for own in owned]
         weights = [rng.integers(-4, 5, (*lead, *local, *inner)) for local in locals_]
+        grad_type = kind
+        if kind is wp.float16 and len(shape) == 2:
+            grad_type, weights = wp.float32, [4095 * weight for weight in weights]
+            for field in (one, other):
+                field.grad = wp.zeros(blocks.local, dtype=grad_type)
         whole = np.zeros((*lead, *shape, *inner))
         for own, weight in zip(owned, weights, strict=True):
             ranges = [
@@ -258,7 +265,7 @@ def adjoints_of_halos(comm):
             place = tuple(i[inside] % n for i, n in zip(index, shape))
             where = (slice(None),) * len(lead)
             np.add.at(whole, (*where, *place), weight[(*where, inside)])
-        seeds = [wp.array(weights[comm.rank] * k, dtype=kind) for k in (1, 2)]
+        seeds = [wp.array(weights[comm.rank] * k, dtype=grad_type) for k in (1, 2)]
         for together in (False, True):
             with wp.Tape() as tape:
                 if together:
@@ -278,6 +285,47 @@ def adjoints_of_halos(comm):
                 inside = [slice(w, w + n) for w, n in zip(blocks.width, blocks.owned)]
                 ghosts[(*(slice(None),) * len(lead), *inside)] = 0
                 assert not ghosts.any(), ghosts
+
+
+def adjoints_of_some_fields(comm):
+    """Populations that cross a face, structs, fields without a gradient, replays of adjoints."""
+    rng = np.random.default_rng(11 + comm.rank)
+    blocks = wd.Blocks((6 * comm.size, 5), 1, True, comm=comm)
+    velocities = np.array([*itertools.product((-1, 0, 1), repeat=2)])
+    for items in (velocities, [0, 3, 8]):
+        x = blocks.zeros(wp.float64, items=9, requires_grad=True)
+        before, y = rng.random(x.shape), rng.random(x.shape)
+        x.assign(before)
+        with wp.Tape() as tape:
+            blocks.halo(x, items=items)
+        tape.backward(grads={x: wp.array(y, dtype=wp.float64)})
+        left = sum(comm.gather_objects(float((x.numpy() * y).sum())))
+        right = sum(comm.gather_objects(float((before * x.grad.numpy()).sum())))
+        assert np.isclose(left, right, rtol=1e-12), (items, left, right)
+    x, other, counts = blocks.zeros(requires_grad=True), blocks.zeros(), blocks.zeros(wp.int32)
+    cells = blocks.zeros(Cell, requires_grad=True)
+    seed = np.zeros(cells.shape, cells.numpy().dtype)
+    seed["velocity"] = 2.0
+    seeds = {x: wp.full(x.shape, 1.0, dtype=float), cells: wp.array(seed, dtype=Cell)}
+    with wp.Tape() as tape:
+        blocks.halo(other, x, counts, cells)
+    tape.backward(grads=seeds)
+    found = [float(x.grad.numpy().sum()), float(cells.grad.numpy()["velocity"].sum())]
+    # All adjoints are somewhere still.
+    wanted = [x.size, 6 * x.size]
+    assert np.allclose(np.sum(comm.gather_objects(found), 0), comm.size * np.array(wanted)), found
+    if comm.device.is_cuda:
+        return
+    tape.zero()
+    with wp.ScopedCapture(device=comm.device) as capture:
+        with wp.Tape() as tape:
+            blocks.halo(x)
+        x.grad.fill_(1.0)
+        tape.backward()
+    for _ in range(3):
+        wp.capture_launch(capture.graph)
+        values = x.grad.numpy()
+        assert values.sum() == x.size and not values[0].any(), values
 
 
 def capture(comm):
@@ -345,5 +393,5 @@ def bad_blocks(comm):
 
 CHECKS = [
     *(jacobi, gradient, halo_values, halo_of_any_type, random_partitions, push_and_halo),
-    *(adjoints_of_halos, capture, bad_blocks),
+    *(adjoints_of_halos, adjoints_of_some_fields, capture, bad_blocks),
 ]
