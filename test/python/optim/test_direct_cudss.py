@@ -89,6 +89,24 @@ def test_solutions_are_those_of_numpy(cudss, kind, block, minor):
     assert solver.nnz > 0
 
 
+def test_right_hand_sides_and_solutions_with_gaps(cudss):
+    cudss()
+    values = definite(6)
+    solver = linear.lu(sparse_of(values, "cpu", 3))
+    b = np.random.default_rng(3).normal(size=(2, 6))
+    expected = np.linalg.solve(values, b.T).T
+    wide = wp.array(np.stack([b, b], axis=2), dtype=wp.float64, device="cpu")
+    x = wp.zeros((2, 12), dtype=wp.float32, device="cpu")
+    solver.solve(wide[:, :, 1], x[:, ::2])
+    np.testing.assert_allclose(x.numpy()[:, ::2], expected, rtol=1e-4, atol=1e-5)
+    assert not x.numpy()[:, 1::2].any()
+    vectors = wp.zeros((2, 2, 2), dtype=wp.vec3d, device="cpu")
+    solver.solve(wide[:, :, 0], vectors[:, :, 1])
+    found = vectors.numpy()[:, :, 1].reshape(2, 6)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    assert solver.solve(wide[:0, :, 0]).shape == (0, 6)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_residuals_of_stiff_systems_are_rounding(cudss, kind):
     cudss()

@@ -384,8 +384,7 @@ class CudssFactors:
 
     def give(self, rows, x):
         """Writes rows to an array."""
-        flat = self.cast(rows, x)
-        if x.is_contiguous:
-            wp.copy(numbers(x), flat)
-        else:
-            x.assign(flat.view(x.dtype).reshape(x.shape))
+        packed = x if x.is_contiguous else wp.empty(x.shape, dtype=x.dtype, device=x.device)
+        wp.copy(numbers(packed), self.cast(rows, x))
+        if packed is not x:
+            wp.copy(x, packed)
