@@ -78,7 +78,7 @@ def _add_positions(f, base, record, description, is_relative) -> None:
     f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
 
 
-# What does not depend on positions: functions of an element, and of an element and coordinates.
+# Functions that do not depend on positions: of an element, and of an element and coordinates.
 _PLACES = {
     "cell_environment_index": 1,
     "side_environment_index": 1,
