@@ -38,10 +38,11 @@ func.func @sums(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>, %n: i32)
 #cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
       disjoint = true, lanes = 4>
 
-// A row that the loop writes is read element by element; so is one that lanes
-// go along by two.
+// A row that the loop writes to at another element is read element by element;
+// so is one that lanes go along by two.
 // CHECK-LABEL: func.func @written
 // CHECK-NOT: warp.run
+// CHECK: return
 func.func @written(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
     attributes {warp.kernel, warp.variant = #cpu} {
   %i = warp.tid : i32
@@ -51,11 +52,46 @@ func.func @written(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
   scf.for %k = %c0 to %n step %c1 : i32 {
     %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
     %u = arith.addf %v, %v : f32
-    warp.store_components(%u), %x[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
+    %j = arith.addi %k, %c2 : i32
+    warp.store_components(%u), %x[%i, %j] : (f32), !warp.array<2 x f32>, i32, i32
   }
   scf.for %k = %c0 to %n step %c2 : i32 {
     %v = warp.load_components %y[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
     warp.store_components(%v), %x[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
+  }
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, lanes = 4>
+
+// An iteration that changes the element that it has read does so to no other:
+// eight are loaded, changed and stored together. A row that is followed back to
+// front begins, in memory, at the element of the last iteration.
+// CHECK-LABEL: func.func @in_place
+// CHECK: scf.for %[[K:.*]] = %{{.*}} to %{{.*}} step %c8_i32
+// CHECK: %[[AT:.*]] = arith.subi %{{.*}}, %[[K]]
+// CHECK: %[[FIRST:.*]] = arith.subi %[[AT]], %c7_i32
+// CHECK: %[[V:.*]]:8 = warp.load_lanes gather %arg0[%{{.*}}, %[[FIRST]]] {{.*}}warp.run = 8
+// CHECK: %[[HEAD:.*]] = arith.addf %[[V]]#7, %[[V]]#7
+// CHECK-COUNT-6: arith.addf
+// CHECK: %[[TAIL:.*]] = arith.addf %[[V]]#0, %[[V]]#0
+// CHECK: warp.store_lanes gather(%[[TAIL]], {{.*}}, %[[HEAD]]), %arg0[%{{.*}}, {{.*}}warp.run = 8
+// CHECK: return
+func.func @in_place(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c15 = arith.constant 15 : i32
+  %c16 = arith.constant 16 : i32
+  scf.for %k = %c0 to %c16 step %c1 : i32 {
+    %at = arith.subi %c15, %k : i32
+    %v = warp.load_components %x[%i, %at] : !warp.array<2 x f32>, i32, i32 -> f32
+    %u = arith.addf %v, %v : f32
+    warp.store_components(%u), %x[%i, %at] : (f32), !warp.array<2 x f32>, i32, i32
   }
   return
 }

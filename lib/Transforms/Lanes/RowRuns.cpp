@@ -15,7 +15,8 @@
 // The iterations are one after the other, so a thread does the same as before.
 // All elements that are read early are read anyway, and nobody writes to them.
 // Stores along a row are put together in the same way and made behind the last
-// of the iterations, where nothing in the loop reads what they write.
+// of the iterations, where nothing in the loop reads what they write but the
+// iteration itself, before its store. Rows may be followed back to front.
 //
 //===----------------------------------------------------------------------===//
 
@@ -39,8 +40,17 @@ static constexpr int64_t longRun = 8, shortRun = 4, mostInLong = 16,
 /// Vectors that runs may keep in registers at a time.
 static constexpr int64_t mostVectors = 16;
 
+std::optional<int64_t> warp::paceAlongRow(AccessOp access,
+                                          const ThreadVariance &variance) {
+  auto loop = cast<scf::ForOp>(access->getParentOp());
+  std::optional<Form> pace = variance.form(access.getIndices().back())
+                                 .coefficientOf(Symbol::trip(loop));
+  return pace ? pace->getConstant() : std::nullopt;
+}
+
 /// True if an access in the body of a loop that lanes run in step is to the
-/// next element of a row of each lane's own in every iteration.
+/// next, or the previous, element of a row of each lane's own in every
+/// iteration.
 static bool goesAlongRows(warp::AccessOp access,
                           const warp::ThreadVariance &variance) {
   auto loop = dyn_cast<scf::ForOp>(access->getParentOp());
@@ -69,37 +79,70 @@ static bool goesAlongRows(warp::AccessOp access,
   if (llvm::none_of(indices, differs) || areSideBySide)
     return false;
   warp::Symbol trip = warp::Symbol::trip(loop);
-  const warp::Form &last = variance.form(indices.back());
-  std::optional<warp::Form> pace = last.coefficientOf(trip);
-  return pace && pace->getConstant() == 1 &&
-         last.without(trip).isDefinedOutside(loop) &&
+  std::optional<int64_t> pace = warp::paceAlongRow(access, variance);
+  return (pace == 1 || pace == -1) &&
+         variance.form(indices.back()).without(trip).isDefinedOutside(loop) &&
          llvm::all_of(indices.drop_back(), [&](mlir::Value index) {
            return variance.form(index).isDefinedOutside(loop);
          });
 }
 
+/// True if nothing else in the loop is at the array of an access, but for a
+/// store behind a load of the same element.
+static bool isAloneAtRow(warp::AccessOp access,
+                         const warp::ThreadVariance &variance) {
+  auto kernel = access->getParentOfType<FunctionOpInterface>();
+  if (!warp::getVariant(kernel).getDisjoint())
+    return false;
+  warp::ArrayOrigins origins(kernel, /*disjoint=*/true);
+  auto isSameElement = [&](warp::AccessOp other) {
+    auto isEqual = [&](auto pair) {
+      auto [one, two] = pair;
+      return variance.form(one).equals(variance.form(two));
+    };
+    return other->getBlock() == access->getBlock() &&
+           other.getArray() == access.getArray() &&
+           other.getIndices().size() == access.getIndices().size() &&
+           llvm::all_of(llvm::zip(other.getIndices(), access.getIndices()),
+                        isEqual);
+  };
+  auto isPair = [&](warp::AccessOp other) {
+    auto [load, store] = isa<warp::LoadComponentsOp>(*other)
+                             ? std::pair(other, access)
+                             : std::pair(access, other);
+    return isa<warp::LoadComponentsOp>(*load) &&
+           isa<warp::StoreComponentsOp>(*store) && isSameElement(other) &&
+           load->isBeforeInBlock(store);
+  };
+  unsigned others = 0;
+  bool isAlone =
+      !access->getParentOp()
+           ->walk([&](Operation *op) {
+             if (op == access || op->getNumRegions() != 0 ||
+                 isMemoryEffectFree(op))
+               return WalkResult::advance();
+             auto other = dyn_cast<warp::AccessOp>(op);
+             if (!other)
+               return WalkResult::interrupt();
+             if (!origins.mayAlias(other.getArray(), access.getArray()))
+               return WalkResult::advance();
+             return ++others == 1 && isPair(other) ? WalkResult::advance()
+                                                   : WalkResult::interrupt();
+           })
+           .wasInterrupted();
+  return isAlone;
+}
+
 bool warp::isRowLoad(LoadComponentsOp load, const ThreadVariance &variance) {
-  return goesAlongRows(cast<AccessOp>(load.getOperation()), variance) &&
-         !variance.isWritten(load.getArray());
+  auto access = cast<AccessOp>(load.getOperation());
+  return goesAlongRows(access, variance) &&
+         (!variance.isWritten(load.getArray()) ||
+          isAloneAtRow(access, variance));
 }
 
 bool warp::isRowStore(StoreComponentsOp store, const ThreadVariance &variance) {
-  auto kernel = store->getParentOfType<FunctionOpInterface>();
-  if (!getVariant(kernel).getDisjoint() ||
-      !goesAlongRows(cast<AccessOp>(store.getOperation()), variance))
-    return false;
-  ArrayOrigins origins(kernel, /*disjoint=*/true);
-  return !store->getParentOp()
-              ->walk([&](Operation *op) {
-                auto access = dyn_cast<AccessOp>(op);
-                bool isApart = op == store || op->getNumRegions() != 0 ||
-                               isMemoryEffectFree(op) ||
-                               (access && !origins.mayAlias(access.getArray(),
-                                                            store.getArray()));
-                return isApart ? WalkResult::advance()
-                               : WalkResult::interrupt();
-              })
-              .wasInterrupted();
+  auto access = cast<AccessOp>(store.getOperation());
+  return goesAlongRows(access, variance) && isAloneAtRow(access, variance);
 }
 
 int64_t warp::iterationsInRun(scf::ForOp loop, const ThreadVariance &variance,

@@ -14,11 +14,18 @@
 
 namespace warp {
 
-/// True if each lane loads the next element of a row of its own in every
-/// iteration of the loop around, and no thread writes to the array.
+/// By how many elements the last index of an access grows from one iteration of
+/// the `scf.for` around it to the next.
+std::optional<int64_t> paceAlongRow(AccessOp access,
+                                    const ThreadVariance &variance);
+
+/// True if each lane loads the next, or the previous, element of a row of its
+/// own in every iteration of the loop around, and no thread writes to the array
+/// but for this element, later in the iteration.
 bool isRowLoad(LoadComponentsOp load, const ThreadVariance &variance);
 
-/// The same of a store, in a loop in which nothing else is at the array.
+/// The same of a store, in a loop in which nothing else is at the array but a
+/// load of the same element before it.
 bool isRowStore(StoreComponentsOp store, const ThreadVariance &variance);
 
 /// Iterations of a loop that are done together, so that lanes load or store as

@@ -132,19 +132,37 @@ void Widening::widenLoad(warp::LoadComponentsOp op) {
     setVector(result, made);
 }
 
+/// Indices of the first element, in memory, of a run; at the first of its
+/// iterations.
+Widening::Values Widening::indicesOfRun(warp::AccessOp op, int64_t count) {
+  Values indices = accessIndices(op.getIndices(), warp::LaneForm::gather);
+  if (warp::paceAlongRow(op, variance) == 1)
+    return indices;
+  Value &last = indices.back();
+  Type type = last.getType();
+  Attribute back = b.getIntegerAttr(getElementTypeOrSelf(type), count - 1);
+  if (auto lanes = dyn_cast<VectorType>(type))
+    back = DenseElementsAttr::get(lanes, back);
+  last = arith::SubIOp::create(
+      b, loc, last, arith::ConstantOp::create(b, loc, cast<TypedAttr>(back)));
+  return indices;
+}
+
 /// The first of the iterations that are together loads for all of them.
 void Widening::loadOfRun(warp::LoadComponentsOp op) {
   auto [count, number] = together.lookup(op->getParentOp());
+  auto access = cast<warp::AccessOp>(op.getOperation());
   Values &loaded = runs[op];
   if (number == 0) {
     SmallVector<Type> types(count, lanesOf(op.getResultTypes().front()));
     auto load = warp::LoadLanesOp::create(
-        b, loc, types, scalar(op.getArray()),
-        accessIndices(op.getIndices(), warp::LaneForm::gather), mask,
+        b, loc, types, scalar(op.getArray()), indicesOfRun(access, count), mask,
         warp::LaneForm::gather, nonNegative(op.getIndices(), op->getBlock()),
         /*stride=*/1);
     load->setAttr(warp::attr::run, b.getI64IntegerAttr(count));
     loaded = Values(load.getComponents());
+    if (warp::paceAlongRow(access, variance) != 1)
+      std::reverse(loaded.begin(), loaded.end());
   }
   setVector(op.getComponents().front(), loaded[number]);
 }
@@ -152,14 +170,17 @@ void Widening::loadOfRun(warp::LoadComponentsOp op) {
 /// The last of the iterations that are together stores what all of them have.
 void Widening::storeOfRun(warp::StoreComponentsOp op) {
   auto [count, number] = together.lookup(op->getParentOp());
+  auto access = cast<warp::AccessOp>(op.getOperation());
   Values &stored = runs[op], &indices = runIndices[op];
   if (number == 0) {
     stored.clear();
-    indices = accessIndices(op.getIndices(), warp::LaneForm::gather);
+    indices = indicesOfRun(access, count);
   }
   stored.push_back(vector(op.getComponents().front()));
   if (number + 1 < count)
     return;
+  if (warp::paceAlongRow(access, variance) != 1)
+    std::reverse(stored.begin(), stored.end());
   auto store = warp::StoreLanesOp::create(
       b, loc, stored, scalar(op.getArray()), indices, mask,
       warp::LaneForm::gather, nonNegative(op.getIndices(), op->getBlock()),

@@ -101,6 +101,7 @@ private:
   void widenLoad(LoadComponentsOp op);
   void loadOfRun(LoadComponentsOp op);
   void storeOfRun(StoreComponentsOp op);
+  Values indicesOfRun(AccessOp op, int64_t count);
   void widenStore(StoreComponentsOp op);
   void widenUpdate(AtomicComponentsOp op);
   void updateTogether(AtomicComponentsOp op, mlir::ValueRange indices);

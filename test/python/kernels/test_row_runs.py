@@ -172,6 +172,58 @@ def test_rows_that_are_stored(dtype, lanes):
             np.testing.assert_allclose(y.numpy().reshape(rows, n), sums, **tolerance)
 
 
+@pytest.mark.parametrize("lanes", [1, 4, 16, 32])
+@pytest.mark.parametrize("dtype", [wp.float32, wp.float64])
+def test_rows_changed_in_place_back_to_front(dtype, lanes):
+    """Thomas's algorithm, and the gradient of a filter, which goes through rows backwards."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def substituted(c: wp.array2d(dtype=dtype), n: int, x: wp.array2d(dtype=dtype)):
+        i = wp.tid()
+        for k in range(n - 2, -1, -1):
+            x[i, k] = x[i, k] - c[i, k] * x[i, k + 1]
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def doubled(n: int, x: wp.array2d(dtype=dtype)):
+        i = wp.tid()
+        for k in range(n - 1, -1, -1):
+            x[i, k] = x[i, k] * dtype(2.0) + dtype(1.0)
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def smoothed(u: wp.array2d(dtype=dtype), n: int, y: wp.array2d(dtype=dtype)):
+        i = wp.tid()
+        s = dtype(0.0)
+        for k in range(n):
+            s = dtype(0.5) * s + u[i, k] * u[i, k]
+            y[i, k] = s
+
+    real = wp.dtype_to_numpy(dtype)
+    tolerance = {"rtol": 2e-5 if real == np.float32 else 1e-13, "atol": 1e-6}
+    for n in (1, 2, 4, 7, 9, 16, 29):
+        for rows in (1, lanes + 1, 2 * lanes + 3):
+            c, x, seed = (rng.random((rows, n)).astype(real) for _ in range(3))
+            given, solved = (wp.array(one, dtype=dtype, device="cpu") for one in (c, x))
+            wp.launch(substituted, rows, [given, n, solved], device="cpu")
+            wanted = x.astype(float)
+            for k in range(n - 2, -1, -1):
+                wanted[:, k] -= c[:, k] * wanted[:, k + 1]
+            np.testing.assert_allclose(solved.numpy(), wanted, **tolerance)
+            wp.launch(doubled, rows, [n, solved], device="cpu")
+            np.testing.assert_allclose(solved.numpy(), 2.0 * wanted + 1.0, **tolerance)
+
+            u = wp.array(c, dtype=dtype, device="cpu", requires_grad=True)
+            y = wp.zeros((rows, n), dtype=dtype, device="cpu", requires_grad=True)
+            tape = wp.Tape()
+            with tape:
+                wp.launch(smoothed, rows, [u, n, y], device="cpu")
+            tape.backward(grads={y: wp.array(seed, dtype=dtype, device="cpu")})
+            wanted, pulled = np.zeros((rows, n)), np.zeros(rows)
+            for k in range(n - 1, -1, -1):
+                pulled = 0.5 * pulled + seed[:, k]
+                wanted[:, k] = 2.0 * c[:, k] * pulled
+            np.testing.assert_allclose(u.grad.numpy(), wanted, **tolerance)
+
+
 def test_stores_of_rows_over_what_is_read():
     """Rows of one array that overlap those of another are stored in turn."""
 
