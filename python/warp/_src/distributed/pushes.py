@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from warp._src.arrays.observers import Observers, Place
 from warp._src.distributed import forward
-from warp._src.distributed.adjoints import additions, copying
 from warp._src.distributed.buffers import Buffer
 from warp._src.distributed.communicator import Message
 from warp._src.distributed.exchanges import Work
+from warp._src.distributed.parts import additions, copying
 from warp._src.distributed.plans import record, run_or_record, without_tape
 
 
