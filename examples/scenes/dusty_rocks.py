@@ -15,7 +15,7 @@ from movies import Movie
 
 import warp as wp
 
-VOXEL, ROUGH = 0.016, 0.1
+ROUGH = 0.1
 LOW, HIGH = (-2.2, -0.25, -1.7), (2.2, 1.35, 2.3)
 
 
@@ -117,7 +117,7 @@ def judge(places: wp.array[wp.vec4], stops: wp.array[wp.vec3], rough: float, out
     out[n] = wp.abs(distance(places, x, rough)) / wp.length(slope)
 
 
-def surface_error(volume, places, device, count=4000):
+def surface_error(volume, voxel, places, device, count=4000):
     """Distances from the formula's surface where rays from above stop, over a voxel: 95 % of them.
 
     The others are at creases, which a grid rounds.
@@ -130,9 +130,9 @@ def surface_error(volume, places, device, count=4000):
     stops = wp.zeros(count, dtype=wp.vec3, device=device)
     found = wp.zeros(count, dtype=int, device=device)
     away = wp.zeros(count, dtype=float, device=device)
-    wp.launch(look, count, [volume.id, *rays, VOXEL], [stops, found], device=device)
+    wp.launch(look, count, [volume.id, *rays, voxel], [stops, found], device=device)
     wp.launch(judge, count, [places, stops, ROUGH], [away], device=device)
-    return np.quantile(away.numpy()[found.numpy() == 1], 0.95) / VOXEL
+    return np.quantile(away.numpy()[found.numpy() == 1], 0.95) / voxel
 
 
 def main():
@@ -145,13 +145,14 @@ def main():
     sizes = rng.uniform(0.14, 0.34, 16)
     places = np.vstack([np.column_stack([places, sizes]), [[-0.55, 0.2, -0.35, 0.62]]])
     boulders = wp.array(places, dtype=wp.vec4, device=device)
-    shape = tuple(int((b - a) / VOXEL) + 1 for a, b in zip(LOW, HIGH))
+    voxel = 0.016 / movie.options.scale ** (1 / 3)
+    shape = tuple(int((b - a) / voxel) + 1 for a, b in zip(LOW, HIGH))
     field = wp.zeros(shape, dtype=float, device=device)
     begin = time.perf_counter()
-    wp.launch(carve, shape, [boulders, wp.vec3(*LOW), VOXEL, ROUGH], [field], device=device)
+    wp.launch(carve, shape, [boulders, wp.vec3(*LOW), voxel, ROUGH], [field], device=device)
     values = field.numpy()
     rate = values.size / (time.perf_counter() - begin) / 1e6
-    options = {"min_world": LOW, "voxel_size": VOXEL, "device": device}
+    options = {"min_world": LOW, "voxel_size": voxel, "device": device}
     rocks = wp.Volume.load_from_numpy(values, bg_value=0.5, **options)
     movie.options.output.mkdir(parents=True, exist_ok=True)
     path = rocks.save_to_nvdb(movie.options.output / "dusty_rocks.nvdb", codec="zip")
@@ -179,7 +180,10 @@ def main():
             scene.replace_volume(medium, clouds(frame / 15.0))
         movie.add()
     movie.finish(
-        rate, "M voxels a second", surface_error(rocks, boulders, device), "off the surface, voxels"
+        rate,
+        "M voxels a second",
+        surface_error(rocks, voxel, boulders, device),
+        "off the surface, voxels",
     )
 
 

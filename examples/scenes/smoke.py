@@ -59,8 +59,8 @@ def advect(
     p = wp.vec3(float(i), float(j), float(k))
     half = p - 0.5 * dt * speed_of(field[i, j, k])
     value = sample(field, p - dt * speed_of(sample(field, half)))
-    n = float(field.shape[0])
-    x = p - wp.vec3(0.5 * n, 0.1 * n, 0.5 * n)
+    n = 0.5 * float(field.shape[1])
+    x = p - wp.vec3(0.5 * float(field.shape[0]), 0.1 * n, 0.5 * float(field.shape[2]))
     ring = wp.sqrt(x[0] * x[0] + x[2] * x[2]) - 0.15 * n
     near = wp.exp(-(ring * ring + x[1] * x[1]) / (0.0016 * n * n))
     puff = 0.7 + 0.3 * wp.sin(0.35 * t + 3.0 * wp.atan2(x[2], x[0]))
@@ -137,11 +137,13 @@ def project(p: wp.array3d[float], field: wp.array3d[wp.vec4]):
 
 
 class Gas:
-    """Velocity and smoke on a grid, twice as high as wide."""
+    """Velocity and smoke on a grid of height 2 n and width 1.5 n."""
 
     def __init__(self, n, device):
-        self.shape, self.device, self.time = (n, 2 * n, n), device, 0.0
-        self.ball = wp.vec4(0.52 * n, 0.75 * n, 0.5 * n, 0.13 * n)
+        self.width = 3 * n // 2
+        self.shape, self.device, self.time = (self.width, 2 * n, self.width), device, 0.0
+        middle = 0.5 * self.width
+        self.ball = wp.vec4(middle + 0.02 * n, 0.75 * n, middle, 0.13 * n)
         self.field = [wp.zeros(self.shape, dtype=wp.vec4, device=device) for _ in range(2)]
         size = int(np.prod(self.shape))
         self.wrong = wp.zeros(size, dtype=float, device=device)
@@ -180,12 +182,12 @@ def main():
     def grid():
         smoke = np.ascontiguousarray(gas.field[0].numpy()[..., 3])
         smoke[smoke < 0.01] = 0.0
-        low = (-0.5, 0.0, -0.5)
+        low = (-0.5 * cell * gas.width, 0.0, -0.5 * cell * gas.width)
         return wp.Volume.load_from_numpy(smoke, low, cell, bg_value=0.0, device=device)
 
     floor = {"color": (0.3, 0.27, 0.25), "roughness": 0.45}
     scene.add_height_field(np.zeros((2, 2)), (-300, -300), (300, 300), **floor)
-    ball = [cell * (gas.ball[k] - (0.0 if k == 1 else 0.5 * n)) for k in range(3)]
+    ball = [cell * (gas.ball[k] - (0.0 if k == 1 else 0.5 * gas.width)) for k in range(3)]
     gold = {"color": (0.95, 0.62, 0.25), "metallic": 1.0, "roughness": 0.12}
     scene.add_spheres([ball], cell * gas.ball[3] * 0.94, **gold)
     turn = np.linspace(0.0, 2.0 * np.pi, 97)

@@ -74,10 +74,18 @@ def level_distance(shape: LevelSet, origin: wp.vec3, dir: wp.vec3, most: float):
 
 @wp.func
 def level_normal(shape: LevelSet, x: wp.vec3):
-    """The direction in which the distance grows most."""
-    along = wp.vec3()
+    """The direction in which the distance grows most.
+
+    Differences over two voxels are continuous; the gradient of the interpolation jumps
+    between voxels.
+    """
     uvw = wp.volume_world_to_index(shape.volume, x)
-    wp.volume_sample_grad_f(shape.volume, uvw, wp.Volume.LINEAR, along)
+    along = wp.vec3()
+    for axis in range(3):
+        step = wp.vec3()
+        step[axis] = 1.0
+        ahead = wp.volume_sample_f(shape.volume, uvw + step, wp.Volume.LINEAR)
+        along[axis] = ahead - wp.volume_sample_f(shape.volume, uvw - step, wp.Volume.LINEAR)
     return wp.normalize(wp.volume_index_to_world_dir(shape.volume, along))
 
 
