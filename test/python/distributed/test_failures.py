@@ -51,7 +51,7 @@ def jobs(request):
     chosen = [
         (one.callspec.params["engine"], one.callspec.params["how"])
         for one in request.session.items
-        if one.path == request.path
+        if one.path == request.path and "jobs" in one.fixturenames
     ]
     # One of each engine at a time: most of their time is waiting.
     with ThreadPoolExecutor(1) as mpi, ThreadPoolExecutor(1) as torch:
