@@ -118,7 +118,9 @@ SavedKernel Kernel::Impl::describeSaved(int arch) {
 /// Machine code for PTX, from the disk cache if the driver has met it before.
 static Code assembled(int device, Code code) {
   std::string key = machineCodeKey(code, deviceInfo(device).arch);
-  if (std::optional<MachineCode> found = findMachineCode(key)) {
+  // Other code may have been made in a hurry.
+  std::optional<MachineCode> found = findMachineCode(key);
+  if (found && found->isBest) {
     code.binary = std::move(found->binary);
     return code;
   }
