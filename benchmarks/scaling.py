@@ -1,6 +1,6 @@
 """Scaling: a model of many GPUs from counted bytes and measured rates, as a table.
 
-    python benchmarks/scaling.py [--memory 4.28] [--network 45] [--phase 20] [--sum 50] [--step 3]
+    python benchmarks/scaling.py [--memory 4.28] [--network 45] [--phase 20] [--sum 50] [--step 25]
 
 A step takes max(interior, halo) + shell + sums. Bytes of halos are those that blocks of n^3 cells
 send; with hosts of 8 GPUs, three of six faces go over the network. Rates are arguments:
@@ -50,7 +50,7 @@ def main():
         ("network", 45.0, 1e9, "GB/s of a GPU to other hosts"),
         ("phase", 20.0, 1e-6, "microseconds until the messages of a halo move"),
         ("sum", 50.0, 1e-6, "microseconds of an all-reduce of a number"),
-        ("step", 3.0, 1e-6, "microseconds that a further launch of a graph takes"),
+        ("step", 25.0, 1e-6, "microseconds of the launches that unpack and compute the shell"),
     ):
         parser.add_argument(
             f"--{name}", type=lambda text, unit=unit: float(text) * unit, default=value * unit,
