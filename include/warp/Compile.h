@@ -107,9 +107,9 @@ struct Access {
   bool loaded = false, stored = false, combined = false;
   /// True if something depends on what an atomic returned.
   bool fetched = false;
-  /// True if it is loaded as a tile, or in a loop that goes along it or may end
-  /// by what is loaded: code for the CPU depends on whether another array
-  /// overlaps it.
+  /// True if it is loaded as a tile, loaded or stored in a loop that goes along
+  /// it, or loaded in one that may end by it: code for the CPU depends on
+  /// whether another array overlaps it.
   bool watched = false;
   /// Source line of the first store or atomic, 0 if there is none.
   unsigned line = 0;

@@ -54,7 +54,8 @@ private:
 
 } // namespace
 
-/// True if a loop goes from element to element: several may be loaded at once.
+/// True if a loop goes from element to element: several may be loaded, or
+/// stored, at once.
 static bool goesAlong(warp::AccessOp op) {
   Operation *loop = op->getParentOp();
   return isa<scf::ForOp>(loop) && !op.getIndices().empty() &&
@@ -77,7 +78,7 @@ void Summary::add(warp::AccessOp op) {
     access.stored |= !op.mayRead();
     access.combined |= op.isUpdate();
     access.fetched |= op.isUpdate() && !op->use_empty();
-    access.watched |= op.mayRead() && (mayBeWatched(op) || goesAlong(op));
+    access.watched |= goesAlong(op) || (op.mayRead() && mayBeWatched(op));
     if (op.mayWrite() && place && !access.line)
       access.line = place.getLine();
   }

@@ -241,6 +241,35 @@ def test_stores_of_rows_over_what_is_read():
     np.testing.assert_array_equal(memory.numpy(), wanted)
 
 
+def test_rows_of_a_rollout_that_reads_nothing():
+    """Stores along rows alone; two of them in one array that overlap are made in turn."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": 16})
+    def rolled(n: int, x: wp.array2d(dtype=float), y: wp.array2d(dtype=float)):
+        i = wp.tid()
+        s = float(i)
+        for k in range(n):
+            s = 0.5 * s + 1.0
+            x[i, k] = s
+            y[i, k] = -s
+
+    values, s = np.empty((20, 11)), np.arange(20.0)
+    for k in range(11):
+        s = 0.5 * s + 1.0
+        values[:, k] = s
+    x, y = (wp.zeros((20, 11), dtype=float, device="cpu") for _ in range(2))
+    wp.launch(rolled, 20, [11, x, y], device="cpu")
+    np.testing.assert_allclose(x.numpy(), values, rtol=1e-6)
+    np.testing.assert_allclose(y.numpy(), -values, rtol=1e-6)
+    assert "each lane writes its own row" in str(rolled.schedule("cpu"))
+
+    # Element k of x is element k - 1 of y, which is written one iteration later.
+    memory = wp.zeros((20, 12), dtype=float, device="cpu")
+    wp.launch(rolled, 20, [11, memory[:, :11], memory[:, 1:]], device="cpu")
+    np.testing.assert_allclose(memory.numpy()[:, :11], values, rtol=1e-6)
+    np.testing.assert_allclose(memory.numpy()[:, 11], -values[:, -1], rtol=1e-6)
+
+
 def test_schedule_tells_of_runs():
     along, _, _ = kernels(wp.float32, 16)
     assert "rows, transposed" in str(along.schedule("cpu"))
