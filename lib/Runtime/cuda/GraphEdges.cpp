@@ -48,14 +48,6 @@ void NodeGroups::findEarly() {
       early.try_emplace(node, programmaticEdge);
 }
 
-/// An edge that may start a kernel before the one before it has ended: a trial
-/// starts it when all blocks of that one have begun.
-static EdgeData startOf(EdgeData data) {
-  if (graphTrial() & 256)
-    data.bytes[0] = 2;
-  return data;
-}
-
 /// The attributes of an edge to a node, if it may start early.
 EdgeData NodeGroups::dataOf(GraphNode to, size_t from, size_t group) const {
   std::vector<GraphNode> last = lastOf(from);
@@ -67,9 +59,9 @@ EdgeData NodeGroups::dataOf(GraphNode to, size_t from, size_t group) const {
     // Kernels of others may wait later.
     if (edge.to == to && edge.data.isProgrammatic() &&
         (edge.from == last.front() || areOurs))
-      return areOurs ? startOf(edge.data) : edge.data;
+      return edge.data;
   auto known = early.find(to);
-  return known != early.end() && areOurs ? startOf(known->second) : EdgeData();
+  return known != early.end() && areOurs ? known->second : EdgeData();
 }
 
 void NodeGroups::exchange(const GraphSchedule &schedule,

@@ -24,7 +24,6 @@
 #include "llvm/Support/TargetSelect.h"
 #include "llvm/Target/TargetMachine.h"
 
-#include <cstdlib>
 #include <optional>
 #include <vector>
 
@@ -59,17 +58,11 @@ static WARP_KEPT(nvidiaLibrary, libdevice)
 
 /// Lets the entry wait, before all else, until the kernel before it on its
 /// stream has ended and its writes are visible, so that a launch may start it
-/// early. In the text, where nothing can come before it any more. A trial lets
-/// the kernel after it start at once, which waits in turn.
+/// early. In the text, where nothing can come before it any more.
 static void waitForPredecessor(llvm::SmallVectorImpl<char> &ptx,
                                llvm::StringRef entry) {
   llvm::StringRef text(ptx.data(), ptx.size());
-  static const char *trial = std::getenv("WARP_GRAPH_TRIAL");
-  static const bool starts = trial && std::atoi(trial) & 512;
-  llvm::StringRef open = "\n{\n",
-                  wait = starts ? "\tgriddepcontrol.wait;\n"
-                                  "\tgriddepcontrol.launch_dependents;\n"
-                                : "\tgriddepcontrol.wait;\n";
+  llvm::StringRef open = "\n{\n", wait = "\tgriddepcontrol.wait;\n";
   size_t begin = text.find((".entry " + entry + "(").str());
   size_t body = begin == text.npos ? begin : text.find(open, begin);
   if (body != text.npos)
