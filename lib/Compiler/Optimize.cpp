@@ -339,9 +339,6 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   (void)once;
   llvm::PassInstrumentationCallbacks callbacks;
   keepLoadsBeforeStores(callbacks);
-  bool gpu = getTarget(options).isSimt();
-  if (gpu)
-    keepLoadsBeforeBranches(callbacks);
   callbacks.registerShouldRunOptionalPassCallback(
       [](llvm::StringRef, llvm::Any) { return !isAbandoned(); });
   llvm::PipelineTuningOptions tuning;
@@ -350,6 +347,7 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   if (machine.getTargetTriple().isX86() && !hasLanes)
     avoidGathers(module, machine);
   Analyses analyses(builder);
+  bool gpu = getTarget(options).isSimt();
   if (options.optLevel == 0)
     return optimizeQuickly(module, builder, analyses, gpu);
   // LLVM's own pipelines would bring 3.4 MB of passes for coroutines, OpenMP,

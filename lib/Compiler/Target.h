@@ -73,10 +73,6 @@ void optimize(llvm::Module &module, llvm::TargetMachine &machine,
 
 /// Works around an error of InstCombine: see MaskedLoads.cpp.
 void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
-/// Lets InstCombine, or what emits `module`, move no load into a branch: see
-/// EarlyLoads.cpp.
-void keepLoadsBeforeBranches(llvm::PassInstrumentationCallbacks &callbacks);
-void keepLoadsBeforeBranches(llvm::Module &module);
 
 /// Emits an object file (CPU), or PTX or assembly text.
 llvm::SmallVector<char, 0> emit(llvm::Module &module,

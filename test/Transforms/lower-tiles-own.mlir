@@ -152,26 +152,3 @@ func.func @one_thread(%a: !warp.array<1 x f32>)
   %old = warp.tile_atomic add %t, %a[%first] : !warp.tile<8 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<8 x f32>
   return
 }
-
-// -----
-
-#gpu = #warp.variant<target = <name = "sm_90">, rank = 2, disjoint = true>
-
-// Some threads have no element of such a tile: they would wait for the load of
-// the others, and nobody waits for an atomic update.
-// CHECK-LABEL: func.func @few
-// CHECK-NOT: warp.launch_extent
-// CHECK-NOT: warp.load
-// CHECK: warp.atomic add
-func.func @few(%a: !warp.array<1 x f32>)
-    attributes {warp.kernel, warp.block_threads = 32 : i64,
-                warp.variant = #gpu} {
-  %size = warp.constant 48 : si32
-  %one = warp.constant 1.0 : f32
-  %i = warp.tid : si32
-  %first = warp.mul(%i, %size) : (si32, si32) -> si32
-  %t = warp.tile_splat %one {warp.layout = #warp.tile_layout<storage = inlined>} : f32 -> !warp.tile<48 x f32>
-  %old = warp.tile_atomic add %t, %a[%first] {offsets = array<i64: 0>}
-    : !warp.tile<48 x f32>, !warp.array<1 x f32>, (si32) -> !warp.tile<48 x f32>
-  return
-}

@@ -82,7 +82,6 @@ void NvidiaTarget::finishText(llvm::SmallVectorImpl<char> &ptx,
 
 void NvidiaTarget::finishModule(llvm::Module &module) const {
   useReductions(module);
-  keepLoadsBeforeBranches(module);
 }
 
 std::unique_ptr<llvm::TargetMachine>

@@ -69,29 +69,18 @@ Value TileLowering::update(TileUpdate kind, Value value, Value array,
   return StructCreateOp::create(b, loc, record, old);
 }
 
-/// True if each thread of a block has as many elements of an update as the
-/// others. Elements that are left over would be loaded and stored under a
-/// condition, and the block would wait for that load; nobody waits for an
-/// atomic instruction without a result.
-static bool isOfAllThreads(TileAtomicOp update, const LoweringState &state) {
-  return tileType(update.getTile()).getNumElements() % state.threads == 0;
-}
-
 void findPlainUpdates(LoweringState &state, ArrayRef<Operation *> ops) {
   // Exact sums have memory of their own, and are not updated plainly.
   bool isExact = getVariant(state.kernel).hasExactSums();
   if (isExact || (state.threads > 1 && !getTarget(state.kernel).isSimt()))
     return;
-  for (Operation *op : ops) {
-    auto update = dyn_cast<TileAtomicOp>(op);
-    if (!update || (state.threads > 1 && !isOfAllThreads(update, state)))
-      continue;
-    if (std::optional<DisjointSteps> steps =
-            findDisjointSteps(state.kernel, update)) {
-      state.disjointSteps[op] = *steps;
-      state.earliest[op] = findEarliest(update);
-    }
-  }
+  for (Operation *op : ops)
+    if (auto update = dyn_cast<TileAtomicOp>(op))
+      if (std::optional<DisjointSteps> steps =
+              findDisjointSteps(state.kernel, update)) {
+        state.disjointSteps[op] = *steps;
+        state.earliest[op] = findEarliest(update);
+      }
 }
 
 namespace {
