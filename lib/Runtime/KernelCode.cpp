@@ -196,8 +196,11 @@ void Kernel::Impl::load(Variant &variant, const CompileOptions *wanted) {
   // for the code of several kernels have others make it, or long ones linked
   // first.
   bool isBeside = !isKept && wanted && background::isWorker();
-  if (isBeside && mayAssembleApart(*wanted, bytes))
-    loaded = device.loadAssembled(variant, code, /*mayBeWorse=*/mayWait);
+  // A thread that needs code at once would come behind all of them.
+  bool isBehind = !isKept && wanted && background::urgentTasks() >= manyTasks;
+  if ((isBeside || isBehind) && mayAssembleApart(*wanted, bytes))
+    loaded = device.loadAssembled(variant, code,
+                                  /*mayBeWorse=*/isBeside && mayWait);
   if (!loaded && isBeside && mayWait && KernelCache::get().enabled())
     loaded = device.loadLinked(variant, code);
   if (loaded && loaded->isProvisional() && !variant.quick) {

@@ -151,6 +151,37 @@ print(len(long.prepare().ir("ptx", 90)) >= 100_000)
         assert second == []
 
 
+def test_code_that_is_needed_at_once_comes_before_what_waits(tmp_path):
+    """The driver has others to assemble: a question for a block's size is answered beside it."""
+    assembler = Assembler(tmp_path, ASSEMBLE)
+    environment = environment_of(tmp_path, WARP_PTXAS=assembler.file)
+    program = programs.write_program(
+        PROGRAM.replace("driver.fakeCudaSetGate(ctypes.c_bool(True))", "")
+        + """
+import threading
+asked = os.environ["ASKED"]
+def count():
+    return len(open(asked).readlines()) if os.path.exists(asked) else 0
+
+def open_gate():
+    for _ in range(1000):
+        if count() - before == 1:
+            break
+        time.sleep(0.01)
+    print(count() - before)
+    driver.fakeCudaSetGate(ctypes.c_bool(True))
+
+time.sleep(0.5)
+before = count()
+threading.Thread(target=open_gate).start()
+print(len(wp.get_suggested_block_size(make(7), "cuda:0")))
+"""
+    )
+    status, out, err = programs.run(program, **environment)
+    assert status == 0, err
+    assert out.split() == ["1", "2"]
+
+
 def test_exit_ends_the_program(tmp_path):
     """Code for later processes is given up, and no program is left behind."""
     assembler = Assembler(tmp_path, "exec sleep 60")
