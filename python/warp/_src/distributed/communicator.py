@@ -66,7 +66,10 @@ class _EndedLog:
     """The log of a communicator that is closed; beginning anything is an error."""
 
     def __init__(self, comm):
-        self.comm, self.last = comm, comm.log.last
+        self.comm, self.former = comm, comm.log
+
+    def __getattr__(self, name):
+        return getattr(self.former, name)
 
     def begin(self, plan, step) -> None:
         """Raises the error of a use."""

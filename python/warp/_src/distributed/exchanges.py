@@ -225,7 +225,8 @@ class Exchange:
                 messages.append(back)
             else:
                 messages.append(Message(side.peer, give, take, side.give_tag, side.take_tag))
-        return Work(self.comm, self.name, messages)
+        name = f"adjoint of {self.name}" if backwards else self.name
+        return Work(self.comm, name, messages)
 
     # Derivatives.
 
