@@ -80,7 +80,7 @@ class PointsPlan:
         self.test = self._role("test", record.test)
         self.trial = self._role("trial", record.trial)
         self.discrete = {
-            name: Role(name, name, field.nodes, record.domain)
+            name: Role(name, f"field_{name}", field.nodes, record.domain)
             for name, field, _ in record.fields
             if self.has_slots and hasattr(field, "nodes")
         }
@@ -203,7 +203,7 @@ class PointsPlan:
         else:
             self.result, self.operations = self._remembered()
         self.discrete = {
-            name: role.with_uses(self.operations.get(name, ()))
+            name: role.with_uses(self.operations.get(role.role, ()))
             for name, role in self.discrete.items()
         }
         for role in ("test", "trial"):
@@ -233,7 +233,7 @@ class PointsPlan:
             found.extend((result, operations))
             return encoded_type(result), {k: sorted(v) for k, v in operations.items()}
 
-        key = "form", type(self).__name__, self.record
+        key = "operations", type(self).__name__, self.record
         kind, operations = extend.remembered(key, make, lambda made: made[0] is not None)
         return tuple(found) if found else (decoded_type(kind), operations)
 
@@ -332,16 +332,16 @@ class PointsPlan:
                 lines.append(f"    {memory} = wp.zeros(shape=({count},), dtype=Dof_{name})")
                 lines.append(f"    for k in range({count}):")
                 lines.append(f"        {memory}[k] = {read}")
-            if self.lines_of(name) is not None:
-                self.lines_of(name).before_points(lines, f"dofs_{name}_0")
+            if self.lines_of(role.role) is not None:
+                self.lines_of(role.role).before_points(lines, f"dofs_{name}_0")
 
     @functools.cache  # noqa: B019 - plans live as long as the program
-    def lines_of(self, name):
+    def lines_of(self, word):
         """Contractions axis by axis of a discrete field or of the test function, or None."""
         from warp._src.fem.forms.tensor import lines_of
 
-        role = self.test if name == "test" else self.discrete[name]
-        return lines_of(self, role)
+        roles = {role.role: role for role in self._roles()}
+        return lines_of(self, roles[word])
 
     def _points(self, lines):
         """Sums the slots of discrete fields at the point."""
@@ -352,12 +352,12 @@ class PointsPlan:
             self.names[f"of_gradient_{name}"] = functions.gradient
             self._slots(role)
             used = dict(role.used_slots)
-            if used and self.lines_of(name) is not None:
-                self.lines_of(name).at_point(lines)
+            if used and self.lines_of(role.role) is not None:
+                self.lines_of(role.role).at_point(lines)
                 tuples.append(self._slots(role))
                 continue
             for number in used:
-                lines.append(f"        {name}_{number} = Slot_{name}_{number}()")
+                lines.append(f"        {role.role}_{number} = Slot_{role.role}_{number}()")
             for half in sorted({slot.half for slot in used.values()}):
                 lines.append(f"        for k in range({role.nodes.node_count}):")
                 for number, slot in used.items():
@@ -365,7 +365,7 @@ class PointsPlan:
                         word = "gradient" if slot.is_gradient else "value"
                         basis = self._basis_call(role, slot, "q", "k")
                         lines.append(
-                            f"            {name}_{number} += of_{word}_{name}({basis}, "
+                            f"            {role.role}_{number} += of_{word}_{name}({basis}, "
                             f"{self.reads[name, half]})"
                         )
             tuples.append(self._slots(role))

@@ -33,7 +33,8 @@ class Role:
     """A field of a form whose values at points are slots.
 
     Attributes:
-        name: of the parameter. role: test, trial or the name. nodes: the space.
+        name: of the parameter. role: test, trial or field_<name>, which texts of kernels begin
+            names with. nodes: the space.
         used: numbers of the slots that the form depends on.
     """
 
