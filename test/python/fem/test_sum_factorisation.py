@@ -58,7 +58,7 @@ def test_kernel_sums_axis_by_axis():
     rule = fem.RegularQuadrature(fem.Cells(grid), 6)
     fields = {"u": space.make_field(), "v": fem.make_test(space)}
     form = Form(gradient_only, fem.Cells(grid), rule, fields, {}, wp.get_device())
-    assert form.plan.lines_of("u") is not None and form.plan.lines_of("test") is not None
+    assert form.plan.lines_of("field_u") is not None and form.plan.lines_of("test") is not None
 
 
 @pytest.mark.parametrize("degree", [1, 2, 4])

@@ -55,18 +55,15 @@ def _component(element, rule, is_gradient, subscript):
     return numbers[(slice(None), slice(None), *place)]
 
 
-def literal_text(plan, by_rows=False) -> tuple:
-    """Text of the kernel of element matrices, and the reference tensors, (tensors, entries).
-
-    by_rows: a thread has a node of the test function, in place of all.
-    """
+def literal_text(plan) -> tuple:
+    """Text of the kernel of element matrices, and the reference tensors, (tensors, entries)."""
     test, trial, names = plan.test, plan.trial, plan.names
     names["Block"] = plan.block_dtype
     rows, columns = test.nodes.node_count, trial.nodes.node_count
     lines = [
         f"def literal(first: int, {plan.COMMON}, tensors: wp.array2d(dtype=Real), "
         "blocks: wp.array(dtype=Block)):",
-        f"    local{', i, part' if by_rows else ''} = wp.tid()",
+        "    local = wp.tid()",
         "    domain_element = first + local",
     ]
     plan.first_sample(lines)
@@ -86,12 +83,9 @@ def literal_text(plan, by_rows=False) -> tuple:
         entries.setdefault(key, []).append(f"{one.text} * t_{index}")
     size = rows * columns
     start = "i, " if plan.is_symmetric else ""
-    indent = "    "
-    if not by_rows:
-        lines.append(f"    for i in range({rows}):")
-        indent += "    "
-    lines.append(f"{indent}for j in range({start}{columns}):")
-    indent += "    "
+    indent = "            "
+    lines.append(f"    for i in range({rows}):")
+    lines.append(f"        for j in range({start}{columns}):")
     for i in range(len(tensors)):
         lines.append(f"{indent}t_{i} = tensors[{i}, i * {columns} + j]")
     block = "Block()" if not entries else block_text(
