@@ -287,8 +287,9 @@ class CudssFactors:
         shape, offsets, columns, values = rows_of(A)
         check_matrix(self.kind, self.scalar, shape, offsets, columns, values)
         rows = np.repeat(np.arange(shape[0]), np.diff(offsets))
-        order = np.lexsort((columns, rows))
-        columns, values = columns[order], values[order]
+        if (np.diff(rows * shape[1] + columns) <= 0).any():
+            order = np.lexsort((columns, rows))
+            columns, values = columns[order], values[order]
         pattern = (shape, offsets.tobytes(), columns.tobytes())
         self._condition, self._other = None, None
         with unrecorded():

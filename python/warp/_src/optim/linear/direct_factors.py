@@ -202,7 +202,12 @@ def check_matrix(kind, scalar, shape, offsets, columns, values):
 
 def _asymmetry(shape, offsets, columns, values):
     """The largest difference to the transposed matrix, over the largest number."""
-    rows = np.repeat(np.arange(shape[0]), np.diff(offsets))
+    rows = np.repeat(np.arange(shape[0], dtype=columns.dtype), np.diff(offsets))
+    most = np.abs(values).max(initial=0.0)
+    mirror = np.argsort(columns, kind="stable")
+    if np.array_equal(columns[mirror], rows) and np.array_equal(rows[mirror], columns):
+        # Sorted rows of a pattern that is its own transposed.
+        return float(np.abs(values - values[mirror]).max(initial=0.0) / most) if most else 0.0
     keys = rows.astype(np.int64) * shape[1] + columns
     others = columns.astype(np.int64) * shape[1] + rows
     ours, theirs = np.argsort(keys, kind="stable"), np.argsort(others, kind="stable")
@@ -210,5 +215,4 @@ def _asymmetry(shape, offsets, columns, values):
     a, b = np.zeros(len(every)), np.zeros(len(every))
     a[np.searchsorted(every, keys[ours])] = values[ours]
     b[np.searchsorted(every, others[theirs])] = values[theirs]
-    most = np.abs(values).max(initial=0.0)
     return float(np.abs(a - b).max(initial=0.0) / most) if most else 0.0
