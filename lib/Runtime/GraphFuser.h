@@ -21,7 +21,7 @@ namespace warp {
 class GraphFuser {
 public:
   GraphFuser(std::vector<NodeRecord> &records, const GraphSchedule &schedule);
-  FusedNodes run(bool joinsFills);
+  FusedNodes run();
 
 private:
   struct Launch {
@@ -45,12 +45,8 @@ private:
   void merge(const std::vector<int> &nodes, NodeRecord &record) const;
   std::vector<int> orderOfGroups() const;
 
-  // GraphFills.cpp: fills that are one node.
-  void joinFills();
-  std::vector<FillRegion> regionsOf(int group) const;
-
   // GraphFusionRules.cpp: launches that may be one.
-  std::string whyNot(int group, int node, bool hasEdge, bool &hasRows) const;
+  std::string whyNot(int group, int node, bool &hasRows) const;
   std::string whyNoRows(int group, int node) const;
   std::string whyOrdered(int group, int node, bool hasEdge) const;
   bool isShort(int node) const;

@@ -14,7 +14,6 @@
 #include "warp/Fusion.h"
 
 #include <algorithm>
-#include <cstdlib>
 #include <deque>
 #include <queue>
 #include <tuple>
@@ -62,7 +61,7 @@ void GraphFuser::join(int node) {
       return false;
     tried.push_back(group);
     bool hasRows = false;
-    std::string why = whyNot(group, node, hasEdge, hasRows);
+    std::string why = whyNot(group, node, hasRows);
     if (why.empty())
       why = whyOrdered(group, node, hasEdge);
     if (!why.empty()) {
@@ -97,22 +96,17 @@ void GraphFuser::join(int node) {
   }
 }
 
-/// Makes the record of launches or fills that are one.
+/// Makes the record of launches that are one.
 void GraphFuser::merge(const std::vector<int> &nodes,
                        NodeRecord &record) const {
-  bool areFills = records[nodes.front()].fill;
-  if (areFills)
-    record.name = std::to_string(nodes.size()) + " fills";
   for (int node : nodes) {
     const NodeRecord &part = records[node];
-    if (!areFills) {
-      record.name += (record.name.empty() ? "" : " + ") + part.name;
-      record.parts.push_back(part.name);
-    }
+    record.name += (record.name.empty() ? "" : " + ") + part.name;
     record.accesses.insert(record.accesses.end(), part.accesses.begin(),
                            part.accesses.end());
     record.threads = std::max(record.threads, part.threads);
     record.bytes += part.bytes;
+    record.parts.push_back(part.name);
   }
 }
 
@@ -209,16 +203,9 @@ std::vector<int> GraphFuser::orderOfGroups() const {
         path[order[i]] = std::max(path[order[i]], path[other] + 1);
     order.clear();
   }
-  // Fills begin with the first of them.
-  auto placeOf = [&](int group) {
-    const std::vector<int> &nodes = groups[group].nodes;
-    if (graphTrial() & 64 && nodes.size() > 1 && records[nodes.front()].fill &&
-        before(group).empty())
-      return -1;
-    return records[nodes.front()].fill ? nodes.front() : nodes.back();
-  };
   auto later = [&](int a, int b) {
-    return std::tuple(-path[a], placeOf(a)) > std::tuple(-path[b], placeOf(b));
+    return std::tuple(-path[a], groups[a].nodes.back()) >
+           std::tuple(-path[b], groups[b].nodes.back());
   };
   std::priority_queue<int, std::vector<int>, decltype(later)> ready(
       later, std::vector<int>(first));
@@ -231,7 +218,7 @@ std::vector<int> GraphFuser::orderOfGroups() const {
   return order;
 }
 
-FusedNodes GraphFuser::run(bool joinsFills) {
+FusedNodes GraphFuser::run() {
   for (size_t i = 0; i < records.size() && fusesLaunches(); ++i)
     if (records[i].launch)
       join(int(i));
@@ -244,17 +231,12 @@ FusedNodes GraphFuser::run(bool joinsFills) {
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
       made[int(group)] = std::move(fused);
-  if (joinsFills && fusesLaunches() && !(graphTrial() & 8))
-    joinFills();
   FusedNodes result;
   for (int group : orderOfGroups()) {
     NodeRecord record;
     if (auto fused = made.find(group); fused != made.end()) {
       merge(groups[group].nodes, record);
       result.launches[result.records.size()] = std::move(fused->second);
-    } else if (groups[group].nodes.size() > 1) {
-      merge(groups[group].nodes, record);
-      result.fills[result.records.size()] = regionsOf(group);
     } else {
       record = records[groups[group].nodes.front()];
     }
@@ -265,13 +247,8 @@ FusedNodes GraphFuser::run(bool joinsFills) {
 }
 
 FusedNodes warp::fuseLaunches(std::vector<NodeRecord> &records,
-                              const GraphSchedule &schedule, bool joinsFills) {
-  return GraphFuser(records, schedule).run(joinsFills);
-}
-
-int warp::graphTrial() {
-  const char *text = std::getenv("WARP_GRAPH_TRIAL");
-  return text ? std::atoi(text) : 0;
+                              const GraphSchedule &schedule) {
+  return GraphFuser(records, schedule).run();
 }
 
 std::vector<std::vector<int>> warp::chainOf(size_t count) {

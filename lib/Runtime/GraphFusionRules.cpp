@@ -182,8 +182,7 @@ std::string GraphFuser::whyNoRows(int group, int node) const {
 
 /// Why a launch cannot be part of a group; empty if it can, of one with rows
 /// if `hasRows` is set.
-std::string GraphFuser::whyNot(int group, int node, bool hasEdge,
-                               bool &hasRows) const {
+std::string GraphFuser::whyNot(int group, int node, bool &hasRows) const {
   const std::vector<int> &members = groups[group].nodes;
   hasRows = groups[group].hasRows;
   if (!launches[node].why.empty())
@@ -197,8 +196,7 @@ std::string GraphFuser::whyNot(int group, int node, bool hasEdge,
     // The output of one launch stays before that of the next one.
     if (prints(node) && prints(member))
       return "both of them print";
-    if (leavesRoom(node) && isOnLongest(node) != isOnLongest(member) &&
-        !(graphTrial() & 2 && !hasEdge))
+    if (leavesRoom(node) && isOnLongest(node) != isOnLongest(member))
       return "only one of them is on the longest path";
     if (!launches[member].why.empty())
       return "of '" + records[member].name + "': " + launches[member].why;

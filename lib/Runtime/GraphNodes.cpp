@@ -213,8 +213,6 @@ NodeRecord warp::recordOf(const GraphTrace &trace, size_t first, size_t last) {
     recorder.add(trace.operations[i]);
   if (last - first == 1 && trace.operations[first].kind == Kind::Launch)
     record.launch = &trace.operations[first];
-  if (last - first == 1 && trace.operations[first].kind == Kind::FillBytes)
-    record.fill = &trace.operations[first];
   return record;
 }
 

@@ -40,8 +40,6 @@ struct NodeRecord {
   int64_t threads = 0, bytes = 0;
   /// The only operation, if that is a launch.
   const GraphOperation *launch = nullptr;
-  /// The same of a fill of memory without gaps.
-  const GraphOperation *fill = nullptr;
   /// The launches of a fused one, and why it is not fused with one before.
   std::vector<std::string> parts;
   std::string apart;

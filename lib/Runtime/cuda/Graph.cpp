@@ -453,7 +453,7 @@ CudaCapture::instantiate(GraphHandle graph,
                          std::shared_ptr<const GraphSchedule> &schedule) {
   cuda::GraphExec exec = nullptr;
   cuda::Result result = cuda::graphDriver().instantiate(&exec, graph, 0);
-  while (result != cuda::success && rewriter.hasChanges()) {
+  if (result != cuda::success && rewriter.hasChanges()) {
     if (std::string why = rewriter.undo(); !why.empty())
       schedule = cuda::keptSchedule(why);
     result = cuda::graphDriver().instantiate(&exec, graph, 0);

@@ -7,7 +7,7 @@
 #ifndef WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
 #define WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
 
-#include "GraphGroups.h"
+#include "GraphDriver.h"
 #include "GraphTrace.h"
 #include "warp/Device.h"
 #include "warp/Graph.h"
@@ -17,6 +17,13 @@
 #include <vector>
 
 namespace warp::cuda {
+
+struct GraphEdge {
+  GraphNode from, to;
+  EdgeData data;
+
+  auto operator<=>(const GraphEdge &) const = default;
+};
 
 /// Exchanges edges of graphs, and launches for fused ones.
 class GraphRewriter {
@@ -34,11 +41,9 @@ public:
     bodies[node] = std::move(body);
   }
   /// True if edges were exchanged.
-  bool hasChanges() const { return !changes.empty() || !joins.empty(); }
-  /// Takes back what a driver may refuse, one thing a call. Kernels no longer
-  /// start early behind one of several nodes. Then all graphs get the edges of
-  /// their recording back; those with fused launches keep theirs, but kernels
-  /// no longer start early. Says if nodes have the order of the recording.
+  bool hasChanges() const { return !changes.empty(); }
+  /// All graphs get the edges of their recording back; those with fused
+  /// launches keep theirs, but kernels no longer start early. Says what it did.
   std::string undo();
   /// The kernels that were made, which the graph keeps.
   std::vector<std::shared_ptr<Kernel>> kernels;
@@ -49,13 +54,9 @@ private:
     std::vector<GraphEdge> removed, added;
   };
   void apply(const Change &change);
-  void startEarly(Change change);
 
   int device;
-  /// Nodes were exchanged, too.
-  bool hasFused = false;
-  /// Edges, and edges that let a kernel with several predecessors start early.
-  std::vector<Change> changes, joins;
+  std::vector<Change> changes;
   std::map<GraphNode, std::shared_ptr<const GraphSchedule>> bodies;
 };
 

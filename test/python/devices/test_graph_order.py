@@ -318,7 +318,7 @@ def test_launches_and_copies_of_nothing_are_left_out(device):
 
 
 def test_fills_of_many_types_and_lengths(device):
-    """Fills that are one kernel on a GPU write the bytes that NumPy writes, and no others."""
+    """Fills of a graph write the bytes that NumPy writes, and no others."""
     rng = np.random.default_rng(3)
     cases = []
     for dtype, value, number in (
@@ -349,9 +349,6 @@ def test_fills_of_many_types_and_lengths(device):
         found = array.numpy().reshape(expected.shape)
         np.testing.assert_array_equal(found, expected, f"{array.dtype} {where} {value}")
     np.testing.assert_array_equal(x.numpy(), np.zeros(100, np.float32))
-    if x.device.is_cuda:
-        names = [node.name for node in capture.graph.schedule().nodes]
-        assert any(name.endswith(" fills") for name in names), names
 
 
 def test_options(device):

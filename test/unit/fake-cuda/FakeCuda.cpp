@@ -352,23 +352,6 @@ EXPORT int cuModuleUnload(void *module) {
   delete static_cast<std::string *>(module);
   return success;
 }
-namespace {
-/// The argument of the kernel that fills regions.
-struct Fills {
-  struct {
-    uint64_t begin, end;
-    char pattern[16];
-  } regions[64];
-  int firsts[64], count;
-
-  int run() const {
-    for (int i = 0; i < count; ++i)
-      for (uint64_t at = regions[i].begin; at < regions[i].end; ++at)
-        *reinterpret_cast<char *>(at) = regions[i].pattern[at % 16];
-    return success;
-  }
-};
-} // namespace
 /// The launch that comes next may start before its predecessor has ended.
 static thread_local bool isProgrammatic = false;
 EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
@@ -382,15 +365,6 @@ EXPORT int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz,
     bool negated = *static_cast<unsigned *>(arguments[2]);
     return fakeRecordCondition(stream, handle, value, negated) ? success
                                                                : invalidValue;
-  }
-  if (code && code->find("fill_regions(") != std::string::npos) {
-    noteOrder("fill");
-    Fills fills = *static_cast<Fills *>(arguments[0]);
-    return fakeRecord(
-               stream, [fills] { return fills.run(); }, function,
-               isProgrammatic)
-               ? success
-               : fills.run();
   }
   char text[128];
   std::snprintf(text, sizeof(text), "(%u, %u, %u) x (%u, %u, %u)", gx, gy, gz,

@@ -322,16 +322,8 @@ EXPORT int cuGraphAddChildGraphNode(Node **node, Graph *graph,
 }
 /// Edges of the graph that was instantiated last that let a kernel start early.
 static int programmaticEdges = 0;
-/// Graphs are refused in which a kernel starts early behind one of several.
-static bool refusesJoins = false;
-EXPORT void fakeCudaSetRefusesJoins(bool refuses) { refusesJoins = refuses; }
 EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
                                        unsigned long long) {
-  for (const auto &node : graph->nodes)
-    for (const auto &edge : node->before)
-      if (refusesJoins && edge.second == programmaticEdge &&
-          node->before.size() > 1)
-        return notSupported;
   // One executable alone of a graph with branches or loops.
   if (graph->hasExecutable && !graph->bodies.empty())
     return notSupported;
