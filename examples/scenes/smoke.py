@@ -13,7 +13,7 @@ import warp as wp
 import warp.sparse
 from warp.optim import linear
 
-# [s]; lengths are in cells.
+# [s]; lengths are in cells, and LIFT is for 56 cells in a unit of length.
 DT, LIFT, SUBSTEPS = 0.8, 0.16, 3
 
 
@@ -54,7 +54,10 @@ def advect(
     lift: float,
     out: wp.array3d[wp.vec4],
 ):
-    """Velocity and smoke, carried along; heat lifts, a ring feeds, a ball stands in the way."""
+    """Velocity and smoke, carried along; heat lifts, a ring feeds, a ball stands in the way.
+
+    Smoke thins out in front of the walls.
+    """
     i, j, k = wp.tid()
     p = wp.vec3(float(i), float(j), float(k))
     half = p - 0.5 * dt * speed_of(field[i, j, k])
@@ -66,7 +69,10 @@ def advect(
     puff = 0.7 + 0.3 * wp.sin(0.35 * t + 3.0 * wp.atan2(x[2], x[0]))
     smoke = wp.max(value[3] * (1.0 - 0.004 * dt), near * puff)
     up = value[1] + dt * lift * value[3] * (1.0 + 0.25 * wp.sin(0.21 * t))
-    v = wp.vec3(value[0] + 0.03 * dt * wp.sin(0.13 * t) * value[3], up, value[2])
+    aside = 0.19 * lift * dt * wp.sin(0.13 * t) * value[3]
+    v = wp.vec3(value[0] + aside, up, value[2])
+    wall = wp.min(0.5 * float(field.shape[0]) - wp.max(wp.abs(x[0]), wp.abs(x[2])), 2.0 * n - p[1])
+    smoke *= 1.0 - 0.25 * wp.clamp(1.0 - wall / (0.15 * n), 0.0, 1.0)
     if wp.length(p - wp.vec3(ball[0], ball[1], ball[2])) < ball[3]:
         v = wp.vec3()
         smoke = 0.0
@@ -157,7 +163,9 @@ class Gas:
 
     def step(self):
         now, then = self.field
-        inputs = [now, self.ball, self.time, DT, LIFT]
+        # The same flow on any grid.
+        lift = LIFT * self.shape[1] / 112.0
+        inputs = [now, self.ball, self.time, DT, lift]
         wp.launch(advect, self.shape, inputs, [then], device=self.device)
         wp.launch(divergence, self.shape, [then], [self.wrong], device=self.device)
         before = np.abs(self.wrong.numpy()).max()
