@@ -126,6 +126,14 @@ def profile(options: argparse.Namespace, scene: str, package: Path | None) -> di
     raise SystemExit(f"{scene} failed:\n" + "\n".join(done.stderr.splitlines()[-8:]))
 
 
+def difference(ours: dict, peer: dict | None) -> str:
+    """The largest distance of the states after as many steps, relative to the largest number."""
+    if peer is None or len(ours["final"]) != len(peer["final"]):
+        return ""
+    gap = max(abs(a - b) for a, b in zip(ours["final"], peer["final"], strict=True))
+    return f", states differ by {gap / max(1.0, *map(abs, peer['final'])):.1e}"
+
+
 def show(scene: str, worlds: int, ours: dict, peer: dict | None) -> None:
     """Prints the table of a scene."""
     other = peer or {"step_us": float("nan"), "launches": float("nan"), "kernels": {}}
@@ -133,7 +141,7 @@ def show(scene: str, worlds: int, ours: dict, peer: dict | None) -> None:
     print(
         f"{scene}, {worlds} worlds: a step {ours['step_us']:.1f} us (peer {other['step_us']:.1f}), "
         f"{rate:.3f} M steps/s, {ours['launches']:.0f} launches (peer {other['launches']:.0f}), "
-        f"first step {ours['first_s']:.2f} s"
+        f"first step {ours['first_s']:.2f} s{difference(ours, peer)}"
     )
     print(f"{'us':>10}{'peer us':>10}{'ratio':>8}{'launches':>10}{'MB':>9}  kernel")
     kernels = sorted(ours["kernels"].items(), key=lambda item: -item[1][1])
@@ -142,7 +150,7 @@ def show(scene: str, worlds: int, ours: dict, peer: dict | None) -> None:
         known = theirs is not None and theirs[1] > 0
         ratio = microseconds / theirs[1] if known else float("nan")
         row = f"{microseconds:10.1f}{theirs[1] if known else float('nan'):10.1f}{ratio:8.2f}"
-        row += f"{count:10.0f}{size / max(count, 1):9.2f}  {name[:60]}"
+        row += f"{count:10.1f}{size / max(count, 1):9.2f}  {name[:60]}"
         print(row + (" slower" if ratio > 1.05 else ""))
     for name in sorted(set(other["kernels"]) - set(ours["kernels"])):
         print(f"{'':>10}{other['kernels'][name][1]:10.1f}{'':>27}  {name[:60]}, the peer's alone")
