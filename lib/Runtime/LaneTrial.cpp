@@ -13,7 +13,7 @@
 
 using namespace warp;
 
-/// Launches of a trial.
+/// Launches of a trial that count.
 static constexpr size_t launchesOfTrial = 7;
 /// Four pieces are an eighth of a launch, half of a small one, and have at most
 /// so many indices each; fewer than the least are not worth a look at the
@@ -56,7 +56,7 @@ int64_t TrialRatios::pieceOf(int64_t items) const {
 
 int64_t TrialRatios::placeOf(int64_t items) const {
   int64_t last = items - 4 * pieceOf(items), number = launches.size();
-  int64_t part = last / (int64_t(launchesOfTrial) * leastPiece);
+  int64_t part = last / (int64_t(launchesOfTrial + cold) * leastPiece);
   return std::min(number * part * leastPiece, last);
 }
 
@@ -67,9 +67,9 @@ void TrialRatios::record(int64_t piece, double chosenTime, double plainTime) {
 }
 
 std::optional<TrialTimes> TrialRatios::result() const {
-  if (launches.size() < launchesOfTrial)
+  if (launches.size() < launchesOfTrial + cold)
     return std::nullopt;
-  std::vector<TrialTimes> sorted = launches;
+  std::vector<TrialTimes> sorted(launches.begin() + cold, launches.end());
   auto middle = sorted.begin() + sorted.size() / 2;
   std::nth_element(sorted.begin(), middle, sorted.end(),
                    [](const TrialTimes &x, const TrialTimes &y) {

@@ -9,7 +9,8 @@
 // them from another part of it: a processor that sees the same indices again
 // predicts their branches, which scalar code has more of. Work differs from
 // index to index and other processes come in between, so the ratio of a launch
-// counts once, and their median decides. The quicker code stays, and the cache
+// counts once, and their median decides; the first two launches, whose code is
+// cold, do not count. The quicker code stays, and the cache
 // remembers the times beside the code.
 //
 // `TrialRatios` are the rules, without a clock and without threads.
@@ -49,6 +50,9 @@ struct TrialTimes {
 /// The rules of a trial.
 class TrialRatios {
 public:
+  TrialRatios() = default;
+  /// The first launches, as many as `cold`, do not count.
+  explicit TrialRatios(size_t cold) : cold(cold) {}
   /// Indices of a piece of a launch with that many; 0 if it is too small.
   int64_t pieceOf(int64_t items) const;
   /// The first index of the pieces of the next launch, which has so many.
@@ -59,6 +63,7 @@ public:
   std::optional<TrialTimes> result() const;
 
 private:
+  size_t cold = 0;
   std::vector<TrialTimes> launches;
 };
 
@@ -106,7 +111,8 @@ private:
   std::atomic<int64_t> patience{20'000'000};
   std::atomic<const DeviceCode *> scalar{nullptr};
   mutable ForkMutex mutex;
-  TrialRatios ratios;
+  /// Caches and branch predictors do not know the code in the first launches.
+  TrialRatios ratios{/*cold=*/2};
   std::optional<TrialTimes> times;
   std::atomic<bool> open{true};
 };

@@ -26,13 +26,13 @@ TEST(TrialRatios, PiecesAreAPartOfALaunch) {
 // A launch of the same indices is not measured at the same ones each time.
 TEST(TrialRatios, EachLaunchIsMeasuredElsewhere) {
   for (int64_t items : {512, 1000, 18736, 1 << 24}) {
-    TrialRatios ratios;
+    TrialRatios ratios(/*cold=*/2);
     int64_t end = 0, piece = ratios.pieceOf(items);
-    for (int launch = 0; launch < 7; ++launch) {
+    for (int launch = 0; launch < 9; ++launch) {
       int64_t place = ratios.placeOf(items);
       EXPECT_EQ(place % 64, 0);
       EXPECT_LE(place + 4 * piece, items);
-      if (4 * 7 * piece + 7 * 64 <= items) {
+      if (4 * 9 * piece + 9 * 64 <= items) {
         EXPECT_GE(place, end);
       }
       end = place + 4 * piece;
@@ -41,10 +41,11 @@ TEST(TrialRatios, EachLaunchIsMeasuredElsewhere) {
   }
 }
 
-// Launches that something else came into count no more than others.
+// Launches that something else came into count no more than others, cold ones
+// not at all.
 TEST(TrialRatios, TheMedianDecides) {
-  TrialRatios ratios;
-  double scalarTimes[] = {900, 800, 1e6, 850, 870, 2000, 860};
+  TrialRatios ratios(/*cold=*/2);
+  double scalarTimes[] = {9e6, 8e6, 900, 800, 1e6, 850, 870, 2000, 860};
   for (double scalar : scalarTimes) {
     EXPECT_FALSE(ratios.result());
     ratios.record(64, 1280, scalar);
@@ -100,7 +101,7 @@ TEST(LaneTrial, RunsEachIndexOnce) {
   NoCode code;
   trial.begin(&code);
   EXPECT_EQ(trial.scalarCode(), &code);
-  for (int launch = 0; launch < 7; ++launch) {
+  for (int launch = 0; launch < 9; ++launch) {
     EXPECT_TRUE(trial.isOpen());
     EXPECT_FALSE(trial.result());
     int64_t first = -1, next = -1, byLanes = 0;
