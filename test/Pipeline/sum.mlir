@@ -9,6 +9,7 @@
 // CHECK: .shared {{.*}}[128]
 // CHECK-NOT: ret;
 // CHECK: ld.global.b32
+// CHECK: bar.warp.sync
 // CHECK-COUNT-5: shfl.sync.down.b32
 // CHECK: st.shared
 // CHECK: bar.sync

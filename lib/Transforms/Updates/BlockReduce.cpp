@@ -154,6 +154,10 @@ SmallVector<Value> warp::BlockReduce::reduceTogether(AtomicKind kind,
 }
 
 SmallVector<Value> warp::BlockReduce::reduce(ArrayRef<Reduced> reduced) {
+  // Threads without an index come first. Shuffles should wait for the others,
+  // but sums of such warps were lost on an H200 where those had run a loop with
+  // a call.
+  synchronizeWarp(b, loc);
   llvm::MapVector<std::pair<AtomicKind, Type>, SmallVector<unsigned>> alike;
   for (auto [i, one] : llvm::enumerate(reduced))
     alike[{one.kind, one.type}].push_back(i);
