@@ -89,3 +89,30 @@ def test_gradient_of_a_matrix_that_all_threads_use(device):
     tape.backward(grads={y: wp.array(seed, dtype=vector, device=device)})
     wanted = seed.astype(np.float32).astype(np.float64).T @ x.astype(np.float32)
     np.testing.assert_allclose(weights.grad.numpy(), wanted, rtol=1e-5, atol=1e-4)
+
+
+@wp.kernel
+def count_in_loops(x: wp.array(dtype=wp.float64), n: int, c: wp.array(dtype=int)):
+    a = x[wp.tid()]
+    for k in range(n):
+        if a > wp.float64(0.5):
+            wp.atomic_add(c, 0, 1)
+        if a < wp.float64(0.2):
+            wp.atomic_add(c, 1, 1)
+        if k % 2 == 0:
+            wp.atomic_add(c, 2, 1)
+        a = wp.sin(wp.float64(3.0) * a)
+
+
+@pytest.mark.parametrize("threads", [1, 31, 32, 33, 40, 300])
+def test_counts_of_warps_with_idle_threads(threads, device):
+    """A sine of 64 bits has a rare path that calls a function, in a loop before the sum."""
+    start = np.random.default_rng(threads).uniform(-1, 1, threads)
+    x = wp.array(start, dtype=wp.float64, device=device)
+    c = wp.zeros(3, dtype=int, device=device)
+    wp.launch(count_in_loops, threads, [x, 5, c], device=device)
+    wanted, a = np.zeros(3, dtype=int), start
+    for k in range(5):
+        wanted += [(a > 0.5).sum(), (a < 0.2).sum(), threads * (k % 2 == 0)]
+        a = np.sin(3.0 * a)
+    assert c.numpy().tolist() == wanted.tolist()
