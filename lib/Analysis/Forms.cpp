@@ -46,12 +46,18 @@ static std::optional<int64_t> getConstant(Value value) {
 }
 
 std::optional<int64_t> warp::getConstantInteger(Value value) {
-  while (auto cast = value.getDefiningOp<CastOp>()) {
-    if (getIntegerBits(cast.getSource().getType()) == 0)
-      break;
-    value = cast.getSource();
-  }
-  return getConstant(value);
+  auto cast = value.getDefiningOp<CastOp>();
+  if (!cast || getIntegerBits(cast.getSource().getType()) == 0)
+    return getConstant(value);
+  std::optional<int64_t> source = getConstantInteger(cast.getSource());
+  unsigned bits = getIntegerBits(value.getType());
+  // A number as a condition, or as a float, is what it was.
+  if (!source || bits <= 1 || bits >= 64)
+    return source;
+  auto kept = APInt(64, *source, /*isSigned=*/true).trunc(bits);
+  return value.getType().isUnsignedInteger()
+             ? std::optional<int64_t>(kept.getZExtValue())
+             : std::optional<int64_t>(kept.getSExtValue());
 }
 
 //===----------------------------------------------------------------------===//

@@ -389,3 +389,56 @@ def test_values_of_loops_with_a_bounded_length(device):
     for one, got in ((0, x.grad), (1, w.grad)):
         wanted = [slope(one, j) for j in range(len((start, weights)[one]))]
         np.testing.assert_allclose(got.numpy(), wanted, rtol=1e-11, atol=1e-13)
+
+
+def wrapping_loops():
+    """Loops with a counter that wraps, or with a bound that a cast wraps, and their numbers."""
+
+    @wp.kernel
+    def signed(x: wp.array(dtype=wp.float64), most: int):
+        i = wp.tid()
+        a = x[i]
+        k = int(0)
+        n = int(0)
+        while k < 2000000000:
+            a = a + wp.float64(0.1) * wp.sin(a)
+            k += 1500000000
+            n += 1
+            if n >= most:
+                break
+        x[i] = a
+
+    @wp.kernel
+    def unsigned(x: wp.array(dtype=wp.float64), most: int):
+        i = wp.tid()
+        a = x[i]
+        k = wp.uint32(0)
+        n = int(0)
+        while k < wp.uint32(-1):
+            a = a + wp.float64(0.1) * wp.sin(a)
+            k += wp.uint32(1)
+            n += 1
+            if n >= most:
+                break
+        x[i] = a
+
+    # 1500000000 k, as 32 bits with a sign, is at least 2000000000 for k = 10 first.
+    return (signed, 10), (unsigned, 300)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_values_of_loops_whose_counter_wraps(which, device):
+    """The bound of a counter says nothing about the trips if the next step leaves its type."""
+    kernel, trips = wrapping_loops()[which]
+    start = rng.uniform(0.2, 2.0, 9)
+    first = wp.array(start, dtype=wp.float64, device=device, requires_grad=True)
+    x = wp.zeros_like(first)
+    with wp.Tape(preserve="auto") as tape:
+        wp.copy(x, first)
+        wp.launch(kernel, 9, [x, 300], device=device)
+    wanted = start + 1e-30j
+    for _ in range(trips):
+        wanted = wanted + 0.1 * np.sin(wanted)
+    np.testing.assert_allclose(x.numpy(), wanted.real, rtol=1e-12)
+    tape.backward(grads={x: wp.ones(9, dtype=wp.float64, device=device)})
+    np.testing.assert_allclose(first.grad.numpy(), wanted.imag / 1e-30, rtol=1e-11)

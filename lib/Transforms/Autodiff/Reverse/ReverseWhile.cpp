@@ -319,6 +319,16 @@ static std::optional<int64_t> findMost(Value value) {
   return x && y ? std::optional(std::max(*x, *y)) : std::nullopt;
 }
 
+/// True if a counter below `most` may leave its type with the next step, and
+/// be below again.
+static bool mayWrap(Type type, int64_t most, int64_t step) {
+  unsigned bits = type.getIntOrFloatBitWidth();
+  auto largest = type.isUnsignedInteger() ? APInt::getMaxValue(bits)
+                                          : APInt::getSignedMaxValue(bits);
+  APInt last = APInt(128, most, /*isSigned=*/true) - 1 + step;
+  return last.sgt(largest.zext(128));
+}
+
 /// How often `index < bound` can hold for a state that grows by a constant in
 /// each iteration; none if that is not known.
 static std::optional<int64_t> countBelow(scf::WhileOp op, Value index,
@@ -335,7 +345,8 @@ static std::optional<int64_t> countBelow(scf::WhileOp op, Value index,
     return std::nullopt;
   for (unsigned i : {0, 1}) {
     auto step = warp::getConstantInteger(next->getOperand(1 - i));
-    if (step && *step > 0 && trace(next->getOperand(i)) == state)
+    if (step && *step > 0 && trace(next->getOperand(i)) == state &&
+        !mayWrap(index.getType(), *most, *step))
       return std::max<int64_t>(llvm::divideCeilSigned(*most - *first, *step),
                                0);
   }
