@@ -171,10 +171,7 @@ def main() -> None:
     options.wheel.unlink()
     for tag, held in made.items():
         wheel = options.wheel.parent / f"{stem}-{tag}-{tag}-{PLATFORM}.whl"
-        write_wheel(wheel, retagged(held, tag))
-        if options.level != "0":
-            subprocess.run(["advzip", "-z", f"-{options.level}", "-q", wheel], check=True)
-        print(f"{wheel} {wheel.stat().st_size:,} bytes", flush=True)
+        write_wheel(wheel, retagged(held, tag), options.level)
 
 
 if __name__ == "__main__":

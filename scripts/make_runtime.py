@@ -88,10 +88,7 @@ def main() -> None:
         pure=False,
         details=[f"Summary: {SUMMARY}", "License-Expression: Apache-2.0"],
     )
-    write_wheel(wheel, read_wheel(wheel))
-    if options.level != "0":
-        subprocess.run(["advzip", "-z", f"-{options.level}", "-q", wheel], check=True)
-    print(f"{wheel} {wheel.stat().st_size:,} bytes")
+    write_wheel(wheel, read_wheel(wheel), options.level)
 
 
 if __name__ == "__main__":

@@ -45,10 +45,7 @@ def main() -> None:
         pure=False,
         details=details,
     )
-    write_wheel(wheel, read_wheel(wheel))
-    if options.level != "0":
-        subprocess.run(["advzip", "-z", f"-{options.level}", "-q", wheel], check=True)
-    print(f"{wheel} {wheel.stat().st_size:,} bytes")
+    write_wheel(wheel, read_wheel(wheel), options.level)
 
 
 if __name__ == "__main__":

@@ -100,10 +100,7 @@ def main() -> None:
             "Requires-Python: >=3.10",
         ],
     )
-    write_wheel(wheel, read_wheel(wheel))
-    if options.level != "0":
-        subprocess.run(["advzip", "-z", f"-{options.level}", "-q", wheel], check=True)
-    print(f"{wheel} {wheel.stat().st_size:,} bytes")
+    write_wheel(wheel, read_wheel(wheel), options.level)
 
 
 if __name__ == "__main__":

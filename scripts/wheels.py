@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import subprocess
 import zipfile
 from pathlib import Path
 
@@ -68,8 +69,14 @@ def read_wheel(wheel: Path) -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def write_wheel(wheel: Path, entries: dict[str, bytes]) -> None:
-    """Writes a compressed wheel, with a record of its entries in place of the one they have."""
+def write_wheel(wheel: Path, entries: dict[str, bytes], level: str) -> None:
+    """Writes a compressed wheel, with a record of its entries in place of the one they have.
+
+    Prints its size.
+
+    Args:
+        level: of advzip, which makes it smaller; "0" for none.
+    """
     record = next(name for name in entries if name.endswith(".dist-info/RECORD"))
     lines = []
     with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
@@ -79,3 +86,6 @@ def write_wheel(wheel: Path, entries: dict[str, bytes]) -> None:
                 lines.append(f"{name},sha256={digest.decode()},{len(data)}\n")
                 archive.writestr(entry(name), data, zipfile.ZIP_DEFLATED, 1)
         archive.writestr(record, "".join(lines) + f"{record},,\n")
+    if level != "0":
+        subprocess.run(["advzip", "-z", f"-{level}", "-q", wheel], check=True)
+    print(f"{wheel} {wheel.stat().st_size:,} bytes", flush=True)
