@@ -12,6 +12,7 @@ import sys
 import pytest
 
 import pickle_cases
+import pickle_registry
 import warp as wp
 
 MODULES = (
@@ -45,9 +46,9 @@ def copies(request):
     """The facts of the copies in another process, by name of the case."""
     pickler = picklers()[request.param]
     data, found = {}, {}
-    for name in pickle_cases.CASES:
+    for name in pickle_registry.CASES:
         try:
-            data[name] = pickler.dumps(pickle_cases.make(name))
+            data[name] = pickler.dumps(pickle_registry.make(name))
         except Exception as problem:
             found[name] = repr(problem)
     done = subprocess.run(
@@ -61,19 +62,19 @@ def copies(request):
     return found | json.loads(done.stdout.decode().splitlines()[-1])
 
 
-@pytest.mark.parametrize("name", pickle_cases.CASES)
+@pytest.mark.parametrize("name", pickle_registry.CASES)
 def test_copies_do_what_the_original_does(copies, name):
-    wanted = json.loads(json.dumps(pickle_cases.facts(pickle_cases.make(name))))
+    wanted = json.loads(json.dumps(pickle_cases.facts(pickle_registry.make(name))))
     assert copies[name] == wanted, copies[name]
 
 
-@pytest.mark.parametrize("name", pickle_cases.STAYS)
+@pytest.mark.parametrize("name", pickle_registry.STAYS)
 def test_an_error_says_what_to_send(name):
-    value = pickle_cases.make(name)
+    value = pickle_registry.make(name)
     for pickler in picklers().values():
         with pytest.raises(TypeError, match="cannot pickle ") as caught:
             pickler.dumps(value)
-        assert pickle_cases.STAYS[name][1] in str(caught.value)
+        assert pickle_registry.STAYS[name][1] in str(caught.value)
 
 
 # Values of kernels, helpers of `with` blocks, and classes to derive from or to annotate with.
@@ -101,8 +102,8 @@ def public_classes():
 
 def test_every_public_class_has_a_case():
     """Types of elements, enumerations and errors have tests of their own."""
-    names = [*pickle_cases.CASES, *pickle_cases.STAYS]
-    objects = [pickle_cases.make(name) for name in names]
+    names = [*pickle_registry.CASES, *pickle_registry.STAYS]
+    objects = [pickle_registry.make(name) for name in names]
     left = []
     for cls, name in public_classes().items():
         composite = hasattr(cls, "_wp_scalar_type_") or issubclass(cls, wp.types.scalar_base)
