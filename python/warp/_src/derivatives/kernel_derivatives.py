@@ -309,8 +309,10 @@ class KernelDerivative:
 
     @property
     def may_run_again(self) -> bool:
-        """True if arrays as they were before the launch may only be needed to run that again, or
-        where its loops read an element before they write it."""
+        """True if the adjoint may do without copies of arrays from before the launch.
+
+        It needs them to run the launch again, or where loops read an element before they write it.
+        """
         if self._metrics.get("ordered_reads"):
             return not any(one.kind == "saved" for one in self.hidden)
         return self.recording is not None and not any(

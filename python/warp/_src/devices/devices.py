@@ -20,6 +20,9 @@ from warp._src.forks import shared_lock
 from warp._src.version import VERSION
 
 CPU = -1
+# Numbers of `CUdevice_attribute`.
+_HOST_NATIVE_ATOMIC, _PAGEABLE_MEMORY_ACCESS = 86, 88
+_CONCURRENT_MANAGED_ACCESS, _DIRECT_MANAGED_ACCESS_FROM_HOST = 89, 101
 
 
 class Device:
@@ -100,25 +103,25 @@ class Device:
     @property
     def is_concurrent_managed_access_supported(self) -> bool:
         """True if the host may use managed memory while kernels of a GPU run."""
-        return self._driver_says(89)
+        return self._has_attribute(_CONCURRENT_MANAGED_ACCESS)
 
     @property
     def is_cpu_memory_access_from_gpu_supported(self) -> bool:
         """True if kernels of a GPU may use memory of the host that is not pinned."""
-        return self._driver_says(88)
+        return self._has_attribute(_PAGEABLE_MEMORY_ACCESS)
 
     @property
     def is_gpu_memory_access_from_cpu_supported(self) -> bool:
         """True if the host may use managed memory on a GPU without moving it."""
-        return self._driver_says(101)
+        return self._has_attribute(_DIRECT_MANAGED_ACCESS_FROM_HOST)
 
     @property
     def is_cpu_gpu_atomic_supported(self) -> bool:
         """True if atomics of a GPU and of the host on the same memory are native ones."""
-        return self._driver_says(86)
+        return self._has_attribute(_HOST_NATIVE_ATOMIC)
 
-    def _driver_says(self, attribute: int) -> bool:
-        """A `CUdevice_attribute` of a GPU, by its number; False for the CPU."""
+    def _has_attribute(self, attribute: int) -> bool:
+        """True if the driver says so of a GPU; `attribute` is a `CUdevice_attribute`."""
         if self.is_cpu:
             return False
         driver, value = ctypes.CDLL("libcuda.so.1"), ctypes.c_int()

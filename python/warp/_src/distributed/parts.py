@@ -116,4 +116,5 @@ def copying(target, source):
 
 
 def clearing(one):
+    """A function that sets an array to zero."""
     return functools.partial(_native.fill_array, one, bytes(one.item_size))

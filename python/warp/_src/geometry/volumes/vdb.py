@@ -16,7 +16,7 @@ _LENGTH = 1024
 
 
 def _places(name):
-    """Where the component may be, and the libraries to be loaded before it."""
+    """Paths of the component that are tried in turn, with the libraries to load before each."""
     yield pathlib.Path(_native.__file__).parent / name, ()
     try:
         wheel = importlib.import_module("warp_mlir_vdb")
