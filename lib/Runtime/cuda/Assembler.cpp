@@ -89,7 +89,7 @@ static std::vector<char> readAll(int file) {
 /// the end of a pipe that the child has the other end of.
 static bool succeeds(pid_t child, int ended) {
   // A look at the child, too: others may have the pipe by a fork.
-  static constexpr int pause = 50;
+  static constexpr int pause = 50; // Milliseconds.
   for (;;) {
     char text[256];
     pollfd end{ended, POLLIN, 0};
@@ -146,7 +146,7 @@ static bool run(std::vector<const char *> arguments,
 }
 
 //===----------------------------------------------------------------------===//
-// Which program
+// Choice of the program
 //===----------------------------------------------------------------------===//
 
 /// A file, nothing, or "auto".

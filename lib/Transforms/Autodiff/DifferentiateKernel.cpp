@@ -227,7 +227,7 @@ struct DifferentiateKernel
     return success();
   }
 
-  /// Finds values that the launch has left, or found.
+  /// Finds loads whose values the order of writes recovers, without a log.
   void compareOrders(func::FuncOp kernel, ReverseOptions &options) {
     warp::ArrayLeaves leaves(kernel);
     Activity activity(kernel, leaves, options.active);

@@ -1,4 +1,4 @@
-//===- LocalReads.cpp - Components are read from the newest value ---------===//
+//===- LocalReads.cpp - Copy avoidance: reads of the newest value ---------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -33,15 +33,8 @@ namespace warp {
 
 using namespace mlir;
 
-static std::optional<bool> getConstantMask(Value mask) {
-  DenseElementsAttr known;
-  if (!matchPattern(mask, m_Constant(&known)) || !known.isSplat())
-    return std::nullopt;
-  return known.getSplatValue<bool>();
-}
-
 static LogicalResult foldAny(warp::AnyOp op, PatternRewriter &b) {
-  auto known = getConstantMask(op.getMask());
+  auto known = warp::getConstantMask(op.getMask());
   if (!known)
     return failure();
   b.replaceOpWithNewOp<arith::ConstantOp>(op, b.getBoolAttr(*known));

@@ -8,10 +8,10 @@
 //
 //   v = y[i, p]   =>   v = p < k ? y[i, p] : copy of y[i, p]
 //
-// Which of the two it is, one comparison of indices tells, whatever memory the
-// index comes from. No second run of the kernel is needed (MemoryLog.cpp). A
-// launch without a copy asserts that each element came earlier.
-// MemoryOrder.cpp decides for which loads that is so.
+// One comparison of indices tells the two apart, whatever memory the index
+// comes from. No second run of the kernel is needed (MemoryLog.cpp). A launch
+// without a copy asserts that each element came earlier. MemoryOrder.cpp
+// decides for which loads that is so.
 //
 //===----------------------------------------------------------------------===//
 
