@@ -1,9 +1,9 @@
-"""The pytest suite, one process per file, several at a time.
+"""The pytest suite, a process for one long or a few short files, several at a time.
 
     python test/device/suite.py [--jobs 8] [--timeout 200] [--log FOLDER] [files...] [-- arguments]
 
 Prints what failed, why tests were skipped and how often, the slowest files, and as the last line
-`N passed, N failed, N skipped`. A file that breaks before it counts anything is one failure.
+`N passed, N failed, N skipped`. A process that breaks before it counts anything is one failure.
 Every process compiles into a kernel cache of its own.
 """
 
@@ -22,15 +22,20 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 # Files that take a minute and more beside others, which their sizes do not tell.
 LONGEST = (
-    *("test_autodiff_catalogue", "test_derivative_rules", "test_threads_programs"),
-    *("test_threads_claims", "test_documents", "test_bad_cache", "test_tile_adjoints"),
-    *("test_tile_forms", "test_search", "test_threads_adjoints", "test_translations"),
+    *("test_compare", "test_failures", "test_gallery", "test_orders", "test_stokes"),
+    *("test_discontinuous", "test_threads_claims", "test_derivative_rules", "test_ranks"),
+    *("test_autodiff_catalogue", "test_commuting", "test_threads_programs", "test_imports"),
+    *("test_magnetostatics", "test_examples", "test_tile_forms", "test_deformed"),
+    *("test_threads_adjoints", "test_vector_fields", "test_search", "test_documents"),
+    *("test_factored_matrices", "test_poisson", "test_bad_cache", "test_tile_adjoints"),
 )
+# Short files of a folder that one process runs: starting takes as long as they do.
+GROUP = 4
 
 
 @dataclass
 class Result:
-    """Outcome of one file."""
+    """Outcome of one process."""
 
     name: str
     seconds: float = 0.0
@@ -48,7 +53,8 @@ def read(report, result):
         if bad is not None:
             result.counts["failed"] += 1
             message = " ".join((bad.get("message") or "").split())
-            result.failures.append(f"{result.name}::{test.get('name')}: {message[:400]}")
+            file = (test.get("classname") or result.name).rpartition(".")[2]
+            result.failures.append(f"{file}::{test.get('name')}: {message[:400]}")
         elif "skipped" in outcome:
             result.counts["skipped"] += 1
             skip = outcome["skipped"]
@@ -60,23 +66,40 @@ def read(report, result):
             result.counts["passed"] += 1
 
 
-def run(path, arguments, end, folder):
-    """Runs one file."""
-    result = Result(path.name)
-    report = Path(folder) / f"{path.stem}.xml"
+def groups_of(files):
+    """Lists of files for one process each, those that take longest first."""
+    files = sorted(files, key=lambda path: -path.stat().st_size)
+    alone = [path for name in LONGEST for path in files if path.stem == name]
+    folders = {}
+    for path in files:
+        if path not in alone:
+            folders.setdefault(path.parent, []).append(path)
+    # The largest file of a folder beside its smallest.
+    groups = []
+    for short in folders.values():
+        count = -(-len(short) // GROUP)
+        groups += [short[i::count] for i in range(count)]
+    groups.sort(key=lambda group: -sum(path.stat().st_size for path in group))
+    return [[path] for path in alone] + groups
+
+
+def run(paths, arguments, end, folder):
+    """Runs the files of one process."""
+    result = Result(" ".join(path.stem for path in paths))
+    report = Path(folder) / f"{paths[0].stem}.xml"
     environment = dict(os.environ, PYTHONUNBUFFERED="1")
     # JAX would take most of the card from the processes beside it.
     environment["XLA_PYTHON_CLIENT_PREALLOCATE"] = "false"
     environment.pop("WARP_CACHE_PATH", None)
     command = [sys.executable, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider"]
-    command += [f"--junitxml={report}", str(path), *arguments]
+    command += [f"--junitxml={report}", *map(str, paths), *arguments]
     begin = time.perf_counter()
     limit = end - begin
     if limit < 5:
-        result.failures.append(f"{path.name}: not run, out of time")
+        result.failures.append(f"{result.name}: not run, out of time")
         result.counts["failed"] += 1
         return result
-    with open(Path(folder) / f"{path.stem}.log", "w+", encoding="utf-8") as log:
+    with open(Path(folder) / f"{paths[0].stem}.log", "w+", encoding="utf-8") as log:
         try:
             status = subprocess.run(
                 command, cwd=ROOT, env=environment, stdout=log, stderr=log, timeout=limit
@@ -92,7 +115,7 @@ def run(path, arguments, end, folder):
         result.counts["failed"] += 1
         cause = "stopped, out of time" if status == 124 else f"ends with status {status}"
         last = " ".join(result.output.split()[-40:])
-        result.failures.append(f"{path.name}: {cause}: {last[-400:]}")
+        result.failures.append(f"{result.name}: {cause}: {last[-400:]}")
     return result
 
 
@@ -110,9 +133,9 @@ def main():
     folder = options.log or tempfile.mkdtemp(prefix="warp-suite-")
     Path(folder).mkdir(parents=True, exist_ok=True)
     end = time.perf_counter() + options.timeout
-    files.sort(key=lambda path: (path.stem not in LONGEST, -path.stat().st_size))
+    groups = groups_of(files)
     with ThreadPoolExecutor(options.jobs) as pool:
-        results = list(pool.map(lambda path: run(path, arguments, end, folder), files))
+        results = list(pool.map(lambda paths: run(paths, arguments, end, folder), groups))
     counts, reasons = Counter(), Counter()
     for result in results:
         counts += result.counts
