@@ -91,6 +91,65 @@ def test_retained_gradients_stay(device, named, recorded):
             assert y.grad.numpy().tolist() == [left] * 4
 
 
+@wp.struct
+class Output:
+    y: wp.array(dtype=float)
+
+
+@wp.struct
+class NestedOutput:
+    inner: Output
+
+
+@wp.kernel
+def square_both(x: wp.array(dtype=float), out: Output, z: wp.array(dtype=float)):
+    i = wp.tid()
+    out.y[i] = x[i] * x[i]
+    z[i] = x[i]
+
+
+@wp.kernel
+def square_inner(x: wp.array(dtype=float), out: NestedOutput, z: wp.array(dtype=float)):
+    i = wp.tid()
+    out.inner.y[i] = x[i] * x[i]
+    z[i] = x[i]
+
+
+@pytest.mark.parametrize("kernel", [square_both, square_inner])
+@pytest.mark.parametrize("retained", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_retained_gradients_in_structs_stay(device, kernel, retained):
+    """Results in structs, and beside them, keep gradients that ask for it, as in NVIDIA Warp."""
+    x = ramp(4, device, requires_grad=True)
+    y, z = (wp.zeros(4, device=device, requires_grad=True, retain_grad=bool(r)) for r in retained)
+    out, nested = Output(), NestedOutput()
+    out.y = y
+    nested.inner = out
+    for count in (1, 2):
+        y.grad.fill_(1.0)
+        z.grad.fill_(3.0)
+        wp.launch(
+            kernel, 4, [x, out if kernel is square_both else nested, z], device=device, adjoint=True
+        )
+        assert x.grad.numpy().tolist() == [count * v for v in (3, 5, 7, 9)]
+        assert y.grad.numpy().tolist() == [1.0 * retained[0]] * 4
+        assert z.grad.numpy().tolist() == [3.0 * retained[1]] * 4
+
+
+def test_named_gradients_beside_structs_stay(device):
+    """Gradients that the launch names, in a struct and of an array, may be read again."""
+    x, z = ramp(4, device, requires_grad=True), wp.zeros(4, device=device)
+    out, named = Output(), Output()
+    out.y, named.y = wp.zeros(4, device=device), wp.ones(4, device=device)
+    given = wp.full(4, 3.0, dtype=float, device=device)
+    for count in (1, 2):
+        wp.launch(
+            square_both, 4, [x, out, z], [], [None, named, given], device=device, adjoint=True
+        )
+        assert x.grad.numpy().tolist() == [count * v for v in (3, 5, 7, 9)]
+        assert named.y.numpy().tolist() == [1] * 4
+        assert given.numpy().tolist() == [3] * 4
+
+
 def test_named_gradients_that_are_added_to(device):
     """Results that the launch also reads get sums in the gradients that it names."""
 

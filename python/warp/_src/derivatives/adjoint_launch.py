@@ -20,7 +20,7 @@ from warp._src.derivatives.gathers import extents_of
 from warp._src.devices.devices import by_index
 from warp._src.interop.dlpack import from_dlpack
 from warp._src.interop.torch import from_torch
-from warp._src.kernels.call import Call, signature_of
+from warp._src.kernels.call import Call, leaves_of, signature_of
 from warp._src.kernels.epoch import Epoch
 from warp._src.kernels.parameters import LaunchParameters
 from warp._src.types import dtypes
@@ -92,6 +92,8 @@ class AdjointLaunch(LaunchParameters):
         with Observing(tape=None):
             for given, stand_in in late:
                 copy(stand_in, given, stream=call.stream)
+            if not signature.flat:
+                call = self._keeping(call)
             self.kernel.derivatives.launch(call)
             for given, stand_in in late:
                 copy(given, stand_in, stream=call.stream)
@@ -141,6 +143,22 @@ class AdjointLaunch(LaunchParameters):
         if is_added_to or is_own or not access[1]:
             return given
         return clone(found, requires_grad=False)
+
+    def _keeping(self, call) -> Call:
+        """The launch with copies of gradients that keep their contents, of a kernel with structs.
+
+        They are those of `_writable`: in structs and beside them.
+        """
+        before = leaves_of(call.signature.parameters, self._values)
+        copies = {}
+        for i, ((_, own), (_, one)) in enumerate(zip(before, call.leaves, strict=True)):
+            is_read, is_stored = call.accesses[i][:2]
+            if is_read or not is_stored or own is None or one.grad is None:
+                continue
+            if own.retain_grad or own.grad is None or own.grad.ptr != one.grad.ptr:
+                kept = clone(one.grad, requires_grad=False)
+                copies[i] = _with_gradient(one, kept)
+        return call.other(call.native, call.with_leaves(copies)) if copies else call
 
     @staticmethod
     def _access(signature, position):
