@@ -147,6 +147,11 @@ def broken_rules(path: str, source: str) -> Iterator[tuple[int, str]]:
     for number, word in sentences(iter(lines)):
         if word in OPENINGS:
             yield number, f"a sentence begins with '{word}'; begin with its subject"
+    if path.startswith("python/bindings/"):
+        # Docstrings are literals; messages begin with a small letter.
+        for number, line in enumerate(source.split("\n"), 1):
+            for word in re.findall(rf'"({"|".join(OPENINGS)}) ', line):
+                yield number, f"a docstring begins with '{word}'; begin with its subject"
     for number, line in lines:
         for pattern, term in PRIVATE.items():
             if re.search(pattern, line):

@@ -333,8 +333,9 @@ static PyGetSetDef attributes[] = {
     {"strides", getStrides, nullptr, "Strides in bytes.", nullptr},
     {"size", getSize, nullptr, "Number of elements.", nullptr},
     {"is_contiguous", isContiguousArray, nullptr,
-     "Whether elements are packed in row-major order.", nullptr},
-    {"_owner", getOwner, nullptr, "What keeps the memory alive.", nullptr},
+     "True if elements are packed in row-major order.", nullptr},
+    {"_owner", getOwner, nullptr, "The object that keeps the memory alive.",
+     nullptr},
     {"dtype", getDtype, setDtype, "Type of the elements.", nullptr},
     {nullptr, nullptr, nullptr, nullptr, nullptr}};
 
@@ -347,7 +348,7 @@ static PyMemberDef members[] = {
     {"device_index", T_INT, WARP_FIELD(device), READONLY, nullptr},
     {"pinned", T_BOOL, WARP_FIELD(pinned), READONLY, nullptr},
     {"read_only", T_BOOL, WARP_FIELD(readOnly), READONLY,
-     "Whether the memory must not be written."},
+     "True if the memory must not be written."},
     {"_retain_grad", T_BOOL, WARP_FIELD(retainsGradient), 0, nullptr},
     {nullptr, 0, 0, 0, nullptr}};
 #undef WARP_FIELD

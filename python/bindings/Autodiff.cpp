@@ -153,5 +153,5 @@ void python::bindAutodiff(py::module_ &m) {
       py::arg("same") = std::vector<int>(), py::arg("unrecorded") = false,
       "The derivative of a module's kernel.");
   m.def("shares_elements", sharesElements, py::arg("arrays"),
-        "Whether an address may belong to two elements of the arrays.");
+        "True if an address may belong to two elements of the arrays.");
 }

@@ -264,9 +264,10 @@ void python::bindDlpack(py::module_ &m) {
         py::arg("bits"), py::arg("inner"), py::arg("device_type"),
         py::arg("device_id"), py::arg("versioned"), py::arg("flags"),
         "A capsule over the memory of an array.");
-  m.def("dlpack_inspect", &inspect, py::arg("capsule"),
-        "What is in a capsule: (address, device type, device id, code, bits, "
-        "lanes, shape, strides or None, flags).");
+  m.def(
+      "dlpack_inspect", &inspect, py::arg("capsule"),
+      "The tensor of a capsule: (address, device type, device id, code, bits, "
+      "lanes, shape, strides or None, flags).");
   m.def("dlpack_take", &take, py::arg("capsule"),
         "Takes the tensor out of a capsule and returns its owner.");
 }

@@ -43,13 +43,13 @@ template <class... Arrays> static void holdAll(Arrays... arrays) {
 }
 
 static void bindBvh(py::module_ &m) {
-  py::class_<BvhReport>(m, "BvhReport", "What is in a hierarchy.")
+  py::class_<BvhReport>(m, "BvhReport", "Sizes of a hierarchy.")
       .def_readonly("skipped", &BvhReport::skipped)
       .def_readonly("nodes", &BvhReport::nodes)
       .def_readonly("blocks", &BvhReport::blocks)
       .def_readonly("bytes", &BvhReport::bytes)
       .def_readonly("depth", &BvhReport::depth);
-  py::class_<HierarchyView>(m, "HierarchyView", "Where a hierarchy is.")
+  py::class_<HierarchyView>(m, "HierarchyView", "Addresses of a hierarchy.")
       .def_readonly("nodes", &HierarchyView::nodes)
       .def_readonly("blocks", &HierarchyView::blocks)
       .def_readonly("block_count", &HierarchyView::blockCount)
@@ -273,7 +273,7 @@ void python::bindGeometry(py::module_ &m) {
       [](uint64_t id, int kind, int device) {
         return describeHandle(id, GeometryKind(kind), device);
       },
-      "What is wrong with a handle; empty if nothing is.");
+      "The fault of a handle; empty if there is none.");
   m.def("write_handle_word", &writeHandleWord,
         "Writes a word of what a live handle leads to.");
 }

@@ -264,7 +264,7 @@ void python::bindGraph(py::module_ &m) {
       .def_property_readonly(
           "traced",
           [](PyGraph &self) { return self.graph->trace() != nullptr; },
-          "Whether it can be saved.")
+          "True if it can be saved.")
       .def(
           "schedule",
           [](PyGraph &self) { return scheduleOf(self.graph->schedule()); },
@@ -284,8 +284,8 @@ void python::bindGraph(py::module_ &m) {
       .def("end", &PyCapture::end, "The graph of what was recorded.")
       .def("abandon", &PyCapture::close)
       .def_readonly("held", &PyCapture::held,
-                    "What was used so far: of launches the kernel and then "
-                    "its arguments.")
+                    "Objects that were used so far: of launches the kernel "
+                    "and then its arguments.")
       .def("hold",
            [](PyCapture &self, py::object object) {
              self.held.push_back(std::move(object));
@@ -335,7 +335,7 @@ void python::bindGraph(py::module_ &m) {
       .def_readonly("depth", &PyCapture::depth, "How many bodies are open.");
   m.def(
       "is_capturing", [](int device) { return isCapturing(device); },
-      py::arg("device"), "Whether work for a device is being recorded.");
+      py::arg("device"), "True if work for a device is being recorded.");
   m.def("supports_conditional_graphs", &supportsConditionalGraphs);
   m.def("set_fuses_launches", &setFusesLaunches, py::arg("fuses"));
   m.def("set_fuses_rows", &setFusesRows, py::arg("fuses"));

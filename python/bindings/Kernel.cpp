@@ -208,7 +208,7 @@ static void keepTranslation(const std::string &name, const py::object &object,
 
 static void bindTranslation(py::module_ &m) {
   py::class_<Translation>(m, "Translation",
-                          "What a kernel was translated to, from the cache.")
+                          "The translation of a kernel, from the cache.")
       .def_property_readonly("notes", [](const Translation &translation) {
         return py::bytes(translation.notes);
       });
@@ -252,8 +252,8 @@ void python::bindKernel(py::module_ &m) {
       {nullptr, nullptr, 0, nullptr}};
   static PyGetSetDef attributes[] = {
       {"name", getName, nullptr, "Name of the kernel.", nullptr},
-      {"module", getModule, nullptr, "What the kernel is compiled from.",
-       nullptr},
+      {"module", getModule, nullptr,
+       "The module that the kernel is compiled from.", nullptr},
       {"parameters", getParameters, nullptr,
        "(name, kind, type, offset, size, rank, element) of each.", nullptr},
       {"accesses", getAccesses, nullptr,

@@ -132,7 +132,7 @@ static void bindTracker(py::module_ &m) {
                                      allocation.site));
         return list;
       },
-      "What was not freed yet: (number, bytes, device, pinned, site).");
+      "Memory that was not freed yet: (number, bytes, device, pinned, site).");
   m.def(
       "tracker_totals",
       [] {

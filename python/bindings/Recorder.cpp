@@ -450,7 +450,7 @@ static PyObject *callLaunchRecorded(PyObject *, PyObject *const *args,
 
 void python::bindLaunchRecorder(py::module_ &m) {
   py::class_<LaunchRecorder>(m, "LaunchRecorder",
-                             "What recording launches of a kernel needs.")
+                             "Facts of a kernel for recording its launches.")
       .def(py::init<py::object, py::object>(), py::arg("kernel"),
            py::arg("fields") = py::none())
       .def_readonly("is_eligible", &LaunchRecorder::isEligible);

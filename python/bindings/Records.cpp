@@ -275,7 +275,7 @@ void python::bindRecords(py::module_ &m) {
       py::arg("type"), py::arg("needs"), py::arg("plain_adjoint"));
   m.def(
       "forget_needs", [] { ++generation; },
-      "What adjoints read may be different from now on.");
+      "Adjoints may read other memory from now on.");
   bindLaunchRecorder(m);
   bindReverse(m);
 }

@@ -105,15 +105,16 @@ static void bindRegion(py::module_ &m) {
       .def("shared", &Region::shared, py::arg("other"),
            "The elements that share bytes with another region.")
       .def("is_within", &Region::isWithin, py::arg("other"),
-           "Whether it is known that all elements are in another region.")
+           "True if all elements are known to be in another region.")
       .def("overlaps", &Region::overlaps, py::arg("other"),
-           "Whether two regions share a byte; may say so of strides that do "
+           "True if two regions share a byte; may say so of strides that do "
            "not nest.")
       .def("parts", &partsOf, "(address, shape, strides) of each block.")
       .def_property_readonly("bytes", &Region::bytes)
       .def("__len__", [](const Region &region) { return region.blocks.size(); })
       .def("__eq__", &Region::operator==);
-  py::class_<LaunchRegions>(m, "LaunchRegions", "What a launch may touch.")
+  py::class_<LaunchRegions>(m, "LaunchRegions",
+                            "Memory that a launch may access.")
       .def("read", [](const LaunchRegions &launch,
                       size_t i) { return launch.arrays.at(i).read; })
       .def("written", [](const LaunchRegions &launch,
@@ -138,8 +139,9 @@ void python::bindRegions(py::module_ &m) {
   bindVersions(m);
   bindKeeping(m);
   bindRecords(m);
-  py::class_<RegionFinder>(m, "RegionFinder", "What a kernel touches.")
+  py::class_<RegionFinder>(m, "RegionFinder",
+                           "Finds the memory that a kernel accesses.")
       .def(py::init<py::object>(), py::arg("kernel"))
       .def("find", &RegionFinder::find, py::arg("dim"), py::arg("values"),
-           py::arg("device"), "What a launch may read and write.");
+           py::arg("device"), "The memory that a launch may read and write.");
 }

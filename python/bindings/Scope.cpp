@@ -219,9 +219,10 @@ void python::bindScopes(py::module_ &m) {
        "Enters the block, or leaves no trace."},
       {"__exit__", leave, METH_VARARGS, "Leaves the block in any case."},
       {"_check", leaveNothing, METH_NOARGS, "Throws if it cannot be entered."},
-      {"_enter", enterNothing, METH_NOARGS, "What a class does at first."},
+      {"_enter", enterNothing, METH_NOARGS,
+       "Work of a class when the block begins."},
       {"_leave", leaveNothing, METH_VARARGS,
-       "What it does at last, with the state of the block."},
+       "Work when it has ended, with the state of the block."},
       {"_restore", leaveNothing, METH_NOARGS, "Brings back the state before."},
       {nullptr, nullptr, 0, nullptr}};
   static PyType_Slot scopeSlots[] = {
@@ -235,7 +236,8 @@ void python::bindScopes(py::module_ &m) {
       {nullptr, nullptr, 0, nullptr}};
   static PyType_Slot finalSlots[] = {
       {Py_tp_methods, finalMethods},
-      {Py_tp_doc, const_cast<char *>("What something is released with.")},
+      {Py_tp_doc,
+       const_cast<char *>("A function that runs when an object is released.")},
       {0, nullptr}};
   addType(m, "Finalized", sizeof(PyObject), Py_TPFLAGS_BASETYPE, finalSlots);
   static PyType_Slot callableSlots[] = {

@@ -179,7 +179,7 @@ static void bindPlace(py::module_ &m) {
       {Py_tp_dealloc, reinterpret_cast<void *>(deallocPlace)},
       {Py_tp_members, members},
       {Py_tp_getset, attributes},
-      {Py_tp_doc, const_cast<char *>("Where a launch was called.")},
+      {Py_tp_doc, const_cast<char *>("The place of a call that launches.")},
       {0, nullptr}};
   PyType_Spec spec = {"warp._native.Place", sizeof(PlaceObject), 0,
                       Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION,
@@ -408,8 +408,8 @@ void python::bindVersions(py::module_ &m) {
        "keep_for(reader, budget=None)\n\nAsks for copies before the memory is "
        "overwritten, if `reader.needs` it then."},
       {"_wanted", callWanted, METH_NOARGS,
-       "Whether anybody needs what this is of, and whose budget a copy is to "
-       "count for."},
+       "True if a reader needs the version, and the budget that a copy of it "
+       "counts for."},
       {nullptr, nullptr, 0, nullptr}};
   static PyGetSetDef attributes[] = {
       {"pieces", getList<&VersionObject::pieces>, nullptr, nullptr, nullptr},
@@ -438,7 +438,8 @@ void python::bindVersions(py::module_ &m) {
       {Py_tp_methods, methods},
       {Py_tp_members, members},
       {Py_tp_getset, attributes},
-      {Py_tp_doc, const_cast<char *>("What a region of memory held.")},
+      {Py_tp_doc,
+       const_cast<char *>("Contents of a region of memory at one time.")},
       {0, nullptr}};
   PyType_Spec spec = {"warp._native.Version", sizeof(VersionObject), 0,
                       Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, slots};

@@ -170,7 +170,7 @@ static void bindLayouts(py::module_ &m) {
 }
 
 static void bindInfo(py::module_ &m) {
-  py::class_<GridInfo>(m, "GridInfo", "What a grid says about itself.")
+  py::class_<GridInfo>(m, "GridInfo", "Metadata of a grid.")
       .def_readonly("name", &GridInfo::name)
       .def_property_readonly(
           "type", [](const GridInfo &self) { return uint32_t(self.type); })

@@ -33,6 +33,7 @@ def test_repository_keeps_the_rules():
         ("a.td", "let description = [{\n  What it is.\n}];\n"),
         ("a.md", "## What it does\n"),
         ("a.sh", "# What it does\n"),
+        ("python/bindings/a.cpp", 'm.def("size", size, "Whether it is.");\n'),
     ],
 )
 def test_broken_rule_is_found(name, text):
@@ -44,6 +45,7 @@ def test_broken_rule_is_found(name, text):
     [
         ("a.cpp", "/// True if it is. The value\n/// of what is left.\nint What;\n"),
         ("a.py", 'x = "What is it?"\n'),
+        ("python/bindings/a.cpp", 'm.def("size", size, "True if it is. What", "what is");\n'),
         ("a.md", "```\nWhat is this code\n```\n"),
     ],
 )
