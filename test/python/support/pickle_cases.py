@@ -373,4 +373,28 @@ def facts(value):
         x = wp.array([1.0, 2.0], dtype=float)
         wp.launch(value, 2, [x])
         return numbers_of(x)
-    return type(value).__qualname__
+    if isinstance(value, wp.Function):
+        return value(3.0)
+    if isinstance(value, wp.Mesh):
+        return [numbers_of(value.points), numbers_of(value.indices)]
+    if isinstance(value, wp.Bvh):
+        return [numbers_of(value.lowers), numbers_of(value.uppers)]
+    if isinstance(value, wp.utils.MeshAdjacency):
+        return [attributes(one) for _, one in sorted(value.edges.items())]
+    if isinstance(value, wp.Volume):
+        return [value.get_voxel_size(), numbers_of(value.get_voxels())]
+    return [type(value).__qualname__, *attributes(value)]
+
+
+def attributes(value):
+    """Public attributes that are plain values or arrays; addresses are those of a process."""
+    known = value._asdict() if hasattr(value, "_asdict") else getattr(value, "__dict__", {})
+    found = []
+    for name, one in sorted(known.items()):
+        if name.startswith("_") or name == "id":
+            continue
+        if isinstance(one, (bool, int, float, np.integer, str, tuple, list)):
+            found.append(f"{name} = {one}")
+        elif isinstance(one, wp.array):
+            found.append([name, numbers_of(one)])
+    return found
