@@ -64,7 +64,7 @@ def ResolveDerivatives : WarpPass<"warp-resolve-derivatives"> {
     Option<"keepDerivatives", "keep-derivatives", "bool", "false",
            "Keep functions that are derivatives of functions in use">,
     Option<"forward", "forward", "bool", "false",
-           "Those that are kept are for forward mode">,
+           "Functions that are kept are for forward mode">,
     Option<"singular", "singular", "std::string", "\"pinned\"",
            "Derivatives where there is none: pinned, strict or report">,
   ];
@@ -170,10 +170,10 @@ def DifferentiateKernel : WarpPass<"warp-differentiate-kernel"> {
            "Bytes that a thread may keep of a loop with a known length, where "
            "checkpoints take less">,
     Option<"tape", "tape", "std::string", "\"checkpoints\"",
-           "How longer loops have what they need again: checkpoints, or global "
+           "How longer loops recover values: checkpoints, or global "
            "for memory that the runtime allocates">,
     Option<"dumpRecovery", "dump-recovery", "bool", "false",
-           "Say how each value that a loop carries is had again">,
+           "Say how each value that a loop carries is recovered">,
   ];
   let dependentDialects = ["::mlir::scf::SCFDialect",
                            "::mlir::func::FuncDialect", "::warp::WarpDialect"];

@@ -607,7 +607,7 @@ def Warp_TileFftOp : Warp_TileOp<"tile_fft",
 def Warp_BarrierOp : Warp_Op<"barrier",
     [Warp_ThreadPhase, MemoryEffects<[MemRead, MemWrite]>]> {
   let summary = "threads of a block wait for each other";
-  let description = "What they have written by then, all of them see.";
+  let description = "All of them see the writes that come before it.";
   let assemblyFormat = "attr-dict";
 }
 
