@@ -11,6 +11,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.assembly.gather import add_blocks, spread_adjoint, wide_type, with_scalar
 from warp._src.fem.assembly.pattern import Pattern
+from warp._src.fem.geometry.base import PerDevice
 from warp._src.fem.temporaries import borrow_temporary
 from warp.sparse import bsr_assign, bsr_axpy, bsr_compress, bsr_set_zero, bsr_zeros
 
@@ -88,7 +89,7 @@ def kept_patterns(form, *fields) -> dict:
         and all(type(f.space_partition).__name__ == "WholeSpacePartition" for f in fields)
     )
     owner = vars(topologies[0]) if is_whole else restriction._kept
-    return owner.setdefault("patterns", {})
+    return owner.setdefault("patterns", PerDevice())
 
 
 def pattern_of(form) -> Pattern:

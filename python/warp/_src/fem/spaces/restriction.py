@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 from warp import extend
+from warp._src.fem.geometry.base import PerDevice
 from warp._src.fem.spaces.partition import make_space_partition
 
 
@@ -70,7 +71,7 @@ class SpaceRestriction:
     def rebuild(self, device=None, temporary_store=None) -> None:
         """Takes over a geometry, partition or domain that changed."""
         self._device = wp.get_device(self._device if device is None else device)
-        self._kept: dict = {}
+        self._kept = PerDevice()
 
     def element_table(self, device=None):
         """Partition numbers of the nodes of each element, int32 (elements, n); -1 for none."""
