@@ -17,7 +17,7 @@ from wheels import ROOT, pack_wheel, project_version, read_wheel, write_wheel
 
 PLATFORM = "manylinux_2_28_x86_64"
 SUMMARY = "Runs saved kernels and graphs of Warp on MLIR from C and C++"
-MODULE = '''"""Where the library, the headers and the CMake configuration are."""
+MODULE = '''"""Paths of the library, the headers and the CMake configuration."""
 
 from pathlib import Path
 

@@ -12,7 +12,7 @@ from warp._src.arrays.gradients import make_gradient
 
 
 class PassingGradient:
-    """Where the gradient of an array comes from, as an array's `_grad_source` is asked.
+    """The source of an array's gradient, as an array's `_grad_source` is asked.
 
     Args:
         array: an array without gradient, which gets this one.

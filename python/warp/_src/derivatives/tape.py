@@ -119,7 +119,7 @@ class Tape(_native.Scope):
         Observers.retain(self)
 
     def ordinary_records(self) -> tuple:
-        """Where launches without anything special are recorded, and the budget of their copies.
+        """The list that records launches without anything special, and the budget of their copies.
 
         None in place of the records if each overwriting is to be told at once.
         """

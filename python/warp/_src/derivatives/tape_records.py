@@ -92,12 +92,12 @@ class LaunchRecord(_native.Record):
 
     @property
     def same(self) -> tuple[int, ...]:
-        """Which arguments are one array, as `same_arrays` says."""
+        """Arguments that are one array, as `same_arrays` says."""
         return same_arrays(self.call, self.aliases) if self.aliases else ()
 
     @property
     def apart(self) -> tuple:
-        """Which arrays are read and written in different places; empty if none is."""
+        """Arrays that are read and written in different places; empty if none is."""
         if self._apart is None:
             self._apart = self.noted_apart()
         return self._apart

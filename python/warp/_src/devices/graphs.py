@@ -35,7 +35,7 @@ hooks.check_settled = check_settled
 
 
 class CaptureMode(enum.IntEnum):
-    """Which threads may not do what a CUDA capture cannot hold: any, the capturing one, none."""
+    """Threads that may not do what a CUDA capture cannot hold: any, the capturing one, none."""
 
     GLOBAL = 0
     THREAD_LOCAL = 1

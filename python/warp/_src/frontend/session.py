@@ -83,7 +83,7 @@ class Session:
         return self.threads
 
     def notes_of_calls(self) -> tuple:
-        """Where the functions being translated are called, the innermost first."""
+        """Places that call the functions being translated, the innermost first."""
         return tuple(note_of_call(*caller) for caller in reversed(self.callers))
 
     def symbol(self, name: str) -> str:

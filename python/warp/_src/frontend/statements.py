@@ -16,7 +16,7 @@ from warp._src.types.native import ArrayType
 
 
 def _array_in(value, place):
-    """Where in a struct the first array is, by the names of fields; None if there is none."""
+    """The place of a struct's first array, by the names of fields; None if there is none."""
     for name, dtype in value._wp_fields_.items():
         if isinstance(dtype, ArrayType):
             return place

@@ -92,7 +92,7 @@ class Hierarchical:
 
     @property
     def device(self):
-        """Where the arrays and the hierarchy are."""
+        """The device of the arrays and of the hierarchy."""
         return self._device
 
     @property

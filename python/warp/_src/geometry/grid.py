@@ -74,7 +74,7 @@ class HashGrid:
 
     @property
     def device(self):
-        """Where the points and the kernels are."""
+        """The device of the points and the kernels."""
         return self._device
 
     @property

@@ -38,7 +38,7 @@ class MeshQueryPoint:
 
 @struct
 class MeshQueryRay:
-    """Where a ray meets a mesh: `t` in units of its direction, u and v as in MeshQueryPoint.
+    """Meeting of a ray and a mesh: `t` in units of its direction, u and v as in MeshQueryPoint.
 
     `sign` is positive if the front of the face is met, and `normal` has length 1.
     """
@@ -202,7 +202,7 @@ def _furthest_into(
 
 
 def mesh_query_ray(id: uint64, start: vec3f, dir: vec3f, max_t: float, root: int = -1):
-    """Where a ray first meets a mesh, at 0 <= t < max_t; back faces count."""
+    """The first meeting of a ray and a mesh, at 0 <= t < max_t; back faces count."""
     check_root(id, root)
     face, u, v, t = wp._library_call(
         "warp_mesh_ray", id, start, dir, max_t, root

@@ -28,7 +28,7 @@ def _ratio(x: float64, y: float64):
 
 
 def closest_point_edge_edge(p1: vec3f, q1: vec3f, p2: vec3f, q2: vec3f, epsilon: float32) -> vec3f:
-    """Where two edges are closest: (s, t, distance) of p1 + s (q1 - p1) and p2 + t (q2 - p2).
+    """The closest points of two edges: (s, t, distance) of p1 + s (q1 - p1) and p2 + t (q2 - p2).
 
     An edge whose squared length is at most `epsilon` is its first point. For parallel edges one of
     the closest pairs is given (Ericson, "Real-Time Collision Detection", 2004, 5.1.9).

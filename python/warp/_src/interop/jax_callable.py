@@ -46,7 +46,7 @@ class JaxCallableGraphMode(enum.IntEnum):
 
 
 class JaxModulePreloadMode(enum.IntEnum):
-    """Where kernels are compiled before the first call."""
+    """The devices for which kernels are compiled before the first call."""
 
     NONE = 0
     """Nowhere: the first call does it."""

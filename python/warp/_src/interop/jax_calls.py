@@ -216,7 +216,7 @@ class Arguments:
 
 
 class Plan:
-    """Which buffer of a call is which parameter.
+    """The parameters of a call by its buffers.
 
     Attributes:
         buffers: the arrays that are passed.

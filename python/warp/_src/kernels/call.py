@@ -146,7 +146,7 @@ class Call:
 
     @property
     def active(self) -> tuple[bool, ...]:
-        """Which of the arrays have a gradient, or are going to."""
+        """Flags of the arrays that have a gradient, or are going to."""
         return tuple([leaf is not None and leaf.requires_grad for _, leaf in self.leaves])
 
     def with_leaves(self, replaced: dict[int, array]) -> tuple:

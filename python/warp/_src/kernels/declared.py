@@ -142,7 +142,7 @@ def _find(function) -> list:
 
 
 def _closing(text, position) -> int:
-    """Where the parenthesis that is open at a position is closed."""
+    """The position at which a parenthesis that is open at another one is closed."""
     depth = 1
     for bracket in re.compile(r"[()]").finditer(text, position):
         depth += 1 if bracket[0] == "(" else -1

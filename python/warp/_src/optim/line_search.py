@@ -121,7 +121,7 @@ def backtrack(evaluate, step, trials=25) -> Point:
 
 
 def interpolated(a, b) -> float:
-    """Where the cubic through two points with slopes is least; half-way if it has no minimum."""
+    """The minimum of the cubic through two points with slopes; half-way if it has none."""
     if a.step == b.step:
         return a.step
     middle = 0.5 * (a.step + b.step)

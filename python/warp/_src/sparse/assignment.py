@@ -27,7 +27,7 @@ def _place_pieces(
     rows: wp.array(dtype=int),
     columns: wp.array(dtype=int),
 ):
-    """Where the pieces of blocks belong that blocks of another shape are made of."""
+    """Rows and columns of the pieces that blocks of another shape are made of."""
     block, piece = wp.tid()
     number = block * down * across + piece
     rows[number] = -1

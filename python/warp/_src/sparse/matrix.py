@@ -150,7 +150,7 @@ class BsrMatrix(InPlaceOperators, Operators):
         return self.columns[:0] if self.row_counts is None else self.row_counts
 
     def _row_ends(self):
-        """Where the blocks in use of each row end."""
+        """The ends of the blocks in use of each row."""
         if self.row_counts is None:
             return self.offsets[1 : self.nrow + 1]
         ends = wp.empty(self.nrow, dtype=int, device=self.device)

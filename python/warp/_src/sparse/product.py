@@ -26,7 +26,7 @@ class bsr_mm_work_arrays:
 
 
 class _Plan:
-    """Which products of blocks there are, and what each block of the result is the sum of."""
+    """The products of blocks, and those that each block of the result is the sum of."""
 
     def __init__(self, count, lefts, rights, entries=None):
         self.count, self.lefts, self.rights, self.entries = count, lefts, rights, entries

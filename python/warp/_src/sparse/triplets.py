@@ -12,7 +12,7 @@ from warp.extend.kinds import ARRAY, COUNT, MATRIX, TEXT
 
 
 class BsrTripletMap:
-    """Which triplets make up each block of a matrix, to set new values without a new topology.
+    """The triplets that make up each block of a matrix, to set new values without a new topology.
 
     Built by `bsr_set_from_triplets(..., build_mapping=...)`, used by `bsr_set_from_mapped_values`
     as long as the topology of the matrix does not change.

@@ -209,7 +209,7 @@ def resolve(annotation):
 
 
 def caller_namespaces(cls, depth=2):
-    """Where string annotations of a decorated class may refer to: locals, globals, its module.
+    """Namespaces that string annotations of a decorated class refer to: locals, globals, module.
 
     Raises:
         TypeError: it is no class.

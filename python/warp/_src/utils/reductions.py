@@ -159,7 +159,7 @@ class _Reduction:
         return self.out.numpy()[0] if self.on_host else self.out
 
     def _wide_total(self, arrays):
-        """Where a sum is made: in double precision, since millions of terms are added."""
+        """The array that a sum is made in: of doubles, since millions of terms are added."""
         wide = _wide(self.out.dtype)
         if types_equal(wide, self.out.dtype):
             return self.out

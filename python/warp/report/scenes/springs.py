@@ -161,7 +161,7 @@ def make_chain(real):
     diverged=1e3,
 )
 def chain_stability(case):
-    """Where symplectic Euler is stable: k h^2 against the mass ratio of a chain of two."""
+    """The stable region of symplectic Euler: k h^2 against the mass ratio of a chain of two."""
     kernel, steps = make_chain(case.real), 400
     first = wp.array(np.full((64, 2), (1.0, 1.0)), dtype=case.real, device=case.device)
     x = wp.clone(first)

@@ -105,7 +105,7 @@ def _subnormal(random, count, kinds, tiny):
 
 
 def _special(random, count, kind):
-    """Where formulas divide by zero: the identity, zero, repeated values, along the axes."""
+    """Operands that formulas divide by zero for: identity, zero, repeated values, along axes."""
     half = 0.5**0.5
     zeros = np.zeros(kind.size)
     if kind.kind in ("quat", "transform"):

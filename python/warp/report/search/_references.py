@@ -57,7 +57,7 @@ def _each(function):
 
 
 def _stairs(function):
-    """Where all floats are integers, steps of differences are, too."""
+    """Steps of differences are integers where all floats are, too."""
 
     def apply(x):
         if abs(x) > 2**50:

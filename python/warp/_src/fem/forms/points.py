@@ -424,7 +424,7 @@ class PointsPlan:
 
     @functools.cached_property
     def structure(self):
-        """Which coefficients are zero or constant; checks that the form is linear."""
+        """Coefficients that are zero or constant; checks that the form is linear."""
         from warp._src.fem.forms.structure import Structure, find_structure
 
         if self._base is not None:

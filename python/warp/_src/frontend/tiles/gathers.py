@@ -56,7 +56,7 @@ class TileGathers(TileTopic):
         call = self.call
 
         def place(index):
-            """Where a row begins; negative indices count from the end."""
+            """The begin of a row; negative indices count from the end."""
             return call("mul", self.builder.position(index, extents[axis]), stride)
 
         rows = self.make("broadcast", [self.mapped([rows], place, node)], node, shape=shape)

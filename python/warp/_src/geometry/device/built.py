@@ -44,7 +44,7 @@ class Built:
 
     @property
     def memory(self) -> tuple:
-        """Where nodes and blocks are, each with its bytes, and groups; 0 without any."""
+        """Addresses of nodes and blocks, each with its bytes, and of groups; 0 without any."""
         nodes = self._memory.ptr if self.count else 0
         blocks = nodes + 4 * self._node_words
         return nodes, 4 * self._node_words, blocks, 4 * self._block_words, self.groups

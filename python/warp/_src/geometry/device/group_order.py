@@ -74,7 +74,7 @@ def _see(
 
 @wp.func
 def _along_curve(cell: wp.vec3i) -> wp.uint64:
-    """Where a Hilbert curve meets a cell (Skilling, "Programming the Hilbert curve", 2004)."""
+    """Place of a cell along a Hilbert curve (Skilling, "Programming the Hilbert curve", 2004)."""
     x = cell
     for step in range(1, _CELLS):
         bit = 1 << (_CELLS - step)

@@ -93,7 +93,7 @@ def tri_tri_adjacency(indices, vertex_count=None, return_neighbor_edge_indices=T
 def find_triangle_neighbor_edge_index(
     triangle_neighbors: wp.array2d(dtype=int), triangle: int, neighbor: int
 ) -> int:
-    """Which edge a triangle shares with a neighbour, of what `tri_tri_adjacency` gives; or -1."""
+    """The edge that a triangle shares with a neighbour of `tri_tri_adjacency`; or -1."""
     found = int(-1)
     for side in range(3):
         if found < 0 and triangle_neighbors[triangle, side] == neighbor:

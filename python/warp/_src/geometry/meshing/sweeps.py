@@ -104,7 +104,7 @@ class Sweep:
 
 
 class SweepGrid:
-    """Where a field is sampled: `shape`, `lower`, `upper`; and the bounds of what is in it."""
+    """The grid that samples a field: `shape`, `lower`, `upper`; and the bounds of what is in it."""
 
     def __init__(self, sweep, voxel_size, resolution, lower, upper, padding):
         _check_grid(voxel_size, resolution, lower, upper)

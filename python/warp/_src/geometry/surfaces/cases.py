@@ -69,7 +69,7 @@ def _cuts(loop) -> list | None:
 
 @functools.cache
 def tables():
-    """Where the triangles of each case start (257 numbers), and edges of all triangles (n, 3)."""
+    """The starts of each case's triangles (257 numbers), and edges of all triangles (n, 3)."""
     starts, triangles = [0], []
     for case in range(256):
         for loop in _loops(case):

@@ -34,7 +34,7 @@ def crosses(
 
 @wp.func
 def crossing(field: wp.array3d(dtype=float), threshold: float, i: int, j: int, k: int, axis: int):
-    """Where on an edge, from 0 to 1, the field has the value."""
+    """The place on an edge, from 0 to 1, at which the field has the value."""
     first = wp.float64(field[i, j, k])
     second = wp.float64(field[i + int(axis == 0), j + int(axis == 1), k + int(axis == 2)])
     # In 64 bits no difference of two floats overflows or loses digits.

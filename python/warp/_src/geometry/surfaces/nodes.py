@@ -244,7 +244,7 @@ class NumberedCells:
         wp.launch(kernel, dim, inputs=inputs, device=self.device)
 
     def places(self, lower, spacing):
-        """Where the nodes are."""
+        """Positions of the nodes."""
         places = wp.empty(len(self.nodes), dtype=wp.vec3, device=self.device)
         self._launch(_place_nodes, len(places), self.nodes, lower, spacing, places)
         return places

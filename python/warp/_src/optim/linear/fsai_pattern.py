@@ -94,7 +94,7 @@ def fill_offsets(
     ready: wp.array(dtype=int),
     offsets: wp.array(dtype=int),
 ):
-    """Where the rows of the transposed factor begin, from the sorted keys."""
+    """Offsets of the rows of the transposed factor, from the sorted keys."""
     column = wp.tid()
     if ready[0] == 0 and not refused(status, fatal):
         place = int(count)

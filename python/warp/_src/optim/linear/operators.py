@@ -69,7 +69,7 @@ class LinearOperator:
 
     @property
     def batch_offsets(self):
-        """Where each of several systems begins and the last one ends; None for one."""
+        """Offsets of several systems, with the end of the last one; None for one system."""
         return self._batch_offsets
 
     @property
