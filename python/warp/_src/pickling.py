@@ -64,10 +64,13 @@ def type_reference(dtype):
 
 
 def reduce_struct_class(cls) -> tuple:
-    """Describes a struct class by its home and its fields."""
+    """Describes a struct class by what makes it, or by its home and its fields."""
     if issubclass(cls, IndexedRecord) and cls is not IndexedRecord:
         annotation = cls._wp_annotation_
         return record_class, (type_reference(annotation.dtype), annotation.ndim)
+    maker = cls.__dict__.get("_maker_")
+    if maker is not None:
+        return maker
     in_package = cls.__module__.partition(".")[0] == "warp"
     if in_package and _found(cls.__module__, cls.__qualname__) is cls:
         return named, (cls.__module__, cls.__qualname__)

@@ -85,3 +85,22 @@ def test_copies_of_partitions_that_were_assembled(how, device):
             fem.integrate(product, fields={"u": trial, "v": test})
             total += fem.integrate(load, fields={"v": COPIES[how](test)}).numpy().sum()
         np.testing.assert_allclose(total, 1.0, rtol=1e-5)
+
+
+@fem.integrand
+def doubled(s: fem.Sample, domain: fem.Domain):
+    return 2.0 * fem.position(domain, s)
+
+
+@pytest.mark.parametrize("how", COPIES)
+def test_copies_of_spaces_on_deformed_geometries(how, device):
+    """The record of a space has the type of the field's argument, which is one in a process."""
+    with wp.ScopedDevice(device):
+        positions = fem.make_polynomial_space(grid(), dtype=wp.vec2).make_field()
+        fem.interpolate(doubled, dest=positions)
+        geometry = positions.make_deformed_geometry(relative=False)
+        space = fem.make_polynomial_space(geometry, degree=1)
+        test = fem.make_test(space, domain=fem.Cells(geometry))
+        # A square of side 2: its area is 4, and the integral of x is 4.
+        for one in (test, COPIES[how](test)):
+            np.testing.assert_allclose(moments(one), (4.0, 4.0), rtol=1e-5)

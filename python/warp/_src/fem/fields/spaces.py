@@ -88,7 +88,10 @@ def node_arg_type(nodes: NodeSpace):
         "partition": nodes.partition.functions.PartitionArg,
         "values": wp.array(dtype=nodes.dof_dtype),
     }
-    return extend.struct_from_fields("NodeArg", fields, module=__name__)
+    made = extend.struct_from_fields("NodeArg", fields, module=__name__)
+    # Pickles name what makes the class: others of the same fields are not it.
+    made._maker_ = node_arg_type, (nodes,)
+    return made
 
 
 def node_arg_value(space, partition, values, device):
