@@ -251,7 +251,13 @@ void *warp::importMemory(int device, const IpcHandle &handle) {
   cuda::RawIpcHandle native;
   std::copy(handle.begin(), handle.end(), native.bytes);
   Pointer memory = 0;
-  WARP_CUDA(ipcOpenMemHandle, &memory, native, cuda::ipcLazyPeerAccess);
+  cuda::Result result = cuda::driver()->ipcOpenMemHandle(
+      &memory, native, cuda::ipcLazyPeerAccess);
+  if (result == cuda::errorInvalidContext)
+    throw Error(Error::Kind::Runtime,
+                "the handle is of memory of this process, which CUDA opens in "
+                "other processes alone\nhint: use the array that it is of");
+  cuda::check(result, "ipcOpenMemHandle");
   return reinterpret_cast<void *>(memory);
 }
 

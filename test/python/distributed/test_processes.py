@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import pickle
 import subprocess
 import sys
 import time
@@ -11,6 +12,8 @@ import launcher
 import numpy as np
 import pytest
 
+import warp as wp
+import warp.distributed as wd
 from warp._src.distributed import graphs, nccl, start
 from warp.distributed import DistributedError
 
@@ -126,3 +129,20 @@ def test_libraries_that_are_not_there(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     ends = np.arange(9), np.arange(9)[::-1]
     assert graphs.owners_of(*ends, 9, 3, "metis").tolist() == [0] * 3 + [1] * 3 + [2] * 3
+
+
+def test_a_handle_opens_the_array_itself_where_it_was_made(device):
+    """CUDA opens no handle in the process that it comes from; pickles have the handle alone."""
+    array = wp.array([1.0, 2.0, 3.0], dtype=float, device=device)
+    made, handle = wd.share(array)
+    assert handle.open().numpy().tolist() == [1.0, 2.0, 3.0]
+    handle.open().fill_(4.0)
+    assert made.numpy().tolist() == [4.0] * 3
+    assert pickle.loads(pickle.dumps(handle)).array is None
+    handle.close()
+    # As it is for memory of a GPU.
+    kept = wd.Shared("", float, (3,), b"handle", str(device), made)
+    assert kept.open().ptr == made.ptr
+    kept.close()
+    with pytest.raises(RuntimeError):
+        kept.open()

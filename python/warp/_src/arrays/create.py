@@ -227,7 +227,8 @@ def from_ipc_handle(handle: bytes, dtype, shape, strides=None, device=None):
         device: the CUDA device that the memory is on.
 
     Raises:
-        RuntimeError: the device is no CUDA device, or the handle leads nowhere.
+        RuntimeError: the device is no CUDA device, or the handle leads nowhere or to memory of
+            this process, where the array itself is to be used.
     """
     device = devices.get_device(device)
     if not device.is_cuda:

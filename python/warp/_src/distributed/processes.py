@@ -39,9 +39,14 @@ class Shared:
     `close` gives it back.
     """
 
-    def __init__(self, name, dtype, shape, handle=None, device="cpu"):
+    def __init__(self, name, dtype, shape, handle=None, device="cpu", array=None):
         self.name, self.dtype, self.shape = name, dtype, tuple(shape)
         self.handle, self.device = handle, device
+        # Memory of a GPU, in the process that made it: CUDA opens no handle there.
+        self.array = array
+
+    def __getstate__(self):
+        return {**self.__dict__, "array": None}
 
     def open(self):
         """The array, over the same memory.
@@ -49,6 +54,8 @@ class Shared:
         Raises:
             FileNotFoundError: the process that made it has given it back.
         """
+        if self.array is not None:
+            return self.array.view(self.dtype)
         if self.handle is not None:
             return wp.from_ipc_handle(
                 self.handle, dtype=self.dtype, shape=self.shape, device=self.device
@@ -64,6 +71,7 @@ class Shared:
 
     def close(self) -> None:
         """Gives the memory back once no process has an array over it; no other can open it."""
+        self.array = None
         if _files.get(self.name) == os.getpid():
             del _files[self.name]
             with contextlib.suppress(FileNotFoundError):
@@ -112,7 +120,7 @@ def share(array):
             # Others do not wait for the stream of the copy.
             wp.synchronize_device(array.device)
             handle = array.ipc_handle()
-        return array, Shared("", array.dtype, array.shape, handle, str(array.device))
+        return array, Shared("", array.dtype, array.shape, handle, str(array.device), array)
     name = f"warp-share-{os.getpid()}-{os.urandom(6).hex()}"
     size = max(array.size * dtypes.type_size_in_bytes(array.dtype), 1)
     with open(os.open(_path(name), os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
