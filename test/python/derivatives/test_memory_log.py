@@ -379,3 +379,46 @@ def test_a_condition_about_memory_that_changes(device):
             wanted[i, k] *= value
             value = 0.5 * value * value
     np.testing.assert_allclose(x.grad.numpy(), wanted, rtol=1e-14)
+
+
+@wp.kernel
+def until_negative(
+    p: wp.array(dtype=int),
+    w: wp.array(dtype=int),
+    x: wp.array2d(dtype=wp.float64),
+    y: wp.array2d(dtype=wp.float64),
+):
+    i = wp.tid()
+    for k in range(p.shape[0]):
+        v = y[i, p[k]]
+        if v < wp.float64(0.0):
+            break
+        y[i, w[k]] = -v * v * x[i, k]
+
+
+def test_loops_that_depend_on_what_was_overwritten(device):
+    """A second run on what the launch has left would leave the loop elsewhere: a tape is needed."""
+    p = wp.array([0, 1, 0, 2], dtype=int, device=device)
+    w = wp.array([0, 1, 2, 2], dtype=int, device=device)
+    start, factors = np.array([[2.0, 3.0, 5.0]] * 9), np.full((9, 4), 0.5)
+    # The elements 0 and 1 are squared, then the first one is negative.
+    left, wanted = start.copy(), np.zeros((9, 4))
+    left[:, :2] = -0.5 * start[:, :2] ** 2
+    wanted[:, :2] = -(start[:, :2] ** 2)
+
+    def make(values):
+        return wp.array(values, dtype=wp.float64, device=device, requires_grad=True)
+
+    x, first = make(factors), make(start)
+    y = wp.zeros_like(first)
+    with wp.Tape(preserve="auto") as tape:
+        wp.copy(y, first)
+        wp.launch(until_negative, 9, [p, w, x, y], device=device)
+    np.testing.assert_allclose(y.numpy(), left)
+    tape.backward(grads={y: wp.ones_like(y, requires_grad=False)})
+    np.testing.assert_allclose(x.grad.numpy(), wanted)
+
+    x, y = make(factors), make(left)
+    y.grad.fill_(1.0)
+    with pytest.raises(RuntimeError, match="'y' as it was before the launch"):
+        wp.launch(until_negative, 9, [p, w, x, y], device=device, adjoint=True)

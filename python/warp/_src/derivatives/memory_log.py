@@ -71,7 +71,7 @@ def _run(native, hidden, made, call, values, kept, state) -> None:
     """Runs the launch, or a part of it, again, on copies of what it updates."""
     initial, saved = kept
     copies = {
-        ("preserved", one.leaf): [_copy_of(one, made, call, initial)]
+        ("preserved", one.leaf): [_copy_of(one, made, call, initial, native is made.sizing)]
         for one in hidden
         if one.kind == "preserved"
     }
@@ -80,13 +80,18 @@ def _run(native, hidden, made, call, values, kept, state) -> None:
     native.launch(call.dim, values, given, call.device, call.stream, call.block_dim or 0)
 
 
-def _copy_of(one, made, call, initial):
+def _copy_of(one, made, call, initial, is_sizing):
+    """A copy of an array as it was before the launch, or after it if that is as good.
+
+    The check that elements are written before they are read works on CPUs alone, and compares two
+    runs that write the same elements. So what the launch has left does not do where loops,
+    conditions or indices depend on it: that is what a sizing run reads of an array.
+    """
     found = call.leaves[one.leaf][1]
     if found is None or not found.size:
         return found
     contents = initial.get(one.leaf)
-    # The check that elements are written before they are read works on CPUs alone.
-    if contents is None and not (made.unrecorded and call.device == devices.CPU):
+    if contents is None and (is_sizing or not (made.unrecorded and call.device == devices.CPU)):
         raise made.not_recorded(call, one)
     return copy_layout(found if contents is None else contents)
 
