@@ -242,7 +242,7 @@ def test_annotations():
     assert kind == wp.indexedarray2d(dtype=wp.vec3) == wp.indexedarray[wp.vec3, typing.Literal[2]]
     assert kind == wp.indexedarray2d[wp.vec3]
     assert kind not in (wp.array2d(dtype=wp.vec3), wp.indexedarray(dtype=wp.vec3))
-    assert repr(kind) == "indexedarray2d(dtype=vec3f)"
+    assert repr(kind) == "wp.indexedarray[wp.vec3f, Literal[2]]"
     with pytest.raises(TypeError, match="is an annotation"):
         kind(3)
     with pytest.raises(ValueError, match="1 to 4 dimensions"):

@@ -123,7 +123,7 @@ assert value["structs"].numpy()["mass"].tolist() == [0, 0]
 assert value["indexed"].numpy().tolist() == [[0, 1, 0], [0, 0, 0]]
 assert value["values"] == [wp.vec3(1., 2., 3.), wp.quat_identity(), wp.mat22(1., 2., 3., 4.)]
 assert value["types"] == [wp.vec3, wp.types.vector(5, float), wp.types.matrix((12, 3), wp.float64)]
-assert repr(value["annotation"]) == "array2d(dtype=Body)"
+assert repr(value["annotation"]) == "wp.array2d[Body]"
 Body, Cloud = value["classes"]
 assert list(Cloud.vars) == ["inner", "points", "weights"] and Body().mass == 0.0
 assert type(value["cloud"]).__name__ == "Cloud" and value["cloud"].inner.mass == 2.0

@@ -27,7 +27,7 @@ def test_arrays_of_any_rank(device):
         assert y.numpy()[0] == shape[0]
     assert len(any_rank.overloads) == 3
     annotation = wp.array[float, typing.Any]
-    assert annotation.ndim is typing.Any and repr(annotation) == "array(dtype=float32, ndim=Any)"
+    assert annotation.ndim is typing.Any and repr(annotation) == "wp.array[wp.float32, Any]"
     with pytest.raises(ValueError, match="ndim must be between"):
         wp.array[float, 5]
     with pytest.raises(TypeError, match="single type parameter"):

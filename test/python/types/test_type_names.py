@@ -1,6 +1,7 @@
 """`__name__` of a type is a name of this package, or that of its family."""
 
 import itertools
+import typing
 
 import pytest
 
@@ -17,6 +18,22 @@ def made():
     for dtype in (wp.float16, wp.bfloat16, wp.float32, wp.float64):
         yield wp.types.quaternion(dtype), "quat_t"
         yield wp.types.transformation(dtype), "transform_t"
+
+
+def test_annotations_are_shown_as_programs_write_them():
+    spaces = {"wp": wp, "Any": typing.Any, "Literal": typing.Literal}
+    kinds = (wp.array, wp.indexedarray, wp.fabricarray, wp.indexedfabricarray)
+    written = [wp.array2d[wp.vec3], wp.array4d[wp.uint32], wp.array[typing.Any]]
+    written += [kind[dtype] for dtype in (*SCALARS, *(one for one, _ in made())) for kind in kinds]
+    written += [kind[float, typing.Any] for kind in kinds]
+    written += [kind[wp.mat22, typing.Literal[2]] for kind in kinds]
+    for annotation in written:
+        assert eval(repr(annotation), spaces) == annotation, annotation
+    assert [repr(one) for one in written[:3]] == [
+        "wp.array2d[wp.vec3f]",
+        "wp.array4d[wp.uint32]",
+        "wp.array[Any]",
+    ]
 
 
 def test_names_lead_back():
@@ -46,7 +63,7 @@ def test_messages_tell_sizes():
     assert repr(five(1.0)) == "vec5f([1.0, 1.0, 1.0, 1.0, 1.0])"
     assert repr(wp.types.matrix((1, 2), int)(3)) == "mat12i([3, 3])"
     assert repr(wp.zeros(2, dtype=five, device="cpu").dtype()) == repr(five())
-    assert "dtype=vec5f" in repr(wp.array(dtype=five))
+    assert "[wp.types.vector(length=5, dtype=wp.float32)]" in repr(wp.array(dtype=five))
     with pytest.raises(TypeError, match="index of 'vec5f'"):
         five()["a"]
     with pytest.raises(ValueError, match="5 components for 'vec5f'"):

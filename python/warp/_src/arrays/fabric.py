@@ -26,10 +26,9 @@ from warp._src.types.native import IndexedArrayType
 class FabricArrayType(IndexedArrayType):
     """Type of an array in buckets: `dtype` and `ndim`, which is 2 where elements are arrays."""
 
-    # The names that programs write, for messages.
     shown = "fabricarray"
 
-    def __repr__(self):
+    def described(self):
         return f"{self.shown}(dtype={dtypes.type_repr(self.dtype)}, ndim={self.ndim})"
 
     @property

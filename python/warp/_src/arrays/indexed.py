@@ -68,7 +68,7 @@ def record_class(dtype, ndim):
     # Bit i: dimension i has indices.
     fields["indexed"] = scalars.int32
     annotation = IndexedArrayType(dtype, ndim)
-    name = repr(annotation)
+    name = annotation.described()
     about = {"__module__": __name__, "__qualname__": name, "__doc__": "An indexed array."}
     made = make_struct(name, fields, IndexedRecord, about)
     # The type of a field, as programs see it.

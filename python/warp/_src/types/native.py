@@ -6,6 +6,7 @@ type; `native_type` and `dtype_of` translate to and from the types of the compil
 
 from __future__ import annotations
 
+import sys
 import typing
 import weakref
 
@@ -155,7 +156,8 @@ def type_repr(t) -> str:
     """
     if isinstance(t, type):
         return shown_name(PYTHON_TYPES.get(t, t))
-    return spelled(t)
+    # An annotation of an array takes itself for one.
+    return t.described() if issubclass(type(t), ArrayType) else spelled(t)
 
 
 def types_equal(a, b) -> bool:
@@ -185,6 +187,23 @@ def _element_type(dtype):
         return canonical(dtype)
     except TypeError as error:
         raise TypeError(f"cannot make an array of this element type: {error}") from None
+
+
+def _written(dtype) -> str:
+    """An element type as programs write it in annotations."""
+    if not isinstance(dtype, type) or not issubclass(dtype, (Composite, scalar_base)):
+        return getattr(dtype, "__name__", None) or type_repr(dtype)
+    name = shown_name(dtype)
+    if getattr(sys.modules.get("warp"), name, None) is dtype:
+        return f"wp.{name}"
+    scalar = _written(dtype._wp_scalar_type_)
+    kind = native_type(dtype).kind
+    if kind == "vec":
+        return f"wp.types.vector(length={dtype._length_}, dtype={scalar})"
+    if kind == "mat":
+        return f"wp.types.matrix(shape={dtype._shape_}, dtype={scalar})"
+    family = "quaternion" if kind == "quat" else "transformation"
+    return f"wp.types.{family}(dtype={scalar})"
 
 
 def _union(one, other):
@@ -255,11 +274,18 @@ class ArrayType:
     def __hash__(self):
         return hash((self.dtype, self.ndim))
 
-    def __repr__(self):
+    def described(self) -> str:
+        """The name in messages, as the compiler writes it."""
         if self.ndim is typing.Any:
             return f"array(dtype={type_repr(self.dtype)}, ndim=Any)"
         suffix = "" if self.ndim == 1 else f"{self.ndim}d"
         return f"array{suffix}(dtype={type_repr(self.dtype)})"
+
+    def __repr__(self):
+        if self.ndim is typing.Any:
+            return f"wp.array[{_written(self.dtype)}, Any]"
+        suffix = "" if self.ndim == 1 else f"{self.ndim}d"
+        return f"wp.array{suffix}[{_written(self.dtype)}]"
 
     def __or__(self, other):
         return _union(self, other)
@@ -298,8 +324,16 @@ class IndexedArrayType(ArrayType):
         """The struct that kernels know it as."""
         return self.make_record(self.dtype, self.ndim)
 
+    # The name that programs write.
+    shown = "indexedarray"
+
+    def described(self):
+        return "indexed" + super().described()
+
     def __repr__(self):
-        return "indexed" + super().__repr__()
+        rank = "" if self.ndim == 1 else f", Literal[{self.ndim}]"
+        rank = ", Any" if self.ndim is typing.Any else rank
+        return f"wp.{self.shown}[{_written(self.dtype)}{rank}]"
 
     def __call__(self, *args, **kwargs):
         raise TypeError(f"'{self!r}' is an annotation, use `wp.indexedarray(data, indices)`")
