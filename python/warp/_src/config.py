@@ -333,9 +333,10 @@ SETTINGS = {
         ),
         Setting(
             "launch_array_access_mode",
-            (int, str),
+            int,
             LaunchArrayAccessMode.RELAXED,
-            "reserved: overlap checks",
+            "accepted for compatibility: launches always check what they can reach",
+            tuple(LaunchArrayAccessMode),
         ),
         Setting("log_level", int, 30, "above LOG_WARNING the runtime gives no notices"),
         _inert("enable_vector_component_overwrites", bool, False),

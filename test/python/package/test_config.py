@@ -78,6 +78,17 @@ def test_modes_are_of_their_enumerations():
     assert wp.config.launch_array_access_mode is wp.config.LaunchArrayAccessMode.RELAXED
 
 
+@pytest.mark.parametrize("value", [3, 999, -1, "checked", True, 1.0])
+def test_modes_that_there_are_none_of(monkeypatch, value):
+    mode = wp.config.launch_array_access_mode
+    with pytest.raises((TypeError, ValueError), match="launch_array_access_mode"):
+        wp.config.launch_array_access_mode = value
+    assert wp.config.launch_array_access_mode is mode
+    for one in wp.config.LaunchArrayAccessMode:
+        monkeypatch.setattr(wp.config, "launch_array_access_mode", one)
+        assert wp.config.launch_array_access_mode is one
+
+
 @pytest.mark.parametrize("name, text", [("quiet", "maybe"), ("mode", "fast"), ("max_unroll", "x")])
 def test_bad_environment(monkeypatch, name, text):
     monkeypatch.setenv(f"WARP_{name.upper()}", text)
