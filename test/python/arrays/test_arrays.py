@@ -153,12 +153,23 @@ def test_annotations_are_types():
     assert wp.array(dtype=float, ndim=2) == wp.array2d(dtype=float) == wp.array2d[float]
     assert wp.array(dtype=float) != wp.array(dtype=int)
     assert hash(wp.array(dtype=float)) == hash(wp.array[float])
-    assert repr(wp.array3d(dtype=float)) == "array3d(dtype=float32)"
+    assert repr(wp.array3d(dtype=float)) == "wp.array3d[wp.float32]"
     assert (wp.array4d(dtype=int).ndim, wp.array4d(dtype=int).dtype) == (4, wp.int32)
     with pytest.raises(TypeError):
         wp.array(dtype=str)
     with pytest.raises(ValueError):
         wp.array(dtype=float, ndim=5)
+
+
+def test_arrays_ascend_in_memory():
+    source = data_of(4, 3)
+    x = wp.array(source, dtype=float, device="cpu")
+    with pytest.raises(NotImplementedError, match="Negative strides.*copy the elements"):
+        last = x.ptr + x.strides[0] * 3
+        wp.array(ptr=last, shape=4, strides=(-x.strides[0],), dtype=float, device="cpu")
+    np.testing.assert_array_equal(
+        wp.array(source[::-1], dtype=float, device="cpu").numpy(), source[::-1]
+    )
 
 
 def test_aliasing_numpy():

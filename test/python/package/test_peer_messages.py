@@ -50,6 +50,24 @@ def test_sentences_are_shown_where_they_are_asked_for(monkeypatch):
     assert str(error) == ours
 
 
+@wp.kernel
+def write_at_a_float(points: wp.array[wp.vec3]):
+    points[0.0].x = 1.0
+
+
+@wp.kernel
+def add_at_a_float(points: wp.array[wp.vec3]):
+    points[0.0].x += 1.0
+
+
+@pytest.mark.parametrize("kernel", [write_at_a_float, add_at_a_float])
+def test_indices_of_components(monkeypatch, kernel):
+    monkeypatch.setattr(wp.config, "peer_messages", True)
+    with pytest.raises(TypeError, match="must be an integer, but got 'float32'") as caught:
+        wp.launch(kernel, 1, [wp.zeros(1, dtype=wp.vec3, device="cpu")], device="cpu")
+    assert str(caught.value).endswith("Array slot write indices must be integers or slices")
+
+
 def test_the_environment_asks_for_them():
     program = programs.write_program("import warp as wp\nwp.zeros(-1)\n")
     for value, shown in (("1", True), ("0", False)):

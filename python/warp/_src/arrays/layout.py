@@ -92,8 +92,8 @@ def check_strides(strides, extents) -> tuple:
         )
     if min(strides) < 0:
         raise NotImplementedError(
-            f"Negative strides are not supported, but got {strides}: give the address of the last "
-            "element as `ptr`, or reverse a view"
+            f"Negative strides are not supported, but got {strides}: arrays ascend in memory; "
+            "reverse the indices in the kernel, or copy the elements in the other order"
         )
     return strides
 

@@ -210,6 +210,7 @@ SENTENCES: dict[str, str | typing.Callable[..., str | None]] = {
     "argument-missing": "{name}() missing required keyword argument '{which}'",
     "array-parameters": "array{ndim}d[...] takes a single type parameter",
     "array-rank": "ndim must be between 1 and 4, got {spelled}",
+    "array-slot-index": "Array slot write indices must be integers or slices",
     "array-slice-step": "Slice step cannot be zero",
     "attribute": "`{name}` is not an attribute of '{owner}' ({dtype})",
     "operator": "Operator `{name}` is not defined",

@@ -147,6 +147,14 @@ class Slots(Part):
             if len(items) < known.rank:
                 view = self.context.access.part(array, indices, node)
                 return Slot(view.type, value=view)
+            for index in indices:
+                if index.type.kind != "int":
+                    raise self.context.type_error(
+                        node,
+                        f"array index must be an integer, but got '{index.type.python_name}'",
+                        hint="use `int(...)`",
+                        code="array-slot-index",
+                    )
             array, indices = self.context.indexed.resolved(array, indices, node)
             return Slot(known.element, array=array, indices=indices)
         indices = [self.context.access.index(item) for item in items]

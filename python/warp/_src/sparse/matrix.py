@@ -232,8 +232,9 @@ class BsrMatrix(InPlaceOperators, Operators):
             return BSR_STATUS_SUCCESS
         if self.device.is_capturing:
             raise (NotImplementedError if self.device.is_cpu else RuntimeError)(
-                "BsrMatrix.status_sync() cannot read sparse status during a live "
-                f"{'CPU' if self.device.is_cpu else 'CUDA'} graph capture; call it afterwards"
+                "BsrMatrix.status_sync() cannot read sparse status during a "
+                f"{'CPU APIC' if self.device.is_cpu else 'live CUDA'} graph capture; call it "
+                "afterwards"
             )
         return int(self._status.numpy()[0])
 
