@@ -8,6 +8,7 @@ import pytest
 import warp as wp
 import warp.fem as fem
 from box_meshes import box_mesh
+from warp._src.fem.geometry import check
 
 MESHES = {"triangle": fem.Trimesh2D, "square": fem.Quadmesh2D, "tet": fem.Tetmesh}
 MESHES["cube"] = fem.Hexmesh
@@ -189,10 +190,13 @@ def warnings_of(mesh):
     return [str(one.message) for one in caught]
 
 
+@pytest.mark.parametrize("few", [0, 4096])
 @pytest.mark.parametrize("real", [wp.float32, wp.float64])
 @pytest.mark.parametrize("cell", MESHES)
-def test_the_first_integration_warns_of_bad_cells(cell, real):
-    """A warning names the kind of bad cells and the first of them, once for a mesh."""
+def test_the_first_integration_warns_of_bad_cells(cell, real, few, monkeypatch):
+    """A warning names the kind of bad cells and the first of them, once for a mesh, also where
+    bounds show that small meshes are fine."""
+    monkeypatch.setattr(check, "_FEW_CELLS", few)
     cells, positions = box_mesh(cell, 3, 0.2, seed=2, shuffle=False)
     assert warnings_of(make(cell, cells, positions, real)) == []
     flipped = cells.copy()
@@ -207,6 +211,21 @@ def test_the_first_integration_warns_of_bad_cells(cell, real):
     positions[-1] = np.nan
     (found,) = warnings_of(make(cell, cells, positions, real))
     assert "cells with NaN or infinite positions (1, the first is cell 4)" in found
+
+
+@pytest.mark.parametrize("real", [wp.float32, wp.float64])
+@pytest.mark.parametrize("cell", MESHES)
+def test_bounds_never_hide_bad_cells(cell, real):
+    """Meshes that bounds call fine have no cells to warn of, from regular to folded ones."""
+    found = []
+    for distortion in (0.0, 0.2, 0.5, 0.8, 1.5, 2.5):
+        for stretch in (1.0, 1e-2, 1e-10):
+            cells, positions = box_mesh(cell, 3, distortion, seed=3)
+            positions = positions * np.append(np.ones(positions.shape[1] - 1), stretch)
+            mesh = make(cell, cells, positions, real)
+            found.append((check._are_surely_fine(mesh), mesh.check().is_fine))
+    assert (True, False) not in found
+    assert found[0] == (True, True) and (False, False) in found
 
 
 @pytest.mark.parametrize("real", [wp.float32, wp.float64])

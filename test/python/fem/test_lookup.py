@@ -234,3 +234,33 @@ def test_gradients_of_coordinates_by_positions_and_vertices(cell):
         direction = rng.standard_normal(by.shape)
         above, below = (total(*shift(s, direction))[0] for s in (step, -step))
         assert np.sum(by * direction) == pytest.approx((above - below) / (2 * step), rel=1e-6)
+
+
+@fem.integrand
+def moved(s: fem.Sample, domain: fem.Domain, u: fem.Field, velocity: fem.Field):
+    return u(fem.lookup(domain, domain(s) - velocity(s), guess=s))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("kind", ["grid", "mesh"])
+def test_gradients_of_moved_points_at_all_borders(kind, degree):
+    """The derivative of u(x - v) by v at v = 0 is -grad u, at upper borders, too."""
+    if kind == "grid":
+        geometry = fem.Grid2D(res=wp.vec2i(4, 3))
+    else:
+        geometry = make("square", wp.float32)[0]
+    space = fem.make_polynomial_space(geometry, degree=degree)
+    u, out = fem.make_discrete_field(space), fem.make_discrete_field(space)
+    velocity = fem.make_discrete_field(
+        fem.make_polynomial_space(geometry, degree=degree, dtype=wp.vec2)
+    )
+    x = space.node_positions().numpy().astype(float)
+    values = x[:, 0] + 2.0 * x[:, 1]
+    u.dof_values.assign(values.astype(np.float32))
+    velocity.dof_values.requires_grad = out.dof_values.requires_grad = True
+    with wp.Tape() as tape:
+        fem.interpolate(moved, fields={"u": u, "velocity": velocity}, dest=out)
+    tape.backward(grads={out.dof_values: wp.ones(len(x))})
+    np.testing.assert_allclose(out.dof_values.numpy(), values, atol=2e-6)
+    expected = np.broadcast_to([-1.0, -2.0], (len(x), 2))
+    np.testing.assert_allclose(velocity.dof_values.grad.numpy(), expected, atol=5e-5)

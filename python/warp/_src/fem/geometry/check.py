@@ -159,12 +159,61 @@ def _orientation_kernels(record):
     return orient, count_bad
 
 
+# Edges by vertices, along each axis of a reference cell: a column of the gradient is a convex
+# combination of an axis's edges.
+_EDGES = {
+    "triangle": ([(0, 1)], [(0, 2)]),
+    "square": ([(0, 1), (3, 2)], [(0, 3), (1, 2)]),
+    "tet": ([(0, 1)], [(0, 2)], [(0, 3)]),
+    "cube": (
+        [(0, 1), (3, 2), (4, 5), (7, 6)],
+        [(0, 3), (1, 2), (4, 7), (5, 6)],
+        [(0, 4), (1, 5), (2, 6), (3, 7)],
+    ),
+}
+# Cells of a mesh that NumPy bounds in less time than the kernel takes to compile.
+_FEW_CELLS = 4096
+
+
+def _are_surely_fine(geometry) -> bool:
+    """True if bounds show that no cell of a small solid mesh on the CPU is bad.
+
+    The determinant is linear in each column, so it lies between determinants of edges.
+    """
+    record, table = geometry.record, getattr(geometry, "cell_vertices", None)
+    if table is None or geometry.base is not geometry or len(table) > _FEW_CELLS:
+        return False
+    if record.dimension != DIMENSIONS[record.cell] or not geometry.positions.device.is_cpu:
+        return False
+    corners = geometry.positions.numpy()[table.numpy()].astype(np.float64)
+    edges = [
+        np.stack([corners[:, b] - corners[:, a] for a, b in axis], axis=1)
+        for axis in _EDGES[record.cell]
+    ]
+    lengths = [np.linalg.norm(axis, axis=2) for axis in edges]
+    longest = np.prod([one.max(axis=1) for one in lengths], axis=0)
+    sizes = np.concatenate(lengths, axis=1)
+    if len(edges) == 2:
+        (x, y), (u, v) = (np.moveaxis(axis, 2, 0) for axis in edges)
+        bounds = x[:, :, None] * v[:, None] - y[:, :, None] * u[:, None]
+    else:
+        normals = np.cross(edges[0][:, :, None], edges[1][:, None]).reshape(len(corners), -1, 3)
+        bounds = normals @ edges[2].transpose(0, 2, 1)
+    bounds = bounds.reshape(len(corners), -1)
+    least = np.maximum(bounds.min(axis=1), -bounds.max(axis=1))
+    # The kernel rounds where edges differ much in length; NaN is not fine.
+    is_even = sizes.min(axis=1) * 1024.0 > sizes.max(axis=1)
+    return bool((is_even & (least > 2.0 * _SLIVER[record.scalar] * longest)).all())
+
+
 def warn_of_bad_cells(geometry, device) -> None:
     """Warns of cells that forms cannot be integrated on, once for a mesh."""
     kept = vars(geometry)
     if "_is_checked" in kept or device.is_capturing:
         return
     kept["_is_checked"] = True
+    if device.is_cpu and _are_surely_fine(geometry):
+        return
     kernels, n = _orientation_kernels(geometry.record), geometry.cell_count()
     if kernels is None or not n:
         return
