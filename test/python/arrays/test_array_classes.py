@@ -1,6 +1,7 @@
 """Classes that programs derive from `wp.array`, with arguments that only they know."""
 
 import numpy as np
+import pytest
 
 import warp as wp
 import warp.autograd
@@ -54,3 +55,28 @@ def test_tapes_keep_what_is_overwritten_of_a_derived_class():
 
 def test_other_element_types_are_made_of_a_derived_class():
     assert wp.array(_tagged([1.0, 2.5]), dtype=wp.float64).numpy().tolist() == [1.0, 2.5]
+
+
+class OfRank(Tagged):
+    """Describes itself with a number of dimensions that a program chooses."""
+
+    rank = 1
+
+    def __ctype__(self):
+        descriptor = type(super().__ctype__()).from_buffer_copy(super().__ctype__())
+        descriptor.ndim = self.rank
+        return descriptor
+
+
+@wp.struct
+class Held:
+    values: wp.array(dtype=float)
+
+
+def test_fields_refuse_arrays_whose_descriptor_has_another_rank():
+    held, array = Held(), OfRank([1.0, 2.0], dtype=float, tag="mine", device="cpu")
+    held.values = array
+    assert held.values is array
+    array.rank = 2
+    with pytest.raises(TypeError, match="Struct field 'values'.*descriptor has 2 dimensions"):
+        held.values = array

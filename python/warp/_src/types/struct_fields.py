@@ -196,7 +196,11 @@ class Field:
         if type(value).__ctype__ is hooks.plain_array.__ctype__:
             return
         try:
-            value.__ctype__()
+            rank = getattr(value.__ctype__(), "ndim", value.ndim)
+            if rank != value.ndim:
+                raise ValueError(
+                    f"its descriptor has {rank} dimensions, but the array has {value.ndim}"
+                )
         except Exception as problem:
             raise errors.WarpTypeError(
                 f"Struct field '{self.name}' cannot refer to a '{type(value).__name__}': {problem}"
