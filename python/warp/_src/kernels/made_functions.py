@@ -67,7 +67,8 @@ def function_from_text(
     file = f"<{tree.name} {digest}>"
     lines = text.splitlines(keepends=True)
     linecache.cache[file] = (len(text), None, lines, file)
-    return _made(tree, file, dict(names or {}), module or _module_of_caller(), lines)
+    names, module = dict(names or {}), module or _module_of_caller()
+    return _made(tree, file, names, module, lines, is_whole=True)
 
 
 @checked(tree=_TREE, names=DICT | NONE, file=TEXT | NONE, module=TEXT | NONE)
@@ -185,10 +186,10 @@ def _module_of_caller() -> str:
     return calling_frame().f_globals.get("__name__", "__main__")
 
 
-def _made(tree, file, names, module, lines):
+def _made(tree, file, names, module, lines, is_whole=False):
     """A function whose names are captured variables: code that is shared looks for these anew."""
     free = tuple(sorted(names))
-    code, factory = _compiled(tree, file, free, lines)
+    code, factory = _compiled(tree, file, free, lines, is_whole=is_whole)
     space = {"__name__": module}
     exec(factory, space)
     plain = space["factory"](*(names[name] for name in free))
@@ -199,7 +200,7 @@ def _made(tree, file, names, module, lines):
     return made
 
 
-def _compiled(tree, file, free, lines, evaluated=True) -> tuple:
+def _compiled(tree, file, free, lines, evaluated=True, is_whole=False) -> tuple:
     """The code object of a function and that of a module with a factory of it, compiled once.
 
     Args:
@@ -207,10 +208,12 @@ def _compiled(tree, file, free, lines, evaluated=True) -> tuple:
         free: names that the factory takes as arguments.
         lines: its text.
         evaluated: keeps annotations and defaults.
+        is_whole: the lines are the definition, as it was parsed: they tell it from others.
     """
     import ast
 
-    key = ast.dump(tree, include_attributes=True), file, free, tuple(lines), evaluated
+    dumped = None if is_whole else ast.dump(tree, include_attributes=True)
+    key = dumped, file, free, tuple(lines), evaluated
     found = _known.get(key)
     if found is not None:
         return found
