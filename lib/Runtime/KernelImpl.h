@@ -93,9 +93,11 @@ struct Kernel::Variant {
   /// Stays when tier-1 code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
   /// The check of the lanes, if there is one, and the code that they are
-  /// checked against until it is over.
+  /// checked against: without lanes, and with half or twice as many.
   std::unique_ptr<LaneTrial> trial;
-  std::unique_ptr<DeviceCode> scalar;
+  std::unique_ptr<DeviceCode> scalar, resized;
+  /// The lanes of `resized`; 0 while they are not known.
+  int otherLanes = 0;
   /// The check of a GPU's schedule, if there is one, the code with the plain
   /// mapping, and the same once launches run that.
   std::unique_ptr<LaunchTrial> launchTrial;
@@ -326,10 +328,15 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// True if the lanes of a variant are checked.
   bool mayTry(const CompileOptions &wanted, const Variant &variant) const;
   void startTrial(const CompileOptions &wanted, Variant &variant);
-  /// Loads code without lanes that launches can run in the same way, or null.
-  const DeviceCode *loadScalar(const CompileOptions &wanted, Variant &variant);
-  /// Launches run the code without lanes from now on.
-  void finishTrial(Variant &variant);
+  /// Loads code with so many lanes that launches can run in the same way; null
+  /// if there is none.
+  std::unique_ptr<DeviceCode> loadLanes(const CompileOptions &wanted,
+                                        Variant &variant, int lanes);
+  /// The same with half or twice the lanes of the best code.
+  std::unique_ptr<DeviceCode> loadOtherWidth(const CompileOptions &wanted,
+                                             Variant &variant);
+  /// Launches run code that was compared with lanes from now on.
+  void finishTrial(Variant &variant, std::unique_ptr<DeviceCode> &code);
   /// The same for schedules on GPUs.
   bool mayTryLaunches(const CompileOptions &wanted,
                       const Variant &variant) const;

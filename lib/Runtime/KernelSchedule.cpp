@@ -31,12 +31,27 @@ static std::string describeKind(const VariantKey &key, int arch) {
 }
 
 /// The times that lanes were checked by, and what came of it.
-static Choice describeTrial(const TrialTimes &times) {
+static void describeTrial(const Kernel::Variant &variant,
+                          std::vector<Choice> &choices) {
+  std::vector<TrialTimes> rounds = variant.trial->results();
   char text[120];
+  if (rounds.empty())
+    return;
   std::snprintf(text, sizeof(text),
                 "lanes took %.3g ns an index in a launch, scalar code %.3g",
-                times.chosen, times.plain);
-  return {"measured", times.prefersPlain() ? "scalar" : "lanes", text};
+                rounds[0].chosen, rounds[0].plain);
+  choices.push_back(
+      {"measured", rounds[0].prefersPlain() ? "scalar" : "lanes", text});
+  if (rounds.size() < 2)
+    return;
+  std::snprintf(text, sizeof(text),
+                "lanes took %.3g ns an index in a launch, %d lanes %.3g",
+                rounds[1].chosen, variant.otherLanes, rounds[1].plain);
+  choices.push_back({"measured",
+                     rounds[1].prefersPlain()
+                         ? std::to_string(variant.otherLanes) + " lanes"
+                         : "lanes",
+                     text});
 }
 
 /// The same for a GPU's schedule.
@@ -74,8 +89,7 @@ LaunchSchedule Kernel::Impl::describe(const VariantKey &key, int arch,
     result.choices.push_back(
         {"threads", "at most " + threads, "as many as a launch has work for"});
     if (variant && variant->trial)
-      if (std::optional<TrialTimes> times = variant->trial->result())
-        result.choices.push_back(describeTrial(*times));
+      describeTrial(*variant, result.choices);
     return result;
   }
   std::string ptx = emitText(source(), compiled, "ptx");

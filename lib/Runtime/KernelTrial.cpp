@@ -3,8 +3,9 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A variant whose lanes the cost model chose has a trial (LaneTrial.h). Its
-// times are kept in the cache under the name of the code with lanes, so another
-// process begins with the quicker code. A variant for a GPU has one of its
+// times are kept in the cache under the name of the code with lanes, those of a
+// round against another width under the name of that code, so another process
+// begins with the quicker code. A variant for a GPU has one of its
 // schedule (LaunchTrial.h), whose times are of the card, too.
 //
 //===----------------------------------------------------------------------===//
@@ -38,8 +39,8 @@ static bool areAlike(const Code &one, const Code &other) {
          one.sites.empty() && other.sites.empty();
 }
 
-static CompileOptions scalarOptions(CompileOptions options) {
-  options.lanes = 1;
+static CompileOptions withLanes(CompileOptions options, int lanes) {
+  options.lanes = lanes;
   return options;
 }
 
@@ -65,59 +66,108 @@ static std::function<void()> inBackground(std::weak_ptr<Impl> self,
   };
 }
 
-void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
-  std::string key = fingerprint(hashes(), wanted);
+/// The width that so many lanes are compared with: what two vectors in turn
+/// gain by latency, and lose by registers, is guessed by the model. 0 for lanes
+/// that are as many as a row has elements, or a run.
+static int otherWidth(const CompileOptions &wanted, int64_t lanes) {
+  constexpr int64_t mostInVector = 16;
+  if (wanted.innerExtent != 0 || lanes < 2 || (lanes & (lanes - 1)) != 0)
+    return 0;
+  return int(lanes > mostInVector ? lanes / 2 : 2 * lanes);
+}
+
+static std::optional<TrialTimes> readTimes(const std::string &key) {
   std::optional<std::string> text = KernelCache::get().read(fileOf(key));
-  std::optional<TrialTimes> known =
-      text ? TrialTimes::fromText(*text) : std::nullopt;
-  if (known && !known->prefersPlain()) {
-    variant.trial = std::make_unique<LaneTrial>(*known);
+  return text ? TrialTimes::fromText(*text) : std::nullopt;
+}
+
+void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
+  auto keyOf = [this, wanted](int lanes) {
+    return fingerprint(hashes(), withLanes(wanted, lanes));
+  };
+  // The lanes of tier-0 code are not those of the best.
+  if (!variant.isQuick)
+    variant.otherLanes = otherWidth(wanted, variant.code.schedule.lanes);
+  std::vector<TrialTimes> known;
+  if (std::optional<TrialTimes> times = readTimes(keyOf(0)))
+    known.push_back(*times);
+  bool isScalar = !known.empty() && known[0].prefersPlain();
+  if (!known.empty() && !isScalar && variant.otherLanes != 0)
+    if (std::optional<TrialTimes> times = readTimes(keyOf(variant.otherLanes)))
+      known.push_back(*times);
+  if (!known.empty() && known.back().prefersPlain()) {
+    // The quicker code takes over as soon as it is loaded.
+    int lanes = isScalar ? 1 : variant.otherLanes;
+    variant.trial = std::make_unique<LaneTrial>(std::move(known));
+    inBackground(weak_from_this(), variant,
+                 [wanted, lanes](Impl &impl, Variant &variant) {
+                   auto code = impl.loadLanes(wanted, variant, lanes);
+                   impl.finishTrial(variant, code);
+                 })();
     return;
   }
-  if (known) {
-    // The quicker code takes over as soon as it is loaded.
-    variant.trial = std::make_unique<LaneTrial>(*known);
-    inBackground(weak_from_this(), variant,
-                 [wanted](Impl &impl, Variant &variant) {
-                   impl.loadScalar(wanted, variant);
-                   impl.finishTrial(variant);
-                 })();
+  bool isOver = !variant.isQuick && variant.otherLanes == 0;
+  if (known.size() == (isOver ? 1 : 2)) {
+    variant.trial = std::make_unique<LaneTrial>(std::move(known));
     return;
   }
   auto compile = inBackground(
       weak_from_this(), variant, [wanted](Impl &impl, Variant &variant) {
-        variant.trial->begin(impl.loadScalar(wanted, variant));
+        bool isFirst = variant.trial->results().empty();
+        std::unique_ptr<DeviceCode> &code =
+            isFirst ? variant.scalar : variant.resized;
+        code = isFirst ? impl.loadLanes(wanted, variant, 1)
+                       : impl.loadOtherWidth(wanted, variant);
+        variant.trial->begin(code.get());
       });
-  auto finish = [this, key, &variant](const TrialTimes &times) {
-    KernelCache::get().write(fileOf(key), times.toText());
+  auto finish = [this, keyOf, &variant](const TrialTimes &times) {
+    bool isFirst = variant.trial->results().size() == 1;
+    KernelCache::get().write(fileOf(keyOf(isFirst ? 0 : variant.otherLanes)),
+                             times.toText());
     if (times.prefersPlain())
-      finishTrial(variant);
+      finishTrial(variant, isFirst ? variant.scalar : variant.resized);
+    return isFirst && !times.prefersPlain();
   };
-  variant.trial = std::make_unique<LaneTrial>(compile, finish);
+  variant.trial =
+      std::make_unique<LaneTrial>(compile, finish, std::move(known));
 }
 
-const DeviceCode *Kernel::Impl::loadScalar(const CompileOptions &wanted,
-                                           Variant &variant) {
+std::unique_ptr<DeviceCode>
+Kernel::Impl::loadOtherWidth(const CompileOptions &wanted, Variant &variant) {
+  std::map<std::string, double> spent;
+  try {
+    variant.otherLanes =
+        otherWidth(wanted, obtain(wanted, spent).schedule.lanes);
+  } catch (...) {
+    return nullptr;
+  }
+  return variant.otherLanes ? loadLanes(wanted, variant, variant.otherLanes)
+                            : nullptr;
+}
+
+std::unique_ptr<DeviceCode>
+Kernel::Impl::loadLanes(const CompileOptions &wanted, Variant &variant,
+                        int lanes) {
   if (variant.quick)
     improve(variant);
   std::map<std::string, double> spent;
   try {
-    Code code = obtain(scalarOptions(wanted), spent);
+    Code code = obtain(withLanes(wanted, lanes), spent);
     if (isAbandoned() || !areAlike(code, variant.code))
       return nullptr;
     code.schedule.cost = variant.code.schedule.cost;
-    variant.scalar = deviceAt(variant.key.device).load(variant, code);
+    return deviceAt(variant.key.device).load(variant, code);
   } catch (...) {
-    // Lanes do the same.
+    // The lanes of the variant do the same.
     return nullptr;
   }
-  return variant.scalar.get();
 }
 
-void Kernel::Impl::finishTrial(Variant &variant) {
+void Kernel::Impl::finishTrial(Variant &variant,
+                               std::unique_ptr<DeviceCode> &code) {
   std::lock_guard lock(mutex);
-  if (variant.scalar)
-    variant.place(std::move(variant.scalar));
+  if (code)
+    variant.place(std::move(code));
 }
 
 //===----------------------------------------------------------------------===//
@@ -177,7 +227,7 @@ bool Kernel::Impl::loadPlain(const CompileOptions &wanted, Variant &variant) {
     improve(variant);
   std::map<std::string, double> spent;
   try {
-    Code code = obtain(scalarOptions(wanted), spent);
+    Code code = obtain(withLanes(wanted, 1), spent);
     Code chosen = obtain(wanted, spent);
     if (isAbandoned() || code.binary == chosen.binary ||
         !areAlike(code, variant.code) ||

@@ -83,10 +83,13 @@ std::optional<TrialTimes> TrialRatios::result() const {
 //===----------------------------------------------------------------------===//
 
 void LaneTrial::begin(const DeviceCode *code) {
-  if (code)
-    scalar.store(code, std::memory_order_release);
-  else
+  if (!code) {
     open = false;
+    return;
+  }
+  std::lock_guard lock(mutex);
+  ratios = TrialRatios(/*cold=*/2);
+  other.store(code, std::memory_order_release);
 }
 
 void LaneTrial::spend(int64_t nanoseconds) {
@@ -96,7 +99,7 @@ void LaneTrial::spend(int64_t nanoseconds) {
 }
 
 LaneTrial::Part
-LaneTrial::measure(int64_t items,
+LaneTrial::measure(const DeviceCode *code, int64_t items,
                    const std::function<void(bool, int64_t, int64_t)> &run) {
   using namespace std::chrono;
   int64_t piece = ratios.pieceOf(items);
@@ -117,19 +120,26 @@ LaneTrial::measure(int64_t items,
   std::optional<TrialTimes> found;
   {
     std::lock_guard lock(mutex);
-    if (times)
+    // The round may be over.
+    if (otherCode() != code)
       return part;
     ratios.record(piece, spent[true], spent[false]);
-    found = times = ratios.result();
+    found = ratios.result();
+    if (found) {
+      rounds.push_back(*found);
+      other.store(nullptr, std::memory_order_release);
+    }
   }
   if (found) {
-    finish(*found);
-    open = false;
+    if (finish(*found))
+      patience = untilSecond;
+    else
+      open = false;
   }
   return part;
 }
 
-std::optional<TrialTimes> LaneTrial::result() const {
+std::vector<TrialTimes> LaneTrial::results() const {
   std::lock_guard lock(mutex);
-  return times;
+  return rounds;
 }

@@ -11,7 +11,8 @@
 // index to index and other processes come in between, so the ratio of a launch
 // counts once, and their median decides; the first two launches, whose code is
 // cold, do not count. The quicker code stays, and the cache
-// remembers the times beside the code.
+// remembers the times beside the code. Where lanes stay and launches go on, a
+// second round compares them with half or twice as many in the same way.
 //
 // `TrialRatios` are the rules, without a clock and without threads.
 //
@@ -70,13 +71,21 @@ private:
 /// A variant's trial.
 class LaneTrial {
 public:
-  /// `compile` is called once, when launches have run for a while; it has
-  /// `begin` called on another thread. `finish` is called with the times.
+  /// `compile` is called once a round, when launches have run for a while; it
+  /// has `begin` called on another thread. `finish` is called with the times of
+  /// each round, and returns true if there is another. `rounds`: times of the
+  /// cache.
   LaneTrial(std::function<void()> compile,
-            std::function<void(const TrialTimes &)> finish)
-      : compile(std::move(compile)), finish(std::move(finish)) {}
+            std::function<bool(const TrialTimes &)> finish,
+            std::vector<TrialTimes> rounds = {})
+      : compile(std::move(compile)), finish(std::move(finish)),
+        rounds(std::move(rounds)) {
+    if (!this->rounds.empty())
+      patience = untilSecond;
+  }
   /// A trial that has been made, with times of the cache.
-  explicit LaneTrial(const TrialTimes &times) : times(times), open(false) {}
+  explicit LaneTrial(std::vector<TrialTimes> rounds)
+      : rounds(std::move(rounds)), open(false) {}
 
   /// False once it is over: launches need not ask again.
   bool isOpen() const { return open.load(std::memory_order_relaxed); }
@@ -84,11 +93,11 @@ public:
   bool takes(int64_t items) const {
     return isOpen() && ratios.pieceOf(items) != 0;
   }
-  /// The code without lanes, which belongs to somebody else; null if there is
-  /// none to compare.
+  /// The code that lanes are compared with in a round, which belongs to
+  /// somebody else; null if there is none to compare.
   void begin(const DeviceCode *code);
-  const DeviceCode *scalarCode() const {
-    return scalar.load(std::memory_order_acquire);
+  const DeviceCode *otherCode() const {
+    return other.load(std::memory_order_acquire);
   }
   /// Adds the time of a launch before `begin`.
   void spend(int64_t nanoseconds);
@@ -97,23 +106,25 @@ public:
   struct Part {
     int64_t begin = 0, end = 0;
   };
-  /// Has some indices run by both codes in turn; `run` gets true for lanes.
-  /// Returns which were run.
-  Part measure(int64_t items,
+  /// Has some indices run by both codes in turn; `run` gets true for the lanes
+  /// of the variant, else `code` is to run, which `otherCode` gave. Returns
+  /// which were run.
+  Part measure(const DeviceCode *code, int64_t items,
                const std::function<void(bool, int64_t, int64_t)> &run);
-  /// The times, once it is over.
-  std::optional<TrialTimes> result() const;
+  /// The times of the rounds that are over.
+  std::vector<TrialTimes> results() const;
 
 private:
   std::function<void()> compile;
-  std::function<void(const TrialTimes &)> finish;
+  std::function<bool(const TrialTimes &)> finish;
   /// Nanoseconds that launches run for before anything is compiled.
-  std::atomic<int64_t> patience{20'000'000};
-  std::atomic<const DeviceCode *> scalar{nullptr};
+  static constexpr int64_t untilFirst = 20'000'000, untilSecond = 100'000'000;
+  std::atomic<int64_t> patience{untilFirst};
+  std::atomic<const DeviceCode *> other{nullptr};
   mutable ForkMutex mutex;
   /// Caches and branch predictors do not know the code in the first launches.
   TrialRatios ratios{/*cold=*/2};
-  std::optional<TrialTimes> times;
+  std::vector<TrialTimes> rounds;
   std::atomic<bool> open{true};
 };
 

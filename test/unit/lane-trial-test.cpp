@@ -88,43 +88,79 @@ TEST(LaneTrial, RunsEachIndexOnce) {
   int compiled = 0, finished = 0;
   LaneTrial trial([&] { ++compiled; },
                   [&](const TrialTimes &times) {
-                    ++finished;
                     EXPECT_GT(times.chosen, 0);
                     EXPECT_GT(times.plain, 0);
+                    return ++finished == 1;
                   });
   trial.spend(19'000'000);
   EXPECT_EQ(compiled, 0);
   trial.spend(2'000'000);
   trial.spend(1'000'000);
   EXPECT_EQ(compiled, 1);
-  EXPECT_EQ(trial.scalarCode(), nullptr);
-  NoCode code;
+  EXPECT_EQ(trial.otherCode(), nullptr);
+  NoCode code, half;
   trial.begin(&code);
-  EXPECT_EQ(trial.scalarCode(), &code);
-  for (int launch = 0; launch < 9; ++launch) {
+  EXPECT_EQ(trial.otherCode(), &code);
+  for (int launch = 0; launch < 18; ++launch) {
+    if (launch == 9) {
+      // The second round waits for more launches, and then for its code.
+      EXPECT_EQ(finished, 1);
+      EXPECT_EQ(trial.otherCode(), nullptr);
+      trial.spend(99'000'000);
+      EXPECT_EQ(compiled, 1);
+      trial.spend(2'000'000);
+      EXPECT_EQ(compiled, 2);
+      trial.begin(&half);
+    }
     EXPECT_TRUE(trial.isOpen());
-    EXPECT_FALSE(trial.result());
+    EXPECT_EQ(trial.results().size(), size_t(launch / 9));
     int64_t first = -1, next = -1, byLanes = 0;
     LaneTrial::Part done =
-        trial.measure(10000, [&](bool lanes, int64_t begin, int64_t end) {
-          if (first < 0)
-            first = next = begin;
-          EXPECT_EQ(begin, next);
-          byLanes += lanes ? end - begin : 0;
-          next = end;
-        });
+        trial.measure(launch < 9 ? &code : &half, 10000,
+                      [&](bool lanes, int64_t begin, int64_t end) {
+                        if (first < 0)
+                          first = next = begin;
+                        EXPECT_EQ(begin, next);
+                        byLanes += lanes ? end - begin : 0;
+                        next = end;
+                      });
     EXPECT_EQ(done.begin, first);
     EXPECT_EQ(done.end, next);
     EXPECT_EQ(2 * byLanes, done.end - done.begin);
     EXPECT_LE(done.end, 10000);
   }
-  EXPECT_EQ(finished, 1);
+  EXPECT_EQ(finished, 2);
   EXPECT_FALSE(trial.isOpen());
-  EXPECT_TRUE(trial.result());
+  EXPECT_EQ(trial.results().size(), 2u);
+}
+
+// A launch that began with code of the first round says nothing of the second.
+TEST(LaneTrial, LateLaunchesOfARoundDoNotCount) {
+  int finished = 0;
+  LaneTrial trial([] {}, [&](const TrialTimes &) { return ++finished == 1; });
+  NoCode code, half;
+  auto none = [](bool, int64_t, int64_t) {};
+  trial.begin(&code);
+  for (int launch = 0; launch < 9; ++launch)
+    trial.measure(&code, 10000, none);
+  EXPECT_EQ(finished, 1);
+  trial.begin(&half);
+  for (int launch = 0; launch < 20; ++launch)
+    EXPECT_GT(trial.measure(&code, 10000, none).end, 0);
+  EXPECT_EQ(finished, 1);
+  for (int launch = 0; launch < 8; ++launch)
+    trial.measure(&half, 10000, none);
+  EXPECT_EQ(finished, 1);
+  trial.measure(&half, 10000, none);
+  EXPECT_EQ(finished, 2);
 }
 
 TEST(LaneTrial, EndsWithoutCodeToCompareWith) {
-  LaneTrial trial([] {}, [](const TrialTimes &) { FAIL(); });
+  LaneTrial trial([] {},
+                  [](const TrialTimes &) {
+                    ADD_FAILURE();
+                    return false;
+                  });
   trial.begin(nullptr);
   EXPECT_FALSE(trial.isOpen());
 }

@@ -78,20 +78,20 @@ void warp::runOnCpu(const Kernel::Variant &variant, const void *params,
   variant.quick->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
-/// Runs some indices of a launch by lanes and scalar code in turn while
+/// Runs some indices of a launch by lanes and the code of a trial in turn while
 /// the variant's lanes are checked; returns which.
 static LaneTrial::Part tryLanes(const Kernel::Variant &variant,
                                 const void *params, int64_t items) {
   if (!variant.trial || !variant.trial->isOpen() || variant.isQuick)
     return {};
-  auto *scalar = static_cast<const CpuCode *>(variant.trial->scalarCode());
-  if (!scalar)
+  auto *other = static_cast<const CpuCode *>(variant.trial->otherCode());
+  if (!other)
     return {};
   auto *lanes = static_cast<const CpuCode *>(
       variant.current.load(std::memory_order_acquire));
   return variant.trial->measure(
-      items, [&](bool byLanes, int64_t begin, int64_t end) {
-        (byLanes ? lanes : scalar)->entry(params, begin, end);
+      other, items, [&](bool byLanes, int64_t begin, int64_t end) {
+        (byLanes ? lanes : other)->entry(params, begin, end);
       });
 }
 
@@ -159,7 +159,7 @@ static void launch(const Kernel::Variant &variant, const void *params,
 static void launchTimed(const Kernel::Variant &variant, const void *params,
                         size_t paramSize, int64_t items, bool serial) {
   bool isTimed =
-      variant.trial && variant.trial->isOpen() && !variant.trial->scalarCode();
+      variant.trial && variant.trial->isOpen() && !variant.trial->otherCode();
   if (!isTimed)
     return launch(variant, params, paramSize, items, serial);
   using namespace std::chrono;

@@ -284,9 +284,9 @@ SETTINGS = {
             "check_lanes",
             bool,
             True,
-            "compare the lanes of a CPU kernel with scalar code in a few launches, once it has run "
-            "for a while, and keep the quicker; never of deterministic kernels, whose sums would "
-            "round in another way",
+            "compare the lanes of a CPU kernel with scalar code in a few launches, and then with "
+            "another width, once it has run for a while, and keep the quickest; never of "
+            "deterministic kernels, whose sums would round in another way",
         ),
         Setting(
             "check_schedules",

@@ -48,6 +48,32 @@ def test_both_times_are_told():
     assert "lanes took" in line and "scalar code" in line
 
 
+def test_another_width_is_checked_where_lanes_stay():
+    """Lanes that beat scalar code are compared with half or twice as many."""
+
+    @wp.kernel(module="unique")
+    def squares(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = wp.sin(x[i]) * x[i] + 2.0
+
+    x = np.linspace(0.0, 9.0, 1 << 14, dtype=np.float32)
+    given = wp.array(x, dtype=float, device="cpu")
+    result = wp.zeros(len(x), dtype=float, device="cpu")
+    wanted = np.sin(x.astype(np.float64)) * x + 2.0
+    wp.launch(squares, len(x), [given, result], device="cpu")
+    (lanes,) = [c.value for s in squares.schedule("cpu") for c in s.choices if c.what == "lanes"]
+    end = time.monotonic() + 120
+    while time.monotonic() < end and len(measured(squares)) < 2:
+        for _ in range(50):
+            result.zero_()
+            wp.launch(squares, len(x), [given, result], device="cpu")
+            np.testing.assert_allclose(result.numpy(), wanted, rtol=1e-6, atol=1e-6)
+    scalar, other = measured(squares)
+    assert "scalar code" in scalar
+    width = int(lanes) // 2 if int(lanes) > 16 else 2 * int(lanes)
+    assert "lanes took" in other and f", {width} lanes" in other
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_kernels_with_atomics_are_checked(threads, monkeypatch):
     """Pieces of launches update each element as often as it has to be, alone or in copies."""
@@ -71,14 +97,14 @@ def test_kernels_with_atomics_are_checked(threads, monkeypatch):
     roots = sum(np.sqrt(x.astype(np.float64) + k) for k in range(8))
     wanted = [roots[first::10].sum() for first in range(10)]
     end = time.monotonic() + 120
-    while time.monotonic() < end and not measured(counted):
+    while time.monotonic() < end and len(measured(counted)) < 2:
         for _ in range(50):
             count.zero_()
             total.zero_()
             wp.launch(counted, len(x), [given, count, total], device="cpu")
             np.testing.assert_array_equal(count.numpy(), [len(x[k::10]) for k in range(10)])
             np.testing.assert_allclose(total.numpy(), wanted, rtol=1e-6)
-    assert len(measured(counted)) == 1
+    assert len(measured(counted)) == 2
 
 
 @pytest.mark.parametrize("options", [{"deterministic": True}, {"cpu_lanes": 8}])
