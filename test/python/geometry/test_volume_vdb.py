@@ -84,6 +84,12 @@ def test_damaged_files_are_refused(tmp_path, keep):
         wp.Volume.load_from_vdb(tmp_path / "b.vdb", device="cpu")
 
 
+def test_files_of_nanovdb_are_told_apart(tmp_path):
+    make("cpu").save_to_nvdb(tmp_path / "a.nvdb")
+    with pytest.raises(RuntimeError, match=r"a\.nvdb' is a file of NanoVDB: use 'load_from_nvdb'"):
+        wp.Volume.load_from_vdb(tmp_path / "a.nvdb", device="cpu")
+
+
 @needs_component
 def test_absent_files_and_folders(tmp_path):
     with pytest.raises(FileNotFoundError):

@@ -59,9 +59,10 @@ def _library():
 
 def read(path, grid) -> bytes:
     """A grid of a file, as the bytes of a `.nvdb` file."""
-    with open(path, "rb"):
-        # An absent file is FileNotFoundError.
-        pass
+    # An absent file is FileNotFoundError.
+    with open(path, "rb") as file:
+        if file.read(7) == b"NanoVDB":
+            raise errors.WarpError(f"'{path}' is a file of NanoVDB: use 'load_from_nvdb'")
     library, size = _library(), ctypes.c_size_t()
     error = ctypes.create_string_buffer(_LENGTH)
     name = os.fsencode(os.fspath(path))

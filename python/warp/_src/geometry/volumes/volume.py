@@ -143,6 +143,9 @@ class Volume(GridContents, Rebuildable, LeafValues):
     def load_from_vdb(cls, path, grid: str | None = None, device=None) -> Volume:
         """A grid of a `.vdb` file of OpenVDB, the first if no name is given.
 
+        OpenVDB refuses truncated files, but one with changed bytes can crash the process: load
+        files of sources you trust.
+
         Raises:
             ImportError: the component `libwarp_openvdb.so` is not there.
             RuntimeError: the file is damaged, or has no such grid, or one of a type that NanoVDB
