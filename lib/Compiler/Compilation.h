@@ -92,6 +92,13 @@ private:
 /// Rough operations of one thread of thread IR; loops count 32 times.
 double estimateCost(mlir::ModuleOp module);
 
+/// The text of a module with what `replace` adds for each ` loc(...)`, and
+/// without definitions of locations.
+std::string replaceLocations(
+    llvm::StringRef text,
+    llvm::function_ref<void(llvm::StringRef location, std::string &out)>
+        replace);
+
 } // namespace warp
 
 #endif // WARP_LIB_COMPILER_COMPILATION_H

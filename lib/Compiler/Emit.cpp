@@ -122,54 +122,10 @@ std::string warp::sourceHash(const Module &module) {
   return hashOf(module.text());
 }
 
-/// The length of the quoted string at whose first quote `text` begins.
-static size_t endOfString(StringRef text) {
-  size_t i = 1;
-  while (i < text.size() && text[i] != '"')
-    i += text[i] == '\\' ? 2 : 1;
-  return std::min(i + 1, text.size());
-}
-
-/// The length of the parentheses with the first of which `text` begins.
-static size_t endOfParentheses(StringRef text) {
-  size_t i = 0;
-  for (int open = 0; i < text.size(); ++i) {
-    if (text[i] == '"')
-      i += endOfString(text.drop_front(i)) - 1;
-    else if (text[i] == '(')
-      ++open;
-    else if (text[i] == ')' && --open == 0)
-      return i + 1;
-  }
-  return i;
-}
-
 /// The text of a module as it is printed without locations, which takes as long
 /// again as to print it with them.
 static std::string withoutLocations(StringRef text) {
-  constexpr StringRef mark = " loc(", alias = "#loc";
-  std::string plain;
-  plain.reserve(text.size());
-  while (!text.empty()) {
-    bool isLine = plain.empty() || plain.back() == '\n';
-    size_t length = 1;
-    if (isLine && text.starts_with(alias)) {
-      text = text.drop_front(std::min(text.find('\n'), text.size() - 1) + 1);
-      continue;
-    }
-    if (text.front() == '"')
-      length = endOfString(text);
-    else if (text.starts_with(mark)) {
-      size_t open = mark.size() - 1;
-      text = text.drop_front(open + endOfParentheses(text.drop_front(open)));
-      continue;
-    } else if (text.front() != '\n') {
-      length = text.find_first_of("\" \n", 1);
-    }
-    plain.append(text.data(), std::min(length, text.size()));
-    text = text.drop_front(std::min(length, text.size()));
-  }
-  return plain;
+  return warp::replaceLocations(text, [](StringRef, std::string &) {});
 }
 
 warp::SourceHashes warp::sourceHashes(const Module &module, std::string *text) {

@@ -14,6 +14,8 @@
 
 #include <pybind11/stl.h>
 
+#include <unordered_map>
+
 namespace py = pybind11;
 using namespace warp;
 
@@ -78,26 +80,100 @@ static py::object toPython(const std::optional<Number> &number) {
                     *number);
 }
 
+/// The C++ object in one of pybind11's, of a class without bases: a front end
+/// reads types so often that the search for a converter counts.
+template <typename T> static T *held(PyObject *object) {
+  auto *instance = reinterpret_cast<py::detail::instance *>(object);
+  return static_cast<T *>(instance->simple_value_holder[0]);
+}
+
+namespace {
+/// The objects of a type in Python, which live as long as the type: always.
+struct TypeObjects {
+  PyObject *type, *kind;
+};
+} // namespace
+
+static const TypeObjects &objectsOf(Type type) {
+  static auto &known = *new std::unordered_map<const void *, TypeObjects>;
+  if (auto found = known.find(type.impl); found != known.end())
+    return found->second;
+  py::object object = py::cast(type);
+  PyObject *kind = PyUnicode_InternFromString(kindText(type.kind()));
+  if (!kind)
+    throw py::error_already_set();
+  TypeObjects made = {object.release().ptr(), kind};
+  return known.try_emplace(type.impl, made).first->second;
+}
+
+static PyObject *kindOf(PyObject *self, void *) {
+  return Py_NewRef(objectsOf(*held<Type>(self)).kind);
+}
+
+static PyObject *typeOf(PyObject *self, void *) {
+  return Py_NewRef(objectsOf(held<Value>(self)->type()).type);
+}
+
+static PyObject *compareTypes(PyObject *self, PyObject *other, int operation) {
+  if (operation != Py_EQ && operation != Py_NE)
+    Py_RETURN_NOTIMPLEMENTED;
+  bool isSame = Py_TYPE(self) == Py_TYPE(other) &&
+                *held<Type>(self) == *held<Type>(other);
+  return PyBool_FromLong(isSame == (operation == Py_EQ));
+}
+
+static Py_hash_t hashType(PyObject *self) {
+  return reinterpret_cast<intptr_t>(held<Type>(self)->impl) >> 3;
+}
+
+/// set_location(file, line, column).
+static PyObject *setLocation(PyObject *self, PyObject *const *args,
+                             Py_ssize_t count) {
+  if (count != 3) {
+    PyErr_SetString(PyExc_TypeError, "expects a file, a line and a column");
+    return nullptr;
+  }
+  Py_ssize_t length;
+  const char *file = PyUnicode_AsUTF8AndSize(args[0], &length);
+  long line = file ? PyLong_AsLong(args[1]) : 0;
+  long column = file ? PyLong_AsLong(args[2]) : 0;
+  if (PyErr_Occurred())
+    return nullptr;
+  // Memory that the next call uses again, under the GIL.
+  static std::string &path = *new std::string;
+  path.assign(file, length);
+  held<Builder>(self)->setLocation(path, static_cast<int>(line),
+                                   static_cast<int>(column));
+  Py_RETURN_NONE;
+}
+
+/// Adds an attribute that is read without pybind11.
+static void defineGetter(py::handle type, PyGetSetDef &getter) {
+  PyObject *descriptor =
+      PyDescr_NewGetSet(reinterpret_cast<PyTypeObject *>(type.ptr()), &getter);
+  type.attr(getter.name) = py::reinterpret_steal<py::object>(descriptor);
+}
+
 static void bindType(py::module_ &m) {
-  py::class_<Type>(m, "Type", "A type of the compiler.")
-      .def_static("parse", [](const std::string &s) { return Type::parse(s); })
+  static PyGetSetDef kind = {"kind", kindOf, nullptr, nullptr, nullptr};
+  py::class_<Type> type(m, "Type", "A type of the compiler.");
+  defineGetter(type, kind);
+  auto *object = reinterpret_cast<PyTypeObject *>(type.ptr());
+  object->tp_richcompare = compareTypes;
+  object->tp_hash = hashType;
+  type.def_static("parse", [](const std::string &s) { return Type::parse(s); })
       .def("__str__", &Type::str)
       .def("__repr__", [](Type t) { return "Type(" + t.str() + ")"; })
-      .def("__eq__",
-           [](Type a, const py::object &other) {
-             return py::isinstance<Type>(other) && a == other.cast<Type>();
-           })
-      .def("__hash__",
-           [](Type t) { return reinterpret_cast<intptr_t>(t.impl) >> 3; })
       .def_property_readonly("python_name", &Type::pythonName)
-      .def_property_readonly("kind", [](Type t) { return kindText(t.kind()); })
       .def_property_readonly("width", &Type::width)
       .def_property_readonly("signed", &Type::isSigned)
       .def_property_readonly("element",
                              [](Type t) {
                                Type element = t.element();
-                               return element ? py::cast(element)
-                                              : py::object(py::none());
+                               return element
+                                          ? py::reinterpret_borrow<py::object>(
+                                                objectsOf(element).type)
+                                          : py::object(py::none());
                              })
       .def_property_readonly("shape", &Type::shape)
       .def_property_readonly("rank", &Type::rank)
@@ -115,9 +191,10 @@ static void bindType(py::module_ &m) {
 }
 
 static void bindValue(py::module_ &m) {
-  py::class_<Value>(m, "Value", "An SSA value under construction.")
-      .def_property_readonly("type", &Value::type)
-      .def("constant", [](Value v) { return toPython(v.constant()); })
+  static PyGetSetDef type = {"type", typeOf, nullptr, nullptr, nullptr};
+  py::class_<Value> value(m, "Value", "An SSA value under construction.");
+  defineGetter(value, type);
+  value.def("constant", [](Value v) { return toPython(v.constant()); })
       .def("__bool__", [](Value) -> bool {
         throw py::type_error("a value of a kernel has no truth in Python");
       });
@@ -239,8 +316,12 @@ void bindBuilder(py::module_ &m) {
   m.def("native_compiler", &nativeCompiler, py::arg("gpu"));
   m.def("set_nvrtc_folders", &setNvrtcFolders, py::arg("folders"));
   py::class_<Builder> builder(m, "Builder", "Builds the module of a kernel.");
+  static PyMethodDef location = {"set_location", python::asMethod(setLocation),
+                                 METH_FASTCALL, nullptr};
+  builder.attr(location.ml_name) =
+      py::reinterpret_steal<py::object>(PyDescr_NewMethod(
+          reinterpret_cast<PyTypeObject *>(builder.ptr()), &location));
   builder.def(py::init<const std::string &>())
-      .def("set_location", &Builder::setLocation)
       .def("begin_function", &Builder::beginFunction)
       .def("end_function", &Builder::endFunction)
       .def("set_inline_budget", &Builder::setInlineBudget)

@@ -325,7 +325,8 @@ class _Analysis:
             if kind is ast.Name:
                 if type(node.ctx) is ast.Load:
                     uses.add(node.id)
-                    self._add_viewed(node, uses)
+                    if self.views:
+                        self._add_viewed(node, uses)
                 else:
                     defs.add(node.id)
                 continue
@@ -337,8 +338,13 @@ class _Analysis:
                 if kind is ast.Subscript:
                     pending.append(node.slice)
                 continue
+            # The order of parts does not matter: views are noted by statements alone.
             if kind is ast.BinOp:
                 pending += (node.left, node.right)
+                continue
+            if kind is ast.Compare:
+                pending.append(node.left)
+                pending += node.comparators
                 continue
             if kind is ast.AugAssign:
                 _add_base(node.target, uses)
@@ -349,8 +355,15 @@ class _Analysis:
                     _add_base(argument, parts)
                     self.updated.add(argument)
                     self._add_viewed(argument, parts)
+                pending.append(node.func)
+                pending += node.args
+                pending += [keyword.value for keyword in node.keywords]
+                continue
             elif kind is ast.Assign:
                 self._note_view(node)
+                pending += node.targets
+                pending.append(node.value)
+                continue
             pending += children(node)
 
     def _note_view(self, node):

@@ -267,10 +267,11 @@ class Loops(Part):
             for item in ast.walk(syntax)
         )
 
-    @staticmethod
-    def varies_static(syntax):
+    def varies_static(self, syntax):
         """True if a `wp.static` in a body uses a name that the loop changes: the counter, or what
         is assigned, which have to be known at compile time then."""
+        if "static" not in self.context.source.words():
+            return False
         changed, used = set(), set()
         for item in ast.walk(syntax):
             if isinstance(item, ast.Name) and not isinstance(item.ctx, ast.Load):

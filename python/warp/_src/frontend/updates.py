@@ -59,8 +59,12 @@ def updated_arguments(function, inout_arguments):
         inout_arguments: gives the positions of arguments that a builtin of a name updates.
     """
 
+    code = function.__code__
+    # Python makes these tuples anew each time.
+    local = frozenset(code.co_varnames + code.co_freevars)
+
     def updated(call):
-        callee = _resolve(function, call.func)
+        callee = _resolve(function, local, call.func)
         if callee is _UNKNOWN:
             return [place_of(one) for one in (*call.args, *(k.value for k in call.keywords))]
         if isinstance(callee, Function):
@@ -89,15 +93,15 @@ def _builtin_names(name, positions) -> set[str]:
     }
 
 
-def _resolve(function, node):
+def _resolve(function, local, node):
     """The object that a name or an attribute of a module or class is in all functions of one text;
-    `None` for names of Python's own and of builtins."""
+    `None` for names of Python's own and of builtins. `local` are names of the function's own, and
+    those that it captures."""
     if isinstance(node, ast.Attribute):
-        owner = _resolve(function, node.value)
+        owner = _resolve(function, local, node.value)
         if isinstance(owner, python_types.ModuleType):
             return getattr(owner, node.attr, None)
         return getattr(owner, node.attr, _UNKNOWN) if isinstance(owner, type) else _UNKNOWN
-    code = function.__code__
-    if not isinstance(node, ast.Name) or node.id in code.co_varnames + code.co_freevars:
+    if not isinstance(node, ast.Name) or node.id in local:
         return _UNKNOWN
     return function.__globals__.get(node.id)
