@@ -59,6 +59,26 @@ module @print {
   }
 }
 
+// A location of two operations is written once, and each operation has its own.
+TEST(Translation, TextNamesEachLocationOnce) {
+  const char *const twice = R"mlir(
+module {
+  func.func @k() attributes {warp.kernel} {
+    %a = warp.constant 1 : si32 loc("k.py":7:3)
+    %b = warp.constant 2 : si32 loc("k.py":7:3)
+    return loc("k.py":8:3)
+  }
+}
+)mlir";
+  std::string located = Module::fromText(twice).text(/*locations=*/true);
+  size_t first = located.find("\"k.py\":7:3");
+  EXPECT_NE(first, std::string::npos);
+  EXPECT_EQ(located.find("\"k.py\":7:3", first + 1), std::string::npos);
+  Module read = Module::fromText(located);
+  EXPECT_EQ(read.text(/*locations=*/true), located);
+  EXPECT_EQ(read.text(), Module::fromText(twice).text());
+}
+
 TEST(Translation, IsReadAsItWasWritten) {
   Translation made = sample();
   std::optional<Translation> read =
