@@ -78,11 +78,19 @@ void warp::runOnCpu(const Kernel::Variant &variant, const void *params,
   variant.quick->spend(nanoseconds(steady_clock::now() - start).count());
 }
 
+/// True for launches whose sums are made in one order, which pieces by other
+/// code would change.
+static bool isOrdered(const Kernel::Variant &variant, bool serial) {
+  return serial && variant.code.schedule.atomics;
+}
+
 /// Runs some indices of a launch by lanes and the code of a trial in turn while
 /// the variant's lanes are checked; returns which.
 static LaneTrial::Part tryLanes(const Kernel::Variant &variant,
-                                const void *params, int64_t items) {
-  if (!variant.trial || !variant.trial->isOpen() || variant.isQuick)
+                                const void *params, int64_t items,
+                                bool serial) {
+  if (!variant.trial || !variant.trial->isOpen() || variant.isQuick ||
+      isOrdered(variant, serial))
     return {};
   auto *other = static_cast<const CpuCode *>(variant.trial->otherCode());
   if (!other)
@@ -117,7 +125,8 @@ static void launchOnCopies(const Kernel::Variant &variant, const void *params,
                            size_t paramSize, int64_t items) {
   PrivateCopies copies(variant.code.schedule.copied, params, paramSize);
   LaneTrial::Part tried =
-      tryLanes(variant, copies.paramsOf(ThreadPool::worker()), items);
+      tryLanes(variant, copies.paramsOf(ThreadPool::worker()), items,
+               /*serial=*/false);
   auto run = [&](int64_t begin, int64_t end) {
     runOnCpu(variant, copies.paramsOf(ThreadPool::worker()), begin, end);
   };
@@ -134,7 +143,8 @@ static void launchAlone(const Kernel::Variant &variant, const void *params,
       chooseUpdates(copied, params, items) == UpdateMode::Copies)
     return launchOnCopies(variant, params, paramSize, items);
   freeIdleCopies();
-  runOthersHere(variant, tryLanes(variant, params, items), items, params);
+  runOthersHere(variant, tryLanes(variant, params, items, serial), items,
+                params);
 }
 
 /// Runs the indices below `items`; on this thread if `serial`.
@@ -145,7 +155,7 @@ static void launch(const Kernel::Variant &variant, const void *params,
   std::shared_lock<std::shared_mutex> shared;
   if (variant.code.schedule.atomics)
     shared = std::shared_lock<std::shared_mutex>(updateGate());
-  LaneTrial::Part tried = tryLanes(variant, params, items);
+  LaneTrial::Part tried = tryLanes(variant, params, items, serial);
   if (serial)
     return runOthersHere(variant, tried, items, params);
   auto run = [&](int64_t begin, int64_t end) {
@@ -158,8 +168,8 @@ static void launch(const Kernel::Variant &variant, const void *params,
 /// checked.
 static void launchTimed(const Kernel::Variant &variant, const void *params,
                         size_t paramSize, int64_t items, bool serial) {
-  bool isTimed =
-      variant.trial && variant.trial->isOpen() && !variant.trial->otherCode();
+  bool isTimed = variant.trial && variant.trial->isOpen() &&
+                 !variant.trial->otherCode() && !isOrdered(variant, serial);
   if (!isTimed)
     return launch(variant, params, paramSize, items, serial);
   using namespace std::chrono;

@@ -185,6 +185,8 @@ def _are_surely_fine(geometry) -> bool:
         return False
     if record.dimension != DIMENSIONS[record.cell] or not geometry.positions.device.is_cpu:
         return False
+    if len(table) == 0:
+        return True
     corners = geometry.positions.numpy()[table.numpy()].astype(np.float64)
     edges = [
         np.stack([corners[:, b] - corners[:, a] for a, b in axis], axis=1)
