@@ -8,12 +8,11 @@ The library has no compiler and no LLVM. The wheel has the headers and a CMake c
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import tempfile
 from pathlib import Path
 
-from wheels import ROOT, pack_wheel, project_version, read_wheel, write_wheel
+from wheels import ROOT, pack_wheel, packing_parser, project_version, read_wheel, write_wheel
 
 PLATFORM = "manylinux_2_28_x86_64"
 SUMMARY = "Runs saved kernels and graphs of Warp on MLIR from C and C++"
@@ -60,12 +59,8 @@ GENERATED = ("LaunchContract.h.inc", "HandleKinds.inc")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "dist")
     library = ROOT / "build/release/lib/libwarp_runtime.so"
-    parser.add_argument("--library", type=Path, default=library)
-    parser.add_argument("--level", default="2", help="of advzip, 0 for none")
-    options = parser.parse_args()
+    options = packing_parser(__doc__, "--library", library).parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     version = project_version()
     with tempfile.TemporaryDirectory() as folder:

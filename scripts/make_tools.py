@@ -9,23 +9,19 @@ systems.
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import tempfile
 from pathlib import Path
 
-from wheels import ROOT, pack_wheel, project_version, read_wheel, write_wheel
+from wheels import ROOT, pack_wheel, packing_parser, project_version, read_wheel, write_wheel
 
 PLATFORM = "manylinux_2_28_x86_64"
 SUMMARY = "warp-opt: the passes of Warp on MLIR on text"
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "dist")
-    parser.add_argument("--tool", type=Path, default=ROOT / "build/release/bin/warp-opt")
-    parser.add_argument("--level", default="2", help="of advzip, 0 for none")
-    options = parser.parse_args()
+    tool = ROOT / "build/release/bin/warp-opt"
+    options = packing_parser(__doc__, "--tool", tool).parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     version = project_version()
     stem = f"warp_mlir_tools-{version}"

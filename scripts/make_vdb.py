@@ -9,13 +9,12 @@ of this system. `wp.Volume.load_from_vdb` finds it where the package has no comp
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import subprocess
 from pathlib import Path
 
-from wheels import ROOT, pack_wheel, project_version, read_wheel, write_wheel
+from wheels import ROOT, pack_wheel, packing_parser, project_version, read_wheel, write_wheel
 
 SUMMARY = "Files of OpenVDB for Warp on MLIR"
 MODULE = '''"""The component of `warp` for files of OpenVDB, and the libraries that it needs."""
@@ -63,12 +62,8 @@ def licence_of(library: Path) -> tuple[str, bytes]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "dist")
     library = ROOT / "build/release/python/warp/libwarp_openvdb.so"
-    parser.add_argument("--library", type=Path, default=library)
-    parser.add_argument("--level", default="2", help="of advzip, 0 for none")
-    options = parser.parse_args()
+    options = packing_parser(__doc__, "--library", library).parse_args()
     if not options.library.is_file():
         raise SystemExit(
             f"no '{options.library}': it is built where libopenvdb-dev and libnanovdb-dev are "

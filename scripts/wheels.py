@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import base64
 import hashlib
 import subprocess
@@ -17,6 +18,21 @@ def project_version() -> str:
         if line.startswith("version = "):
             return line.split('"')[1]
     raise SystemExit("pyproject.toml states no version")
+
+
+def packing_parser(text: str, option: str, file: Path) -> argparse.ArgumentParser:
+    """Options of a script that packs a built file into a wheel.
+
+    Args:
+        text: of the script, whose first line is the description.
+        option: names the file, with hyphens before it.
+        file: the one by default.
+    """
+    parser = argparse.ArgumentParser(description=text.splitlines()[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "dist")
+    parser.add_argument(option, type=Path, default=file)
+    parser.add_argument("--level", default="2", help="of advzip, 0 for none")
+    return parser
 
 
 def entry(path: str) -> zipfile.ZipInfo:

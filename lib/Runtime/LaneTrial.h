@@ -10,9 +10,9 @@
 // predicts their branches, which scalar code has more of. Work differs from
 // index to index and other processes come in between, so the ratio of a launch
 // counts once, and their median decides; the first two launches, whose code is
-// cold, do not count. The quicker code stays, and the cache
-// remembers the times beside the code. Where lanes stay and launches go on, a
-// second round compares them with half or twice as many in the same way.
+// cold, do not count. The quicker code stays, and the cache remembers the times
+// beside the code. A second round compares lanes that stay with half or twice
+// as many in the same way, if launches go on.
 //
 // `TrialRatios` are the rules, without a clock and without threads.
 //
