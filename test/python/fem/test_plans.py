@@ -236,3 +236,45 @@ def test_constant_coefficients_beside_a_field():
         for assembly in ("dispatch", "generic")
     )
     np.testing.assert_allclose(one.values.numpy(), other.values.numpy(), atol=2e-6)
+
+
+@fem.integrand
+def weighted_by_element(s: fem.Sample, u: fem.Field, v: fem.Field, weights: wp.array(dtype=float)):
+    return weights[s.element_index] * wp.dot(fem.grad(u, s), fem.grad(v, s)) + u(s) * v(s)
+
+
+@fem.integrand
+def numbered(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return wp.dot(fem.grad(u, s), fem.grad(v, s)) * float(s.element_index) + u(s) * v(s)
+
+
+@fem.integrand
+def plain(s: fem.Sample, u: fem.Field, v: fem.Field, weight: float):
+    return weight * wp.dot(fem.grad(u, s), fem.grad(v, s)) + u(s) * v(s)
+
+
+@pytest.mark.parametrize("entries", [1 << 20, 64])
+@pytest.mark.parametrize("cells", ["all", "some"])
+def test_equal_elements_of_grids(entries, cells, monkeypatch):
+    """One element's matrix stands for all where elements do not differ, in any batches."""
+    from warp._src.fem.assembly import pattern as patterns
+
+    monkeypatch.setattr(patterns, "ENTRIES", entries)
+    grid = fem.Grid3D(wp.vec3i(2, 3, 2), bounds_hi=wp.vec3(1.0, 2.0, 0.5))
+    space, domain = fem.make_polynomial_space(grid, degree=2), fem.Cells(grid)
+    if cells == "some":
+        mask = wp.array([1, 0, 1, 1, 0, 1] * 2, dtype=int)
+        domain = fem.Subdomain(domain, element_mask=mask)
+    fields = programs.fields_of(space, domain)
+    weights = {"weights": wp.full(12, 3.0, dtype=float)}
+    one = fem.integrate(plain, fields=fields, values={"weight": 3.0})
+    other = fem.integrate(weighted_by_element, fields=fields, values=weights)
+    np.testing.assert_array_equal(one.columns.numpy(), other.columns.numpy())
+    values = other.values.numpy()
+    np.testing.assert_allclose(one.values.numpy(), values, atol=1e-6 * np.abs(values).max())
+    # The same values with weights that do differ by element, which the coefficient tells.
+    weights = {"weights": wp.array(np.arange(12), dtype=float)}
+    one = fem.integrate(numbered, fields=fields)
+    other = fem.integrate(weighted_by_element, fields=fields, values=weights)
+    values = other.values.numpy()
+    np.testing.assert_allclose(one.values.numpy(), values, atol=1e-6 * np.abs(values).max())

@@ -13,14 +13,14 @@ from warp._src.fem.assembly.pattern import Batch
 
 
 @functools.cache
-def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool, has_carries: bool):
+def _gather_kernel(block, wide, out, index, is_scattered: bool, has_heads, has_carries: bool):
     """Sums contributions of type `block` as `wide` into values of type `out`."""
 
     def gather(
         blocks: wp.array(dtype=block),
         begins: wp.array(dtype=int),
-        entries: wp.array(dtype=int),
-        heads: wp.array(dtype=int),
+        entries: wp.array(dtype=index),
+        heads: wp.array(dtype=index),
         targets: wp.array(dtype=int),
         carries: wp.array(dtype=int),
         sums: wp.array(dtype=wide),
@@ -41,10 +41,10 @@ def _gather_kernel(block, wide, out, is_scattered: bool, has_heads: bool, has_ca
             if carry >= 0:
                 total += sums[carry]
         if wp.static(has_heads):
-            total += wide(blocks[heads[k]])
+            total += wide(blocks[int(heads[k])])
             begin += 1
         for at in range(begin, end):
-            total += wide(blocks[entries[at]])
+            total += wide(blocks[int(entries[at])])
         if wp.static(has_carries):
             if carry >= 0:
                 sums[carry] = total
@@ -90,12 +90,16 @@ def wide_type(blocks, accumulate=wp.float64):
     return with_scalar(extend.canonical(blocks.dtype), accumulate)
 
 
-def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64, sums=None) -> None:
+def add_blocks(
+    batch: Batch, blocks, values, adds: bool, accumulate=wp.float64, sums=None, width: int = 0
+) -> None:
     """Sums the blocks of a batch into values.
 
     Args:
         batch: the batch.
         blocks: contributions, of one dimension: by element, local row, local column.
+        width: number of blocks of an element if `blocks` has those of one element, which are those
+            of all; else 0.
         values: one element per target.
         adds: if the values are added to; set otherwise.
         accumulate: scalar type of sums.
@@ -103,13 +107,17 @@ def add_blocks(batch: Batch, blocks, values, adds: bool, accumulate=wp.float64, 
             are rounded once whatever the batches are.
     """
     wide = wide_type(blocks, accumulate)
-    of_batch = batch.targets, batch.heads, batch.carries if sums is not None else None
+    entries, heads = batch.places(width) if width else (batch.entries, batch.heads)
+    of_batch = batch.targets, heads, batch.carries if sums is not None else None
     given = (one is not None for one in of_batch)
-    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, *given)
-    targets, heads, carries = (batch.entries if one is None else one for one in of_batch)
+    kernel = _gather_kernel(blocks.dtype, wide, values.dtype, entries.dtype, *given)
+    targets, heads, carries = (
+        other if one is None else one
+        for one, other in zip(of_batch, (batch.begins, entries, batch.begins), strict=True)
+    )
     if sums is None:
         sums = wp.empty(0, dtype=wide, device=values.device)
-    inputs = [blocks, batch.begins, batch.entries, heads, targets, carries, sums]
+    inputs = [blocks, batch.begins, entries, heads, targets, carries, sums]
     wp.launch(kernel, batch.target_count, [*inputs, int(adds), values], device=values.device)
 
 

@@ -228,7 +228,9 @@ def fill(form, pattern, values, accumulate_dtype=wp.float64, temporary_store=Non
         temporary_store: where element blocks come from.
     """
     is_recorded = extend.is_recording() and values.requires_grad
-    size = max((batch.count for batch in pattern.batches), default=0) * pattern.width
+    # One block stands for all where elements do not differ.
+    repeats = not is_recorded and getattr(form, "repeats", False)
+    most = 1 if repeats else max((batch.count for batch in pattern.batches), default=0)
     shared = sums = None
     # Batches of vectors have all nodes as targets.
     adds = len(pattern.batches) > 1 and pattern.batches[0].targets is None
@@ -239,20 +241,23 @@ def fill(form, pattern, values, accumulate_dtype=wp.float64, temporary_store=Non
         if shared is None or is_recorded:
             shared = borrow_temporary(
                 temporary_store,
-                size,
+                most * pattern.width,
                 form.block_dtype,
                 device=form.device,
                 requires_grad=is_recorded,
             )
-        blocks = shared[: batch.count * pattern.width]
-        form.blocks(batch.first, batch.count, blocks)
+        count = min(batch.count, most)
+        blocks = shared[: count * pattern.width]
+        if number == 0 or not repeats:
+            form.blocks(batch.first, count, blocks)
         if is_recorded:
             _record(batch, blocks, values, number == 0)
         with extend.unrecorded():
             if sums is None and batch.carries is not None:
                 wide = wide_type(blocks, accumulate_dtype)
                 sums = wp.zeros(pattern.carry_count, dtype=wide, device=form.device)
-            add_blocks(batch, blocks, values, adds, accumulate_dtype, sums)
+            width = pattern.width if repeats else 0
+            add_blocks(batch, blocks, values, adds, accumulate_dtype, sums, width)
     if shared is not None and not is_recorded:
         shared.release()
 

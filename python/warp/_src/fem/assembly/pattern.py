@@ -7,11 +7,13 @@ single batch is the result; several are merged, a range of rows at a time.
 """
 
 import dataclasses
+import functools
 import itertools
 
 import numpy as np
 
 import warp as wp
+from warp import extend
 from warp._src.fem.assembly.incidence import find_incidence
 from warp._src.fem.assembly.merge import Rows, find_runs, sort_pairs
 
@@ -48,11 +50,39 @@ class Batch:
     entries: wp.array
     heads: wp.array | None = None
     carries: wp.array | None = None
+    _places: tuple | None = None
+
+    def places(self, width: int) -> tuple:
+        """Entries and heads as positions in the blocks of their element, `width` each."""
+        if self._places is None:
+            with extend.unrecorded():
+                self._places = tuple(_modulo(one, width) for one in (self.entries, self.heads))
+        return self._places
 
     @property
     def target_count(self) -> int:
         """Number of targets."""
         return self.begins.shape[0] - 1
+
+
+def _modulo(positions, width):
+    """Remainders of positions, in 16 bits where those have room."""
+    if positions is None:
+        return None
+    dtype = wp.uint16 if width <= 1 << 16 else wp.int32
+    made = wp.empty(positions.shape, dtype=dtype, device=positions.device)
+    inputs = [positions, width, made]
+    wp.launch(_modulo_kernel(dtype), positions.shape, inputs, device=positions.device)
+    return made
+
+
+@functools.cache
+def _modulo_kernel(dtype):
+    def modulo(positions: wp.array(dtype=int), width: int, made: wp.array(dtype=dtype)):
+        at = wp.tid()
+        made[at] = dtype(positions[at] % width)
+
+    return wp.kernel(modulo, enable_backward=False)
 
 
 @wp.kernel(enable_backward=False)

@@ -227,6 +227,11 @@ class Form:
         return self.plan.block_dtype
 
     @property
+    def repeats(self) -> bool:
+        """True if all elements have one matrix."""
+        return self.plan.repeats
+
+    @property
     def has_many_threads(self) -> bool:
         """True if a thread per element leaves the device without work."""
         return self.device.is_cuda

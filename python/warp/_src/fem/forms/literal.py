@@ -15,6 +15,8 @@ from warp._src.fem.forms.element_kernels import add_coefficients, block_text, st
 
 # Products of the sizes of elements up to which reference tensors are kept.
 _MOST_ENTRIES = 1 << 17
+# Kinds of geometries whose cells are equal.
+_EQUAL_CELLS = ("Grid2D", "Grid3D", "nanogrid")
 
 
 def applies(plan) -> bool:
@@ -30,6 +32,16 @@ def applies(plan) -> bool:
         return False
     return plan.structure.is_constant and not any(
         "fields" in one.on for one in plan.structure.coefficients.values()
+    )
+
+
+def repeats(plan) -> bool:
+    """True if all elements have one matrix: on regular grids, where no coefficient tells them
+    apart."""
+    if plan.record.domain.geometry.kind not in _EQUAL_CELLS or not applies(plan):
+        return False
+    return not _signs(plan) and not any(
+        "element" in one.on for one in plan.structure.coefficients.values()
     )
 
 

@@ -541,6 +541,13 @@ class PointsPlan:
         return self._kernel(factored_text(self) or bilinear_text(self))
 
     @functools.cached_property
+    def repeats(self) -> bool:
+        """True if all elements have one matrix."""
+        from warp._src.fem.forms import literal
+
+        return self.has_slots and self.trial is not None and literal.repeats(self)
+
+    @functools.cached_property
     def row_blocks(self) -> tuple | None:
         """Kernel of element matrices by rows, for GPUs, and its threads for an element; or None."""
         from warp._src.fem.forms import literal, rows
