@@ -3,7 +3,5 @@
 # driver.
 file(READ "${IN}" text)
 string(REGEX REPLACE "\\.target sm_[0-9]+" ".target sm_90" text "${text}")
-string(REPLACE "\n{\n"
-  "\n{\n\tgriddepcontrol.wait;\n\tgriddepcontrol.launch_dependents;\n"
-  text "${text}")
+string(REPLACE "\n{\n" "\n{\n\tgriddepcontrol.wait;\n" text "${text}")
 file(WRITE "${OUT}" "${text}")
