@@ -42,6 +42,10 @@ WARP_API void setFusesLaunches(bool fuses);
 /// CPUs.
 WARP_API void setFusesRows(bool fuses);
 WARP_API void setFusesRowsOnHost(bool fuses);
+/// The same for fills of CUDA devices. With `first`, all else of a graph comes
+/// behind those that wait for nothing; with `early`, launches that were
+/// recorded behind a fill may start early, too.
+WARP_API void setFusesFills(bool fuses, bool first = false, bool early = false);
 
 } // namespace warp
 

@@ -21,7 +21,7 @@ namespace warp {
 class GraphFuser {
 public:
   GraphFuser(std::vector<NodeRecord> &records, const GraphSchedule &schedule);
-  FusedNodes run();
+  FusedNodes run(bool joinsFills);
 
 private:
   struct Launch {
@@ -44,6 +44,11 @@ private:
   FusedLaunch fuseGroup(int group);
   void merge(const std::vector<int> &nodes, NodeRecord &record) const;
   std::vector<int> orderOfGroups() const;
+
+  // GraphFills.cpp: fills that are one node.
+  void joinFills();
+  std::vector<FillRegion> regionsOf(int group) const;
+  static void putFillsFirst(FusedNodes &nodes);
 
   // GraphFusionRules.cpp: launches that may be one.
   std::string whyNot(int group, int node, bool &hasRows) const;

@@ -96,17 +96,22 @@ void GraphFuser::join(int node) {
   }
 }
 
-/// Makes the record of launches that are one.
+/// Makes the record of launches or fills that are one.
 void GraphFuser::merge(const std::vector<int> &nodes,
                        NodeRecord &record) const {
+  bool areFills = records[nodes.front()].fill;
+  if (areFills)
+    record.name = std::to_string(nodes.size()) + " fills";
   for (int node : nodes) {
     const NodeRecord &part = records[node];
-    record.name += (record.name.empty() ? "" : " + ") + part.name;
+    if (!areFills) {
+      record.name += (record.name.empty() ? "" : " + ") + part.name;
+      record.parts.push_back(part.name);
+    }
     record.accesses.insert(record.accesses.end(), part.accesses.begin(),
                            part.accesses.end());
     record.threads = std::max(record.threads, part.threads);
     record.bytes += part.bytes;
-    record.parts.push_back(part.name);
   }
 }
 
@@ -203,9 +208,17 @@ std::vector<int> GraphFuser::orderOfGroups() const {
         path[order[i]] = std::max(path[order[i]], path[other] + 1);
     order.clear();
   }
+  // Fills begin with the first of them.
+  auto placeOf = [&](int group) {
+    const std::vector<int> &nodes = groups[group].nodes;
+    if (!records[nodes.front()].fill)
+      return nodes.back();
+    bool isFirst =
+        fillChoice().first && nodes.size() > 1 && before(group).empty();
+    return isFirst ? -1 : nodes.front();
+  };
   auto later = [&](int a, int b) {
-    return std::tuple(-path[a], groups[a].nodes.back()) >
-           std::tuple(-path[b], groups[b].nodes.back());
+    return std::tuple(-path[a], placeOf(a)) > std::tuple(-path[b], placeOf(b));
   };
   std::priority_queue<int, std::vector<int>, decltype(later)> ready(
       later, std::vector<int>(first));
@@ -218,7 +231,7 @@ std::vector<int> GraphFuser::orderOfGroups() const {
   return order;
 }
 
-FusedNodes GraphFuser::run() {
+FusedNodes GraphFuser::run(bool joinsFills) {
   for (size_t i = 0; i < records.size() && fusesLaunches(); ++i)
     if (records[i].launch)
       join(int(i));
@@ -231,24 +244,30 @@ FusedNodes GraphFuser::run() {
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
       made[int(group)] = std::move(fused);
+  if (joinsFills && fusesLaunches() && fillChoice().fuses)
+    joinFills();
   FusedNodes result;
   for (int group : orderOfGroups()) {
     NodeRecord record;
     if (auto fused = made.find(group); fused != made.end()) {
       merge(groups[group].nodes, record);
       result.launches[result.records.size()] = std::move(fused->second);
+    } else if (groups[group].nodes.size() > 1) {
+      merge(groups[group].nodes, record);
+      result.fills[result.records.size()] = regionsOf(group);
     } else {
       record = records[groups[group].nodes.front()];
     }
     result.records.push_back(std::move(record));
     result.members.push_back(groups[group].nodes);
   }
+  putFillsFirst(result);
   return result;
 }
 
 FusedNodes warp::fuseLaunches(std::vector<NodeRecord> &records,
-                              const GraphSchedule &schedule) {
-  return GraphFuser(records, schedule).run();
+                              const GraphSchedule &schedule, bool joinsFills) {
+  return GraphFuser(records, schedule).run(joinsFills);
 }
 
 std::vector<std::vector<int>> warp::chainOf(size_t count) {

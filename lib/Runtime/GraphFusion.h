@@ -7,6 +7,7 @@
 #ifndef WARP_LIB_RUNTIME_GRAPHFUSION_H
 #define WARP_LIB_RUNTIME_GRAPHFUSION_H
 
+#include "GraphFills.h"
 #include "GraphNodes.h"
 #include "GraphOrder.h"
 
@@ -31,12 +32,15 @@ struct FusedNodes {
   /// The former nodes of each one, and the launch if they are fused.
   std::vector<std::vector<int>> members;
   std::map<size_t, FusedLaunch> launches;
+  /// The memory that a node with several fills writes.
+  std::map<size_t, std::vector<FillRegion>> fills;
 };
 
 /// Fuses launches of nodes that were recorded in a chain. Says in `records` of
-/// each launch why it is not fused with another one.
+/// each launch why it is not fused with another one. With `joinsFills`, fills
+/// become one node where that delays nothing.
 FusedNodes fuseLaunches(std::vector<NodeRecord> &records,
-                        const GraphSchedule &schedule);
+                        const GraphSchedule &schedule, bool joinsFills = false);
 
 /// Edges from each node to the next.
 std::vector<std::vector<int>> chainOf(size_t count);

@@ -185,6 +185,7 @@ void Recorder::add(const GraphOperation &operation) {
   case Kind::UpdateGeometry:
     return close("the host builds geometry");
   case Kind::Other:
+    record.isOwn = false;
     return close("it is " + operation.constant);
   default:
     return addPointers(operation);
@@ -213,6 +214,8 @@ NodeRecord warp::recordOf(const GraphTrace &trace, size_t first, size_t last) {
     recorder.add(trace.operations[i]);
   if (last - first == 1 && trace.operations[first].kind == Kind::Launch)
     record.launch = &trace.operations[first];
+  if (last - first == 1 && trace.operations[first].kind == Kind::FillBytes)
+    record.fill = &trace.operations[first];
   return record;
 }
 
@@ -220,5 +223,6 @@ NodeRecord warp::unknownNode(std::string what) {
   NodeRecord record;
   record.name = std::move(what);
   record.barrier = "it is not the runtime's own";
+  record.isOwn = false;
   return record;
 }

@@ -387,10 +387,12 @@ protected:
     setOrder = reinterpret_cast<void (*)(unsigned)>(
         dlsym(library, "fakeCudaSetGraphOrder"));
     ASSERT_TRUE(setOrder);
+    setFusesFills(true);
   }
   void TearDown() override {
     if (setOrder)
       setOrder(0);
+    setFusesFills(false);
   }
 
   std::shared_ptr<Graph> record(const std::function<void(Capture &)> &fill,
@@ -427,6 +429,7 @@ TEST_F(OrderedGraphs, HaveTheBitsOfEagerCalls) {
     Program(seed, arrays).run(nullptr);
     std::vector<int> expected = arrays.contents();
     Program program(seed, arrays);
+    setFusesFills(seed % 4 > 0, seed % 4 > 1, seed % 4 > 2);
     std::shared_ptr<Graph> graph =
         record([&](Capture &capture) { program.run(&capture); });
     ASSERT_TRUE(graph->schedule());
@@ -504,7 +507,7 @@ TEST_F(OrderedGraphs, AreChainsWithoutTheOption) {
   Arrays arrays;
   auto fill = [&](Capture &) {
     setMemory(arrays.first.data(), 0, 1, 8);
-    setMemory(arrays.second.data(), 0, 1, 8);
+    copyMemory(arrays.second.data(), 0, arrays.flag.data(), 0, 4);
   };
   EXPECT_FALSE(record(fill, NodeOrder::Recorded)->schedule());
   std::shared_ptr<const GraphSchedule> schedule = record(fill)->schedule();
@@ -512,6 +515,77 @@ TEST_F(OrderedGraphs, AreChainsWithoutTheOption) {
   EXPECT_EQ(schedule->recordedEdges, 1u);
   EXPECT_EQ(schedule->edges, 0u);
   EXPECT_EQ(schedule->branches, 2);
+}
+
+// Fills that wait for the same are one node, of any bytes that repeat every 16;
+// those that overlap, have other bytes, or are large are nodes of their own.
+TEST_F(OrderedGraphs, JoinFills) {
+  constexpr size_t size = 3000, large = size_t(4) << 20;
+  Buffer memory(0, size), other(0, 64), rest(0, large);
+  auto *bytes = static_cast<char *>(memory.data());
+  auto put = [&](size_t at, const std::string &unit, size_t count) {
+    fillMemory(bytes + at, 0, unit.data(), unit.size(), count);
+  };
+  auto fills = [&](Capture *) {
+    put(1, "x", 5);
+    put(7, "ab", 40);
+    put(101, "abcd", 20);
+    put(203, "abcdefgh", 11);
+    put(400, "0123456789abcdef", 40);
+    put(1100, "aaaaaaaaaaaa", 100);
+    // Behind the first one.
+    put(0, "yz", 1);
+    // Bytes that repeat every 12.
+    put(2400, "abcdefghijkl", 5);
+    copyMemory(other.data(), 0, bytes + 400, 0, 64);
+    setMemory(rest.data(), 0, 1, large);
+    setMemory(rest.data(), 0, 2, 1);
+  };
+  std::memset(bytes, '-', size);
+  fills(nullptr);
+  std::string expected(bytes, size);
+  std::shared_ptr<Graph> graph =
+      record([&](Capture &capture) { fills(&capture); });
+  std::vector<std::string> names;
+  for (const GraphSchedule::Node &node : graph->schedule()->nodes)
+    names.push_back(node.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"6 fills", "fill", "copy", "fill",
+                                             "2 fills"}));
+  for (unsigned order = 0; order < 12; ++order) {
+    setOrder(order);
+    std::memset(bytes, '-', size);
+    graph->launch();
+    ASSERT_EQ(std::string(bytes, size), expected) << "order " << order;
+    ASSERT_EQ(std::memcmp(other.data(), bytes + 400, 64), 0);
+    ASSERT_EQ(static_cast<char *>(rest.data())[0], 2);
+  }
+  setFusesLaunches(false);
+  graph = record([&](Capture &capture) { fills(&capture); });
+  setFusesLaunches(true);
+  EXPECT_EQ(graph->schedule()->nodes.size(), 11u);
+}
+
+// A table has 64 of them, and an order that no edge forbids is kept: the later
+// of two fills of the same memory wins.
+TEST_F(OrderedGraphs, JoinManyFills) {
+  constexpr int count = 200;
+  Buffer memory(0, 4 * count);
+  auto *numbers = static_cast<int *>(memory.data());
+  std::shared_ptr<Graph> graph = record([&](Capture &) {
+    for (int i = 0; i < 2 * count; ++i)
+      fillMemory(numbers + i % count, 0, &i, 4, 1);
+  });
+  size_t nodes = graph->schedule()->nodes.size();
+  // Four and four tables.
+  EXPECT_EQ(nodes, 8u);
+  EXPECT_EQ(graph->size(), nodes);
+  for (unsigned order = 0; order < 12; ++order) {
+    setOrder(order);
+    std::fill_n(numbers, count, -1);
+    graph->launch();
+    for (int i = 0; i < count; ++i)
+      ASSERT_EQ(numbers[i], count + i) << "order " << order;
+  }
 }
 
 static const char *const addText = R"(
@@ -532,11 +606,13 @@ class Additions {
 public:
   Additions() : kernel(Module::fromText(addText), "add"), memory(0, 8 * 256) {}
 
+  struct Block {
+    LaunchHeader header;
+    ArrayDescriptor x, y;
+  };
+
   void launch(int from, int to, int threads, const Stream *stream = nullptr) {
-    struct {
-      LaunchHeader header;
-      ArrayDescriptor x, y;
-    } block;
+    Block block;
     for (auto [array, place] : {std::pair(&block.x, from), {&block.y, to}}) {
       array->data = static_cast<char *>(memory.data()) + 256 * place;
       array->ndim = 1;
@@ -575,6 +651,141 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
   EXPECT_EQ(graph->schedule()->edges, 4u);
   EXPECT_EQ(graph->schedule()->nodes[4].before.size(), 2u);
   EXPECT_EQ(early(), 2);
+}
+
+// Nothing starts early behind a kernel that stands for fills, nor does it, and
+// nothing waits for a fill that could begin later than the others.
+TEST_F(OrderedGraphs, BeginFillsTogether) {
+  auto *early = reinterpret_cast<int (*)()>(
+      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
+  Additions add;
+  auto at = [&](int place) {
+    return static_cast<char *>(add.memory.data()) + 256 * place;
+  };
+  auto fill = [&](Capture &) {
+    add.launch(0, 1, 64);
+    setMemory(at(2), 0, 0, 256);
+    setMemory(at(3), 0, 0, 256);
+    add.launch(2, 3, 48);
+    // Behind the first launch, where the second one need not wait.
+    setMemory(at(1), 0, 0, 256);
+    // Recorded behind a fill, and behind the second launch alone.
+    add.launch(3, 4, 32);
+  };
+  std::shared_ptr<Graph> graph = record(fill);
+  const std::vector<GraphSchedule::Node> &nodes = graph->schedule()->nodes;
+  ASSERT_EQ(nodes.size(), 5u);
+  EXPECT_EQ(nodes[1].name, "2 fills");
+  ASSERT_EQ(nodes[2].before.size(), 1u);
+  EXPECT_EQ(nodes[2].before[0].from, 1);
+  EXPECT_EQ(early(), 0);
+  setFusesFills(true, false, true);
+  record(fill);
+  EXPECT_EQ(early(), 1);
+  // All else comes behind the fills that wait for nothing.
+  setFusesFills(true, true, true);
+  graph = record(fill);
+  EXPECT_EQ(graph->schedule()->nodes[0].name, "2 fills");
+  for (size_t i = 1; i < 5; ++i)
+    EXPECT_EQ(graph->schedule()->nodes[i].before.size(), 1u);
+}
+
+namespace {
+/// Launches of `Additions` add in graphs of the fake driver while it lives.
+class RealAdditions : public Additions {
+public:
+  RealAdditions() {
+    set(
+        [](const void *bytes) {
+          Block block;
+          std::memcpy(&block, bytes, sizeof(block));
+          for (int i = 0; i < block.header.dim[0]; ++i)
+            static_cast<float *>(block.y.data)[i] +=
+                static_cast<float *>(block.x.data)[i];
+        },
+        sizeof(Block));
+  }
+  ~RealAdditions() { set(nullptr, 0); }
+  float &first(int place) {
+    return static_cast<float *>(memory.data())[64 * place];
+  }
+
+private:
+  static void set(void (*effect)(const void *), size_t bytes) {
+    reinterpret_cast<void (*)(void (*)(const void *), size_t)>(dlsym(
+        dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaSetEffect"))(effect, bytes);
+  }
+};
+} // namespace
+
+// A kernel of another library that starts early and never waits may end before
+// its predecessor: what comes behind it comes behind both.
+TEST_F(OrderedGraphs, WaitForTheEndBesideKernelsOfOthers) {
+  RealAdditions add;
+  struct {
+    unsigned grid[3] = {1, 1, 1}, block[3] = {1, 1, 1}, sharedBytes = 0;
+    void *stream;
+    const int *attributes;
+    unsigned count = 1;
+  } config;
+  const int attributes[] = {6, 0, 1};
+  config.attributes = attributes;
+  config.stream = currentStream(0)->handle();
+  auto *launch =
+      reinterpret_cast<int (*)(const void *, void *, void **, void **)>(
+          dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "cuLaunchKernelEx"));
+  std::string code = ".visible .entry other() { ret; }";
+  std::vector<char> nothing(1024);
+  void *arguments[] = {nothing.data()};
+  std::shared_ptr<Graph> graph = record([&](Capture &) {
+    add.launch(0, 1, 64);
+    ASSERT_EQ(launch(&config, &code, arguments, nullptr), 0);
+    add.launch(1, 2, 48);
+  });
+  EXPECT_EQ(graph->schedule()->nodes.size(), 3u);
+  for (unsigned order = 0; order < 12; ++order) {
+    setOrder(order);
+    add.first(0) = 1;
+    add.first(1) = 2;
+    add.first(2) = 3;
+    graph->launch();
+    ASSERT_EQ(add.first(2), 6) << "order " << order;
+  }
+}
+
+// A condition is set once fills that are one have ended.
+TEST_F(OrderedGraphs, SetConditionsBehindFills) {
+  RealAdditions add;
+  Buffer flags(0, 8);
+  auto *flag = static_cast<int *>(flags.data());
+  int one = 1, zero = 0;
+  for (bool first : {false, true}) {
+    setFusesFills(true, first, true);
+    std::shared_ptr<Graph> graph = record([&](Capture &capture) {
+      fillMemory(flag, 0, &one, 4, 1);
+      setMemory(&add.first(1), 0, 0, 256);
+      add.launch(0, 1, 64);
+      auto loop = capture.addCondition(flag, false);
+      capture.beginBody(loop, true);
+      setMemory(&add.first(2), 0, 0, 256);
+      fillMemory(flag, 0, &zero, 4, 1);
+      add.launch(1, 2, 64);
+      capture.updateCondition(loop, flag, false);
+      capture.endBody();
+      add.launch(2, 3, 32);
+    });
+    EXPECT_EQ(graph->schedule()->nodes[0].name, "2 fills");
+    for (unsigned order = 0; order < 12; ++order) {
+      setOrder(order);
+      *flag = 0;
+      add.first(0) = 5;
+      add.first(2) = 100;
+      add.first(3) = 1;
+      graph->launch();
+      ASSERT_EQ(add.first(3), 6) << "order " << order;
+      ASSERT_EQ(*flag, 0);
+    }
+  }
 }
 
 // Launches whose threads keep to elements of their own are one node, also in

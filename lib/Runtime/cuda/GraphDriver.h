@@ -84,6 +84,8 @@ struct EdgeData {
   /// True if the second node may start before the first one has ended.
   bool isProgrammatic() const { return bytes[2] == 1; }
 };
+/// From where a kernel lets others start, to one that waits for its end.
+inline constexpr EdgeData programmaticEdge = {{1, 0, 1}};
 
 /// CUgraphExecUpdateResultInfo.
 struct UpdateResult {

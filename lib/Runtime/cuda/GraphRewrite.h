@@ -7,7 +7,7 @@
 #ifndef WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
 #define WARP_LIB_RUNTIME_CUDA_GRAPHREWRITE_H
 
-#include "GraphDriver.h"
+#include "GraphGroups.h"
 #include "GraphTrace.h"
 #include "warp/Device.h"
 #include "warp/Graph.h"
@@ -17,13 +17,6 @@
 #include <vector>
 
 namespace warp::cuda {
-
-struct GraphEdge {
-  GraphNode from, to;
-  EdgeData data;
-
-  auto operator<=>(const GraphEdge &) const = default;
-};
 
 /// Exchanges edges of graphs, and launches for fused ones.
 class GraphRewriter {
@@ -42,8 +35,8 @@ public:
   }
   /// True if edges were exchanged.
   bool hasChanges() const { return !changes.empty(); }
-  /// All graphs get the edges of their recording back; those with fused
-  /// launches keep theirs, but kernels no longer start early. Says what it did.
+  /// All graphs get the edges of their recording back; those with exchanged
+  /// nodes keep theirs, but kernels no longer start early. Says what it did.
   std::string undo();
   /// The kernels that were made, which the graph keeps.
   std::vector<std::shared_ptr<Kernel>> kernels;
@@ -56,6 +49,8 @@ private:
   void apply(const Change &change);
 
   int device;
+  /// Nodes were exchanged, too.
+  bool hasFused = false;
   std::vector<Change> changes;
   std::map<GraphNode, std::shared_ptr<const GraphSchedule>> bodies;
 };

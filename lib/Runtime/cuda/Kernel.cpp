@@ -82,6 +82,16 @@ static bool mayWaitForPredecessor(const Code &code) {
   return cuda::driver()->hasProgrammaticLaunches && waitsForPredecessor(code);
 }
 
+bool warp::waitsFirst(const Kernel::Plan &plan) {
+  auto waits = [](const Kernel::Variant *variant) {
+    auto *code = static_cast<const CudaEntry *>(variant->current.load());
+    return code && code->programmatic;
+  };
+  const Kernel::Variant *plain =
+      plan.variant ? plan.variant->replacement.load() : nullptr;
+  return plan.variant && waits(plan.variant) && (!plain || waits(plain));
+}
+
 std::unique_ptr<DeviceCode> CudaDevice::load(const Kernel::Variant &variant,
                                              Code &code) {
   BehindNothing exempt;

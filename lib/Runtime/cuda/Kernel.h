@@ -60,6 +60,10 @@ inline cuda::Function functionOf(const DeviceCode &code) {
   return static_cast<const CudaEntry &>(code).function;
 }
 
+/// True if the code of a launch waits for the kernel before it in its first
+/// instruction, so that it may be started before that has ended.
+bool waitsFirst(const Kernel::Plan &plan);
+
 /// Threads of a block for so many in all: half of the variant's if that keeps
 /// more of the card at work.
 int chooseBlock(const CudaEntry &entry, int blockDim, int64_t threads,

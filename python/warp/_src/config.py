@@ -165,6 +165,12 @@ SETTINGS = {
             "those of the same first index: a block runs them for each",
         ),
         Setting(
+            "fuse_fills",
+            bool,
+            False,
+            "on GPUs so are fills that wait for the same operations",
+        ),
+        Setting(
             "verify_graphs",
             bool,
             False,

@@ -317,8 +317,10 @@ def test_launches_and_copies_of_nothing_are_left_out(device):
     assert capture.graph.schedule().nodes == ()
 
 
-def test_fills_of_many_types_and_lengths(device):
-    """Fills of a graph write the bytes that NumPy writes, and no others."""
+@pytest.mark.parametrize("fuses", [False, True])
+def test_fills_of_many_types_and_lengths(device, fuses, monkeypatch):
+    """Fills, also those that are one kernel, write the bytes that NumPy writes, and no others."""
+    monkeypatch.setattr(wp.config, "fuse_fills", fuses)
     rng = np.random.default_rng(3)
     cases = []
     for dtype, value, number in (
@@ -349,6 +351,9 @@ def test_fills_of_many_types_and_lengths(device):
         found = array.numpy().reshape(expected.shape)
         np.testing.assert_array_equal(found, expected, f"{array.dtype} {where} {value}")
     np.testing.assert_array_equal(x.numpy(), np.zeros(100, np.float32))
+    if x.device.is_cuda:
+        names = [node.name for node in capture.graph.schedule().nodes]
+        assert any(name.endswith(" fills") for name in names) == fuses, names
 
 
 def test_options(device):

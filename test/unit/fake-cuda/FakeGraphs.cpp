@@ -10,6 +10,12 @@
 // their making or, so that a test finds an edge that is missing, in another one
 // that the edges allow.
 //
+// A kernel behind a programmatic edge may run as soon as the one before it has
+// begun, unless its code waits (griddepcontrol.wait): then it comes behind the
+// end of that one, but not behind what that one has not waited for. A kernel
+// that lets others start early (griddepcontrol.launch_dependents) does so for
+// all that come behind it once one of them has a programmatic edge.
+//
 //===----------------------------------------------------------------------===//
 
 #include "FakeGraphs.h"
@@ -22,6 +28,7 @@
 #include <mutex>
 #include <random>
 #include <set>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -51,7 +58,7 @@ struct Node {
   std::function<int()> call;
   int type = copyNode;
   Setting setting = {};
-  /// The function of a kernel, and its arguments.
+  /// The function of a kernel, which is its code, and its arguments.
   void *function = nullptr;
   void *arguments[1] = {};
   /// The nodes that it comes behind.
@@ -60,6 +67,10 @@ struct Node {
   void follow(Node *const *nodes, size_t count) {
     for (size_t i = 0; i < count; ++i)
       before[nodes[i]] = {};
+  }
+  bool has(const char *instruction) const {
+    return function && static_cast<std::string *>(function)->find(
+                           instruction) != std::string::npos;
   }
 };
 
@@ -97,17 +108,34 @@ struct Graph {
     node->setting = {handle, value, negated, {}};
     return node;
   }
+  /// True if a node may begin once others have ended.
+  static bool mayBegin(const Node &node, const std::set<Node *> &done,
+                       const std::set<Node *> &hasEarly) {
+    return std::all_of(node.before.begin(), node.before.end(),
+                       [&](const auto &edge) {
+                         auto &[before, data] = edge;
+                         bool isEarly = data == programmaticEdge
+                                            ? !node.has("griddepcontrol.wait")
+                                            : hasEarly.count(before) != 0;
+                         return done.count(before) != 0 ||
+                                (isEarly && mayBegin(*before, done, hasEarly));
+                       });
+  }
   int run() const {
     std::minstd_rand random(orderSeed);
-    std::set<Node *> done;
+    std::set<Node *> done, hasEarly;
     std::vector<Node *> left;
-    for (const auto &node : nodes)
+    for (const auto &node : nodes) {
       left.push_back(node.get());
+      for (const auto &[before, data] : node->before)
+        if (data == programmaticEdge &&
+            before->has("griddepcontrol.launch_dependents"))
+          hasEarly.insert(before);
+    }
     while (!left.empty()) {
       std::vector<size_t> ready;
       for (size_t i = 0; i < left.size(); ++i)
-        if (std::all_of(left[i]->before.begin(), left[i]->before.end(),
-                        [&](auto &edge) { return done.count(edge.first); }))
+        if (mayBegin(*left[i], done, hasEarly))
           ready.push_back(i);
       if (ready.empty())
         return invalidValue;
