@@ -35,10 +35,12 @@ class ArrayGradients:
     """Mixin of `array`.
 
     `_grad` is None before the first use. A view of an array whose gradient is still to come has in
-    `_grad_source` that array, and what makes of its gradient that of the view.
+    `_grad_source` that array, and what makes of its gradient that of the view. `any_retained` is
+    false as long as no array has had `retain_grad`.
     """
 
     __slots__ = ()
+    any_retained = False
     _grad = None
     _grad_source = None
     # True if components of 16 bits are to have a gradient of 32 when it is made.
@@ -83,6 +85,7 @@ class ArrayGradients:
         if value and not self._requires_grad:
             raise ValueError("retain_grad needs a gradient: set `requires_grad=True`, too")
         self._retain_grad = bool(value)
+        ArrayGradients.any_retained |= self._retain_grad
 
     def _first_grad(self):
         """The gradient of an array that is to have one."""

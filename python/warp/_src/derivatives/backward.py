@@ -10,6 +10,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.kept import Images
 from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.derivatives import cotangents, handles
+from warp._src.derivatives.retained import shown_writes
 from warp._src.derivatives.singular import OneReport
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.devices import devices
@@ -58,12 +59,12 @@ class BackwardPass:
             retained = self._reverse()
             for grad, before in found:
                 cotangents.add_into(grad, before)
-            for one, copy in retained:
+            for one, copy in reversed(retained):
                 one.grad.assign(copy)
             self._remember()
 
     def _reverse(self) -> list:
-        shown = self._last_writes()
+        shown = shown_writes(self.records)
         retained: list = []
         position = len(self.records)
         in_a_row = not (shown or self.check_finite or _captures or Observers.executor)
@@ -102,14 +103,6 @@ class BackwardPass:
         if not self.first:
             return True
         return self._first_use.get(_root(one), self.position) < self.position
-
-    def _last_writes(self) -> dict:
-        """Arrays to be shown with `retain_grad`, by the position of the last record that writes."""
-        result: dict = {}
-        for one, _, position in _native.arrays_of_records(self.records, True):
-            if one.retain_grad:
-                result.setdefault(position, []).append(one)
-        return result
 
     # Several passes over one tape.
 
