@@ -3,8 +3,10 @@
 import ctypes
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
+import sysconfig
 
 import numpy as np
 import pytest
@@ -84,6 +86,63 @@ def test_damaged_files_are_refused(tmp_path, keep):
         wp.Volume.load_from_vdb(tmp_path / "b.vdb", device="cpu")
 
 
+# Reads damaged copies of a file in a process of its own, so that an abort is seen as one.
+READ_DAMAGED = """
+import sys
+import numpy as np
+import warp as wp
+folder, seeds = sys.argv[1], range(int(sys.argv[2]))
+data = open(folder + "/a.vdb", "rb").read()
+for seed in seeds:
+    random, damaged = np.random.default_rng(seed), bytearray(data)
+    for place in random.integers(len(data), size=3):
+        damaged[place] = random.integers(256)
+    open(folder + "/b.vdb", "wb").write(damaged)
+    try:
+        wp.Volume.load_from_vdb(folder + "/b.vdb", device="cpu")
+    except RuntimeError as error:
+        assert "b.vdb" in str(error)
+print("alive")
+"""
+
+
+@needs_component
+def test_changed_bytes_do_not_end_the_process(tmp_path):
+    make("cpu").save_to_vdb(tmp_path / "a.vdb")
+    command = [sys.executable, "-c", READ_DAMAGED, tmp_path, "24"]
+    run = subprocess.run(command, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.endswith("alive\n")
+
+
+# A component whose reader is ended by a signal, as by a write beyond its memory.
+ABORTING = """
+#include <cstdlib>
+extern "C" void *warp_vdb_read(...) { std::abort(); }
+"""
+
+
+def test_the_end_of_the_reader_is_an_error(tmp_path, monkeypatch):
+    compiler = shutil.which("c++") or shutil.which("clang++-22")
+    if not compiler:
+        pytest.skip("no C++ compiler")
+    library = tmp_path / "libaborting.so"
+    command = [compiler, "-shared", "-fPIC", "-x", "c++", "-", "-o", library]
+    subprocess.run(command, input=ABORTING, text=True, check=True)
+    monkeypatch.setattr(vdb, "_component", lambda: [str(library)])
+    (tmp_path / "a.vdb").write_bytes(b"x" * 100)
+    with pytest.raises(RuntimeError, match=r"a\.vdb': .* ended by SIGABRT: the file is damaged"):
+        wp.Volume.load_from_vdb(tmp_path / "a.vdb", device="cpu")
+
+
+# `sys.executable` of a program that embeds Python is that program.
+def test_embedded_interpreters_start_no_copy_of_their_program(monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/opt/houdini/bin/hython-bin")
+    found = pathlib.Path(vdb._interpreter())
+    assert found.parent == pathlib.Path(sysconfig.get_path("scripts"))
+    assert found.name.startswith("python")
+
+
 def test_files_of_nanovdb_are_told_apart(tmp_path):
     make("cpu").save_to_nvdb(tmp_path / "a.nvdb")
     with pytest.raises(RuntimeError, match=r"a\.nvdb' is a file of NanoVDB: use 'load_from_nvdb'"):
@@ -105,14 +164,14 @@ def test_without_the_component_the_error_names_both_ways(tmp_path, monkeypatch, 
 
     monkeypatch.setattr(ctypes, "CDLL", absent)
     monkeypatch.setattr(pathlib.Path, "exists", lambda path: is_there)
-    vdb._library.cache_clear()
+    vdb._component.cache_clear()
     (tmp_path / "a.vdb").write_bytes(b"")
     try:
         problem = r"libopenvdb\.so\.10" if is_there else "not in this package"
         with pytest.raises(ImportError, match=rf"{problem}.*libopenvdb-dev.*nanovdb_convert"):
             wp.Volume.load_from_vdb(tmp_path / "a.vdb", device="cpu")
     finally:
-        vdb._library.cache_clear()
+        vdb._component.cache_clear()
 
 
 # In a process in which the package has no component of its own.

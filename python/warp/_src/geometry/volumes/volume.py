@@ -143,8 +143,8 @@ class Volume(GridContents, Rebuildable, LeafValues):
     def load_from_vdb(cls, path, grid: str | None = None, device=None) -> Volume:
         """A grid of a `.vdb` file of OpenVDB, the first if no name is given.
 
-        OpenVDB refuses truncated files, but one with changed bytes can crash the process: load
-        files of sources you trust.
+        OpenVDB trusts what a file says, so a process of its own reads it: a damaged file is an
+        error here, however it ends there.
 
         Raises:
             ImportError: the component `libwarp_openvdb.so` is not there.
