@@ -12,7 +12,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from wheels import ROOT, pack_wheel, packing_parser, project_version, read_wheel, write_wheel
+from wheels import ROOT, pack_wheel, packing_options, project_version, read_wheel, write_wheel
 
 PLATFORM = "manylinux_2_28_x86_64"
 SUMMARY = "Runs saved kernels and graphs of Warp on MLIR from C and C++"
@@ -60,8 +60,8 @@ GENERATED = ("LaunchContract.h.inc", "HandleKinds.inc")
 
 def main() -> None:
     library = ROOT / "build/release/lib/libwarp_runtime.so"
-    options = packing_parser(__doc__, "--library", library).parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
+    source = "'make runtime' builds and packs it"
+    options = packing_options(__doc__, "--library", library, source)
     version = project_version()
     with tempfile.TemporaryDirectory() as folder:
         stripped = Path(folder) / "libwarp_runtime.so"

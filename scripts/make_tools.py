@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from wheels import ROOT, pack_wheel, packing_parser, project_version, read_wheel, write_wheel
+from wheels import ROOT, pack_wheel, packing_options, project_version, read_wheel, write_wheel
 
 PLATFORM = "manylinux_2_28_x86_64"
 SUMMARY = "warp-opt: the passes of Warp on MLIR on text"
@@ -21,8 +21,7 @@ SUMMARY = "warp-opt: the passes of Warp on MLIR on text"
 
 def main() -> None:
     tool = ROOT / "build/release/bin/warp-opt"
-    options = packing_parser(__doc__, "--tool", tool).parse_args()
-    options.folder.mkdir(parents=True, exist_ok=True)
+    options = packing_options(__doc__, "--tool", tool, "'make tools' builds and packs it")
     version = project_version()
     stem = f"warp_mlir_tools-{version}"
     with tempfile.TemporaryDirectory() as folder:

@@ -14,7 +14,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from wheels import ROOT, pack_wheel, packing_parser, project_version, read_wheel, write_wheel
+from wheels import ROOT, pack_wheel, packing_options, project_version, read_wheel, write_wheel
 
 SUMMARY = "Files of OpenVDB for Warp on MLIR"
 MODULE = '''"""The component of `warp` for files of OpenVDB, and the libraries that it needs."""
@@ -63,13 +63,8 @@ def licence_of(library: Path) -> tuple[str, bytes]:
 
 def main() -> None:
     library = ROOT / "build/release/python/warp/libwarp_openvdb.so"
-    options = packing_parser(__doc__, "--library", library).parse_args()
-    if not options.library.is_file():
-        raise SystemExit(
-            f"no '{options.library}': it is built where libopenvdb-dev and libnanovdb-dev are "
-            "installed"
-        )
-    options.folder.mkdir(parents=True, exist_ok=True)
+    source = "'make vdb' builds it where libopenvdb-dev and libnanovdb-dev are installed"
+    options = packing_options(__doc__, "--library", library, source)
     others = libraries_of(options.library)
     version, glibc = project_version(), os.confstr("CS_GNU_LIBC_VERSION").split()[1]
     info = f"warp_mlir_vdb-{version}.dist-info"

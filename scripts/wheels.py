@@ -20,19 +20,25 @@ def project_version() -> str:
     raise SystemExit("pyproject.toml states no version")
 
 
-def packing_parser(text: str, option: str, file: Path) -> argparse.ArgumentParser:
-    """Options of a script that packs a built file into a wheel.
+def packing_options(text: str, option: str, file: Path, source: str) -> argparse.Namespace:
+    """Options of a script that packs a built file into a wheel; makes the folder.
 
     Args:
         text: of the script, whose first line is the description.
         option: names the file, with hyphens before it.
         file: the one by default.
+        source: what builds the file, for the message where it is absent.
     """
     parser = argparse.ArgumentParser(description=text.splitlines()[0])
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "dist")
     parser.add_argument(option, type=Path, default=file)
     parser.add_argument("--level", default="2", help="of advzip, 0 for none")
-    return parser
+    options = parser.parse_args()
+    chosen = vars(options)[option.lstrip("-")]
+    if not chosen.is_file():
+        raise SystemExit(f"no '{chosen}': {source}")
+    options.folder.mkdir(parents=True, exist_ok=True)
+    return options
 
 
 def entry(path: str) -> zipfile.ZipInfo:

@@ -12,6 +12,19 @@ ROOT = Path(__file__).resolve().parents[3]
 TOOL = ROOT / "build" / "bin" / "warp-opt"
 
 
+@pytest.mark.parametrize(
+    ("script", "option"),
+    [("make_tools", "--tool"), ("make_runtime", "--library"), ("make_vdb", "--library")],
+)
+def test_what_is_not_built_is_named(tmp_path, script, option):
+    """One line names the absent file and the command that builds it."""
+    command = [sys.executable, ROOT / "scripts" / f"{script}.py", tmp_path / "dist"]
+    done = subprocess.run([*command, option, tmp_path / "absent"], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"no '{tmp_path}/absent': 'make {script.removeprefix('make_')}'")
+    assert done.stderr.count("\n") == 1
+
+
 @wp.kernel
 def scale(x: wp.array(dtype=float), a: float):
     i = wp.tid()
