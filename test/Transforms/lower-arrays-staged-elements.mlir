@@ -166,7 +166,7 @@ func.func @rows(%x: !warp.array<2 x !m>, %y: !warp.array<2 x !m>)
     attributes {warp.kernel} {
   %i, %j = warp.tid : si32, si32
   %v = warp.load %x[%i, %j] : !warp.array<2 x !m>, si32, si32 -> !m
-  warp.store %v, %y[%j, %i] : !m, !warp.array<2 x !m>, si32, si32
+  warp.store %v, %y[%j, %j] : !m, !warp.array<2 x !m>, si32, si32
   return
 }
 

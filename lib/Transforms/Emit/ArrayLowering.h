@@ -147,6 +147,8 @@ private:
   // ElementStage.cpp: accesses of whole warps.
   mlir::Value isWhole(mlir::Operation *access, mlir::ValueRange pointers,
                       llvm::ArrayRef<mlir::Type> elements);
+  mlir::Value isWholeOfRows(mlir::Operation *access, mlir::ValueRange indices);
+  mlir::Value rowBytes(mlir::Operation *access, mlir::Value array);
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
 

@@ -7,6 +7,11 @@
 // padding moves the next ones on; so neither shares nor elements conflict, and
 // all words but the first are at constant offsets.
 //
+// Elements of rows are moved by groups of as many threads as an element has
+// words, rounded up to a power of two: one thread for each word, those beyond
+// the last word do the same as the one that has it. So an instruction touches
+// the lines of 32 / 8 elements of seven words, in place of 32.
+//
 //===----------------------------------------------------------------------===//
 
 #include "Emit/ArrayLowering.h"
@@ -64,22 +69,53 @@ Value warp::areStretches(OpBuilder &b, Location loc,
 
 warp::ElementStage::ElementStage(OpBuilder &b, Location loc,
                                  const StagedAccesses &staged, Type type,
-                                 Value pointer)
+                                 Value pointer, Value rowBytes)
     : b(b), loc(loc), word(getSignless(getElementScalar(type))),
       bytes(getByteSize(word)), count(getComponentCount(type)),
-      warpSize(subgroupSizeAt(b)), period(getSlabPeriod(count, warpSize)) {
+      warpSize(subgroupSizeAt(b)), period(getSlabPeriod(count, warpSize)),
+      step(rowBytes), shareWords(count) {
+  if (rowBytes)
+    placeRows(staged.lane, pointer, staged.slab);
+  else
+    placeStretch(staged.lane, pointer, staged.slab);
+}
+
+void warp::ElementStage::placeStretch(Value lane, Value pointer, Value slab) {
   auto mul = [&](int64_t factor) -> Value {
-    return arith::MulIOp::create(b, loc, staged.lane, constant(factor));
+    return arith::MulIOp::create(b, loc, lane, constant(factor));
   };
   memory = advance(pointer, mul(1 - count));
-  share = advance(staged.slab, staged.lane);
+  share = advance(slab, lane);
   Value begin = mul(count);
   if (int64_t elements = period / count; elements < warpSize) {
-    Value pads = arith::ShRUIOp::create(b, loc, staged.lane,
-                                        constant(llvm::Log2_64(elements)));
+    Value pads =
+        arith::ShRUIOp::create(b, loc, lane, constant(llvm::Log2_64(elements)));
     begin = arith::AddIOp::create(b, loc, begin, pads);
   }
-  element = advance(staged.slab, begin);
+  element = advance(slab, begin);
+}
+
+void warp::ElementStage::placeRows(Value lane, Value pointer, Value slab) {
+  Type i64 = b.getI64Type();
+  int64_t pitch = getRowPitch(count);
+  shareWords = llvm::PowerOf2Ceil(count);
+  int64_t rows = warpSize / shareWords;
+  shareStep = rows * pitch;
+  Value row =
+      arith::ShRUIOp::create(b, loc, lane, constant(llvm::Log2_64(shareWords)));
+  Value own = arith::AndIOp::create(b, loc, lane, constant(shareWords - 1));
+  own = arith::MinUIOp::create(b, loc, own, constant(count - 1));
+  Value away = arith::ExtSIOp::create(b, loc, i64,
+                                      arith::SubIOp::create(b, loc, row, lane));
+  away = arith::MulIOp::create(b, loc, away, step);
+  memory = LLVM::GEPOp::create(b, loc, pointer.getType(), b.getI8Type(),
+                               pointer, ArrayRef<LLVM::GEPArg>(away));
+  memory = advance(memory, own);
+  Value first = arith::MulIOp::create(b, loc, row, constant(pitch));
+  share = advance(slab, arith::AddIOp::create(b, loc, first, own));
+  element = advance(slab, arith::MulIOp::create(b, loc, lane, constant(pitch)));
+  Value number = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(rows));
+  step = arith::MulIOp::create(b, loc, step, number);
 }
 
 Value warp::ElementStage::constant(int64_t value) {
@@ -98,14 +134,26 @@ Value warp::ElementStage::advance(Value base, int64_t words) {
                              LLVM::GEPNoWrapFlags::inbounds);
 }
 
+/// Where memory has word `i` of the share.
+Value warp::ElementStage::inMemory(int64_t i) {
+  if (!step)
+    return advance(memory, warpSize * i);
+  Value number = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(i));
+  Value away = arith::MulIOp::create(b, loc, step, number);
+  return LLVM::GEPOp::create(b, loc, memory.getType(), b.getI8Type(), memory,
+                             ArrayRef<LLVM::GEPArg>(away));
+}
+
 /// Where the slab has word `i` of the share.
 Value warp::ElementStage::inShare(int64_t i) {
+  if (step)
+    return advance(share, shareStep * i);
   return advance(share, warpSize * i + warpSize * i / period);
 }
 
-SmallVector<Value> warp::ElementStage::load(Slot from) {
+SmallVector<Value> warp::ElementStage::load(int64_t number, Slot from) {
   SmallVector<Value> words;
-  for (int64_t i = 0; i < count; ++i)
+  for (int64_t i = 0; i < number; ++i)
     words.push_back(LLVM::LoadOp::create(b, loc, word, from(i), bytes));
   return words;
 }
@@ -116,7 +164,7 @@ void warp::ElementStage::store(ValueRange words, Slot to) {
 }
 
 SmallVector<Value> warp::ElementStage::loadShare() {
-  return load([&](int64_t i) { return inMemory(i); });
+  return load(shareWords, [&](int64_t i) { return inMemory(i); });
 }
 
 void warp::ElementStage::storeShare(ValueRange words) {
@@ -126,13 +174,13 @@ void warp::ElementStage::storeShare(ValueRange words) {
 SmallVector<Value> warp::ElementStage::shareToElement(ValueRange words) {
   store(words, [&](int64_t i) { return inShare(i); });
   synchronizeWarp(b, loc);
-  return load([&](int64_t i) { return advance(element, i); });
+  return load(count, [&](int64_t i) { return advance(element, i); });
 }
 
 SmallVector<Value> warp::ElementStage::elementToShare(ValueRange words) {
   store(words, [&](int64_t i) { return advance(element, i); });
   synchronizeWarp(b, loc);
-  return load([&](int64_t i) { return inShare(i); });
+  return load(shareWords, [&](int64_t i) { return inShare(i); });
 }
 
 //===----------------------------------------------------------------------===//
@@ -157,6 +205,28 @@ Value warp::ArrayLowering::isWhole(Operation *access, ValueRange pointers,
   return branch.getResult(0);
 }
 
+/// The same for elements of rows, whose other indices threads compare.
+Value warp::ArrayLowering::isWholeOfRows(Operation *access,
+                                         ValueRange indices) {
+  SmallVector<Value> compared;
+  for (auto [dim, index] : llvm::enumerate(indices))
+    if (dim != staged.rows.lookup(access) && !matchPattern(index, m_Constant()))
+      compared.push_back(index);
+  Value whole = isWarpTogether(b, loc, compared);
+  if (staged.inRow)
+    whole = arith::AndIOp::create(b, loc, whole, staged.inRow);
+  return whole;
+}
+
+/// Bytes from a thread's element to the next thread's; null if they lie side by
+/// side.
+Value warp::ArrayLowering::rowBytes(Operation *access, Value array) {
+  auto found = staged.rows.find(access);
+  if (found == staged.rows.end())
+    return nullptr;
+  return stride(getParts(array), found->second);
+}
+
 static SmallVector<warp::Leaf> getLeaves(Type element) {
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(element, 0, leaves);
@@ -168,24 +238,26 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
   if (group.empty())
     return;
   SmallVector<Type> types, elements;
-  SmallVector<Value> pointers;
+  SmallVector<Value> pointers, rows;
   for (LoadComponentsOp op : group) {
     llvm::append_range(types, op.getResultTypes());
     elements.push_back(elementType(op.getArray()));
     pointers.push_back(address(op.getArray(), op.getIndices()).pointer);
+    rows.push_back(rowBytes(op, op.getArray()));
   }
   LoadComponentsOp first = group.front();
-  auto branch =
-      scf::IfOp::create(b, loc, types, isWhole(first, pointers, elements),
-                        /*addThenBlock=*/true,
-                        /*addElseBlock=*/true);
+  Value whole = rows.front() ? isWholeOfRows(first, first.getIndices())
+                             : isWhole(first, pointers, elements);
+  auto branch = scf::IfOp::create(b, loc, types, whole, /*addThenBlock=*/true,
+                                  /*addElseBlock=*/true);
   OpBuilder::InsertionGuard insertion(b);
   b.setInsertionPointToStart(branch.thenBlock());
   synchronizeWarp(b, loc);
   SmallVector<ElementStage> stages;
   SmallVector<SmallVector<Value>> shares;
-  for (auto [element, pointer] : llvm::zip_equal(elements, pointers)) {
-    stages.emplace_back(b, loc, staged, element, pointer);
+  for (auto [element, pointer, row] :
+       llvm::zip_equal(elements, pointers, rows)) {
+    stages.emplace_back(b, loc, staged, element, pointer, row);
     shares.push_back(stages.back().loadShare());
   }
   SmallVector<Value> loaded;
@@ -224,15 +296,19 @@ static bool isOneConstant(ValueRange components) {
 void warp::ArrayLowering::lowerStaged(StoreComponentsOp op) {
   Type type = elementType(op.getArray());
   Value pointer = address(op.getArray(), op.getIndices()).pointer;
-  auto branch = scf::IfOp::create(b, loc, isWhole(op, pointer, type),
-                                  /*withElseRegion=*/true);
+  Value row = rowBytes(op, op.getArray());
+  Value whole =
+      row ? isWholeOfRows(op, op.getIndices()) : isWhole(op, pointer, type);
+  auto branch = scf::IfOp::create(b, loc, whole, /*withElseRegion=*/true);
   OpBuilder::InsertionGuard insertion(b);
   b.setInsertionPointToStart(branch.thenBlock());
   synchronizeWarp(b, loc);
-  ElementStage stage(b, loc, staged, type, pointer);
+  ElementStage stage(b, loc, staged, type, pointer, row);
   SmallVector<Value> words(op.getComponents());
   if (!isOneConstant(words))
     words = stage.elementToShare(words);
+  else
+    words.resize(stage.getShareWords(), words.front());
   stage.storeShare(words);
   synchronizeWarp(b, loc);
 

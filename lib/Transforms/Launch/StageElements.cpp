@@ -21,6 +21,11 @@
 // there it compares addresses. A loop would access the same element again and
 // again, which the cache is for.
 //
+// Threads with a row of elements each (`pose[world, body]`) do the same, in
+// loops as well: the elements at one place in 32 rows are moved by groups of
+// threads, one for each element, so that an instruction touches the lines of
+// few rows. Here the threads compare the indices within the row.
+//
 // A thread's element is read and written by others, so barriers of the warp
 // keep the order of its accesses: there is one before every staged access,
 // which also frees the slab; one within, where share and element are exchanged;
@@ -63,6 +68,22 @@ static bool followsThreads(Value index, const warp::ThreadVariance &variance) {
   return variance.step(index) == 1 && !variance.dependsOnMoment(index);
 }
 
+/// The only index that tells the threads of a row apart, if it does so by one
+/// from thread to thread and the others are the same wherever threads are in
+/// step.
+static std::optional<unsigned>
+findRowIndex(ValueRange indices, const warp::ThreadVariance &variance) {
+  std::optional<unsigned> found;
+  for (auto [dim, index] : llvm::enumerate(indices)) {
+    if (variance.isUniform(index, warp::Scope::Lanes))
+      continue;
+    if (found || !followsThreads(index, variance))
+      return std::nullopt;
+    found = dim;
+  }
+  return found;
+}
+
 /// True if values are the same for the threads of a warp that lies in a row.
 static bool areUniform(ValueRange values,
                        const warp::ThreadVariance &variance) {
@@ -101,6 +122,12 @@ static int64_t getSlabSize(Type element, int64_t warpSize) {
   int64_t words = warpSize * count;
   words += words / warp::getSlabPeriod(count, warpSize) - 1;
   return llvm::alignTo(words * getWordSize(element), 8);
+}
+
+/// The same where they are of rows.
+static int64_t getRowSlabSize(Type element, int64_t warpSize) {
+  int64_t pitch = warp::getRowPitch(warp::getComponentCount(element));
+  return llvm::alignTo(warpSize * pitch * getWordSize(element), 8);
 }
 
 static Type getElement(Value array) {
@@ -142,6 +169,7 @@ public:
 private:
   template <typename Op> bool canStage(Op access);
   bool isStretch(Value array, ValueRange indices, Block *block);
+  template <typename Op> bool isOfRows(Op access);
   void visitLoad(warp::LoadComponentsOp load);
 
   LLVM::LLVMFuncOp entry;
@@ -166,18 +194,47 @@ bool Finder::isStretch(Value array, ValueRange indices, Block *block) {
          variance->isNonNegative(indices.back(), block);
 }
 
+/// True if each thread of a warp has an element of its own row, and notes which
+/// index is that of the row.
+template <typename Op> bool Finder::isOfRows(Op access) {
+  Value array = access.getArray();
+  ValueRange indices = access.getIndices();
+  if (indices.size() < 2 ||
+      warp::getComponentCount(getElement(array)) > warpSize)
+    return false;
+  if (!variance)
+    variance.emplace(entry);
+  std::optional<unsigned> row = findRowIndex(indices, *variance);
+  if (!row || *row + 1 == indices.size() || !isPacked(array, *variance) ||
+      !variance->isNonNegative(indices[*row], access->getBlock()))
+    return false;
+  staged.rows[access] = *row;
+  return true;
+}
+
 template <typename Op> bool Finder::canStage(Op access) {
   Type element = getElement(access.getArray());
   if (!warp::isComposite(element) || getWordSize(element) < 2 ||
-      countComponents(access) < fewestComponents(element) ||
-      getSlabSize(element, warpSize) > mostBytes ||
-      access->template getParentOfType<LoopLikeOpInterface>() ||
-      !isStretch(access.getArray(), access.getIndices(), access->getBlock()))
+      warp::getComponentCount(element) < fewestComponents(element))
     return false;
-  slabSize = std::max(slabSize, getSlabSize(element, warpSize));
+  int64_t size = getSlabSize(element, warpSize);
+  bool isSideBySide =
+      size <= mostBytes &&
+      countComponents(access) >= fewestComponents(element) &&
+      !access->template getParentOfType<LoopLikeOpInterface>() &&
+      isStretch(access.getArray(), access.getIndices(), access->getBlock());
+  if (!isSideBySide) {
+    size = getRowSlabSize(element, warpSize);
+    // Words of rows are further apart, so fewer of them are worth it.
+    if (size > mostBytes || countComponents(access) < 4 || !isOfRows(access))
+      return false;
+  }
+  slabSize = std::max(slabSize, size);
   warp::noteChoice(access->template getParentOfType<LLVM::LLVMFuncOp>(),
                    "access", "words shared by a warp",
-                   "elements are one stretch of memory", access);
+                   isSideBySide ? "elements are one stretch of memory"
+                                : "elements are in rows of threads",
+                   access);
   return true;
 }
 
@@ -190,6 +247,10 @@ void Finder::visitLoad(warp::LoadComponentsOp load) {
   if (!canStage(load)) {
     if (joins)
       load->moveBefore(first);
+    return;
+  }
+  if (staged.rows.contains(load)) {
+    staged.loads[load] = {load};
     return;
   }
   int64_t registers =

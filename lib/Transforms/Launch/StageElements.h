@@ -22,6 +22,9 @@ struct StagedAccesses {
   /// empty group.
   llvm::DenseMap<mlir::Operation *, llvm::SmallVector<LoadComponentsOp>> loads;
   llvm::DenseSet<mlir::Operation *> stores;
+  /// Accesses of both kinds to elements of rows, one of each thread: the
+  /// dimension of the array that tells threads apart.
+  llvm::DenseMap<mlir::Operation *, unsigned> rows;
   /// Number of the thread in its warp, i32.
   mlir::Value lane;
   /// Shared memory of the warp.
@@ -38,6 +41,10 @@ StagedAccesses findStagedAccesses(mlir::LLVM::LLVMFuncOp entry);
 /// `count` words.
 int64_t getSlabPeriod(int64_t count, int64_t warpSize);
 
+/// Words of the slab from one element to the next, where elements of `count`
+/// words are of rows: an odd number, so that threads are at different banks.
+constexpr int64_t getRowPitch(int64_t count) { return count | 1; }
+
 /// True if all threads of a warp come to the insertion point together, and lie
 /// in a row.
 mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
@@ -49,15 +56,18 @@ mlir::Value areStretches(mlir::OpBuilder &b, mlir::Location loc,
                          mlir::ValueRange pointers,
                          llvm::ArrayRef<int64_t> sizes);
 
-/// The elements of a whole warp, which lie side by side. A thread's share of
-/// them are words next to those of its neighbours.
+/// The elements of a whole warp, which lie side by side, or a row apart. A
+/// thread's share of them are words next to those of its neighbours.
 class ElementStage {
 public:
-  /// `pointer` is that of the thread's own element.
+  /// `pointer` is that of the thread's own element; `rowBytes` are from there
+  /// to the next thread's, null if elements lie side by side.
   ElementStage(mlir::OpBuilder &b, mlir::Location loc,
                const StagedAccesses &staged, mlir::Type element,
-               mlir::Value pointer);
+               mlir::Value pointer, mlir::Value rowBytes = nullptr);
 
+  /// Words that a thread moves.
+  int64_t getShareWords() const { return shareWords; }
   llvm::SmallVector<mlir::Value> loadShare();
   void storeShare(mlir::ValueRange words);
   /// Words of the thread's own element, from those of its share.
@@ -66,18 +76,25 @@ public:
 
 private:
   using Slot = llvm::function_ref<mlir::Value(int64_t)>;
+  void placeStretch(mlir::Value lane, mlir::Value pointer, mlir::Value slab);
+  void placeRows(mlir::Value lane, mlir::Value pointer, mlir::Value slab);
   mlir::Value advance(mlir::Value base, int64_t words);
   mlir::Value advance(mlir::Value base, mlir::Value words);
   mlir::Value constant(int64_t value);
-  mlir::Value inMemory(int64_t i) { return advance(memory, warpSize * i); }
+  mlir::Value inMemory(int64_t i);
   mlir::Value inShare(int64_t i);
-  llvm::SmallVector<mlir::Value> load(Slot from);
+  llvm::SmallVector<mlir::Value> load(int64_t words, Slot from);
   void store(mlir::ValueRange words, Slot to);
 
   mlir::OpBuilder &b;
   mlir::Location loc;
   mlir::Type word;
   int64_t bytes, count, warpSize, period;
+  /// Rows: bytes between those of two words of the share, i64.
+  mlir::Value step;
+  /// Words of the share, and in the slab from one of them to the next where
+  /// elements are of rows.
+  int64_t shareWords, shareStep = 0;
   /// Where the thread's share begins in memory, share and element in the slab.
   mlir::Value memory, share, element;
 };
