@@ -27,7 +27,6 @@
 #include "Effects.h"
 #include "GeometryMemory.h"
 #include "GridReads.h"
-#include "WarpDialect/CallAttributes.h"
 #include "WarpDialect/LaneOps.h"
 #include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Passes.h"
@@ -59,15 +58,22 @@ static Value getKnownRoot(Value array) {
 }
 
 void ThreadVariance::collectWrites() {
-  // Writes of functions that are called are not looked at.
-  writesUnknown = function->hasAttr(warp::attr::keepsCalls);
-  function->walk([&](Operation *op) {
-    auto access = dyn_cast<warp::AccessOp>(op);
-    if (!access || !access.mayWrite())
-      return;
-    Value root = getKnownRoot(access.getArray());
+  auto note = [&](Value array) {
+    Value root = getKnownRoot(array);
     writesUnknown |= !root;
     written.insert(root);
+  };
+  function->walk([&](Operation *op) {
+    auto access = dyn_cast<warp::AccessOp>(op);
+    if (access && access.mayWrite())
+      note(access.getArray());
+    auto call = dyn_cast<func::CallOp>(op);
+    if (!call)
+      return;
+    warp::CallEffects effects = called.of(call);
+    writesUnknown |= effects.writesOther;
+    for (unsigned i : effects.writes.set_bits())
+      note(call.getOperand(i));
   });
 }
 
@@ -99,6 +105,28 @@ ThreadVariance::ThreadVariance(FunctionOpInterface function,
   mayOverlap = !disjoint.value_or(variant && variant.getDisjoint());
   for (BlockArgument argument : function.getArguments())
     states[argument] = State();
+  propagate();
+}
+
+/// Memory that arguments do not overlap in the caller they do not here, as the
+/// caller says of each if it is written.
+ThreadVariance::ThreadVariance(func::FuncOp function,
+                               ArrayRef<LaneArgument> arguments, bool anyWrites)
+    : function(function), mayOverlap(false), lanes(0) {
+  collectWrites();
+  if (anyWrites)
+    written.insert(Value());
+  for (auto [argument, fact] :
+       llvm::zip_equal(function.getArguments(), arguments)) {
+    states[argument] =
+        fact.varies ? State{uint16_t(Own | Moment), noStep} : State{Moment, 0};
+    if (fact.isWritten)
+      written.insert(argument);
+  }
+  propagate();
+}
+
+void ThreadVariance::propagate() {
   do {
     changed = false;
     visit(function.getFunctionBody());
@@ -194,8 +222,36 @@ void ThreadVariance::visit(Operation *op) {
     join(result, state);
 }
 
+bool ThreadVariance::readsWritten(func::CallOp call) const {
+  warp::CallEffects effects = called.of(call);
+  return (effects.readsOther && hasWrites()) ||
+         llvm::any_of(effects.reads.set_bits(), [&](unsigned i) {
+           return isWritten(call.getOperand(i));
+         });
+}
+
+bool ThreadVariance::isOneCall(func::CallOp call) const {
+  return !called.of(call).mayWrite() &&
+         llvm::none_of(call.getOperands(),
+                       [&](Value value) { return varies(get(value)); });
+}
+
+ThreadVariance::State ThreadVariance::transferCall(func::CallOp call) {
+  State state;
+  for (Value operand : call.getOperands())
+    state.sources |= get(operand).sources;
+  if (called.of(call).mayWrite())
+    state.sources |= Own | Moment | Written;
+  else if (readsWritten(call))
+    state.sources |= Moment | Written;
+  state.step = varies(state) ? noStep : 0;
+  return state;
+}
+
 /// The dependences of the results of an operation without regions.
 ThreadVariance::State ThreadVariance::transfer(Operation *op) {
+  if (auto call = dyn_cast<func::CallOp>(op))
+    return transferCall(call);
   State state;
   for (Value operand : op->getOperands())
     state.sources |= get(operand).sources;

@@ -7,6 +7,7 @@
 #ifndef WARP_LIB_ANALYSIS_THREADVARIANCE_H
 #define WARP_LIB_ANALYSIS_THREADVARIANCE_H
 
+#include "CalledFunctions.h"
 #include "Ranges.h"
 
 #include "WarpDialect/WarpOps.h"
@@ -41,6 +42,18 @@ enum class Agreement {
   Yes,
 };
 
+/// An argument of a function that the lanes of a vector call together.
+struct LaneArgument {
+  /// It differs from lane to lane.
+  bool varies = false;
+  /// For an array: the launch writes to its memory.
+  bool isWritten = false;
+
+  bool operator==(const LaneArgument &other) const {
+    return varies == other.varies && isWritten == other.isWritten;
+  }
+};
+
 /// How the values of a kernel in structured form vary over its threads.
 ///
 /// Thread indices are the results of `warp.tid`, the arguments of the block of
@@ -55,6 +68,10 @@ public:
   explicit ThreadVariance(mlir::FunctionOpInterface function,
                           std::optional<bool> disjoint = std::nullopt,
                           int64_t lanes = 0);
+  /// The same of a function that lanes call; `anyWrites`: the launch writes to
+  /// some array.
+  ThreadVariance(mlir::func::FuncOp function,
+                 llvm::ArrayRef<LaneArgument> arguments, bool anyWrites);
 
   /// The largest number of lanes that would share a quotient of the thread
   /// index if the first lane had such an index; 1 if no quotient is shared.
@@ -115,6 +132,11 @@ public:
   bool isWritten(mlir::Value array) const;
   /// True if it writes to arrays that are no arguments.
   bool hasUnknownWrites() const { return writesUnknown; }
+  bool hasWrites() const { return writesUnknown || !written.empty(); }
+  /// True if a function reads what the launch may write.
+  bool readsWritten(mlir::func::CallOp call) const;
+  /// True if a call does the same for all lanes, so that one will do.
+  bool isOneCall(mlir::func::CallOp call) const;
 
   /// An integer as a sum over thread indices, trips, extents and other values.
   const Form &form(mlir::Value value) const { return forms.of(value); }
@@ -155,6 +177,7 @@ private:
   };
 
   void collectWrites();
+  void propagate();
   void visit(mlir::Region &region);
   void visit(mlir::Operation *op);
   bool visitIndices(mlir::Operation *op);
@@ -165,6 +188,7 @@ private:
   /// The value that decides if, or how often, the regions of an operation run.
   static llvm::SmallVector<mlir::Value, 3> decisionsOf(mlir::Operation *op);
   State transfer(mlir::Operation *op);
+  State transferCall(mlir::func::CallOp call);
   int64_t stepOf(mlir::Operation *op) const;
   int64_t stepOfCast(mlir::Operation *op) const;
   State get(mlir::Value value) const;
@@ -175,6 +199,7 @@ private:
   bool varies(State state) const { return state.sources & (lastIndex | Own); }
 
   mlir::FunctionOpInterface function;
+  mutable CalledFunctions called;
   llvm::DenseMap<mlir::Value, State> states;
   /// Roots of arrays that are written; all if one of them is not known.
   llvm::DenseSet<mlir::Value> written;

@@ -167,9 +167,8 @@ static LogicalResult nameVariant(ModuleOp module,
 }
 
 /// Scalar operations beyond which large functions with several calls stay
-/// calls. Lanes of a CPU make less of a kernel that calls functions than
-/// threads of a GPU do, and scalar code of a long kernel is compiled quickly
-/// first.
+/// calls. Lanes of a CPU take longer for calls of short functions than for copies,
+/// and scalar code of a long kernel is compiled quickly first.
 static constexpr int64_t gpuBudget = 3000, cpuBudget = 12000;
 
 /// Says how long a kernel may become before functions stay calls. Checks need

@@ -5,8 +5,8 @@
 // A kernel within its budget has all calls inlined. A longer one keeps calls of
 // the largest functions that have several, so that its length follows that of
 // the program's text. Such a function becomes an internal function of the
-// target: arguments and results by value, arrays as descriptors, threads
-// scalar.
+// target: arguments and results by value, arrays as descriptors; on CPUs as
+// vectors if threads are lanes (Transforms/Lanes/LaneCalls.h).
 //
 //===----------------------------------------------------------------------===//
 

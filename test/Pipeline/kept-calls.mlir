@@ -4,7 +4,8 @@
 // RUN: sed "s/= 250 :/= 1000 :/" %s | warp-opt - --warp-pipeline=to-warp | FileCheck %s --check-prefix=WITHIN
 // RUN: warp-opt %s --warp-pipeline=to-warp | FileCheck %s --check-prefix=BEYOND
 // RUN: warp-opt %s --warp-pipeline=to-thread | FileCheck %s --check-prefix=THREAD
-// RUN: warp-opt %s --warp-emit=llvm | FileCheck %s --check-prefix=IR
+// RUN: warp-opt %s --warp-emit=llvm --warp-options=lanes=1 | FileCheck %s --check-prefix=IR
+// RUN: warp-opt %s --warp-emit=llvm --warp-options=lanes=8 | FileCheck %s --check-prefix=LANES
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=target=sm_90 | FileCheck %s --check-prefix=PTX
 
 // A kernel within its budget has all calls inlined.
@@ -29,10 +30,13 @@
 // THREAD-SAME: (%{{.*}}: !warp.array<1 x f32>, %{{.*}}: i32, %{{.*}}: f32) -> (f32, i32)
 
 // Functions of the target take arrays as pointer, extents and strides, and
-// return several results as one struct.
+// return several results as one struct. On a CPU one call is for all lanes.
 // IR: define internal {{.*}}{ float, i32 } @large({ ptr, i32, i64 } %
 // IR: define {{.*}}@kernel
 // IR-COUNT-2: call {{.*}}{ float, i32 } @large({ ptr, i32, i64 } %{{.*}}, i32 %{{.*}}, float
+// LANES: define internal {{.*}}{ <8 x float>, <8 x i32> } @large_lanes(<8 x i1> %{{.*}}, { ptr, i32, i64 } %{{.*}}, <8 x i32> %{{.*}}, <8 x float> %
+// LANES: define {{.*}}@kernel
+// LANES-COUNT-2: call {{.*}}{ <8 x float>, <8 x i32> } @large_lanes(<8 x i1>
 // PTX: .func (.param .align {{[0-9]+}} .b8 func_retval0[8]) large(
 // PTX: .entry kernel(
 // PTX-COUNT-2: call{{(.uni)?}} (retval0), large,

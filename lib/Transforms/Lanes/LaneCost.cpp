@@ -12,6 +12,7 @@
 
 #include "Analysis/CostModel.h"
 #include "Analysis/Effects.h"
+#include "LaneCalls.h"
 #include "LanePlan.h"
 #include "RowRuns.h"
 #include "WarpDialect/LibraryOps.h"
@@ -34,8 +35,9 @@ namespace {
 class CostCounter {
 public:
   /// `exclusive`: updates are plain.
-  CostCounter(const ThreadVariance &variance, bool exclusive)
-      : variance(variance), exclusive(exclusive) {}
+  CostCounter(const ThreadVariance &variance, bool exclusive,
+              const warp::LaneCalls *calls)
+      : variance(variance), exclusive(exclusive), calls(calls) {}
 
   void count(Block &block, double trips, double use) {
     for (Operation &op : block)
@@ -56,6 +58,7 @@ private:
   }
   void count(Operation *op, double trips, double use);
   void countAccess(warp::AccessOp op, double trips, double use);
+  void countCall(func::CallOp op, double trips, double use);
   bool goesThroughRow(warp::AccessOp access) const;
   bool isStream(scf::ForOp loop) const;
   bool isRecurrence(scf::ForOp loop) const;
@@ -70,6 +73,7 @@ private:
 
   const ThreadVariance &variance;
   bool exclusive;
+  const warp::LaneCalls *calls;
 };
 
 } // namespace
@@ -287,7 +291,8 @@ static bool hasWide(TypeRange types) {
 
 /// True if no loop is around it that goes on for long.
 static bool isStraight(Operation *op) {
-  for (Operation *parent = op->getParentOp(); !isa<warp::ThreadsOp>(parent);
+  for (Operation *parent = op->getParentOp();
+       !isa<warp::ThreadsOp, FunctionOpInterface>(parent);
        parent = parent->getParentOp()) {
     if (auto loop = dyn_cast<LoopLikeOpInterface>(parent);
         loop && !isShort(loop))
@@ -348,9 +353,26 @@ double CostCounter::gainOfStream(scf::ForOp loop) const {
   return llvm::any_of(*loop.getBody(), isBranched) ? 1 : warp::cost::streamGain;
 }
 
+/// A function for all lanes, or for what they share.
+void CostCounter::countCall(func::CallOp op, double trips, double use) {
+  const warp::LaneFunction *function = calls ? calls->find(op) : nullptr;
+  if (!function)
+    return add(warp::cost::callCost, warp::cost::callCost * laneShare, trips,
+               use);
+  const LaneCost &inner = function->cost;
+  add(inner.scalar + warp::cost::callCost,
+      inner.vector + warp::cost::callCost * laneShare, trips, use);
+  cost.operations += inner.operations * trips;
+  cost.wide += inner.wide * trips;
+  cost.narrow += inner.narrow * trips;
+  cost.hasLoop |= inner.hasLoop;
+}
+
 void CostCounter::count(Operation *op, double trips, double use) {
+  if (auto call = dyn_cast<func::CallOp>(op))
+    return countCall(call, trips, use);
   if (auto loop = dyn_cast<scf::ForOp>(op); loop && isStream(loop)) {
-    CostCounter inside(variance, exclusive);
+    CostCounter inside(variance, exclusive, calls);
     inside.count(*loop.getBody(), trips * warp::cost::loopTrips, use);
     cost.hasLoop = true;
     cost.scalar += inside.cost.scalar / gainOfStream(loop);
@@ -434,15 +456,15 @@ void CostCounter::count(Operation *op, double trips, double use) {
   add(work, work * share, trips, use);
 }
 
-LaneCost warp::costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
-                           bool exclusive) {
-  CostCounter counter(variance, exclusive);
-  counter.count(*threads.getThread(), 1, 1);
+LaneCost warp::costOfLanes(Block &body, const ThreadVariance &variance,
+                           bool exclusive, const LaneCalls *calls) {
+  CostCounter counter(variance, exclusive, calls);
+  counter.count(body, 1, 1);
   // Each thread waits for the sums of its predecessors.
-  counter.cost.scalar += warp::cost::sumLatency *
-                         threads.getThread()->getTerminator()->getNumOperands();
-  threads.getThread()->walk(
-      [&](LoopLikeOpInterface loop) { counter.visit(loop); });
+  if (isa<ThreadsOp>(body.getParentOp()))
+    counter.cost.scalar +=
+        warp::cost::sumLatency * body.getTerminator()->getNumOperands();
+  body.walk([&](LoopLikeOpInterface loop) { counter.visit(loop); });
   return counter.cost;
 }
 

@@ -10,6 +10,7 @@
 #include "Analysis/ThreadVariance.h"
 
 namespace warp {
+class LaneCalls;
 
 /// Rough cycles of one thread, alone and as one of many lanes.
 struct LaneCost {
@@ -35,9 +36,10 @@ struct LaneCost {
   int64_t chooseLanes(int64_t bits) const;
 };
 
-/// `exclusive`: updates are plain.
-LaneCost costOfLanes(ThreadsOp threads, const ThreadVariance &variance,
-                     bool exclusive);
+/// The cost of a thread or of a function. `exclusive`: updates are plain.
+/// `calls`: functions that lanes call, if there are any.
+LaneCost costOfLanes(mlir::Block &body, const ThreadVariance &variance,
+                     bool exclusive, const LaneCalls *calls = nullptr);
 
 } // namespace warp
 

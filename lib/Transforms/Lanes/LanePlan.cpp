@@ -11,6 +11,7 @@
 
 #include "LanePlan.h"
 
+#include "LaneCalls.h"
 #include "LaneCost.h"
 
 #include "Analysis/Effects.h"
@@ -31,6 +32,8 @@ using warp::ThreadVariance;
 /// Memory that another thread may change while a loop runs. That an array of
 /// the launch is also points of a mesh, say, is nothing that threads wait for.
 static bool isShared(Operation *op, const ThreadVariance &variance) {
+  if (auto call = dyn_cast<func::CallOp>(op))
+    return variance.readsWritten(call);
   auto access = dyn_cast<warp::AccessOp>(op);
   if (!access)
     return false;
@@ -124,6 +127,16 @@ static std::string findObstacle(Operation *op, const ThreadVariance &variance,
   return "";
 }
 
+std::string warp::whyNotLanes(Region &body, const ThreadVariance &variance,
+                              FunctionOpInterface kernel) {
+  std::string reason;
+  body.walk<WalkOrder::PreOrder>([&](Operation *op) {
+    reason = findObstacle(op, variance, kernel);
+    return reason.empty() ? WalkResult::advance() : WalkResult::interrupt();
+  });
+  return reason;
+}
+
 //===----------------------------------------------------------------------===//
 // Worth it
 //===----------------------------------------------------------------------===//
@@ -148,7 +161,7 @@ static void alignLanes(LanePlan &plan, FunctionOpInterface kernel,
     return;
   ThreadVariance aligned(kernel, std::nullopt, lanes);
   warp::LaneCost shared = warp::costOfLanes(
-      threads, aligned, warp::getSchedule(kernel).getExclusive());
+      *threads.getThread(), aligned, warp::getSchedule(kernel).getExclusive());
   int64_t bits = warp::getVariant(kernel).getTarget().getBits();
   int64_t room = std::min(bits / (shared.wide > shared.narrow ? 64 : 32), all);
   double before = plan.lanes > 1 ? cost.vector * emptyShare(plan.lanes, room)
@@ -161,17 +174,14 @@ static void alignLanes(LanePlan &plan, FunctionOpInterface kernel,
 }
 
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
-                         const ThreadVariance &variance) {
+                         const ThreadVariance &variance,
+                         const LaneCalls *calls) {
   LanePlan plan;
-  threads.getBody().walk<WalkOrder::PreOrder>([&](Operation *op) {
-    plan.reason = findObstacle(op, variance, kernel);
-    return plan.reason.empty() ? WalkResult::advance()
-                               : WalkResult::interrupt();
-  });
+  plan.reason = whyNotLanes(threads.getBody(), variance, kernel);
   if (!plan.reason.empty())
     return plan;
-  LaneCost cost =
-      costOfLanes(threads, variance, getSchedule(kernel).getExclusive());
+  LaneCost cost = costOfLanes(*threads.getThread(), variance,
+                              getSchedule(kernel).getExclusive(), calls);
   VariantAttr variant = getVariant(kernel);
   if (variant.getLanes() != 0) {
     plan.lanes = variant.getLanes();
@@ -198,7 +208,8 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
   } else {
     plan.reason = "most is done lane by lane";
   }
-  if (variant.getInnerExtent() == 0)
+  // Functions are widened for what differs wherever lanes begin.
+  if (variant.getInnerExtent() == 0 && !calls)
     alignLanes(plan, kernel, threads, variance, cost, all);
   return plan;
 }

@@ -12,6 +12,7 @@
 #include <string>
 
 namespace warp {
+class LaneCalls;
 
 struct LanePlan {
   /// 1: threads stay scalar.
@@ -32,10 +33,16 @@ struct LanePlan {
 /// On `warp.threads` with lanes: the index of the first is a multiple of them.
 constexpr llvm::StringLiteral alignedAttr = "warp.aligned";
 
+/// Why the threads of a kernel that come to some code cannot be lanes; empty if
+/// they can.
+std::string whyNotLanes(mlir::Region &body, const ThreadVariance &variance,
+                        mlir::FunctionOpInterface kernel);
+
 /// As many lanes as the variant asks for, if it does and they are possible at
-/// all.
+/// all. `calls`: functions that lanes call, if there are any.
 LanePlan planLanes(mlir::FunctionOpInterface kernel, ThreadsOp threads,
-                   const ThreadVariance &variance);
+                   const ThreadVariance &variance,
+                   const LaneCalls *calls = nullptr);
 
 /// True if the elements of an array's last dimension follow each other, and are
 /// a few numbers of one type each, so that lanes can load them as vectors.

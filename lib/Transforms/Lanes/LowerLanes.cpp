@@ -16,6 +16,7 @@
 #include "LiveLanes.h"
 #include "Spread.h"
 #include "Updates/Atomics.h"
+#include "WarpDialect/CallAttributes.h"
 #include "WrongRewrites.h"
 
 #include "mlir/Dialect/Arith/IR/Arith.h"
@@ -54,11 +55,11 @@ static LogicalResult foldBroadcast(warp::BroadcastOp op, PatternRewriter &b) {
 
 namespace {
 
-/// Lowers the operations of one entry.
+/// Lowers the operations of an entry, or of a function that it calls.
 class LaneLowering {
 public:
-  explicit LaneLowering(LLVM::LLVMFuncOp entry)
-      : entry(entry), b(entry->getContext()), loc(entry.getLoc()) {}
+  explicit LaneLowering(FunctionOpInterface entry)
+      : entry(entry), b(entry->getContext()), loc(entry->getLoc()) {}
 
   void run();
 
@@ -79,7 +80,7 @@ private:
     op->erase();
   }
 
-  LLVM::LLVMFuncOp entry;
+  FunctionOpInterface entry;
   OpBuilder b;
   Location loc;
 };
@@ -137,7 +138,7 @@ void LaneLowering::lower(warp::CombineLanesOp op) {
 /// Memory for a vector, in the first block of the entry.
 Value LaneLowering::makeSlots(VectorType type) {
   OpBuilder::InsertionGuard guard(b);
-  b.setInsertionPointToStart(&entry.getBody().front());
+  b.setInsertionPointToStart(&entry.getFunctionBody().front());
   Value one = LLVM::ConstantOp::create(b, loc, b.getI64IntegerAttr(1));
   auto pointer = LLVM::LLVMPointerType::get(b.getContext());
   return LLVM::AllocaOp::create(b, loc, pointer, type, one);
@@ -272,7 +273,7 @@ void LaneLowering::lower(warp::EachLaneOp op) {
 
 void LaneLowering::run() {
   SmallVector<Operation *> found;
-  entry.walk([&](Operation *op) {
+  entry->walk([&](Operation *op) {
     if (isa<warp::AnyOp, warp::BroadcastOp, warp::LaneNumbersOp,
             warp::CombineLanesOp, warp::EachLaneOp>(op))
       found.push_back(op);
@@ -316,8 +317,14 @@ struct LowerLanes : warp::impl::LowerLanesBase<LowerLanes> {
     auto entry = dyn_cast<LLVM::LLVMFuncOp>(found.getOperation());
     if (!entry || warp::getTarget(entry).isSimt() || !hasLanes(entry))
       return;
-    (void)applyPatternsGreedily(entry, *patterns);
-    LaneLowering(entry).run();
+    SmallVector<FunctionOpInterface> bodies{found};
+    for (auto function : getOperation().getOps<FunctionOpInterface>())
+      if (function->hasAttr(warp::attr::kept))
+        bodies.push_back(function);
+    for (FunctionOpInterface function : bodies) {
+      (void)applyPatternsGreedily(function, *patterns);
+      LaneLowering(function).run();
+    }
   }
 
   static bool hasLanes(Operation *entry) {

@@ -172,6 +172,8 @@ void Widening::widen(Operation *op) {
     return widenAgree(agree);
   if (auto trips = dyn_cast<warp::MostTripsOp>(op))
     return widenMostTrips(trips);
+  if (auto call = dyn_cast<func::CallOp>(op))
+    return widenCall(call);
   bool isConversion = warp::isConversion(op);
   if (!isConversion && !isMemoryEffectFree(op))
     return eachLane(op);
@@ -245,6 +247,22 @@ void Widening::widenLibraryCall(warp::LibraryCallOp op) {
   auto call = warp::LibraryCallOp::create(
       b, loc, types, (op.getCallee() + warp::lanesSuffix).str(), args);
   for (auto [result, made] : llvm::zip(op.getResults(), call.getResults()))
+    setVector(result, made);
+}
+
+/// One call of a function for all lanes.
+void Widening::widenCall(func::CallOp op) {
+  const LaneFunction *function = calls ? calls->find(op) : nullptr;
+  if (!function)
+    return cloneScalar(op);
+  func::FuncOp wide = function->wide;
+  Values args{mask};
+  for (auto [operand, type] :
+       llvm::zip_equal(op.getOperands(), wide.getArgumentTypes().drop_front()))
+    args.push_back(isa<VectorType>(type) ? vector(operand) : scalar(operand));
+  auto call = func::CallOp::create(b, loc, wide, args);
+  for (auto [result, made] :
+       llvm::zip_equal(op.getResults(), call.getResults()))
     setVector(result, made);
 }
 
@@ -327,7 +345,7 @@ void Widening::widenConversion(Operation *op) {
 //===----------------------------------------------------------------------===//
 
 /// The yields of the lanes: for those that are not live, the neutral element.
-Widening::Values Widening::contributions() {
+Widening::Values Widening::contributions(warp::ThreadsOp threads) {
   Values values;
   for (auto [kind, type, yielded] : llvm::zip_equal(
            threads.getKinds(), threads.getTypes().getAsValueRange<TypeAttr>(),
@@ -339,8 +357,9 @@ Widening::Values Widening::contributions() {
   return values;
 }
 
-void Widening::run() {
+void Widening::run(warp::ThreadsOp threads) {
   b.setInsertionPoint(threads);
+  loc = threads.getLoc();
   auto made = warp::ThreadsOp::create(
       b, loc, threads.getResultTypes(), threads.getKindsAttr(),
       threads.getTypesAttr(), b.getI64IntegerAttr(lanes));
@@ -364,9 +383,30 @@ void Widening::run() {
             arith::AddIOp::create(b, loc, broadcast(scalar(last)), numbers));
   widen(*threads.getThread());
   loc = threads.getLoc();
-  warp::YieldOp::create(b, loc, contributions());
+  warp::YieldOp::create(b, loc, contributions(threads));
   threads->replaceAllUsesWith(made);
   threads->erase();
+}
+
+void Widening::run(const LaneFunction &function) {
+  func::FuncOp scalar = function.scalar, wide = function.wide;
+  body = wide.addEntryBlock();
+  b.setInsertionPointToStart(body);
+  loc = scalar.getLoc();
+  mask = body->getArgument(0);
+  for (auto [argument, made] : llvm::zip_equal(
+           scalar.getArguments(), body->getArguments().drop_front()))
+    if (isVarying(argument))
+      setVector(argument, made);
+    else
+      setScalar(argument, made);
+  widen(scalar.front());
+  Operation *end = scalar.front().getTerminator();
+  loc = end->getLoc();
+  Values results;
+  for (Value value : end->getOperands())
+    results.push_back(vector(value));
+  func::ReturnOp::create(b, loc, results);
 }
 
 /// Updates of what lanes have come to together are one. The order of a
@@ -406,15 +446,53 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (kernel->hasAttr(warp::attr::blockThreads))
       return warp::noteChoice(kernel, "lanes", "1",
                               "loops over elements of tiles have them");
-    if (kernel->hasAttr(warp::attr::keepsCalls)) {
-      warp::leaveStep(kernel);
-      return warp::noteChoice(kernel, "lanes", "1",
-                              "large functions stay calls");
-    }
     warp::foldViews(kernel);
+    if (kernel->hasAttr(warp::attr::keepsCalls))
+      return widenWithCalls(kernel, threads);
     warp::carryElements(kernel);
     warp::ThreadVariance variance(kernel);
-    warp::LanePlan plan = warp::planLanes(kernel, threads, variance);
+    warp::LanePlan plan =
+        choose(kernel, warp::planLanes(kernel, threads, variance));
+    if (plan.lanes == 1)
+      return;
+    if (plan.isAligned)
+      threads->setAttr(warp::alignedAttr, UnitAttr::get(kernel->getContext()));
+    if (warp::shareRuns(kernel, variance) || plan.isAligned) {
+      warp::ThreadVariance together(kernel, std::nullopt,
+                                    plan.isAligned ? plan.lanes : 0);
+      combineWhereLanesMeet(kernel, together);
+      Widening(kernel, together, plan.lanes).run(threads);
+    } else {
+      Widening(kernel, variance, plan.lanes).run(threads);
+    }
+  }
+
+  /// Lanes of a kernel that keeps functions call these together.
+  static void widenWithCalls(FunctionOpInterface kernel,
+                             warp::ThreadsOp threads) {
+    warp::LanePlan plan;
+    if (warp::getVariant(kernel).getLanes() == 1) {
+      plan.reason = "asked for";
+      choose(kernel, plan);
+      return;
+    }
+    warp::LaneCalls calls(kernel);
+    plan.reason = calls.find();
+    if (plan.reason.empty())
+      plan = warp::planLanes(kernel, threads, calls.getVariance(), &calls);
+    if (choose(kernel, plan).lanes > 1) {
+      calls.declare(plan.lanes);
+      for (auto &function : calls.functions())
+        Widening(kernel, *function->variance, plan.lanes, &calls)
+            .run(*function);
+      Widening(kernel, calls.getVariance(), plan.lanes, &calls).run(threads);
+    }
+    calls.finish();
+  }
+
+  /// Tells the launch of a choice.
+  static warp::LanePlan choose(FunctionOpInterface kernel,
+                               warp::LanePlan plan) {
     warp::noteChoice(kernel, "lanes", Twine(plan.lanes), plan.reason);
     int facts = (plan.dependsOnRows ? warp::innerExtentFact : 0) |
                 (plan.dependsOnFarRows ? warp::farRowsFact : 0) |
@@ -422,18 +500,11 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (facts)
       warp::setSchedule(kernel, warp::getSchedule(kernel).withSizeFacts(facts));
     if (plan.lanes == 1)
-      return warp::leaveStep(kernel);
-    if (plan.isAligned)
-      threads->setAttr(warp::alignedAttr, UnitAttr::get(kernel->getContext()));
-    if (warp::shareRuns(kernel, variance) || plan.isAligned) {
-      warp::ThreadVariance together(kernel, std::nullopt,
-                                    plan.isAligned ? plan.lanes : 0);
-      combineWhereLanesMeet(kernel, together);
-      Widening(kernel, threads, together, plan.lanes).run();
-    } else {
-      Widening(kernel, threads, variance, plan.lanes).run();
-    }
-    warp::setSchedule(kernel, warp::getSchedule(kernel).withLanes(plan.lanes));
+      warp::leaveStep(kernel);
+    else
+      warp::setSchedule(kernel,
+                        warp::getSchedule(kernel).withLanes(plan.lanes));
+    return plan;
   }
 };
 

@@ -12,6 +12,8 @@
 #ifndef WARP_LIB_TRANSFORMS_WIDENING_H
 #define WARP_LIB_TRANSFORMS_WIDENING_H
 
+#include "LaneCalls.h"
+
 #include "Analysis/ThreadVariance.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -24,25 +26,23 @@ class AgreeOp;
 class LibraryCallOp;
 class MostTripsOp;
 
-/// True if a kernel's threads can be lanes; otherwise why they cannot.
-std::optional<std::string> whyNotLanes(mlir::FunctionOpInterface kernel,
-                                       ThreadsOp threads,
-                                       const ThreadVariance &variance);
-
-/// Writes the body of a thread again for several threads.
+/// Writes the body of a thread, or of a function that threads call, again for
+/// several threads.
 ///
 /// A value that all lanes share stays a scalar; one that differs becomes a
 /// vector. One that differs by a constant step from lane to lane, and may be an
 /// index, is also kept as the scalar of the first lane.
 class Widening {
 public:
-  Widening(mlir::FunctionOpInterface kernel, ThreadsOp threads,
-           const ThreadVariance &variance, int64_t lanes)
-      : kernel(kernel), threads(threads), variance(variance), lanes(lanes),
-        b(threads), loc(threads.getLoc()) {}
+  Widening(mlir::FunctionOpInterface kernel, const ThreadVariance &variance,
+           int64_t lanes, const LaneCalls *calls = nullptr)
+      : kernel(kernel), variance(variance), lanes(lanes), calls(calls),
+        b(kernel->getContext()), loc(kernel->getLoc()) {}
 
-  /// Replaces the threads.
-  void run();
+  /// Replaces the threads of the kernel.
+  void run(ThreadsOp threads);
+  /// Fills in the body of a function for all lanes.
+  void run(const LaneFunction &function);
 
 private:
   using Values = llvm::SmallVector<mlir::Value>;
@@ -76,7 +76,8 @@ private:
   void cloneBase(mlir::Operation *op);
   void widenAgree(AgreeOp op);
   void widenMostTrips(MostTripsOp op);
-  Values contributions();
+  void widenCall(mlir::func::CallOp op);
+  Values contributions(ThreadsOp threads);
 
   // WidenDivisions.cpp
   void widenDivision(mlir::Operation *op);
@@ -131,12 +132,12 @@ private:
   mlir::Value choose(mlir::Value mask, mlir::Value x, mlir::Value y);
 
   mlir::FunctionOpInterface kernel;
-  ThreadsOp threads;
   const ThreadVariance &variance;
   int64_t lanes;
+  const LaneCalls *calls;
   mlir::OpBuilder b;
   mlir::Location loc;
-  /// The insertion point of the widened threads.
+  /// The block of the widened threads or function.
   mlir::Block *body = nullptr;
   /// Lanes that run the code at the insertion point; at least one of them.
   mlir::Value mask;

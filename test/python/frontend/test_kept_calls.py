@@ -100,11 +100,122 @@ def test_arguments_and_results(rows):
 
 
 def test_functions_stay():
-    """The large one is a function of the target, the small one is not; threads are scalar."""
-    for text in (bodies.ir("llvm"), bodies.ir("ptx", arch=90)):
-        assert "weigh(" in text and "polynomial(" not in text
+    """The large one is a function of the target, on CPUs for all lanes; the small one is not."""
+    for text, name in (
+        (bodies.ir("llvm"), "weigh_rows_lanes("),
+        (bodies.ir("ptx", arch=90), "weigh("),
+    ):
+        assert name in text and "polynomial" not in text
     (schedule,) = bodies.schedule("cpu", dim=1000)
-    assert schedule["lanes"] == "1" and "large functions stay calls" in str(schedule)
+    assert int(schedule["lanes"]) > 1
+
+
+def test_lanes_have_the_bits_of_scalar_threads(rows):
+    """Rows, structs, loops and stores in functions that lanes call."""
+    options = {**BUDGET, "cpu_lanes": 1}
+    scalar = wp.kernel(bodies.func, module="unique", module_options=options)
+    (schedule,) = scalar.schedule("cpu", dim=1000)
+    assert schedule["lanes"] == "1" and "weigh(" in scalar.ir("llvm")
+    for one, many in zip(launch(scalar, rows), launch(bodies, rows), strict=True):
+        np.testing.assert_array_equal(one, many)
+
+
+@wp.func
+def steps(n: int, limit: int, table: wp.array(dtype=int)):
+    """Collatz steps of n up to 1, of a limit, and the table's numbers on the way."""
+    if n < 1:
+        return -1, 0
+    taken = int(0)
+    seen = int(0)
+    while n != 1:
+        if taken == limit:
+            break
+        seen += table[n % table.shape[0]]
+        if n % 2 == 0:
+            n = n // 2
+        else:
+            n = 3 * n + 1
+        taken += 1
+    for k in range(n % 5):
+        seen += k * limit
+    return taken, seen
+
+
+@wp.func
+def steps_of_two(n: int, limit: int, table: wp.array(dtype=int), out: wp.array(dtype=int)):
+    """Calls another function that stays, in a branch and after it, and stores."""
+    a, s = steps(n, limit, table)
+    if n % 3 == 0:
+        b, t = steps(n + 1, a + 1, table)
+        a += b
+        s += t
+    if n >= 0:
+        out[n] = out[n] + a
+    return a, s
+
+
+@wp.kernel(module="unique", module_options=BUDGET)
+def walks(
+    n: wp.array(dtype=int), table: wp.array(dtype=int), out: wp.array(dtype=int),
+    y: wp.array(dtype=int), z: wp.array(dtype=int),
+):  # fmt: skip
+    i = wp.tid()
+    a, s = steps_of_two(n[i], 40, table, out)
+    for k in range(n[i] % 3):
+        b, t = steps_of_two(n[i], 10 + k, table, out)
+        a += b
+        s += t
+    b, t = steps(27, 9, table)
+    y[i] = a + b
+    z[i] = s + t
+
+
+def walk(n, limit, table):
+    if n < 1:
+        return -1, 0
+    taken = seen = 0
+    while n != 1 and taken != limit:
+        seen += int(table[n % len(table)])
+        n = n // 2 if n % 2 == 0 else 3 * n + 1
+        taken += 1
+    return taken, seen + sum(range(n % 5)) * limit
+
+
+def walk_twice(n, limit, table, out):
+    a, s = walk(n, limit, table)
+    if n % 3 == 0:
+        b, t = walk(n + 1, a + 1, table)
+        a, s = a + b, s + t
+    if n >= 0:
+        out[n] += a
+    return a, s
+
+
+@pytest.mark.parametrize("count", [1, 3, 101])
+def test_lanes_part_in_functions(count):
+    """Early returns, breaks and loops of each lane's own, nested, under masks."""
+    numbers = np.random.default_rng(5).permutation(200)[:count] - 3
+    table = np.arange(7) ** 2 - 11
+    device = {"dtype": int, "device": "cpu"}
+    out, y, z = (wp.zeros(size, **device) for size in (200, count, count))
+    wp.launch(walks, count, [wp.array(numbers, **device), wp.array(table, **device), out, y, z],
+              device="cpu")  # fmt: skip
+    total, expect = np.zeros(200, dtype=int), []
+    shared = walk(27, 9, table)
+    for n in numbers.tolist():
+        found = [walk_twice(n, 40, table, total), shared]
+        # The remainder of a negative number is negative, so there is no trip.
+        found += [walk_twice(n, 10 + k, table, total) for k in range(int(np.fmod(n, 3)))]
+        expect.append(np.sum(found, axis=0))
+    np.testing.assert_array_equal(y.numpy(), [a for a, _ in expect])
+    np.testing.assert_array_equal(z.numpy(), [s for _, s in expect])
+    np.testing.assert_array_equal(out.numpy(), total)
+
+
+def test_functions_of_parting_lanes_are_of_lanes():
+    """The test above is about vectors."""
+    (schedule,) = walks.schedule("cpu", dim=1000)
+    assert int(schedule["lanes"]) > 1 and "steps_of_two_lanes(" in walks.ir("llvm")
 
 
 @pytest.mark.parametrize("option", ["mode", "deterministic"])
