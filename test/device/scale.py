@@ -3,9 +3,10 @@
     mpirun -n 8 python test/device/scale.py [--quick] [--only lattice,cg]
     torchrun --nproc-per-node 8 test/device/scale.py
 
-Cases: messages, lattice Boltzmann (weak and strong, with and without overlap, eager and captured),
-conjugate gradients (exact and not, fused and plain, with a checksum of the solution), migration of
-discs. On GPUs messages go by NCCL, brought together by the engine that started the ranks.
+Cases: messages (beside the engine alone, eager and captured), lattice Boltzmann (weak and strong,
+with and without overlap, eager and captured), conjugate gradients (exact and not, fused and plain,
+with a checksum of the solution), worlds (rollouts whose gradient is summed over ranks), migration
+of discs. On GPUs messages go by NCCL, brought together by the engine that started the ranks.
 """
 
 import argparse
@@ -22,6 +23,22 @@ import warp.distributed as wd
 from warp.optim.linear import cg
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "python" / "support" / "ranks"))
+
+
+STATE = wp.types.vector(4, float)
+STEPS = 256
+
+
+@wp.kernel
+def roll_out(gains: wp.array[wp.mat44], start: wp.array[STATE], cost: wp.array[float]):
+    """The mean distance of a linear system from the origin; gains are those of each step."""
+    i = wp.tid()
+    x = start[i]
+    total = float(0.0)
+    for step in range(gains.shape[0]):
+        x = x + 0.05 * (gains[step] * x)
+        total += 0.05 * wp.dot(x, x)
+    cost[i] = total
 
 
 class Scale:
@@ -54,16 +71,44 @@ class Scale:
 
 
 def messages(scale):
-    """Halos and sums from bytes to megabytes."""
+    """Halos and sums from bytes to megabytes, and the same by the engine alone, also in graphs."""
     comm = scale.comm
     for columns in (2, 256, 16384) if scale.quick else (2, 256, 16384, 1 << 20, 1 << 24):
         blocks = wd.Blocks((4 * comm.size, columns), ranks=(comm.size, 1), corners=False, comm=comm)
-        x = blocks.zeros()
-        count = 20 if scale.quick else 200
-        halo = scale.seconds(lambda blocks=blocks, x=x: blocks.halo(x), count)
-        y = wp.zeros(columns, dtype=float, device=comm.device)
-        total = scale.seconds(lambda y=y: wd.all_reduce(y, comm=comm), count)
-        scale.say("messages", bytes=4 * columns, halo_us=halo * 1e6, all_reduce_us=total * 1e6)
+        x, y = blocks.zeros(), wp.zeros(columns, dtype=float, device=comm.device)
+        # Rows are in one piece, so that the engine sends what `halo` sends.
+        sides = blocks._exchange("halo", (x,), None).sides
+        bare = [
+            wd.Message(one.peer, one.give[0], one.take[0], one.give_tag, one.take_tag)
+            for one in sides
+        ]
+        works = {
+            "halo": lambda blocks=blocks, x=x: blocks.halo(x),
+            "all_reduce": lambda y=y: wd.all_reduce(y, comm=comm),
+        }
+        if comm.size > 1:
+            engine = comm.persistent(bare)
+
+            def alone(engine=engine):
+                engine.start()
+                engine.finish()
+
+            # On a GPU the engine's own order is the stream's.
+            queued = comm.device.is_cuda
+            works["bare_halo"] = (lambda bare=bare: comm.exchange(bare)) if queued else alone
+            works["bare_all_reduce"] = lambda y=y: comm.all_reduce(y)
+        count = 20 if scale.quick else 100 if columns < 1 << 24 else 20
+        facts = {}
+        for name, work in works.items():
+            work()
+            facts[f"{name}_us"] = scale.seconds(work, count) * 1e6
+            if comm.device.is_cuda:
+                with wp.ScopedCapture(device=comm.device) as capture:
+                    for _ in range(20):
+                        work()
+                replay = scale.seconds(lambda graph=capture.graph: wp.capture_launch(graph), 3)
+                facts[f"{name}_graph_us"] = replay / 20 * 1e6
+        scale.say("messages", bytes=4 * columns, **facts)
 
 
 def lattice(scale):
@@ -74,8 +119,8 @@ def lattice(scale):
     for kind, shape in (("weak", (n * comm.size, n, n)), ("strong", (n, n, n))):
         blocks = wd.Blocks(shape, periodic=True, ranks=(comm.size, 1, 1), comm=comm)
         f, g = blocks.zeros(items=19), blocks.zeros(items=19)
-        start = np.broadcast_to(lbm.W[:, None, None, None], f.shape)
-        f.assign(np.ascontiguousarray(start))
+        for number, weight in enumerate(lbm.W):
+            f[number].fill_(float(weight))
 
         def run(box, f, g):
             if box.size:
@@ -136,6 +181,31 @@ def solver(scale):
     wp.config.deterministic = False
 
 
+def worlds(scale):
+    """Rollouts of worlds of each rank; the gradient of common parameters is summed over ranks."""
+    comm, count = scale.comm, 64 if scale.quick else 1 << 17
+    rng = np.random.default_rng(comm.rank)
+    gains = 0.1 * np.random.default_rng(7).standard_normal((STEPS, 4, 4)) - np.eye(4)
+    gains = wp.array(gains.astype(np.float32), dtype=wp.mat44, requires_grad=True)
+    start = wp.array(rng.standard_normal((count, 4)).astype(np.float32), dtype=STATE)
+    cost = wp.zeros(count, dtype=float, requires_grad=True)
+
+    def step():
+        with wp.Tape() as tape:
+            wp.launch(roll_out, count, [wd.replicate(gains, comm=comm), start, cost])
+        gains.grad.zero_()
+        cost.grad.fill_(1.0 / (count * comm.size))
+        tape.backward()
+
+    step()
+    eager = scale.seconds(step, 2)
+    with wp.ScopedCapture(device=comm.device) as capture:
+        step()
+    captured = scale.seconds(lambda: wp.capture_launch(capture.graph), 2)
+    facts = {"eager_ms": eager * 1e3, "captured_ms": captured * 1e3}
+    scale.say("worlds", worlds=count * comm.size, parameters=16 * STEPS, **facts)
+
+
 def discs(scale):
     """Migration and ghosts of many points."""
     comm, n = scale.comm, 2000 if scale.quick else 1_000_000
@@ -157,7 +227,10 @@ def discs(scale):
     scale.say("discs", points=n * comm.size, step_ms=took * 1e3)
 
 
-CASES = {"messages": messages, "lattice": lattice, "cg": solver, "discs": discs}
+CASES = {
+    **{"messages": messages, "lattice": lattice, "cg": solver},
+    **{"worlds": worlds, "discs": discs},
+}
 
 
 def main():

@@ -72,7 +72,7 @@ def test_the_scaling_program_runs_on_cpu_ranks():
     codes, output = launcher.run("mpi", 2, program, "--quick", limit=60)
     assert not any(codes), output[-3000:]
     rows = [json.loads(line) for line in output.splitlines() if line.startswith("{")]
-    assert {row["case"] for row in rows} == {"messages", "lattice", "cg", "discs"}
+    assert {row["case"] for row in rows} == {"messages", "lattice", "cg", "worlds", "discs"}
     # Five populations of four bytes cross a face cell.
     face = next(row for row in rows if row["case"] == "lattice")
     assert face["face_bytes"] == 20 * face["shape"][1] * face["shape"][2]
