@@ -146,26 +146,6 @@ from warp._src.errors import WarpError as WarpError
 from warp._src.errors import WarpLaunchError as WarpLaunchError
 from warp._src.interop.dlpack import from_dlpack as from_dlpack
 from warp._src.interop.dlpack import to_dlpack as to_dlpack
-from warp._src.interop.jax import device_from_jax as device_from_jax
-from warp._src.interop.jax import device_to_jax as device_to_jax
-from warp._src.interop.jax import dtype_from_jax as dtype_from_jax
-from warp._src.interop.jax import dtype_to_jax as dtype_to_jax
-from warp._src.interop.jax import from_jax as from_jax
-from warp._src.interop.jax import to_jax as to_jax
-from warp._src.interop.jax_callable import JaxCallableGraphMode as JaxCallableGraphMode
-from warp._src.interop.jax_callable import JaxModulePreloadMode as JaxModulePreloadMode
-from warp._src.interop.jax_callable import (
-    clear_jax_callable_graph_cache as clear_jax_callable_graph_cache,
-)
-from warp._src.interop.jax_callable import jax_callable as jax_callable
-from warp._src.interop.jax_kernel import jax_kernel as jax_kernel
-from warp._src.interop.paddle import device_from_paddle as device_from_paddle
-from warp._src.interop.paddle import device_to_paddle as device_to_paddle
-from warp._src.interop.paddle import dtype_from_paddle as dtype_from_paddle
-from warp._src.interop.paddle import dtype_to_paddle as dtype_to_paddle
-from warp._src.interop.paddle import from_paddle as from_paddle
-from warp._src.interop.paddle import stream_from_paddle as stream_from_paddle
-from warp._src.interop.paddle import to_paddle as to_paddle
 from warp._src.interop.torch import device_from_torch as device_from_torch
 from warp._src.interop.torch import device_to_torch as device_to_torch
 from warp._src.interop.torch import dtype_from_torch as dtype_from_torch
@@ -315,6 +295,26 @@ if _typing.TYPE_CHECKING:
     from warp._src.geometry.tree_queries import MeshQuery as MeshQuery
     from warp._src.geometry.tree_queries import MeshQueryAABB as MeshQueryAABB
     from warp._src.geometry.volumes.volume import Volume as Volume
+    from warp._src.interop.jax import device_from_jax as device_from_jax
+    from warp._src.interop.jax import device_to_jax as device_to_jax
+    from warp._src.interop.jax import dtype_from_jax as dtype_from_jax
+    from warp._src.interop.jax import dtype_to_jax as dtype_to_jax
+    from warp._src.interop.jax import from_jax as from_jax
+    from warp._src.interop.jax import to_jax as to_jax
+    from warp._src.interop.jax_callable import JaxCallableGraphMode as JaxCallableGraphMode
+    from warp._src.interop.jax_callable import JaxModulePreloadMode as JaxModulePreloadMode
+    from warp._src.interop.jax_callable import (
+        clear_jax_callable_graph_cache as clear_jax_callable_graph_cache,
+    )
+    from warp._src.interop.jax_callable import jax_callable as jax_callable
+    from warp._src.interop.jax_kernel import jax_kernel as jax_kernel
+    from warp._src.interop.paddle import device_from_paddle as device_from_paddle
+    from warp._src.interop.paddle import device_to_paddle as device_to_paddle
+    from warp._src.interop.paddle import dtype_from_paddle as dtype_from_paddle
+    from warp._src.interop.paddle import dtype_to_paddle as dtype_to_paddle
+    from warp._src.interop.paddle import from_paddle as from_paddle
+    from warp._src.interop.paddle import stream_from_paddle as stream_from_paddle
+    from warp._src.interop.paddle import to_paddle as to_paddle
     from warp._src.kernels.manifest import KernelManifest as KernelManifest
     from warp._src.kernels.manifest import Manifest as Manifest
     from warp._src.kernels.manifest import manifest as manifest

@@ -31,8 +31,8 @@ _PLACES = {
 }
 
 
-# Parameters that mean the same in all functions.
-_COMMON = {
+# Kinds of parameters that mean the same in all functions.
+COMMON = {
     **dict.fromkeys(("device", "warp_device", "target_device", "peer_device"), kinds_of.DEVICE),
     **dict.fromkeys(
         ("dtype", "block_type", "grad_dtype", "warp_dtype", "scalar_type"), kinds_of.TYPE
@@ -126,7 +126,7 @@ def checked(**kinds: Kind) -> typing.Callable[[_Function], _Function]:
                     raise
                 raise problem from error
 
-        call.argument_kinds = {**_COMMON, **kinds}
+        call.argument_kinds = kinds
         return call
 
     return decorate
@@ -204,7 +204,7 @@ def _problem(function, kinds, args, kwargs, error):
             continue
         if value is declared.default:
             continue
-        kind = kinds.get(parameter) or _COMMON.get(parameter)
+        kind = kinds.get(parameter) or COMMON.get(parameter)
         if parameter == "self":
             kind = _owner(function)
         elif kind is None and isinstance(declared.default, bool):

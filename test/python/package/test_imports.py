@@ -12,7 +12,12 @@ from import_graph import called, cycles, import_graph, modules
 # Modules that `import warp` leaves to their users.
 LAZY = ("numpy", "torch", "jax", "matplotlib", "inspect", "linecache", "pathlib", "ast")
 LAZY += ("warp._src.frontend", "warp._src.derivatives.backward")
-LAZY += ("warp._src.autograd", "warp._src.optim")
+LAZY += (
+    "warp._src.autograd",
+    "warp._src.optim",
+    "warp._src.interop.jax",
+    "warp._src.interop.paddle",
+)
 
 
 def test_no_cycles():

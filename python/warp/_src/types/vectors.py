@@ -235,24 +235,34 @@ def _component(index):
     )
 
 
-def _no_component(name):
+class _NoComponent:
     """A component that a short vector lacks; other attributes may be added to instances."""
 
-    def refuse(self, value=None):
-        raise AttributeError(f"'{shown_name(type(self))}' object has no attribute '{name}'")
+    __slots__ = ("_name",)
 
-    doc = (
-        f"In kernels the vector of the components {', '.join(name)}.\n\n"
-        "Raises:\n    AttributeError: outside of kernels, or there are fewer components."
-    )
-    return property(refuse, refuse, doc=doc)
+    def __init__(self, name):
+        self._name = name
+
+    @property
+    def __doc__(self):
+        """Hundreds of swizzles have no text of their own until it is read."""
+        return (
+            f"In kernels the vector of the components {', '.join(self._name)}.\n\n"
+            "Raises:\n    AttributeError: outside of kernels, or there are fewer components."
+        )
+
+    def __get__(self, owner, cls=None):
+        return self if owner is None else self.__set__(owner, None)
+
+    def __set__(self, owner, value):
+        raise AttributeError(f"'{shown_name(type(owner))}' object has no attribute '{self._name}'")
 
 
 for _count in (2, 3, 4):
     for _name in map("".join, itertools.product("xyzw", repeat=_count)):
         # Swizzles are of kernels.
-        setattr(Vector, _name, _no_component(_name))
-_NO_COMPONENTS = {name: _no_component(name) for name in "xyzw"}
+        setattr(Vector, _name, _NoComponent(_name))
+_NO_COMPONENTS = {name: _NoComponent(name) for name in "xyzw"}
 _COMPONENTS = [_component(index) for index in range(4)]
 _cache: dict = {}
 # The largest sizes in bytes of 32 bits.

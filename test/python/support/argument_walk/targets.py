@@ -21,6 +21,7 @@ import warp.saved
 import warp.sparse
 import warp.types
 import warp.utils
+from warp._src import arguments
 
 _MODULES = {
     "wp": wp,
@@ -89,7 +90,8 @@ def _kinds(function) -> dict:
     """The kinds of arguments that a function says it expects."""
     if isinstance(function, type):
         function = function.__init__
-    return getattr(function, "argument_kinds", {})
+    own = getattr(function, "argument_kinds", None)
+    return {} if own is None else {**arguments.COMMON, **own}
 
 
 def _is_no_function(value) -> bool:
