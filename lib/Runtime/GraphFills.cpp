@@ -29,8 +29,8 @@ static constexpr int64_t mostBytes = int64_t(4) << 20;
 static thread_local FillChoice choice;
 
 const FillChoice &warp::fillChoice() { return choice; }
-void warp::setFusesFills(bool fuses, bool first, bool early) {
-  choice = {fuses, first, early};
+void warp::setFusesFills(bool fuses, bool first, bool early, bool moves) {
+  choice = {fuses, first, early, moves};
 }
 
 std::optional<FillRegion> warp::fillRegionOf(const GraphOperation &fill) {

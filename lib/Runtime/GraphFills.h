@@ -23,7 +23,7 @@ struct FillRegion {
 
 /// Fills of graphs that this thread captures (warp/Fusion.h).
 struct FillChoice {
-  bool fuses = false, first = false, early = false;
+  bool fuses = false, first = false, early = false, moves = false;
 };
 const FillChoice &fillChoice();
 

@@ -429,7 +429,7 @@ TEST_F(OrderedGraphs, HaveTheBitsOfEagerCalls) {
     Program(seed, arrays).run(nullptr);
     std::vector<int> expected = arrays.contents();
     Program program(seed, arrays);
-    setFusesFills(seed % 4 > 0, seed % 4 > 1, seed % 4 > 2);
+    setFusesFills(seed % 4 > 0, seed % 4 > 1, seed % 4 > 2, seed % 3 == 0);
     std::shared_ptr<Graph> graph =
         record([&](Capture &capture) { program.run(&capture); });
     ASSERT_TRUE(graph->schedule());
@@ -750,6 +750,57 @@ TEST_F(OrderedGraphs, WaitForTheEndBesideKernelsOfOthers) {
     add.first(2) = 3;
     graph->launch();
     ASSERT_EQ(add.first(2), 6) << "order " << order;
+  }
+}
+
+// What a kernel waits for beside a kernel that waits for several nodes moves
+// there, and the order stays.
+TEST_F(OrderedGraphs, MoveJoins) {
+  auto *early = reinterpret_cast<int (*)()>(
+      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
+  RealAdditions add;
+  auto fill = [&](Capture &) {
+    add.launch(0, 1, 64);
+    add.launch(2, 3, 48);
+    add.launch(1, 3, 32);
+    add.launch(4, 5, 16);
+    // Behind the two before.
+    add.launch(3, 5, 40);
+  };
+  record(fill);
+  EXPECT_EQ(early(), 0);
+  setFusesFills(false, false, false, true);
+  std::shared_ptr<Graph> graph = record(fill);
+  EXPECT_EQ(early(), 1);
+  EXPECT_EQ(graph->schedule()->nodes[2].before.size(), 3u);
+  EXPECT_EQ(graph->schedule()->edges, 4u);
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    Random random(seed);
+    std::vector<std::pair<int, int>> sums;
+    while (sums.size() < 14)
+      if (int from = below(random, 8), to = below(random, 8); from != to)
+        sums.push_back({from, to});
+    std::vector<float> expected(8);
+    auto reset = [&] {
+      for (int i = 0; i < 8; ++i)
+        expected[i] = add.first(i) = float(1 + 3 * i);
+    };
+    reset();
+    for (auto [from, to] : sums)
+      expected[to] += expected[from];
+    std::vector<float> sum = expected;
+    graph = record([&](Capture &) {
+      // Launches of equal extents would be one.
+      for (size_t i = 0; i < sums.size(); ++i)
+        add.launch(sums[i].first, sums[i].second, 64 - int(i));
+    });
+    for (unsigned order = 0; order < 12; ++order) {
+      setOrder(order);
+      reset();
+      graph->launch();
+      for (int i = 0; i < 8; ++i)
+        ASSERT_EQ(add.first(i), sum[i]) << "program " << seed;
+    }
   }
 }
 
