@@ -753,8 +753,8 @@ TEST_F(OrderedGraphs, WaitForTheEndBesideKernelsOfOthers) {
   }
 }
 
-// What a kernel waits for beside a kernel that waits for several nodes moves
-// there, and the order stays.
+// Other predecessors of a kernel move to its latest one, if that waits for
+// several nodes, and the order stays.
 TEST_F(OrderedGraphs, MoveJoins) {
   auto *early = reinterpret_cast<int (*)()>(
       dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
