@@ -151,3 +151,85 @@ def test_gradient_by_positions(name, degree):
         functional()
     tape.backward(loss)
     check(positions, functional)
+
+
+@fem.integrand
+def cubed(s: fem.Sample, domain: fem.Domain, u: fem.Field):
+    w = u(s)
+    return w * w * w + fem.position(domain, s)[0] * w
+
+
+def total_of(form, fields, rule, *arrays):
+    """A loss whose gradient by arrays is that of an integral, and the call that makes it."""
+    loss = wp.zeros(1, dtype=wp.float64, requires_grad=True)
+
+    def run():
+        loss.zero_()
+        fem.integrate(form, quadrature=rule, fields=fields, output=loss)
+        return float(loss.numpy()[0])
+
+    with wp.Tape() as tape:
+        run()
+    tape.backward(loss)
+    for array in arrays:
+        check(array, run)
+
+
+@pytest.mark.parametrize("reduction", ["weighted_average", "mean", "sum", "max", "min", "first"])
+@pytest.mark.parametrize("name", ["grid2", "tri", "tet"])
+def test_gradient_of_interpolation(name, reduction):
+    space = space_of(name, 1)
+    u, dest = random_field(space), random_field(space_of_same(space, 2))
+    arguments = {"dest": dest, "fields": {"u": u}, "reduction": reduction}
+    with wp.Tape() as tape:
+        fem.interpolate(cubed, **arguments)
+    weights = RNG.standard_normal(dest.dof_values.shape)
+    tape.backward(grads={dest.dof_values: wp.array(weights, dtype=wp.float64)})
+
+    def run():
+        fem.interpolate(cubed, **arguments)
+        return float((weights * dest.dof_values.numpy()).sum())
+
+    check(u.dof_values, run)
+
+
+def space_of_same(space, degree):
+    return fem.make_polynomial_space(space.geometry, degree=degree, dtype=wp.float64)
+
+
+@wp.func
+def wave_of(x: wp.vec2d, c: wp.array(dtype=wp.float64)):
+    return wp.sin(c[0] * x[0]) * x[1] + c[1]
+
+
+def test_gradient_of_implicit_fields():
+    geo = programs.geometry("quad", 3, wp.float64, programs.warped)
+    c = wp.array([1.3, 0.4], dtype=wp.float64, requires_grad=True)
+    field = fem.ImplicitField(fem.Cells(geo), wave_of, values={"c": c}, degree=2)
+    total_of(cubed, {"u": field}, fem.RegularQuadrature(fem.Cells(geo), order=6), c)
+
+
+def test_gradient_of_nonconforming_fields():
+    """By the values of the field, and by those of the background, where the other mesh is not."""
+    outer = programs.geometry("grid2", 4, wp.float64)
+    half = wp.vec2d(0.25, 0.25), wp.vec2d(0.9, 0.8)
+    inner = fem.Grid2D(wp.vec2i(3), *half, scalar_type=wp.float64)
+    u = random_field(fem.make_polynomial_space(inner, degree=2, dtype=wp.float64))
+    around = random_field(fem.make_polynomial_space(outer, degree=1, dtype=wp.float64))
+    field = fem.NonconformingField(fem.Cells(outer), u, around)
+    rule = fem.RegularQuadrature(fem.Cells(outer), order=4)
+    total_of(cubed, {"u": field}, rule, u.dof_values, around.dof_values)
+
+
+@pytest.mark.parametrize("name", ["tri", "hex"])
+def test_gradient_through_deformed_geometries(name):
+    geo = programs.geometry(name, 2, wp.float64, programs.warped)
+    dtype = wp.types.vector(length=geo.dimension, dtype=wp.float64)
+    moved = fem.make_polynomial_space(geo, degree=2, dtype=dtype)
+    shift = 0.02 * RNG.standard_normal(moved.node_count() * geo.dimension)
+    shift = programs.field_of(moved, shift)
+    shift.dof_values.requires_grad = True
+    deformed = shift.make_deformed_geometry()
+    u = random_field(fem.make_polynomial_space(deformed, degree=1, dtype=wp.float64))
+    rule = fem.RegularQuadrature(fem.Cells(deformed), order=5)
+    total_of(cubed, {"u": u}, rule, u.dof_values, shift.dof_values)
