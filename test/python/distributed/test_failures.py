@@ -1,6 +1,8 @@
 """Every failure of a rank ends the job with a message, and nothing hangs."""
 
 import re
+import socket
+import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -76,6 +78,25 @@ def test_a_failing_rank_ends_the_job(jobs, engine, how):
         assert "make the same calls on all ranks" in output
     if engine == "torch" and how == "kill":
         assert "rank 1 is gone" in output, output
+
+
+def test_ranks_that_do_not_meet_end():
+    """Another program has the port and never answers, in which PyTorch waits without a limit."""
+    conftest.need("torch")
+    code = "import warp.distributed as wd; wd.init('torch', timeout=1)"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        about = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(server.getsockname()[1])}
+        about |= {"WORLD_SIZE": "2", "LOCAL_WORLD_SIZE": "2", "RANK": "1", "LOCAL_RANK": "1"}
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=launcher.environment(**about),
+            capture_output=True,
+            text=True,
+            timeout=100,
+        )
+    where = f"rank 1: init: 2 ranks do not meet at 127.0.0.1:{about['MASTER_PORT']}"
+    assert done.returncode == 1 and where in done.stderr, done.stderr
+    assert "or raise `timeout`" in done.stderr
 
 
 @pytest.mark.parametrize("package, name", [("mpi4py", "mpi"), ("torch", "torch")])

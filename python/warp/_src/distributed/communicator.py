@@ -17,12 +17,12 @@ from warp._src.distributed.failures import DistributedError, RankLog
 from warp._src.types import dtypes
 
 OPERATIONS = ("sum", "min", "max")
-_alive: weakref.WeakSet = weakref.WeakSet()
+alive: weakref.WeakSet = weakref.WeakSet()
 
 
 def _leave_to_parent() -> None:
     """In a fork: messages are those of the parent."""
-    for one in _alive:
+    for one in alive:
         one._end_use()
 
 
@@ -107,7 +107,7 @@ class Communicator:
         self.graph_names: dict[int, str] = {}
         self.plans: dict = {}
         self.log = RankLog(size, rank)
-        _alive.add(self)
+        alive.add(self)
         # The thread that makes a plan.
         self.user = None
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import sys
+import threading
 
 import warp as wp
 from warp import config
+from warp._src import errors
 from warp._src.distributed import failures
 from warp._src.distributed.communicator import Communicator, set_current
 
@@ -107,14 +110,49 @@ def _torch(timeout, device):
     local = int(os.environ.get("LOCAL_RANK", rank))
     count = int(os.environ.get("LOCAL_WORLD_SIZE", os.environ.get("WORLD_SIZE", 1)))
     chosen = _device(rank, local, count, device)
-    if not dist.is_initialized():
-        backend = "nccl" if chosen.is_cuda else "gloo"
-        if chosen.is_cuda:
-            import torch
+    with _meeting(rank, timeout):
+        if not dist.is_initialized():
+            backend = "nccl" if chosen.is_cuda else "gloo"
+            if chosen.is_cuda:
+                import torch
 
-            torch.cuda.set_device(chosen.ordinal)
-        dist.init_process_group(backend, timeout=datetime.timedelta(seconds=timeout))
-    return TorchCommunicator(None, chosen, timeout)
+                torch.cuda.set_device(chosen.ordinal)
+            dist.init_process_group(backend, timeout=datetime.timedelta(seconds=timeout))
+        return TorchCommunicator(None, chosen, timeout)
+
+
+# Seconds beyond the time limit until ranks that PyTorch lets wait are ended.
+_GRACE = 5.0
+
+
+@contextlib.contextmanager
+def _meeting(rank, timeout):
+    """A block in which ranks of PyTorch come together, or say that they do not.
+
+    Raises:
+        DistributedError: PyTorch has given up. Where it waits on, the process ends.
+    """
+    named = os.environ.get
+    place = f"{named('MASTER_ADDR', '?')}:{named('MASTER_PORT', '?')}"
+    text = f"rank {rank}: init: {named('WORLD_SIZE', '1')} ranks do not meet at {place}"
+    fix = "start all of them, on a port that no other program has, or raise `timeout`"
+
+    def end():
+        print(f"{text} within {timeout:g} s: {fix}", file=sys.stderr, flush=True)
+        os._exit(1)
+
+    timer = threading.Timer(timeout + _GRACE, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    except RuntimeError as problem:
+        if isinstance(problem, errors.WarpError):
+            raise
+        said = " ".join(str(problem).split())[:200]
+        raise failures.DistributedError(f"{text}: PyTorch says '{said}': {fix}") from None
+    finally:
+        timer.cancel()
 
 
 def _device(rank, local_rank, local_size, device):

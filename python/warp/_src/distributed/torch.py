@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import datetime
 import os
@@ -14,7 +15,7 @@ import warp as wp
 from warp import _native
 from warp._src import errors
 from warp._src.distributed import failures
-from warp._src.distributed.communicator import Communicator
+from warp._src.distributed.communicator import Communicator, alive
 
 _OPERATIONS = {"sum": dist.ReduceOp.SUM, "min": dist.ReduceOp.MIN, "max": dist.ReduceOp.MAX}
 # Numbers that gloo calculates with.
@@ -25,6 +26,27 @@ def _group(ranks, backend, limit):
     """A group that its members alone have to make."""
     local = ranks is not None
     return dist.new_group(ranks, limit, backend, use_local_synchronization=local)
+
+
+@atexit.register
+def _join_gloo() -> None:
+    """Ends groups of gloo while Python is still there, in the process that has made them.
+
+    Their threads give memory of NumPy back, which ends a process in an abort where Python is gone.
+    """
+    found = [one for one in alive if isinstance(one, TorchCommunicator)]
+    found = [one for one in found if one.process == os.getpid()]
+    if not found or not dist.is_initialized():
+        return
+    for one in found:
+        # The last reference to a group waits for its threads.
+        checks, one.checks = one.checks, None
+        with contextlib.suppress(ValueError):
+            dist.destroy_process_group(checks)
+        if one.backend == "gloo":
+            one.group = None
+    if dist.get_backend() == "gloo":
+        dist.destroy_process_group()
 
 
 class TorchCommunicator(Communicator):

@@ -1,9 +1,11 @@
 """Starts programs of several ranks, by mpirun or by torchrun's variables."""
 
+import contextlib
 import functools
 import importlib.util
 import json
 import os
+import random
 import shutil
 import socket
 import subprocess
@@ -48,9 +50,12 @@ def path():
 
 
 def free_port():
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return str(one.getsockname()[1])
+    """A port below those that the system gives to any program before the ranks take it."""
+    for port in random.sample(range(20000, 32000), 100):
+        with socket.socket() as one, contextlib.suppress(OSError):
+            one.bind(("", port))
+            return str(port)
+    raise OSError("no free port")
 
 
 def start(engine, size, program, *arguments, **options):
