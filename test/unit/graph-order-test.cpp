@@ -762,8 +762,8 @@ TEST_F(OrderedGraphs, MoveJoins) {
   auto fill = [&](Capture &) {
     add.launch(0, 1, 64);
     add.launch(2, 3, 48);
-    add.launch(1, 3, 32);
     add.launch(4, 5, 16);
+    add.launch(1, 3, 32);
     // Behind the two before.
     add.launch(3, 5, 40);
   };
@@ -772,7 +772,7 @@ TEST_F(OrderedGraphs, MoveJoins) {
   setFusesFills(false, false, false, true);
   std::shared_ptr<Graph> graph = record(fill);
   EXPECT_EQ(early(), 1);
-  EXPECT_EQ(graph->schedule()->nodes[2].before.size(), 3u);
+  EXPECT_EQ(graph->schedule()->nodes[3].before.size(), 3u);
   EXPECT_EQ(graph->schedule()->edges, 4u);
   for (unsigned seed = 1; seed <= 40; ++seed) {
     Random random(seed);
@@ -794,6 +794,10 @@ TEST_F(OrderedGraphs, MoveJoins) {
       for (size_t i = 0; i < sums.size(); ++i)
         add.launch(sums[i].first, sums[i].second, 64 - int(i));
     });
+    const std::vector<GraphSchedule::Node> &nodes = graph->schedule()->nodes;
+    for (size_t i = 0; i < nodes.size(); ++i)
+      for (const GraphSchedule::Edge &edge : nodes[i].before)
+        ASSERT_LT(edge.from, int(i));
     for (unsigned order = 0; order < 12; ++order) {
       setOrder(order);
       reset();

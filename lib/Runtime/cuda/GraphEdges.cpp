@@ -67,7 +67,8 @@ EdgeData NodeGroups::dataOf(GraphNode to, size_t from, size_t group) const {
 
 /// Lets more kernels have one predecessor, and so start early: what a kernel
 /// waits for beside its latest predecessor moves there, if that waits for
-/// several nodes anyway and each one moved is nearer to the start.
+/// several nodes anyway and each one moved is nearer to the start. Nodes keep
+/// behind those with lower numbers.
 void NodeGroups::moveJoins(GraphSchedule &schedule) const {
   std::vector<int> level(members.size());
   for (size_t group = 0; group < members.size(); ++group) {
@@ -83,7 +84,8 @@ void NodeGroups::moveJoins(GraphSchedule &schedule) const {
     GraphSchedule::Edge kept = *latest;
     std::vector<GraphSchedule::Edge> &others = schedule.nodes[kept.from].before;
     bool isEarlier = std::all_of(list.begin(), list.end(), [&](auto &edge) {
-      return edge.from == kept.from || level[edge.from] < level[kept.from];
+      return edge.from == kept.from ||
+             (level[edge.from] < level[kept.from] && edge.from < kept.from);
     });
     if (!isEarlier || others.size() < 2 ||
         !dataOf(only(group), kept.from, group).isProgrammatic())
