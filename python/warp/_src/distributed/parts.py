@@ -54,6 +54,11 @@ def _take3(a: wp.array3d(dtype=Any), b: wp.array3d(dtype=Any)):
     b[i, j, k] = b.dtype(0.0)
 
 
+@wp.kernel(module="warp.distributed", enable_backward=False)
+def _clear(a: wp.array(dtype=Any)):
+    a[wp.tid()] = a.dtype(0.0)
+
+
 _ADD, _TAKE = (_add1, _add2, _add3), (_take1, _take2, _take3)
 
 
@@ -81,9 +86,13 @@ def _launches(kernels, a, b):
         for i in range(a.shape[0]):
             yield from _launches(kernels, a[i], b[i])
         return
-    made = wp.launch(kernels[a.ndim - 1], a.shape, [a, b], device=a.device, record_cmd=True)
+    yield _prepared(kernels[a.ndim - 1], [a, b])
+
+
+def _prepared(kernel, arrays):
+    made = wp.launch(kernel, arrays[0].shape, arrays, device=arrays[0].device, record_cmd=True)
     # Observers are told of writes once for all of them, by `adjoints.Writes`.
-    yield functools.partial(_native.PackedLaunch.launch, made, None)
+    return functools.partial(_native.PackedLaunch.launch, made, None)
 
 
 def _is_plain(a, b) -> bool:
@@ -117,4 +126,8 @@ def copying(target, source):
 
 def clearing(one):
     """A function that sets an array to zero."""
+    if one.is_contiguous and one.device.is_cpu and not dtypes.is_struct(one.dtype):
+        # A prepared launch takes 0.3 microseconds, a fill 0.9.
+        numbers, _ = _as_numbers(one, one)
+        return _prepared(_clear, [numbers])
     return functools.partial(_native.fill_array, one, bytes(one.item_size))
