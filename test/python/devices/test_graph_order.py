@@ -275,6 +275,38 @@ def test_what_may_reach_anything_keeps_its_order(device, kernel):
     assert nodes[1].barrier == "it may reach memory that no argument names"
 
 
+@wp.kernel
+def raise_points(points: wp.array[wp.vec3]):
+    i = wp.tid()
+    points[i] = points[i] + wp.vec3(0.0, 1.0, 0.0)
+
+
+@wp.kernel
+def height(mesh: wp.uint64, y: wp.array[float]):
+    y[wp.tid()] = wp.mesh_eval_position(mesh, 0, 0.25, 0.5)[1]
+
+
+@pytest.mark.parametrize("is_verified", [False, True])
+def test_meshes_may_get_other_points_between_replays(device, is_verified, monkeypatch):
+    """A handle leads to other memory than at the capture: views of arrays that launches write."""
+    monkeypatch.setattr(wp.config, "verify_graphs", is_verified)
+    corners = np.array([[-9, 0, -9], [9, 0, -9], [0, 0, 9]], dtype=np.float32)
+    both = wp.array(np.concatenate([corners, corners + [0, 20, 0]]), dtype=wp.vec3, device=device)
+    alias = wp.array(ptr=both.ptr, shape=(6,), dtype=wp.vec3, device=device)
+    low, high = both[:3], both[3:]
+    mesh = wp.Mesh(low, wp.array([0, 1, 2], dtype=int, device=device))
+    y = wp.zeros(1, device=device)
+    with wp.ScopedCapture(device, optimize=True) as capture:
+        wp.launch(raise_points, 3, [alias[:3]], device=device)
+        wp.launch(raise_points, 3, [alias[3:]], device=device)
+        wp.launch(height, 1, [mesh.id, y], device=device)
+        wp.launch(raise_points, 6, [alias], device=device)
+    for turn, (points, base) in enumerate([(low, 1), (high, 21), (high, 21), (low, 1)]):
+        mesh.points = points
+        wp.capture_launch(capture.graph)
+        assert y.numpy()[0] == base + 2 * turn
+
+
 def test_output_keeps_its_order(device):
     x, y = wp.zeros(8, device=device), wp.zeros(8, device=device)
     with wp.ScopedCapture(device, optimize=True) as capture:
