@@ -53,6 +53,14 @@ struct DeviceInfo {
   bool isUva = false;
   bool hasMemoryPool = false;
   bool hasManagedMemory = false;
+  /// Managed memory: the host may use it while kernels run, and without moving
+  /// it off the GPU.
+  bool hasConcurrentManagedAccess = false;
+  bool hasDirectManagedAccessFromHost = false;
+  /// Memory of the host that is not pinned: kernels may use it; atomics of both
+  /// sides on it are native ones.
+  bool hasPageableMemoryAccess = false;
+  bool hasHostNativeAtomics = false;
   std::array<uint8_t, 16> uuid = {};
   std::string pciBusId;
 };

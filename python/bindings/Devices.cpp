@@ -48,6 +48,11 @@ static py::dict describe(int device) {
   fields["is_uva"] = info.isUva;
   fields["has_memory_pool"] = info.hasMemoryPool;
   fields["has_managed_memory"] = info.hasManagedMemory;
+  fields["has_concurrent_managed_access"] = info.hasConcurrentManagedAccess;
+  fields["has_direct_managed_access_from_host"] =
+      info.hasDirectManagedAccessFromHost;
+  fields["has_pageable_memory_access"] = info.hasPageableMemoryAccess;
+  fields["has_host_native_atomics"] = info.hasHostNativeAtomics;
   fields["uuid"] = isHost(device) ? "" : uuidText(info);
   fields["pci_bus_id"] = info.pciBusId;
   return fields;

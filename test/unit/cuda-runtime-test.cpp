@@ -86,6 +86,18 @@ protected:
 
 } // namespace
 
+TEST_F(Cuda, TellsWhichMemoryHostAndDeviceShare) {
+  if (!isFake())
+    GTEST_SKIP() << "depends on the machine";
+  const DeviceInfo &gpu = deviceInfo(0), &host = deviceInfo(cpuDevice);
+  EXPECT_TRUE(gpu.hasManagedMemory);
+  EXPECT_TRUE(gpu.hasConcurrentManagedAccess);
+  EXPECT_FALSE(gpu.hasDirectManagedAccessFromHost);
+  EXPECT_FALSE(gpu.hasPageableMemoryAccess);
+  EXPECT_FALSE(gpu.hasHostNativeAtomics);
+  EXPECT_FALSE(host.hasManagedMemory || host.hasConcurrentManagedAccess);
+}
+
 TEST_F(Cuda, DescribesDevices) {
   const DeviceInfo &info = deviceInfo(0);
   EXPECT_EQ(info.alias, "cuda:0");

@@ -58,6 +58,12 @@ static DeviceInfo describe(int device) {
   info.isUva = attribute(handle, cuda::unifiedAddressing);
   info.hasMemoryPool = attribute(handle, cuda::memoryPoolsSupported);
   info.hasManagedMemory = attribute(handle, cuda::managedMemory);
+  info.hasConcurrentManagedAccess =
+      attribute(handle, cuda::concurrentManagedAccess);
+  info.hasDirectManagedAccessFromHost =
+      attribute(handle, cuda::directManagedAccessFromHost);
+  info.hasPageableMemoryAccess = attribute(handle, cuda::pageableMemoryAccess);
+  info.hasHostNativeAtomics = attribute(handle, cuda::hostNativeAtomics);
   return info;
 }
 

@@ -55,7 +55,11 @@ enum DeviceAttribute : int {
   managedMemory = 83,
   computeCapabilityMajor = 75,
   computeCapabilityMinor = 76,
+  hostNativeAtomics = 86,
+  pageableMemoryAccess = 88,
+  concurrentManagedAccess = 89,
   maxSharedMemoryPerBlockOptin = 97,
+  directManagedAccessFromHost = 101,
   memoryPoolsSupported = 115,
 };
 
