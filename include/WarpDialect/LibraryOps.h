@@ -14,9 +14,10 @@
 
 namespace warp {
 
-/// A function of the device library. Types are letters: i (si32), l (ui64),
-/// f (f32) and d (f64). In C it takes its operands by value, then a pointer to
-/// a struct of its results. One without results changes memory.
+/// A function of the device library. Types are letters: i (si32), l (ui64), h
+/// (a handle of geometry, ui64), f (f32) and d (f64). In C it takes its
+/// operands by value, then a pointer to a struct of its results. One without
+/// results changes memory.
 ///
 /// Some have a form for the lanes of a CPU, `symbol_lanes`: all but the first
 /// operands are pointers to as many values as lanes, whose number comes next;

@@ -24,6 +24,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -123,6 +124,28 @@ struct Access {
 /// One for each array among the kernel's arguments: in order, those in structs
 /// in the order of the fields.
 WARP_API std::vector<Access> accesses(const Module &module);
+
+/// A 64-bit integer that a kernel is given: in its parameter block, or in each
+/// element of an array.
+struct IdWord {
+  /// The array's number among the accesses; -1 for the parameter block.
+  int32_t access = -1;
+  /// Its byte in the block, or in an element.
+  int64_t offset = 0;
+
+  auto operator<=>(const IdWord &) const = default;
+};
+
+/// A word that may become the id of geometry: the kernel uses it as one, or
+/// stores it, and if the stored word is an id, so is this one.
+struct IdFlow {
+  IdWord from;
+  std::optional<IdWord> to;
+
+  auto operator<=>(const IdFlow &) const = default;
+};
+
+WARP_API std::vector<IdFlow> idFlows(const Module &module);
 
 /// Dimensions of the thread index that the kernel reads, 1 if it reads none.
 WARP_API int threadRank(const Module &module);

@@ -17,8 +17,9 @@
 // The payload is the release that wrote it, the module's name and the kernels:
 // each with its target ("cpu", "sm_90"), the processor or driver it was made
 // for, a hash of its source, its options, its parameters (name, kind, type,
-// place in the parameter block) and its variants: the launches they fit and
-// their code, an ELF object, PTX text or a cubin.
+// place in the parameter block), how it accesses arrays, which words are ids of
+// geometry, and its variants: the launches they fit and their code, an ELF
+// object, PTX text or a cubin.
 //
 // Several variants of a kernel are saved, the fastest first: for packed arrays
 // and 32-bit indices, and for any launch of the kernel's number of dimensions.
@@ -59,6 +60,7 @@ struct SavedKernel {
   KernelOptions options;
   std::vector<Param> params;
   std::vector<Access> accesses;
+  std::vector<IdFlow> idFlows;
   std::vector<SavedVariant> variants;
 };
 

@@ -42,19 +42,6 @@ std::optional<uint32_t> FoundHandles::find(uint64_t word,
   return number;
 }
 
-std::vector<HandleWord> FoundHandles::findAll(const std::string &bytes,
-                                              size_t from, size_t to,
-                                              const std::string &where) {
-  std::vector<HandleWord> words;
-  for (size_t at = from; at + 8 <= to; at += 8) {
-    uint64_t word;
-    std::memcpy(&word, bytes.data() + at, sizeof word);
-    if (std::optional<uint32_t> number = find(word, where))
-      words.push_back({at, *number});
-  }
-  return words;
-}
-
 std::optional<uint32_t> FoundHandles::around(const AddressRange &range) const {
   for (size_t i = 0; i < addresses.size(); ++i)
     if (range.begin >= addresses[i] &&

@@ -33,9 +33,6 @@ public:
   /// The number of the geometry, if a word is the handle of one. Throws if it
   /// was one, or is one of another device; `where` names the operation.
   std::optional<uint32_t> find(uint64_t word, const std::string &where);
-  /// The pointers among 64-bit words in some bytes, every four bytes.
-  std::vector<HandleWord> findAll(const std::string &bytes, size_t from,
-                                  size_t to, const std::string &where);
   /// The number of the geometry in whose words memory lies.
   std::optional<uint32_t> around(const AddressRange &range) const;
 

@@ -2,8 +2,8 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Kernels, and handles of geometry among what launches reach, are found first,
-// then memory (SaveMemory.cpp), then all is put into files.
+// Kernels are found first, then ids of geometry among what launches reach
+// (SaveIds.cpp), then memory (SaveMemory.cpp), then all is put into files.
 //
 //===----------------------------------------------------------------------===//
 
@@ -38,57 +38,16 @@ void Saver::checkKernel(const Kernel &kernel, const SavedKernel &saved) const {
                           "' is an array whose elements have arrays");
 }
 
-/// Ids among the arguments; those in arrays when memory is read.
-void Saver::findHandles(size_t number) {
+/// The id of geometry that an operation updates.
+void Saver::findUpdated(size_t number) {
   const GraphOperation &operation = operations[number];
-  std::vector<HandleWord> &words = handleWords[number];
-  const std::string &arguments = operation.arguments;
   std::string where = describe(operation);
-  if (operation.kind == Kind::UpdateGeometry) {
-    words = handles.findAll(arguments, 0, sizeof(uint64_t), where);
-    if (words.empty())
-      throw saveError(Error::Kind::Runtime,
-                      "the " + where + " is of one that is gone");
-    return;
-  }
-  if (operation.kind != Kind::Launch)
-    return;
-  const SavedKernel &saved = module.kernels[kernels[number]];
-  std::set<size_t> arrays;
-  for (const Access &access : saved.accesses)
-    arrays.insert(access.offset);
-  size_t from = firstArgument;
-  auto findUpTo = [&](size_t to) {
-    std::vector<HandleWord> found = handles.findAll(arguments, from, to, where);
-    words.insert(words.end(), found.begin(), found.end());
-  };
-  for (size_t array : arrays) {
-    findUpTo(array);
-    from = array + sizeof(ArrayDescriptor);
-  }
-  findUpTo(arguments.size());
-  findIdArrays(number, arrays);
-}
-
-/// Arrays of a launch, at those places, whose elements may be ids.
-void Saver::findIdArrays(size_t number, const std::set<size_t> &arrays) {
-  const GraphOperation &operation = operations[number];
-  const SavedKernel &saved = module.kernels[kernels[number]];
-  std::set<size_t> others;
-  for (const Param &param : saved.params)
-    if (param.kind == Param::Kind::Array &&
-        param.element.find("ui64") == std::string::npos)
-      others.insert(param.offset);
-  for (const Access &access : saved.accesses) {
-    if (others.count(access.offset) || access.elementSize % 8 != 0)
-      continue;
-    ArrayDescriptor array;
-    std::memcpy(&array, operation.arguments.data() + access.offset,
-                sizeof(array));
-    AddressRange range = rangeOf(array.data, array, access.elementSize, 1);
-    if (range.begin != range.end)
-      idArrays.push_back({range, describe(operation)});
-  }
+  std::optional<uint32_t> handle =
+      handles.find(operation.read<UpdateGeometry>().handle, where);
+  if (!handle)
+    throw saveError(Error::Kind::Runtime,
+                    "the " + where + " is of one that is gone");
+  handleWords[number].push_back({0, *handle});
 }
 
 void Saver::collectKernels() {
@@ -100,10 +59,10 @@ void Saver::collectKernels() {
     if (operation.kind == Kind::Other)
       throw saveError(Error::Kind::Runtime,
                       "it has " + operation.constant + ", which no file holds");
-    if (operation.kind != Kind::Launch) {
-      findHandles(i);
+    if (operation.kind == Kind::UpdateGeometry)
+      findUpdated(i);
+    if (operation.kind != Kind::Launch)
       continue;
-    }
     auto [entry, isNew] =
         numbers.try_emplace(operation.plan.variant, module.kernels.size());
     if (isNew) {
@@ -111,33 +70,12 @@ void Saver::collectKernels() {
       checkKernel(*operation.kernel, module.kernels.back());
     }
     kernels[i] = entry->second;
-    findHandles(i);
   }
 }
 
 //===----------------------------------------------------------------------===//
 // Files
 //===----------------------------------------------------------------------===//
-
-/// Ids in bytes of a range of memory, as far as arrays there may have such;
-/// they become zeros.
-std::vector<HandleWord> Saver::idsIn(const AddressRange &range,
-                                     std::string &bytes) {
-  std::vector<HandleWord> words;
-  for (const auto &[array, where] : idArrays) {
-    if (!array.overlaps(range))
-      continue;
-    size_t from = array.begin < range.begin
-                      ? (8 - (range.begin - array.begin) % 8) % 8
-                      : array.begin - range.begin;
-    size_t to = std::min<uint64_t>(array.end - range.begin, bytes.size());
-    for (const HandleWord &word : handles.findAll(bytes, from, to, where)) {
-      std::memset(bytes.data() + word.at, 0, sizeof(uint64_t));
-      words.push_back(word);
-    }
-  }
-  return words;
-}
 
 void Saver::addHandles() {
   for (const HandleContents &found : handles.all()) {
@@ -186,9 +124,7 @@ FileOperation Saver::fileOperation(size_t number) {
   entry.handles = handleWords[number];
   for (const HandleWord &word : entry.handles)
     std::memset(arguments.data() + word.at, 0, sizeof(uint64_t));
-  if (entry.operation.kind == Kind::Upload)
-    entry.constantHandles =
-        idsIn(pointers[number][0].range, entry.operation.constant);
+  entry.constantHandles = idsOfConstant(number, entry.operation.constant);
   return entry;
 }
 

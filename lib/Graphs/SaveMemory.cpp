@@ -16,34 +16,6 @@ using namespace warp;
 using namespace warp::graphs;
 using Kind = GraphOperation::Kind;
 
-/// A copy to memory that may hold ids may copy ids.
-void Saver::followCopies() {
-  auto mayHaveIds = [&](const AddressRange &range) {
-    return std::any_of(
-        idArrays.begin(), idArrays.end(),
-        [&](const auto &array) { return array.first.overlaps(range); });
-  };
-  std::vector<size_t> copies;
-  for (size_t i = 0; i < operations.size(); ++i)
-    if (operations[i].kind == Kind::CopyBytes ||
-        operations[i].kind == Kind::CopyArray)
-      copies.push_back(i);
-  bool found = !idArrays.empty();
-  while (std::exchange(found, false))
-    for (size_t &copy : copies) {
-      // The gradient of an array comes behind its data.
-      size_t source = operations[copy].kind == Kind::CopyArray ? 2 : 1;
-      AddressRange from = pointers[copy][source].range;
-      if (from.begin == from.end || !mayHaveIds(pointers[copy][0].range))
-        continue;
-      idArrays.push_back({from, describe(operations[copy])});
-      found = true;
-      std::swap(copy, copies.back());
-      copies.pop_back();
-      break;
-    }
-}
-
 void Saver::collectMemory() {
   static const std::vector<Access> none;
   std::vector<AddressRange> ranges;
@@ -58,14 +30,7 @@ void Saver::collectMemory() {
     auto start = reinterpret_cast<uint64_t>(memory.data);
     ranges.push_back({start, start + memory.bytes});
   }
-  followCopies();
-  // Ids in arrays lead to more memory.
-  for (const auto &[range, where] : idArrays) {
-    std::string bytes(range.end - range.begin, '\0');
-    download(bytes.data(), reinterpret_cast<const void *>(range.begin), device,
-             bytes.size());
-    handles.findAll(bytes, 0, bytes.size(), where);
-  }
+  findIds();
   for (const HandleContents &found : handles.all())
     for (const HandleContents::Pointer &pointer : found.pointers) {
       if (found.words[pointer.word] && pointer.begin == pointer.end &&

@@ -29,6 +29,15 @@ struct Block {
   bool ofGeometry = false;
 };
 
+/// Words of memory that may be ids: `first`, and more at every multiple of
+/// `step` from there, before the end of the range.
+struct IdArray {
+  AddressRange range;
+  uint64_t first, step;
+  /// The operation that has them.
+  std::string where;
+};
+
 class Saver {
 public:
   Saver(const Graph &graph, const std::vector<NamedMemory> &names)
@@ -40,9 +49,13 @@ public:
 private:
   void collectKernels();
   void checkKernel(const Kernel &kernel, const SavedKernel &saved) const;
-  void findHandles(size_t number);
-  void findIdArrays(size_t number, const std::set<size_t> &arrays);
-  void followCopies();
+  void findUpdated(size_t number);
+  void findIds();
+  bool followLaunch(size_t number);
+  bool followCopy(size_t number);
+  bool addIdArray(IdArray array);
+  bool mayHaveIds(const AddressRange &range, uint64_t first,
+                  uint64_t step) const;
   void collectMemory();
   void chooseContents();
   uint32_t blockOf(const AddressRange &range) const;
@@ -50,6 +63,8 @@ private:
   void readBlocks();
   void addHandles();
   std::vector<HandleWord> idsIn(const AddressRange &range, std::string &bytes);
+  std::vector<HandleWord> idsOfFill(size_t number, std::string &pattern);
+  std::vector<HandleWord> idsOfConstant(size_t number, std::string &constant);
   FileOperation fileOperation(size_t number);
   void addNames();
 
@@ -64,8 +79,7 @@ private:
   FoundHandles handles;
   /// For each operation, among its arguments.
   std::vector<std::vector<HandleWord>> handleWords;
-  /// Memory with elements that may be handles, and who has it.
-  std::vector<std::pair<AddressRange, std::string>> idArrays;
+  std::vector<IdArray> idArrays;
   std::vector<Block> blocks;
   GraphFile file;
 };

@@ -48,6 +48,7 @@ std::string warp::emitText(const Module &, const CompileOptions &,
 }
 std::vector<Param> warp::parameters(const Module &) { refuse(); }
 std::vector<Access> warp::accesses(const Module &) { refuse(); }
+std::vector<IdFlow> warp::idFlows(const Module &) { refuse(); }
 RegionFormula warp::regionFormula(const Module &) { refuse(); }
 int warp::threadRank(const Module &) { refuse(); }
 SourceHashes warp::sourceHashes(const Module &, std::string *) { refuse(); }

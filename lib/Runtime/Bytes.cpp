@@ -273,6 +273,32 @@ Access warp::readAccess(Reader &in) {
   return access;
 }
 
+static void writeIdWord(Writer &out, const IdWord &word) {
+  out.number<int32_t>(word.access);
+  out.number<int64_t>(word.offset);
+}
+
+static IdWord readIdWord(Reader &in) {
+  IdWord word;
+  word.access = in.number<int32_t>(-1, INT32_MAX, "the array of an id");
+  word.offset = in.number<int64_t>(0, mostParameterBytes, "the place of an id");
+  return word;
+}
+
+void warp::writeIdFlow(Writer &out, const IdFlow &flow) {
+  writeIdWord(out, flow.from);
+  out.number<uint8_t>(flow.to.has_value());
+  if (flow.to)
+    writeIdWord(out, *flow.to);
+}
+
+IdFlow warp::readIdFlow(Reader &in) {
+  IdFlow flow{readIdWord(in), std::nullopt};
+  if (in.flag())
+    flow.to = readIdWord(in);
+  return flow;
+}
+
 static constexpr size_t keyLength = 64;
 static constexpr size_t headerSize = 8 + 4 + keyLength + 8 + 8;
 

@@ -89,7 +89,9 @@ Code readCode(Reader &in);
 void writeParam(Writer &out, const Param &param);
 Param readParam(Reader &in);
 void writeAccess(Writer &out, const Access &access);
+void writeIdFlow(Writer &out, const IdFlow &flow);
 Access readAccess(Reader &in);
+IdFlow readIdFlow(Reader &in);
 
 /// A payload behind what tells that it is whole, and that of this key (64
 /// characters): magic | version | key | length | hash.

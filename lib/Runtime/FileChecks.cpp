@@ -66,6 +66,24 @@ std::string warp::problemOf(const std::vector<Param> &params,
   return fits ? "" : "what it does with arrays does not fit its arguments";
 }
 
+std::string warp::problemOf(const std::vector<IdFlow> &flows,
+                            const std::vector<Access> &accesses,
+                            size_t paramSize) {
+  constexpr int64_t bytes = sizeof(uint64_t);
+  auto isElement = [&](const IdWord &word) {
+    return isWithin(word.access, 0, int64_t(accesses.size()) - 1) &&
+           isWithin(word.offset, 0, accesses[word.access].elementSize - bytes);
+  };
+  bool fits = std::all_of(flows.begin(), flows.end(), [&](const IdFlow &flow) {
+    bool isParameter =
+        flow.from.access == -1 &&
+        isWithin(flow.from.offset, firstArgument, int64_t(paramSize) - bytes);
+    return (isParameter || isElement(flow.from)) &&
+           (!flow.to || isElement(*flow.to));
+  });
+  return fits ? "" : "its ids do not fit its arguments";
+}
+
 static bool isPossible(const CopiedArray &array) {
   return isOneOf(array.gradient, {0, 1}) && isOneOf(array.floating, {0, 1}) &&
          isOneOf(array.isUnsigned, {0, 1}) &&

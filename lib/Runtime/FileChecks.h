@@ -32,6 +32,11 @@ size_t parameterBytes(const std::vector<Param> &params);
 std::string problemOf(const std::vector<Param> &params,
                       const std::vector<Access> &accesses);
 
+/// Words that may be ids lie in the parameter block, which has so many bytes,
+/// or in elements of those arrays; what is stored lies in elements.
+std::string problemOf(const std::vector<IdFlow> &flows,
+                      const std::vector<Access> &accesses, size_t paramSize);
+
 /// The code is about arrays among these arguments, whose block has so many
 /// bytes.
 std::string problemOf(const Code &code, const std::vector<Param> &params,

@@ -112,6 +112,7 @@ SavedKernel Kernel::Impl::describeSaved(int arch) {
   saved.params = params;
   findAccesses();
   saved.accesses = accesses;
+  saved.idFlows = warp::idFlows(source());
   return saved;
 }
 

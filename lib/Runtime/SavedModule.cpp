@@ -27,7 +27,7 @@ using namespace warp;
 
 /// The version goes up when the file, the parameter block or what code calls
 /// changes.
-static constexpr FileFormat format{"WARPSAVE", 15, "saved module",
+static constexpr FileFormat format{"WARPSAVE", 16, "saved module",
                                    "compile it again"};
 
 //===----------------------------------------------------------------------===//
@@ -85,6 +85,9 @@ static void writeKernel(Writer &out, const SavedKernel &kernel) {
   out.number<uint64_t>(kernel.accesses.size());
   for (const Access &access : kernel.accesses)
     writeAccess(out, access);
+  out.number<uint64_t>(kernel.idFlows.size());
+  for (const IdFlow &flow : kernel.idFlows)
+    writeIdFlow(out, flow);
   out.number<uint64_t>(kernel.variants.size());
   for (const SavedVariant &variant : kernel.variants)
     writeVariant(out, variant);
@@ -106,6 +109,8 @@ static std::string problemOf(const SavedKernel &kernel) {
     return "there is no target '" + kernel.target + "'";
   std::string problem = warp::problemOf(kernel.params, kernel.accesses);
   size_t bytes = parameterBytes(kernel.params);
+  if (problem.empty())
+    problem = warp::problemOf(kernel.idFlows, kernel.accesses, bytes);
   for (const SavedVariant &variant : kernel.variants) {
     if (problem.empty())
       problem = warp::problemOf(variant.code, kernel.params, bytes);
@@ -131,6 +136,9 @@ static SavedKernel readKernel(Reader &in) {
   uint64_t accesses = in.count(1);
   for (uint64_t i = 0; i < accesses && in.ok(); ++i)
     kernel.accesses.push_back(readAccess(in));
+  uint64_t flows = in.count(1);
+  for (uint64_t i = 0; i < flows && in.ok(); ++i)
+    kernel.idFlows.push_back(readIdFlow(in));
   uint64_t variants = in.count(1);
   for (uint64_t i = 0; i < variants && in.ok(); ++i)
     kernel.variants.push_back(readVariant(in));

@@ -9,7 +9,7 @@ func.func @c1_function(%x: f32) {
 // -----
 
 func.func @c2_types(%x: f32) {
-  // expected-error @below {{(C2) 'warp_slot' takes 'li' and gives 'l'}}
+  // expected-error @below {{(C2) 'warp_slot' takes 'hi' and gives 'l'}}
   %0 = warp.library_call "warp_slot"(%x) : (f32) -> ui64
   return
 }
@@ -43,7 +43,7 @@ func.func @c1_lanes(%x: vector<8xf32>, %mesh: ui64) {
 // -----
 
 func.func @c2_shared(%i: vector<8xi32>, %volume: vector<8xi64>) {
-  // expected-error @below {{(C2) 'warp_volume_index_lanes' takes 'liii' and gives 'i'}}
+  // expected-error @below {{(C2) 'warp_volume_index_lanes' takes 'hiii' and gives 'i'}}
   %0 = warp.library_call "warp_volume_index_lanes"(%volume, %i, %i, %i)
       : (vector<8xi64>, vector<8xi32>, vector<8xi32>, vector<8xi32>) -> vector<8xi32>
   return
@@ -52,7 +52,7 @@ func.func @c2_shared(%i: vector<8xi32>, %volume: vector<8xi64>) {
 // -----
 
 func.func @c2_scalars(%i: i32, %volume: ui64) {
-  // expected-error @below {{(C2) 'warp_volume_index_lanes' takes 'liii' and gives 'i'}}
+  // expected-error @below {{(C2) 'warp_volume_index_lanes' takes 'hiii' and gives 'i'}}
   %0 = warp.library_call "warp_volume_index_lanes"(%volume, %i, %i, %i)
       : (ui64, i32, i32, i32) -> i32
   return

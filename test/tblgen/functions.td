@@ -21,9 +21,9 @@ def : DeviceFunction<"grow", "(memory: address, by: f32) -> ()",
 def : DeviceFunction<"cut_*", "(id: u64, kind: i32) -> u64", [FindsSlot]>;
 def : DeviceFunction<"know", "() -> i32", [Expanded]>;
 
-// TABLE: {"warp_find", "lddi", "fiiil", 40, 1, {{.*}}::Long, false, false},
+// TABLE: {"warp_find", "hddi", "fiiil", 40, 1, {{.*}}::Long, false, false},
 // TABLE: {"warp_grow", "lf", "", 0, -1, {{.*}}::Short, true, false},
-// TABLE: {"warp_cut_*", "li", "l", 0, -1, {{.*}}::None, false, true},
+// TABLE: {"warp_cut_*", "hi", "l", 0, -1, {{.*}}::None, false, true},
 // TABLE: {"warp_know", "", "i", 0, -1, {{.*}}::None, false, false},
 
 // HEADER: kindOfTree = 1;

@@ -48,13 +48,19 @@ using Floats = std::vector<float>;
 static const char *const idsText = R"(
 module @ids {
   func.func @ids(%ids: !warp.array<1 x ui64>, %out: !warp.array<1 x ui64>,
-                 %id: ui64)
-      attributes {warp.arg_names = ["ids", "out", "id"], warp.kernel} {
+                 %id: ui64, %number: ui64)
+      attributes {warp.arg_names = ["ids", "out", "id", "number"],
+                  warp.kernel} {
     %zero = warp.constant 0 : si32
     %one = warp.constant 1 : si32
     %first = warp.load %ids[%zero] : !warp.array<1 x ui64>, si32 -> ui64
     warp.store %first, %out[%zero] : ui64, !warp.array<1 x ui64>, si32
     warp.store %id, %out[%one] : ui64, !warp.array<1 x ui64>, si32
+    %two = warp.constant 2 : si32
+    warp.store %number, %out[%two] : ui64, !warp.array<1 x ui64>, si32
+    %mesh = warp.constant 3 : si32
+    %a = warp.library_call "warp_slot"(%first, %mesh) : (ui64, si32) -> ui64
+    %b = warp.library_call "warp_slot"(%id, %one) : (ui64, si32) -> ui64
     return
   }
 })";
@@ -123,17 +129,21 @@ protected:
     Solid solid;
     Mesh mesh(solid.arrays(), cpuDevice);
     HashGrid grid({2, 3, 4});
-    std::vector<uint64_t> ids = {mesh.id()}, out(2);
+    std::vector<uint64_t> ids = {mesh.id()}, out(3);
+    number = grid.id();
     auto capture = Capture::begin(cpuDevice, nullptr, CaptureMode::ThreadLocal,
                                   false, true);
     mesh.refit(solid.arrays());
     grid.build(solid.arrays().points, 4, 0.5);
-    launch(kernel, cpuDevice, {1}, view(ids.data(), {1}), view(out.data(), {2}),
-           grid.id());
-    return graphFiles(*capture->end(), {{"out", out.data(), 16},
+    launch(kernel, cpuDevice, {1}, view(ids.data(), {1}), view(out.data(), {3}),
+           grid.id(), number);
+    return graphFiles(*capture->end(), {{"out", out.data(), 24},
                                         {"points", solid.points.data(), 48}});
   }
   int mutate(const GraphFiles &files, int turns);
+
+  /// An argument of the geometry's graph that has the value of an id.
+  uint64_t number = 0;
 };
 
 } // namespace
@@ -272,10 +282,13 @@ TEST_F(SavedGraphs, SurviveMutations) {
 TEST_F(SavedGraphs, HaveTheirOwnGeometry) {
   auto graph = LoadedGraph::fromFiles(geometryExample(), cpuDevice, "here");
   graph->launch();
-  uint64_t ids[2];
+  uint64_t ids[3];
   graph->get("out", ids, sizeof ids);
   ASSERT_EQ(findHandle(ids[0], cpuDevice), GeometryKind::Mesh);
   ASSERT_EQ(findHandle(ids[1], cpuDevice), GeometryKind::HashGrid);
+  // That no kernel takes for an id.
+  EXPECT_EQ(ids[2], number);
+  EXPECT_NE(ids[1], number);
   // The mesh reads points that the graph has under a name.
   HandleContents mesh = readHandle(ids[0]);
   auto points = reinterpret_cast<uint64_t>(graph->data("points"));
@@ -295,11 +308,11 @@ TEST_F(SavedGraphs, HaveTheirOwnGeometry) {
 
 TEST_F(SavedGraphs, RefuseGeometryThatIsGone) {
   Kernel kernel(Module::fromText(idsText), "ids");
-  std::vector<uint64_t> ids(1), out(2);
+  std::vector<uint64_t> ids(1), out(3);
   auto capture =
       Capture::begin(cpuDevice, nullptr, CaptureMode::ThreadLocal, false, true);
-  launch(kernel, cpuDevice, {1}, view(ids.data(), {1}), view(out.data(), {2}),
-         HashGrid({2, 2, 2}).id());
+  launch(kernel, cpuDevice, {1}, view(ids.data(), {1}), view(out.data(), {3}),
+         HashGrid({2, 2, 2}).id(), uint64_t(0));
   auto graph = capture->end();
   EXPECT_EQ(errorOf([&] { graphFiles(*graph, {}); }),
             "cannot save the graph: the launch of 'ids' has the id of a freed "

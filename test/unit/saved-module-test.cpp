@@ -210,7 +210,7 @@ TEST_F(SavedModuleTest, RejectsDamagedFiles) {
   std::string other = bytes;
   other[8] = 99;
   EXPECT_EQ(load(other), "saved module 'm.warp' has format 99, but this "
-                         "release reads format 15, compile it again");
+                         "release reads format 16, compile it again");
   for (size_t at = 28; at < bytes.size(); at += 997) {
     std::string broken = bytes;
     broken[at] ^= 1;

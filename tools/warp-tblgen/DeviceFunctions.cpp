@@ -36,9 +36,9 @@ static void emitTable(const RecordKeeper &records, raw_ostream &os) {
 /// A scalar type in C++ without names of its own.
 static StringRef getPlainType(char letter) {
   return letter == 'i'   ? "int"
-         : letter == 'l' ? "unsigned long long"
          : letter == 'f' ? "float"
-                         : "double";
+         : letter == 'd' ? "double"
+                         : "unsigned long long";
 }
 
 /// The type of a struct's member.
@@ -138,9 +138,9 @@ static void emitKinds(const RecordKeeper &records, raw_ostream &os) {
 
 static StringRef getStandardType(char letter) {
   return letter == 'i'   ? "int32_t"
-         : letter == 'l' ? "uint64_t"
          : letter == 'f' ? "float"
-                         : "double";
+         : letter == 'd' ? "double"
+                         : "uint64_t";
 }
 
 /// For C++ snippets of users, which take structs of results apart themselves.

@@ -127,6 +127,8 @@ static void readTraits(const Record *record, DeviceFunction &function) {
       function.isProduct = name.starts_with("AssembledProduct");
     }
   }
+  if (function.findsSlot && !function.operands.empty())
+    function.operands.front().letter = 'h';
 }
 
 static void readOperands(DeviceFunction &function, StringRef list,
@@ -140,7 +142,7 @@ static void readOperands(DeviceFunction &function, StringRef list,
                llvm::any_of(kinds, [&](const HandleKind &known) {
                  return known.name == kind;
                })) {
-      function.operands.push_back({name.str(), 'l'});
+      function.operands.push_back({name.str(), 'h'});
     } else if (StringRef vec = type;
                vec.consume_front("vec") && !vec.consumeInteger(10, count) &&
                vec.size() == 1 && StringRef("fdi").contains(vec)) {

@@ -45,7 +45,7 @@ struct ResultStruct {
 /// An operand in C.
 struct DeviceOperand {
   std::string name;
-  /// The letter of its type: i, l, f or d.
+  /// The letter of its type: h, i, l, f or d.
   char letter;
 };
 
