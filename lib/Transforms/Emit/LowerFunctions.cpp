@@ -7,6 +7,11 @@
 // in registers as far as these reach, and GPUs in `.param` space, which their
 // assembler keeps in registers.
 //
+// On CPUs functions with more than two floats as results follow
+// `x86_regcallcc`, which has 16 vector registers for results: C's convention
+// returns the third on the stack of the x87, of which LLVM 22 makes illegal
+// instructions in long code. Others do not, as it has callees save registers.
+//
 //===----------------------------------------------------------------------===//
 
 #include "LowerFunctions.h"
@@ -18,6 +23,13 @@
 #include "mlir/Dialect/Func/IR/FuncOps.h"
 
 using namespace mlir;
+
+static LLVM::CConv conventionFor(Operation *function, TypeRange results) {
+  bool isLong = llvm::count_if(results, llvm::IsaPred<FloatType>) > 2;
+  return isLong && !warp::getTarget(function).isSimt()
+             ? LLVM::CConv::X86_RegCall
+             : LLVM::CConv::C;
+}
 
 /// The type that stands for several results.
 static Type resultType(MLIRContext *context, TypeRange types) {
@@ -72,6 +84,7 @@ warp::emitFunctions(LLVM::LLVMFuncOp entry, function_ref<Type(Type)> convert) {
         function->setAttr(fact, value);
     function.setNoInline(true);
     function.setNoUnwind(true);
+    function.setCConv(conventionFor(entry, source.getResultTypes()));
     // On GPUs threads may do something together in it.
     SmallVector<StringRef> facts{attr::kept};
     if (getTarget(entry).isSimt())
@@ -104,7 +117,7 @@ static void lowerReturn(func::ReturnOp op) {
   op.erase();
 }
 
-static void lowerCall(func::CallOp op) {
+static void lowerCall(func::CallOp op, LLVM::CConv convention) {
   OpBuilder b(op);
   Location loc = op.getLoc();
   SmallVector<Type> types;
@@ -112,6 +125,7 @@ static void lowerCall(func::CallOp op) {
     types.push_back(resultType(b.getContext(), op.getResultTypes()));
   auto call =
       LLVM::CallOp::create(b, loc, types, op.getCallee(), op.getOperands());
+  call.setCConv(convention);
   if (op.getNumResults() == 1)
     op.getResult(0).replaceAllUsesWith(call.getResult());
   else
@@ -129,7 +143,7 @@ void warp::lowerCalls(LLVM::LLVMFuncOp function) {
   });
   for (Operation *op : found)
     if (auto call = dyn_cast<func::CallOp>(op))
-      lowerCall(call);
+      lowerCall(call, conventionFor(function, call.getResultTypes()));
     else
       lowerReturn(cast<func::ReturnOp>(op));
 }

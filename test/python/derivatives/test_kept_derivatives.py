@@ -89,6 +89,82 @@ def test_code_follows_the_text(derivative):
         assert len(text.splitlines()) < 40_000
 
 
+STRUCTS = """
+@wp.struct
+class Point:
+    x: float
+    tag: int
+    v: wp.vec2
+
+@wp.struct
+class State:
+    point: Point
+    scale: float
+
+@wp.func
+def f0(s: State):
+    return s
+"""
+LEVEL = """
+@wp.func
+def f{level}(s: State):
+    t = s
+    t.point.x = 0.5 * s.point.x
+    t.scale = 0.5 * s.scale
+    a = f{before}(t)
+    t.point.x = s.point.x * s.point.x
+    t.point.v = s.point.v * 2.0
+    t.point.tag = s.point.tag + 1
+    b = f{before}(t)
+    r = State()
+    r.point.x = a.point.x + b.point.x
+    r.point.v = 0.5 * (a.point.v + b.point.v)
+    r.point.tag = wp.max(a.point.tag, b.point.tag)
+    r.scale = a.scale + b.scale
+    return r
+"""
+OF_STRUCTS = """
+@wp.kernel
+def kernel(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    s = State()
+    s.point.x = x[i]
+    s.point.v = wp.vec2(x[i], 1.0)
+    s.scale = 3.0 * x[i]
+    r = f{last}(s)
+    y[i] = r.point.x + r.point.v[0] + r.point.v[1] + r.scale * float(r.point.tag)
+"""
+
+
+def tree_of_structs(levels):
+    lines = [LEVEL.format(level=level, before=level - 1) for level in range(1, levels + 1)]
+    return define(STRUCTS + "".join(lines) + OF_STRUCTS.format(last=levels))["kernel"]
+
+
+def test_structs():
+    """Structs in structs, with integers, among arguments and results."""
+    levels = 12
+    x = np.array([0.5, -0.75, 0.25, 0.9], np.float32)
+    y, (gradient,), tangent = gradients(tree_of_structs(levels), x)
+    x = x.astype(np.float64)
+    value, slope = fold(x, levels)
+    # A vector becomes 1.5 times as long at each level, the tag counts levels.
+    value += 1.5**levels * (x + 1.0) + 3.0 * levels * x
+    slope += 1.5**levels + 3.0 * levels
+    np.testing.assert_allclose(y, value, rtol=2e-5)
+    np.testing.assert_allclose(gradient, slope, rtol=2e-5)
+    np.testing.assert_allclose(tangent, slope, rtol=2e-5)
+
+
+@pytest.mark.parametrize("derivative", ["adjoint", "tangent"])
+def test_code_with_structs_follows_the_text(derivative):
+    """As above, with structs that are passed and returned."""
+    kernel = tree_of_structs(24)
+    for stage in ({"stage": "llvm"}, {"stage": "ptx", "arch": 90}):
+        text = kernel.ir(derivative=derivative, **stage)
+        assert len(text.splitlines()) < 40_000
+
+
 BUDGET = {"inline_budget": 64}
 
 
