@@ -179,3 +179,39 @@ def test_a_shape_of_other_numbers_is_named(given, dtype, shape):
     for data in (np.zeros(given, np.float32), wp.zeros(given, dtype=float, device="cpu")):
         with pytest.raises(ValueError, match=r"expects .*shape"):
             wp.array(data, dtype=dtype, shape=shape, device="cpu")
+
+
+PAIR = wp.types.vector(2, wp.uint64)
+MOST = 2**64 - 1
+
+
+@pytest.mark.parametrize(
+    ("data", "dtype", "expected"),
+    [
+        ([MOST, 0], wp.uint64, [MOST, 0]),
+        ((2**63 + 1, 5), wp.uint64, [2**63 + 1, 5]),
+        ([[MOST, 1], [2, 3]], wp.uint64, [[MOST, 1], [2, 3]]),
+        ([[MOST, 1], [2, 3]], PAIR, [[MOST, 1], [2, 3]]),
+        ([PAIR(MOST, 1), [3, 2**63 + 1]], PAIR, [[MOST, 1], [3, 2**63 + 1]]),
+        ([wp.uint64(MOST), wp.uint64(0)], wp.uint64, [MOST, 0]),
+        ([np.uint64(MOST), 0], wp.uint64, [MOST, 0]),
+        ([2**62 + 1, 0.5], wp.int64, [2**62 + 1, 0]),
+        ([-(2**62) - 1, 7.9], wp.int64, [-(2**62) - 1, 7]),
+        ([1.0e19, 1.5], wp.uint64, [10**19, 1]),
+    ],
+)
+def test_integers_beyond_those_of_floats(data, dtype, expected):
+    """NumPy makes floats of such lists, which hold 53 bits."""
+    assert wp.array(data, dtype=dtype, device="cpu").numpy().tolist() == expected
+    kept = wp.zeros_like(wp.array(data, dtype=dtype, device="cpu"))
+    kept.assign(data)
+    assert kept.numpy().tolist() == expected
+
+
+@pytest.mark.parametrize(
+    ("data", "dtype", "value"),
+    [([MOST, -1], wp.uint64, -1), ([2**63, -1], wp.int64, 2**63), ([MOST, 0], wp.int64, MOST)],
+)
+def test_integers_beyond_the_element_type(data, dtype, value):
+    with pytest.raises(OverflowError, match=f"{value} does not fit"):
+        wp.array(data, dtype=dtype, device="cpu")

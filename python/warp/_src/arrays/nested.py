@@ -29,7 +29,7 @@ def from_sequence(data, dtype):
 
     source = _rows_of_numbers(data)
     if source is not None:
-        return _in_range(source, dtype)
+        return _in_range(_exact(source, data, dtype), dtype)
     kinds = _kinds(data)
     composites = [kind for kind in kinds if issubclass(kind, (Composite, ctypes.Structure))]
     if composites and len(kinds) == 1:
@@ -42,7 +42,9 @@ def from_sequence(data, dtype):
         if source.dtype == object:
             # Numbers of Python and of this package beside each other.
             leaves = [one.value if isinstance(one, scalar_base) else one for one in source.flat]
-            source = numpy.array(leaves).reshape(source.shape)
+            source = _exact(numpy.array(leaves), leaves, dtype).reshape(source.shape)
+        elif not composites:
+            source = _exact(source, data, dtype)
     except ValueError as error:
         if composites:
             raise _mixed(kinds) from None
@@ -75,6 +77,32 @@ def _rows_of_numbers(data):
     except ValueError:
         return None
     return None if source.dtype == object else source
+
+
+def _exact(source, data, dtype):
+    """The same, with integers that NumPy has made floats of.
+
+    It does so if some are beyond 2^63 and others are not, and beside floats.
+
+    Raises:
+        OverflowError: an integer does not fit the element type.
+    """
+    import numpy
+
+    scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    if source.dtype != numpy.float64 or not _is_integer(scalar):
+        return source
+    if not (numpy.abs(source) >= 2.0**53).any():
+        return source
+    leaves = numpy.array(data, dtype=object)
+    whole = [isinstance(one, (int, numpy.integer)) for one in leaves.flat]
+    whole = numpy.array(whole).reshape(leaves.shape)
+    if whole.any():
+        _check_range(leaves[whole], scalar)
+        with numpy.errstate(invalid="ignore"):
+            source = source.astype(scalar._numpy_name_)
+        source[whole] = leaves[whole]
+    return source
 
 
 def _in_range(source, dtype):
@@ -126,11 +154,13 @@ def _beside_numbers(data, kinds, dtype):
     import numpy
 
     try:
-        return numpy.array(_numbers(data, kinds, rows=True))
+        numbers = _numbers(data, kinds, rows=True)
+        return _exact(numpy.array(numbers), numbers, dtype)
     except ValueError:
         if dtype is None:
             raise
-        return numpy.array(_numbers(data, kinds, rows=False))
+        numbers = _numbers(data, kinds, rows=False)
+        return _exact(numpy.array(numbers), numbers, dtype)
 
 
 def _numbers(data, kinds, rows):
@@ -146,19 +176,25 @@ def _numbers(data, kinds, rows):
         if isinstance(value, Composite):
             import numpy
 
-            numbers = numpy.array(scalars_of(value))
+            scalar = value._wp_scalar_type_
+            name = scalar._numpy_name_ if _is_integer(scalar) else None
+            numbers = numpy.array(scalars_of(value), name)
             return numbers.reshape(value._shape_) if rows else numbers
         return [plain(one) for one in value] if isinstance(value, (list, tuple)) else value
 
     return plain(data)
 
 
+def _is_integer(scalar) -> bool:
+    if not (isinstance(scalar, type) and issubclass(scalar, scalars.int_base)):
+        return False
+    return scalar is not scalars.bool
+
+
 def _check_range(source, scalar):
     import numpy
 
-    if not (isinstance(scalar, type) and issubclass(scalar, scalars.int_base)):
-        return
-    if scalar is scalars.bool:
+    if not _is_integer(scalar):
         return
     limits = numpy.iinfo(scalar._numpy_name_)
     for value in (int(source.min()), int(source.max())):
