@@ -7,15 +7,15 @@
 # warp_embed_compressed(NAME FILE [DEPENDS target...]) does so with the bytes that
 # zstd makes of the file.
 #
-# warp_compile_device_bitcode(NAME TARGET x86-64|nvptx|amdgcn SOURCES file...) compiles
+# warp_compile_device_bitcode(NAME TARGET cpu|nvptx|amdgcn SOURCES file...) compiles
 # freestanding C++ to LLVM bitcode, NAME_parts.
 #
 # warp_add_device_bitcode(NAME ...) also makes one module of it and embeds that
 # under NAME, compressed for TARGET nvptx.
 #
 # warp_add_device_objects(NAME SOURCES file... OPTIONS ...) compiles freestanding
-# C++ to machine code, once for each level of x86-64, and embeds the objects as
-# NAME_v1, NAME_v3 and NAME_v4.
+# C++ to machine code, once for each level of this processor's family, and embeds
+# the objects as NAME_v1, NAME_v3 and NAME_v4 (x86-64), NAME_v8 (aarch64).
 #
 # warp_add_device_cubins(NAME PARTS bitcode/stem[:registers]...
 # ARCHITECTURES 80 90a... PTX 81) assembles parts of bitcode (TARGET nvptx) into
@@ -70,11 +70,25 @@ endfunction()
 # What all of them are compiled against.
 set(prototypes "${PROJECT_BINARY_DIR}/include/DeviceLib/Prototypes.h")
 
+# Atomics are instructions: kernels find no functions of libgcc.
+if(WARP_PROCESSOR STREQUAL "aarch64")
+  set(warp_cpu_triple aarch64-unknown-linux-gnu)
+  set(warp_cpu_flags -mno-outline-atomics)
+  set(warp_cpu_levels v8:armv8-a)
+  set(warp_cpu_values armv8-a)
+else()
+  set(warp_cpu_triple x86_64-unknown-linux-gnu)
+  set(warp_cpu_flags -mno-red-zone)
+  set(warp_object_flags -mprefer-vector-width=512)
+  set(warp_cpu_levels v1:x86-64 v3:x86-64-v3 v4:x86-64-v4)
+  set(warp_cpu_values x86-64-v4)
+endif()
+
 function(warp_compile_device_bitcode name)
   cmake_parse_arguments(arg "" "TARGET" "SOURCES;OPTIONS" ${ARGN})
-  if(arg_TARGET STREQUAL "x86-64")
-    set(triple x86_64-unknown-linux-gnu)
-    set(flags -fPIC -mno-red-zone)
+  if(arg_TARGET STREQUAL "cpu")
+    set(triple ${warp_cpu_triple})
+    set(flags -fPIC ${warp_cpu_flags})
   elseif(arg_TARGET STREQUAL "nvptx")
     set(triple nvptx64-nvidia-cuda)
     set(flags -DWARP_GPU -nogpulib -Xclang -target-feature -Xclang +ptx80)
@@ -83,7 +97,7 @@ function(warp_compile_device_bitcode name)
     set(flags -DWARP_GPU -nogpulib)
   else()
     message(FATAL_ERROR "unknown device target '${arg_TARGET}', "
-      "expected 'x86-64', 'nvptx' or 'amdgcn'")
+      "expected 'cpu', 'nvptx' or 'amdgcn'")
   endif()
   set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}")
   file(MAKE_DIRECTORY "${folder}")
@@ -134,11 +148,10 @@ endfunction()
 
 function(warp_add_device_objects name)
   cmake_parse_arguments(arg "" "" "SOURCES;OPTIONS" ${ARGN})
-  foreach(level v1 v3 v4)
-    set(processor x86-64)
-    if(NOT level STREQUAL "v1")
-      set(processor x86-64-${level})
-    endif()
+  foreach(level IN LISTS warp_cpu_levels)
+    string(REGEX MATCH "(.*):(.*)" level "${level}")
+    set(level "${CMAKE_MATCH_1}")
+    set(processor "${CMAKE_MATCH_2}")
     set(folder "${PROJECT_BINARY_DIR}/bitcode/${name}_${level}")
     file(MAKE_DIRECTORY "${folder}")
     set(parts "")
@@ -148,8 +161,8 @@ function(warp_add_device_objects name)
       set(part "${folder}/${stem}.o")
       # Vectors wider than registers never cross the border of the library.
       add_custom_command(OUTPUT "${part}"
-        COMMAND "${WARP_CLANG}" --target=x86_64-unknown-linux-gnu -std=c++20 -O2
-          -march=${processor} -mprefer-vector-width=512 -fPIC -mno-red-zone
+        COMMAND "${WARP_CLANG}" --target=${warp_cpu_triple} -std=c++20 -O2
+          -march=${processor} -fPIC ${warp_cpu_flags} ${warp_object_flags}
           -ffreestanding -fno-exceptions -fno-rtti -fno-math-errno
           -fno-asynchronous-unwind-tables -ffp-contract=off -fvisibility=hidden
           -nostdinc++ -Wno-psabi -I "${PROJECT_SOURCE_DIR}/lib/DeviceLib"
@@ -161,7 +174,7 @@ function(warp_add_device_objects name)
     endforeach()
     set(linked "${folder}/${name}.o")
     add_custom_command(OUTPUT "${linked}"
-      COMMAND "${WARP_CLANG}" --target=x86_64-unknown-linux-gnu -nostdlib -r
+      COMMAND "${WARP_CLANG}" --target=${warp_cpu_triple} -fuse-ld=lld -nostdlib -r
         ${parts} -o "${linked}"
       DEPENDS ${parts} VERBATIM)
     add_custom_target(${name}_${level}_object DEPENDS "${linked}")

@@ -4,7 +4,10 @@
 # builds MLIR against it. A process may already hold another LLVM (PyTorch,
 # JAX and Triton bring theirs), so we take the static archives instead: the
 # interface target `warp_llvm` lists every archive that could be needed, for
-# the X86 and NVPTX targets only, and the linker extracts what is used.
+# the NVPTX target and this processor's only, and the linker extracts what is
+# used. CMake's files of LLVM name programs, so a build for another processor
+# reads those of the machine that builds, and takes archives and headers of the
+# same version from the other's root.
 
 find_package(MLIR REQUIRED CONFIG HINTS /usr/lib/llvm-22/lib/cmake/mlir)
 if(NOT LLVM_VERSION_MAJOR EQUAL 22)
@@ -26,14 +29,28 @@ find_program(WARP_LLVM_AR NAMES llvm-ar
   HINTS "${LLVM_TOOLS_BINARY_DIR}" NO_DEFAULT_PATH REQUIRED)
 find_program(WARP_ZSTD_TOOL zstd REQUIRED)
 
+if(CMAKE_CROSSCOMPILING)
+  set(warp_llvm_root "${CMAKE_SYSROOT}/usr/lib/llvm-22")
+  set(LLVM_LIBRARY_DIR "${warp_llvm_root}/lib")
+  set(LLVM_INCLUDE_DIRS "${warp_llvm_root}/include")
+  set(MLIR_INCLUDE_DIRS "${warp_llvm_root}/include")
+  file(STRINGS "${warp_llvm_root}/include/llvm/Config/llvm-config.h" version
+    REGEX "define LLVM_VERSION_STRING")
+  if(NOT version MATCHES "\"${LLVM_PACKAGE_VERSION}\"")
+    message(FATAL_ERROR "LLVM ${LLVM_PACKAGE_VERSION} of this machine, but for "
+      "aarch64: ${version}")
+  endif()
+endif()
 file(GLOB warp_archives LIST_DIRECTORIES false
   "${LLVM_LIBRARY_DIR}/libMLIR*.a" "${LLVM_LIBRARY_DIR}/libLLVM*.a")
 list(FILTER warp_archives EXCLUDE REGEX
   "lib(MLIRCAPI|MLIR.*Test|MLIRMlirOptMain|LLVMExegesis|LLVMBOLT|LLVMFuzz)")
+set(others AArch64 AMDGPU ARM AVR BPF Hexagon Lanai LoongArch M68k MSP430 Mips
+  PowerPC RISCV Sparc SPIRV SystemZ VE WebAssembly X86 XCore Xtensa)
+list(REMOVE_ITEM others "${WARP_LLVM_BACKEND}")
+list(JOIN others "|" others)
 list(FILTER warp_archives EXCLUDE REGEX
-  "libLLVM(AArch64|AMDGPU|ARM|AVR|BPF|Hexagon|Lanai|LoongArch|M68k|MSP430)")
-list(FILTER warp_archives EXCLUDE REGEX
-  "libLLVM(Mips|PowerPC|RISCV|Sparc|SPIRV|SystemZ|VE|WebAssembly|XCore|Xtensa)(AsmParser|CodeGen|Desc|Disassembler|Info|Utils|Analysis|TargetMCA)")
+  "libLLVM(${others})(AsmParser|CodeGen|Desc|Disassembler|Info|Utils|Analysis|TargetMCA)")
 if(NOT warp_archives)
   message(FATAL_ERROR "no static LLVM archives in '${LLVM_LIBRARY_DIR}'; "
     "install llvm-22-dev and libmlir-22-dev")

@@ -18,6 +18,10 @@ function(warp_precompile name header)
   string(TOUPPER "${CMAKE_BUILD_TYPE}" type)
   separate_arguments(flags UNIX_COMMAND
     "${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_${type}}")
+  if(CMAKE_CROSSCOMPILING)
+    list(APPEND flags "--target=${CMAKE_CXX_COMPILER_TARGET}"
+      "--sysroot=${CMAKE_SYSROOT}")
+  endif()
   list(APPEND flags ${arg_FLAGS} -std=c++20 -fPIC -fvisibility=hidden
     -fvisibility-inlines-hidden -ffunction-sections -fdata-sections)
   if(arg_OBJECT)

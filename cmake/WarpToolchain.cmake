@@ -1,4 +1,16 @@
-# Compiler launcher, warnings, and link flags common to every target.
+# Processor, compiler launcher, warnings, and link flags common to every target.
+
+# Of the machine that runs what is built; kernels for the CPU are for it as well.
+if(CMAKE_SYSTEM_PROCESSOR MATCHES "^(x86_64|AMD64)$")
+  set(WARP_PROCESSOR x86-64)
+  set(WARP_LLVM_BACKEND X86)
+elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "^(aarch64|arm64)$")
+  set(WARP_PROCESSOR aarch64)
+  set(WARP_LLVM_BACKEND AArch64)
+else()
+  message(FATAL_ERROR "no code generation for processor "
+    "'${CMAKE_SYSTEM_PROCESSOR}'; there is for x86_64 and aarch64")
+endif()
 
 find_program(WARP_CCACHE ccache)
 if(WARP_CCACHE)

@@ -1,6 +1,7 @@
 """lit configuration: suites, substitutions and features.
 
-Features: `cuda` (a device answers), `ptxas` (the assembler is installed), `amdgpu` (LLVM's tools
+Features: `x86-64` or `aarch64` (the processor that warp-opt is for; an emulator may run it), `cuda`
+(a device answers), `ptxas` (the assembler is installed), `amdgpu` (LLVM's tools
 are installed and generate code for AMD's GPUs).
 WARP_VERIFY_ROUNDTRIP=1 makes every warp-opt run also check that its input
 survives printing and parsing, as text and as bytecode.
@@ -21,7 +22,10 @@ config.excludes = ["lit.cfg.py", "lit.site.cfg.py", "python", "unit", "device", 
 config.test_source_root = os.path.dirname(__file__)
 config.test_exec_root = config.warp_obj_root
 
+config.available_features.add(config.warp_processor)
 warp_opt = os.path.join(config.warp_tools_dir, "warp-opt")
+if config.warp_emulator:
+    warp_opt = " ".join([*config.warp_emulator.split(";"), warp_opt])
 if os.environ.get("WARP_VERIFY_ROUNDTRIP", "0") not in ("", "0"):
     warp_opt += " --verify-roundtrip"
     config.available_features.add("roundtrip")
@@ -73,7 +77,7 @@ for tool in llvm_tools:
     config.substitutions.append((rf"(?<![-\w/]){tool}(?![-\w])", llvm_tool(tool)))
 config.substitutions.append((r"(?<![-\w/])warp-opt(?![-\w])", warp_opt))
 warp_tblgen = [
-    os.path.join(config.warp_tools_dir, "warp-tblgen"),
+    config.warp_tblgen or os.path.join(config.warp_tools_dir, "warp-tblgen"),
     "-I " + os.path.join(config.test_source_root, "..", "include", "WarpDialect"),
     "-I " + os.path.join(config.llvm_tools_dir, "..", "include"),
 ]

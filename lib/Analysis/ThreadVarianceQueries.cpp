@@ -71,7 +71,8 @@ bool ThreadVariance::isUniformIfEqual(Value value,
     } else if (getGridRead(next)) {
       ifEqual.insert(next);
     } else if (isPure(op) && op->getNumRegions() == 0) {
-      llvm::append_range(pending, llvm::reverse(op->getOperands()));
+      for (Value operand : llvm::reverse(op->getOperands()))
+        pending.push_back(operand);
     } else {
       return false;
     }

@@ -18,7 +18,11 @@
 #include "Support/LibraryObjects.h"
 #include "Support/RuntimeSymbols.h"
 
+#ifdef __aarch64__
+#include "llvm/ExecutionEngine/JITLink/aarch64.h"
+#else
 #include "llvm/ExecutionEngine/JITLink/x86_64.h"
+#endif
 #include "llvm/ExecutionEngine/Orc/AbsoluteSymbols.h"
 #include "llvm/ExecutionEngine/Orc/Core.h"
 #include "llvm/ExecutionEngine/Orc/ObjectFileInterface.h"
@@ -49,8 +53,7 @@ public:
   void modifyPassConfig(orc::MaterializationResponsibility &,
                         jitlink::LinkGraph &graph,
                         jitlink::PassConfiguration &config) override {
-    if (graph.getTargetTriple().isX86())
-      config.PreFixupPasses.push_back(check);
+    config.PreFixupPasses.push_back(check);
   }
   llvm::Error notifyFailed(orc::MaterializationResponsibility &) override {
     return llvm::Error::success();
@@ -66,6 +69,12 @@ private:
   /// Bytes that a relocation writes.
   static size_t sizeOf(jitlink::Edge::Kind kind) {
     switch (kind) {
+#ifdef __aarch64__
+    case jitlink::aarch64::Pointer64:
+    case jitlink::aarch64::Delta64:
+    case jitlink::aarch64::NegDelta64:
+      return 8;
+#else
     case jitlink::x86_64::Pointer64:
     case jitlink::x86_64::Delta64:
     case jitlink::x86_64::NegDelta64:
@@ -76,6 +85,7 @@ private:
     case jitlink::x86_64::Pointer8:
     case jitlink::x86_64::Delta8:
       return 1;
+#endif
     default:
       return 4;
     }

@@ -370,7 +370,8 @@ public:
   EmissionLevel(llvm::Module &module, llvm::TargetMachine &machine, bool brief)
       : machine(machine), usual(machine.getOptLevel()) {
     bool isLong = brief || module.getInstructionCount() > mostRescheduled;
-    if (machine.getTargetTriple().isX86() && isLong &&
+    const llvm::Triple &triple = machine.getTargetTriple();
+    if ((triple.isX86() || triple.isAArch64()) && isLong &&
         usual == llvm::CodeGenOptLevel::Default)
       machine.setOptLevel(llvm::CodeGenOptLevel::Less);
   }

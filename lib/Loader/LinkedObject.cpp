@@ -3,13 +3,14 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // Sections that are executed come first, then stubs that jump to functions
-// farther than 2 GB, then all other sections and a table of addresses. An
+// too far away, then all other sections and a table of addresses. An
 // object may be from a file, so nothing in it is taken on trust: a section, a
 // symbol or a relocation outside of its bounds is an error.
 //
 //===----------------------------------------------------------------------===//
 
 #include "LinkedObject.h"
+#include "Relocations.h"
 
 #include "warp/Error.h"
 
@@ -27,8 +28,7 @@ using namespace warp;
   throw Error(Error::Kind::Compile, "cannot load compiled code: " + reason);
 }
 
-/// jmp *[rip + 0], and the address behind it.
-static constexpr unsigned char jump[6] = {0xff, 0x25, 0, 0, 0, 0};
+/// A jump and the address behind it.
 static constexpr size_t stubSize = 16, slotSize = 8;
 /// Beyond any object of the compiler, far below what 32 bits address.
 static constexpr size_t mostBytes = size_t(1) << 30;
@@ -50,6 +50,8 @@ public:
         relocate(section);
       else if (section.sh_type == SHT_REL)
         fail("it has relocations of another kind");
+    char *code = static_cast<char *>(object.memory);
+    __builtin___clear_cache(code, code + executed);
     if (mprotect(object.memory, executed, PROT_READ | PROT_EXEC))
       fail("the system refuses memory for code");
   }
@@ -80,8 +82,8 @@ private:
     auto header = read<Elf64_Ehdr>(0);
     if (std::memcmp(header.e_ident, ELFMAG, SELFMAG) ||
         header.e_ident[EI_CLASS] != ELFCLASS64 || header.e_type != ET_REL ||
-        header.e_machine != EM_X86_64)
-      fail("it is no relocatable object for x86-64");
+        header.e_machine != rules.machine)
+      fail("it is no relocatable object for " + std::string(rules.name));
     for (unsigned i = 0; i < header.e_shnum; ++i)
       sections.push_back(
           read<Elf64_Shdr>(header.e_shoff + uint64_t(i) * sizeof(Elf64_Shdr)));
@@ -192,8 +194,8 @@ private:
   /// Code near the object that jumps to an address.
   uint64_t stubFor(size_t symbol, uint64_t address) {
     char *stub = static_cast<char *>(object.memory) + stubs + symbol * stubSize;
-    std::memcpy(stub, jump, sizeof jump);
-    std::memcpy(stub + sizeof jump, &address, sizeof address);
+    std::memcpy(stub, rules.jump, rules.jumpSize);
+    std::memcpy(stub + rules.jumpSize, &address, sizeof address);
     return reinterpret_cast<uint64_t>(stub);
   }
 
@@ -216,9 +218,8 @@ private:
       Elf64_Rela entry;
       std::memcpy(&entry, entries.data() + i * sizeof entry, sizeof entry);
       unsigned kind = ELF64_R_TYPE(entry.r_info);
-      size_t bytes = kind == R_X86_64_64 || kind == R_X86_64_PC64 ? 8 : 4;
       if (target.sh_type == SHT_NOBITS || entry.r_offset > target.sh_size ||
-          target.sh_size - entry.r_offset < bytes)
+          target.sh_size - entry.r_offset < rules.size(kind))
         fail("a relocation lies outside of its section");
       size_t index = ELF64_R_SYM(entry.r_info);
       if (index >= symbols.size())
@@ -229,44 +230,23 @@ private:
 
   void apply(unsigned kind, char *at, size_t index, int64_t addend) {
     uint64_t address = addressOf(symbols[index]);
-    uint64_t here = reinterpret_cast<uint64_t>(at);
-    int64_t value = 0;
-    bool isSigned = true;
-    switch (kind) {
-    case R_X86_64_NONE:
+    Relocation relocation{kind,
+                          at,
+                          address,
+                          addend,
+                          [&] { return stubFor(index, address); },
+                          [&] { return slotFor(index, address); }};
+    switch (rules.apply(relocation)) {
+    case Relocated::Done:
       return;
-    case R_X86_64_64:
-    case R_X86_64_PC64: {
-      uint64_t wide = address + addend - (kind == R_X86_64_PC64 ? here : 0);
-      std::memcpy(at, &wide, sizeof wide);
-      return;
-    }
-    case R_X86_64_PLT32:
-    case R_X86_64_PC32:
-      value = address + addend - here;
-      if (value != int32_t(value))
-        value = stubFor(index, address) + addend - here;
-      break;
-    case R_X86_64_GOTPCREL:
-    case R_X86_64_GOTPCRELX:
-    case R_X86_64_REX_GOTPCRELX:
-      value = slotFor(index, address) + addend - here;
-      break;
-    case R_X86_64_32:
-      isSigned = false;
-      [[fallthrough]];
-    case R_X86_64_32S:
-      value = address + addend;
-      break;
-    default:
+    case Relocated::TooFar:
+      fail("'" + std::string(symbols[index].name) + "' is too far away");
+    case Relocated::UnknownKind:
       fail("it has relocations of kind " + std::to_string(kind));
     }
-    if (isSigned ? value != int32_t(value) : value != int64_t(uint32_t(value)))
-      fail("'" + std::string(symbols[index].name) + "' is too far away");
-    int32_t narrow = int32_t(value);
-    std::memcpy(at, &narrow, sizeof narrow);
   }
 
+  const Relocations &rules = hostRelocations();
   LinkedObject &object;
   std::string_view bytes, table, strings;
   const LinkedObject::Find &find;

@@ -15,7 +15,7 @@
 
 namespace warp {
 
-/// A relocatable object of x86-64 in memory of its own; it is unmapped when
+/// A relocatable object of this processor in memory of its own; it is unmapped when
 /// this goes.
 class LinkedObject {
 public:

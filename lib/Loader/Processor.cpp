@@ -13,6 +13,26 @@
 #include <map>
 #include <sstream>
 
+#ifdef __aarch64__
+/// The line of the list.
+static constexpr char lineOfFeatures[] = "Features";
+
+/// LLVM looks for these alone.
+static std::string nameOf(const std::string &word) {
+  static const std::map<std::string, std::string> names = {
+      {"aes", "aes"},          {"asimd", "neon"},     {"atomics", "lse"},
+      {"crc32", "crc"},        {"fp", "fp-armv8"},    {"fphp", "fullfp16"},
+      {"pmull", "aes"},        {"rng", "rand"},       {"sha1", "sha2"},
+      {"sha2", "sha2"},        {"sha3", "sha3"},      {"sm4", "sm4"},
+      {"sve", "sve"},          {"sve2", "sve2"},      {"sveaes", "sve-aes"},
+      {"svesha3", "sve-sha3"}, {"svesm4", "sve-sm4"},
+  };
+  auto known = names.find(word);
+  return known == names.end() ? "" : known->second;
+}
+#else
+static constexpr char lineOfFeatures[] = "flags";
+
 /// Names that differ; all others are the same up to underscores.
 static const std::map<std::string, std::string> &llvmNames() {
   static const std::map<std::string, std::string> names = {
@@ -40,11 +60,24 @@ static const std::map<std::string, std::string> &llvmNames() {
   return names;
 }
 
+/// "avx512_vnni" and "avx512vnni".
+static std::string nameOf(const std::string &word) {
+  auto known = llvmNames().find(word);
+  if (known != llvmNames().end())
+    return known->second;
+  std::string joined;
+  for (char letter : word)
+    if (letter != '_')
+      joined += letter;
+  return joined;
+}
+#endif
+
 std::string warp::hostProcessor() {
   static const std::string description = [] {
     std::ifstream file("/proc/cpuinfo");
     std::string line, features;
-    while (std::getline(file, line) && line.rfind("flags", 0) != 0)
+    while (std::getline(file, line) && line.rfind(lineOfFeatures, 0) != 0)
       continue;
     std::istringstream words(
         line.substr(std::min(line.find(':') + 1, line.size())));
@@ -53,17 +86,7 @@ std::string warp::hostProcessor() {
         features += (features.empty() ? " +" : ",+") + name;
     };
     for (std::string word; words >> word;) {
-      auto known = llvmNames().find(word);
-      if (known != llvmNames().end()) {
-        add(known->second);
-      } else {
-        // "avx512_vnni" and "avx512vnni".
-        std::string joined;
-        for (char letter : word)
-          if (letter != '_')
-            joined += letter;
-        add(joined);
-      }
+      add(nameOf(word));
       // Each comes with another one that has no word of its own.
       if (word == "sse4_2")
         add("crc32");

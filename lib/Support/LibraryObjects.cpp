@@ -9,11 +9,19 @@
 #include "Embedded.h"
 
 // lib/DeviceLib/CMakeLists.txt makes them.
+#ifdef __aarch64__
+WARP_EMBEDDED(devicelib_v8)
+
+std::vector<warp::LibraryObject> warp::libraryObjects() {
+  return {{"v8", devicelib_v8()}};
+}
+#else
 WARP_EMBEDDED(devicelib_v1)
 WARP_EMBEDDED(devicelib_v3)
 WARP_EMBEDDED(devicelib_v4)
 
-std::array<warp::LibraryObject, 3> warp::libraryObjects() {
+std::vector<warp::LibraryObject> warp::libraryObjects() {
   return {
-      {{"v1", devicelib_v1()}, {"v3", devicelib_v3()}, {"v4", devicelib_v4()}}};
+      {"v1", devicelib_v1()}, {"v3", devicelib_v3()}, {"v4", devicelib_v4()}};
 }
+#endif

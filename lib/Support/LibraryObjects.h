@@ -4,16 +4,17 @@
 //
 // Searches and the algebra of tiles are long, and the same for every kernel:
 // they are compiled when the library is built, once for each of a few levels of
-// x86-64, so that a first launch waits for the kernel's own code alone.
-// Kernels, saved ones too, ask for `warp_mesh_ray.v4` when they are loaded.
+// x86-64 (for aarch64 there is one), so that a first launch waits for the
+// kernel's own code alone. Kernels, saved ones too, ask for `warp_mesh_ray.v4`
+// when they are loaded.
 //
 //===----------------------------------------------------------------------===//
 
 #ifndef WARP_LIB_SUPPORT_LIBRARYOBJECTS_H
 #define WARP_LIB_SUPPORT_LIBRARYOBJECTS_H
 
-#include <array>
 #include <string_view>
+#include <vector>
 
 namespace warp {
 
@@ -24,7 +25,7 @@ struct LibraryObject {
 };
 
 /// From the lowest level to the highest.
-std::array<LibraryObject, 3> libraryObjects();
+std::vector<LibraryObject> libraryObjects();
 
 } // namespace warp
 

@@ -1,4 +1,4 @@
-//===- Codegen.cpp - x86-64 code generation and library linking -----------===//
+//===- Codegen.cpp - CPU code generation and library linking --------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
@@ -27,6 +27,15 @@
 WARP_EMBEDDED(devicelib_cpu)
 
 using namespace warp;
+
+// The back end of the processors that the library is built for.
+#ifdef __aarch64__
+#define WARP_BACKEND(part) LLVMInitializeAArch64##part
+static constexpr char triple[] = "aarch64-unknown-linux-gnu";
+#else
+#define WARP_BACKEND(part) LLVMInitializeX86##part
+static constexpr char triple[] = "x86_64-unknown-linux-gnu";
+#endif
 
 namespace {
 struct Processor {
@@ -60,13 +69,12 @@ std::string CpuTarget::describeProcessor() const {
 std::unique_ptr<llvm::TargetMachine>
 CpuTarget::createMachine(const CompileOptions &options) const {
   static const llvm::Target *target = [] {
-    LLVMInitializeX86TargetInfo();
-    LLVMInitializeX86Target();
-    LLVMInitializeX86TargetMC();
-    LLVMInitializeX86AsmPrinter();
+    WARP_BACKEND(TargetInfo)();
+    WARP_BACKEND(Target)();
+    WARP_BACKEND(TargetMC)();
+    WARP_BACKEND(AsmPrinter)();
     std::string error;
-    return llvm::TargetRegistry::lookupTarget(
-        llvm::Triple("x86_64-unknown-linux-gnu"), error);
+    return llvm::TargetRegistry::lookupTarget(llvm::Triple(triple), error);
   }();
   Processor processor = findProcessor(getName());
   llvm::TargetOptions settings;
@@ -74,9 +82,8 @@ CpuTarget::createMachine(const CompileOptions &options) const {
                : options.optLevel == 1 ? llvm::CodeGenOptLevel::Less
                                        : llvm::CodeGenOptLevel::Default;
   return std::unique_ptr<llvm::TargetMachine>(target->createTargetMachine(
-      llvm::Triple("x86_64-unknown-linux-gnu"), processor.name,
-      processor.features, settings, llvm::Reloc::PIC_, llvm::CodeModel::Small,
-      level, /*JIT=*/true));
+      llvm::Triple(triple), processor.name, processor.features, settings,
+      llvm::Reloc::PIC_, llvm::CodeModel::Small, level, /*JIT=*/true));
 }
 
 static bool isMissing(const llvm::Function &function) {

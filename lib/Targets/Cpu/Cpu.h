@@ -1,4 +1,4 @@
-//===- Cpu.h - x86-64 processors --------------------------------*- C++ -*-===//
+//===- Cpu.h - x86-64 and aarch64 processors --------------------*- C++ -*-===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //

@@ -65,7 +65,8 @@ static bool collect(Value value, SmallVectorImpl<Value> &leaves) {
       return false;
     Value next = open.pop_back_val();
     if (auto op = next.getDefiningOp<Op>())
-      llvm::append_range(open, llvm::reverse(op->getOperands()));
+      for (Value operand : llvm::reverse(op->getOperands()))
+        open.push_back(operand);
     else
       leaves.push_back(next);
   }
