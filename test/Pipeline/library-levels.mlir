@@ -1,6 +1,7 @@
 // Kernels of CPUs call the device library's machine code for the level of their
 // processor and hold none of it.
 //
+// REQUIRES: x86-64
 // RUN: warp-opt %s --warp-emit=asm --warp-options="target=cpu:x86-64-v2" \
 // RUN:   | FileCheck %s -DLEVEL=v1
 // RUN: warp-opt %s --warp-emit=asm --warp-options="target=cpu:haswell" \
