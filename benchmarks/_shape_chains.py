@@ -210,3 +210,32 @@ def elements(data):
     arrays = [data.given(x.astype(np.float32), wp.vec2, True), data.given(corners, wp.vec3i)]
     arrays += [data.real(m, low=1.0), data.real(count)]
     return Case(element_kernel, m, arrays, [data.out(count), data.out((m, 3, 3))], m)
+
+
+@differentiable
+def links_kernel(
+    angle: wp.array2d(dtype=float),
+    axis: wp.array(dtype=wp.vec3),
+    parent: wp.array(dtype=int),
+    pose: wp.array2d(dtype=wp.transform),
+):
+    world = wp.tid()
+    for k in range(axis.shape[0]):
+        local = wp.transform(axis[k], wp.quat_from_axis_angle(axis[k], angle[world, k]))
+        p = parent[k]
+        if p >= 0:
+            local = wp.transform_multiply(pose[world, p], local)
+        pose[world, k] = local
+
+
+@case
+def links(data):
+    """Poses of the links of trees, rows of transforms that later links read."""
+    worlds, n = data.size(1024, 1 << 15), 16
+    axis = data.random.normal(size=(n, 3)).astype(np.float32)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    parent = np.arange(n) // 2 - (np.arange(n) == 0)
+    inputs = [data.real((worlds, n)), data.given(axis, wp.vec3), data.given(parent, int)]
+    return Case(
+        links_kernel, worlds, inputs, [data.out((worlds, n), wp.transform)], worlds * n, "link"
+    )

@@ -262,3 +262,25 @@ def stiff(data):
     n = data.size(2048, 1 << 17)
     arrays = [data.real((n, 3), wp.vec3d), 0.01, 16]
     return Case(stiff_kernel, n, arrays, [data.out(n, wp.vec3d)], n * 16, "step")
+
+
+vec32 = wp.types.vector(32, float)
+
+
+@differentiable
+def window_kernel(x: wp.array(dtype=float), gain: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    a = gain[i]
+    taps = vec32()
+    for j in range(32):
+        taps[j] = a * 0.1 + x[(i + j) % x.shape[0]]
+    for j in range(1, 32):
+        a = a + taps[j] * taps[j - 1] * 0.05
+    y[i] = a
+
+
+@case
+def windows(data):
+    """Products of neighbours in a window, whose gradients overlap from thread to thread."""
+    n = data.size(1 << 16, 1 << 22)
+    return Case(window_kernel, n, [data.real(n), data.real(n)], [data.out(n)], 32 * n, "tap")

@@ -67,6 +67,15 @@ constexpr int64_t stridesOffset(int64_t dim) {
   return offsetof(ArrayDescriptor, strides) + sizeof(int32_t) * dim;
 }
 
+/// An update of lanes, and by how many elements it is beyond the first one of
+/// its window.
+struct WindowUpdate {
+  UpdateLanesOp update;
+  int64_t shift;
+};
+/// Updates that overlap, in order.
+using LaneWindow = llvm::SmallVector<WindowUpdate, 4>;
+
 class ArrayLowering {
 public:
   explicit ArrayLowering(mlir::LLVM::LLVMFuncOp entry);
@@ -180,6 +189,12 @@ private:
   llvm::SmallVector<mlir::Value> loadRun(LoadLanesOp op);
   void updateNeighbours(UpdateLanesOp op);
   void updateApart(UpdateLanesOp op);
+
+  // LowerLaneWindows.cpp
+  void findWindows();
+  mlir::Value isWindow(const LaneWindow &window, mlir::Value start);
+  void updateWindow(const LaneWindow &window);
+
   void storeUnit(const LaneAccess &access, int64_t stride,
                  llvm::ArrayRef<mlir::Value> components);
   void storeScattered(const LaneAccess &access,
@@ -253,6 +268,8 @@ private:
   /// Global variables that hold tables.
   llvm::DenseMap<mlir::Attribute, mlir::LLVM::GlobalOp> tables;
   StagedAccesses staged;
+  /// Windows, under the last of their updates; the others have an empty one.
+  llvm::DenseMap<mlir::Operation *, LaneWindow> windows;
   /// Arrays of what the runtime keeps of geometry.
   llvm::DenseSet<mlir::Operation *> geometry;
   /// For blocks with staged accesses: true if all threads of the warp are

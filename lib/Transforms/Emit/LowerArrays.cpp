@@ -73,6 +73,7 @@ LogicalResult ArrayLowering::run() {
   if (gpu && !debug && !entry->hasAttr(attr::blockThreads) && !isKept &&
       !entry->hasAttr(attr::keepsCalls))
     staged = findStagedAccesses(entry);
+  findWindows();
   SmallVector<Operation *> operations;
   entry.walk<WalkOrder::PreOrder>(
       [&](Operation *op) { operations.push_back(op); });

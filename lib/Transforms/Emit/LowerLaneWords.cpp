@@ -174,6 +174,8 @@ void ArrayLowering::updateEach(const LaneAccess &access, AtomicKind kind,
 }
 
 void ArrayLowering::lowerLanes(UpdateLanesOp op) {
+  if (auto window = windows.find(op); window != windows.end())
+    return window->second.empty() ? void() : updateWindow(window->second);
   if (exclusive && op->hasAttr(attr::neighbours))
     return updateNeighbours(op);
   updateApart(op);
