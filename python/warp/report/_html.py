@@ -6,7 +6,12 @@ import re
 CSS = """
 :root{color-scheme:light dark}
 body{font:15px/1.5 system-ui,sans-serif;max-width:76rem;margin:2rem auto;padding:0 1rem}
-table{border-collapse:collapse;margin:.6rem 0;display:block;overflow-x:auto}
+table{border-collapse:collapse;margin:.6rem 0;display:block;overflow-x:auto;\
+background:linear-gradient(to right,Canvas 30%,transparent),\
+linear-gradient(to left,Canvas 30%,transparent) 100% 0,\
+linear-gradient(to right,#8888,transparent),linear-gradient(to left,#8888,transparent) 100% 0;\
+background-repeat:no-repeat;background-size:32px 100%,32px 100%,10px 100%,10px 100%;\
+background-attachment:local,local,scroll,scroll}
 td,th{padding:.15rem .6rem;border-bottom:1px solid #8886;text-align:left}
 th{cursor:pointer;white-space:nowrap}
 th[aria-sort=ascending]::after{content:" \\2191"}
