@@ -1,8 +1,8 @@
 // RUN: warp-opt %s --verify-roundtrip | FileCheck %s
 // RUN: warp-opt %s --warp-pipeline="to-thread target=sm_90 rank=2 packed=1 non-negative=2 index32=false flat large disjoint debug fast-math deterministic block-dim=64 threads=4 min-blocks=2" | FileCheck %s --check-prefix=ALL
-// RUN: warp-opt %s --warp-pipeline="to-thread target=cpu:x86-64-v3 deterministic ordered lanes=8" | FileCheck %s --check-prefix=V3
+// RUN: %if x86-64 %{ warp-opt %s --warp-pipeline="to-thread target=cpu:x86-64-v3 deterministic ordered lanes=8" | FileCheck %s --check-prefix=V3 %}
 // RUN: warp-opt %s --warp-pipeline="to-thread target=cpu:x86-64-v2" | FileCheck %s --check-prefix=V2
-// RUN: warp-opt %s --warp-pipeline="to-thread target=cpu:znver5" | FileCheck %s --check-prefix=ZEN
+// RUN: %if x86-64 %{ warp-opt %s --warp-pipeline="to-thread target=cpu:znver5" | FileCheck %s --check-prefix=ZEN %}
 // RUN: warp-opt %s --warp-pipeline=to-thread | FileCheck %s --check-prefix=KEPT
 
 // Default values are not printed; a variant that a kernel has stays unless

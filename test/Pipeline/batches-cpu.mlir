@@ -1,3 +1,4 @@
+// REQUIRES: x86-64
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu target=cpu:x86-64-v4" | FileCheck %s
 
 // Sixteen blocks load their systems, one call solves them, sixteen blocks store. The factor stays

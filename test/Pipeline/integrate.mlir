@@ -1,5 +1,5 @@
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=15,target=sm_90 | FileCheck %s --check-prefix=PTX
-// RUN: warp-opt %s --warp-emit=llvm --warp-options=packed=15,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR
+// RUN: %if x86-64 %{ warp-opt %s --warp-emit=llvm --warp-options=packed=15,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR %}
 
 // The loads of each vector are adjacent, all loads come before all stores, and
 // the stores of x come before those of v.

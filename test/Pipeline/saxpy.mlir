@@ -3,8 +3,8 @@
 // RUN: warp-opt %s --warp-pipeline="to-thread packed=3" | warp-opt | FileCheck %s --check-prefix=THREAD
 // RUN: warp-opt %s --warp-pipeline="to-launch packed=3" | FileCheck %s --check-prefix=LAUNCH
 // RUN: warp-opt %s --warp-pipeline="to-llvm packed=3" | FileCheck %s --check-prefix=LLVM
-// RUN: warp-opt %s --warp-emit=llvm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR
-// RUN: warp-opt %s --warp-emit=asm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=ASM
+// RUN: %if x86-64 %{ warp-opt %s --warp-emit=llvm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=IR %}
+// RUN: %if x86-64 %{ warp-opt %s --warp-emit=asm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s --check-prefix=ASM %}
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=3,target=sm_90 | FileCheck %s --check-prefix=PTX
 
 // Every stage of one kernel, front-end IR to machine code.

@@ -1,3 +1,4 @@
+// REQUIRES: x86-64
 // RUN: warp-opt %s --warp-emit=llvm --warp-options=packed=3,target=cpu:skylake-avx512 | FileCheck %s
 // RUN: warp-opt %s --warp-emit=ptx --warp-options=packed=3,target=sm_90 | FileCheck %s --check-prefix=PTX
 

@@ -1,3 +1,4 @@
+// REQUIRES: x86-64
 // RUN: warp-opt %s --warp-pipeline="to-gpu target=cpu:x86-64-v4" | FileCheck %s
 
 // Tiles in shared memory, and arrays that the launch was given, do not

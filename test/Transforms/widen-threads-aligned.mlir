@@ -1,3 +1,4 @@
+// REQUIRES: x86-64
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-launch disjoint target=cpu:x86-64-v4" | FileCheck %s
 // RUN: warp-opt %s --split-input-file --warp-pipeline="to-gpu disjoint target=cpu:x86-64-v4" | FileCheck %s --check-prefix=ENTRY
 

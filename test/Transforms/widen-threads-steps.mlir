@@ -1,3 +1,4 @@
+// REQUIRES: x86-64
 // RUN: warp-opt %s --warp-pipeline="to-launch disjoint target=cpu:x86-64-v4" | FileCheck %s
 // RUN: warp-opt %s --warp-pipeline="to-launch disjoint lanes=1" | FileCheck %s --check-prefix=ALONE
 // RUN: warp-opt %s --warp-pipeline="to-launch disjoint target=sm_90" | FileCheck %s --check-prefix=ALONE
