@@ -13,20 +13,17 @@
 // CHECK: llvm.store {{.*}} : vector<8xf32>
 // CHECK: llvm.intr.masked.load
 // CHECK: llvm.intr.masked.store
-func.func @window(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel} {
+func.func @window(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                  %n: si32) attributes {warp.kernel} {
   %i = warp.tid : si32
-  %n = warp.constant 1000 : si32
   %one = warp.constant 1 : si32
   %two = warp.constant 2 : si32
-  %three = warp.constant 3 : si32
   %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   %i1 = warp.add(%i, %one) : (si32, si32) -> si32
   %i2 = warp.add(%i, %two) : (si32, si32) -> si32
-  %i3 = warp.add(%i, %three) : (si32, si32) -> si32
-  %a = warp.mod(%i1, %n) : (si32, si32) -> si32
-  %b = warp.mod(%i2, %n) : (si32, si32) -> si32
-  %c = warp.mod(%i3, %n) : (si32, si32) -> si32
+  %a = warp.mod(%i, %n) : (si32, si32) -> si32
+  %b = warp.mod(%i1, %n) : (si32, si32) -> si32
+  %c = warp.mod(%i2, %n) : (si32, si32) -> si32
   warp.accumulate %v, %y[%a] : f32, !warp.array<1 x f32>, si32
   warp.accumulate %v, %y[%b] : f32, !warp.array<1 x f32>, si32
   warp.accumulate %v, %y[%c] : f32, !warp.array<1 x f32>, si32
@@ -38,20 +35,17 @@ func.func @window(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 // A load of the array between updates sees those before it.
 // CHECK-LABEL: llvm.func @between(
 // CHECK-NOT: llvm.shufflevector {{.*}} [7, 8, 9, 10, 11, 12, 13, 14]
-func.func @between(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
-    attributes {warp.kernel} {
+func.func @between(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
+                   %n: si32) attributes {warp.kernel} {
   %i = warp.tid : si32
-  %n = warp.constant 1000 : si32
   %one = warp.constant 1 : si32
   %two = warp.constant 2 : si32
-  %three = warp.constant 3 : si32
   %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   %i1 = warp.add(%i, %one) : (si32, si32) -> si32
   %i2 = warp.add(%i, %two) : (si32, si32) -> si32
-  %i3 = warp.add(%i, %three) : (si32, si32) -> si32
-  %a = warp.mod(%i1, %n) : (si32, si32) -> si32
-  %b = warp.mod(%i2, %n) : (si32, si32) -> si32
-  %c = warp.mod(%i3, %n) : (si32, si32) -> si32
+  %a = warp.mod(%i, %n) : (si32, si32) -> si32
+  %b = warp.mod(%i1, %n) : (si32, si32) -> si32
+  %c = warp.mod(%i2, %n) : (si32, si32) -> si32
   warp.accumulate %v, %y[%a] : f32, !warp.array<1 x f32>, si32
   warp.accumulate %v, %y[%b] : f32, !warp.array<1 x f32>, si32
   %w = warp.load %y[%i] : !warp.array<1 x f32>, si32 -> f32

@@ -47,36 +47,59 @@ constexpr size_t fewestUpdates = 3;
 // Finding updates of one window
 //===----------------------------------------------------------------------===//
 
+/// A value without the constants that are added to it, and their sum.
+static std::pair<mlir::Value, int64_t> withoutConstants(mlir::Value value) {
+  int64_t sum = 0;
+  while (auto add = value.getDefiningOp<arith::AddIOp>()) {
+    DenseIntElementsAttr lanes;
+    APInt number;
+    if (matchPattern(add.getRhs(), m_ConstantInt(&number)))
+      sum += number.getSExtValue();
+    else if (matchPattern(add.getRhs(), m_Constant(&lanes)) && lanes.isSplat())
+      sum += lanes.getSplatValue<APInt>().getSExtValue();
+    else
+      break;
+    value = add.getLhs();
+  }
+  return {value, sum};
+}
+
 /// By how much the lanes of `b` are beyond those of `a`, as it looks: both are
 /// computed alike, from numbers that differ.
 static std::optional<int64_t> shiftBetween(mlir::Value a, mlir::Value b,
                                            int depth = 6) {
-  if (a == b)
-    return 0;
-  DenseIntElementsAttr first, second;
-  if (matchPattern(a, m_Constant(&first)) &&
-      matchPattern(b, m_Constant(&second)) &&
-      first.getType() == second.getType() && first.getNumElements() > 0)
-    return (*second.begin() - *first.begin()).getSExtValue();
+  auto [first, more] = withoutConstants(a);
+  auto [second, most] = withoutConstants(b);
+  if (first == second)
+    return most - more;
   APInt one, other;
-  if (matchPattern(a, m_ConstantInt(&one)) &&
-      matchPattern(b, m_ConstantInt(&other)))
-    return (other - one).getSExtValue();
-  Operation *left = a.getDefiningOp(), *right = b.getDefiningOp();
+  if (matchPattern(first, m_ConstantInt(&one)) &&
+      matchPattern(second, m_ConstantInt(&other)))
+    return (other - one).getSExtValue() + most - more;
+  Operation *left = first.getDefiningOp(), *right = second.getDefiningOp();
   if (depth == 0 || !left || !right || left->getName() != right->getName() ||
       left->getNumOperands() != right->getNumOperands() ||
       left->getNumRegions() > 0 || !isMemoryEffectFree(left))
     return std::nullopt;
-  bool isSum = isa<arith::AddIOp>(left);
+  auto partOf = [&](unsigned i) {
+    return shiftBetween(left->getOperand(i), right->getOperand(i), depth - 1);
+  };
   int64_t shift = 0;
-  for (auto [x, y] :
-       llvm::zip_equal(left->getOperands(), right->getOperands())) {
-    std::optional<int64_t> part = shiftBetween(x, y, depth - 1);
-    if (!part || (!isSum && shift != 0 && *part != 0 && *part != shift))
+  // A remainder: the quotients are the same but at a border.
+  auto difference = dyn_cast<arith::SubIOp>(left);
+  bool isSum = isa<arith::AddIOp>(left), isProduct = isa<arith::MulIOp>(left);
+  bool isRemainder =
+      difference && difference.getRhs().getDefiningOp<arith::MulIOp>();
+  for (unsigned i = 0, n = isRemainder ? 1 : left->getNumOperands(); i < n;
+       ++i) {
+    std::optional<int64_t> part = partOf(i);
+    bool mayShift = !isProduct && (!difference || i == 0);
+    if (!part || (*part != 0 && !mayShift) ||
+        (!isSum && shift != 0 && *part != 0 && *part != shift))
       return std::nullopt;
     shift = isSum ? shift + *part : shift == 0 ? *part : shift;
   }
-  return shift;
+  return shift + most - more;
 }
 
 namespace {
