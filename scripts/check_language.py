@@ -2,11 +2,13 @@
 
     check_language.py [FILE ...]
 
-Without arguments every source and document is checked that git tracks or does not ignore. Four
+Without arguments every source and document is checked that git tracks or does not ignore. Five
 rules, each printed as `file:line: rule`:
 
 - No sentence of a comment, docstring or document begins with one of `OPENINGS`: such a clause has
   no subject that a reader could look up.
+- No paragraph of a comment in C++ or tablegen begins with one of `CLAUSES`, for the same reason:
+  `The slot of a handle`, not `Where a handle's slot is`.
 - No title, the first line of a C++ file or a Python module, begins with one of `QUESTIONS`: it is
   the field's term, then the effect.
 - No text contains one of `PRIVATE`, expressions that the field has a standard term for.
@@ -28,6 +30,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 OPENINGS = ("What", "Whether", "Of", "Those")
+CLAUSES = ("Where", "Which")
 QUESTIONS = ("What", "Which", "Where", "How", "Who", "Whether", "Between", "From", "Of", "Those")
 PRIVATE = {
     r"copy engine": "TMA (the copy engine is the unit behind cudaMemcpyAsync)",
@@ -128,6 +131,15 @@ def sentences(lines: Iterator[Comment]) -> Iterator[Comment]:
             ended = line.rstrip().endswith((".", ":", "!", "?", "```"))
 
 
+def paragraphs(lines: Iterator[Comment]) -> Iterator[Comment]:
+    """The first word of each paragraph, with its line. A gap or an empty line ends one."""
+    ended, last = True, -1
+    for number, line in lines:
+        if (ended or number != last + 1) and line.strip():
+            yield number, re.match(r"\W*(\w*)", line)[1]
+        ended, last = not line.strip(), number
+
+
 def title_of(path: str, source: str) -> str:
     """The title in the first line of a C++ file or a Python module."""
     first = source.split("\n", 1)[0]
@@ -147,6 +159,10 @@ def broken_rules(path: str, source: str) -> Iterator[tuple[int, str]]:
     for number, word in sentences(iter(lines)):
         if word in OPENINGS:
             yield number, f"a sentence begins with '{word}'; begin with its subject"
+    if path.endswith((".cpp", ".h", ".td")):
+        for number, word in paragraphs(iter(lines)):
+            if word in CLAUSES:
+                yield number, f"a comment begins with '{word}'; begin with its subject"
     if path.startswith("python/bindings/"):
         # Docstrings are literals; messages begin with a small letter.
         for number, line in enumerate(source.split("\n"), 1):

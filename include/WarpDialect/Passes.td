@@ -238,7 +238,7 @@ def CleanUpAdjoint : WarpPass<"warp-clean-up-adjoint"> {
 def GatherSums : WarpPass<"warp-gather-sums"> {
   let summary = "Take sums over neighbours out of an adjoint, to gather them";
   let description = [{
-    Where the threads of an adjoint add to gradients around their own element,
+    If the threads of an adjoint add to gradients around their own element,
     one more function takes that over: each of its threads collects what others
     would have added to one element, without atomics. It is to run before the
     adjoint, in a launch that is larger by `warp.halo` in each dimension, and
@@ -333,7 +333,7 @@ def VerifyThread : WarpPass<"warp-verify-thread"> {
 def FuseMultiplyAdd : WarpPass<"warp-fuse-multiply-add"> {
   let summary = "Make a product and a sum of it one operation";
   let description = [{
-    Which products are rounded is settled here, before any schedule, so that
+    The products that are rounded are settled here, before any schedule, so that
     scalar code, lanes and debugging launches have the same bits. A product with
     one use is fused with the sum that uses it, the left one of two. Nothing is
     fused that is marked `warp.exact`.
@@ -379,14 +379,14 @@ def PlanUpdates : WarpPass<"warp-plan-updates"> {
     deterministic launch where the kernel sees nothing else of an array. The
     schedule then lists arrays with such sums, and all others that are accessed.
 
-    Where atomics remain on the CPU, and so few threads would share the launch
+    If atomics remain on the CPU, and so few threads would share the launch
     that one thread without atomic instructions is faster, the kernel gets an
     exclusive schedule: it runs on one thread and updates elements plainly. In a
     deterministic launch so does every kernel with atomics whose order would
     show, sums that are exact aside; on a GPU the launch has a single block, of
     one thread if its updates cannot be combined.
 
-    Where all atomics that remain add numbers to arrays, or gradients, that the
+    If all atomics that remain add numbers to arrays, or gradients, that the
     kernel does nothing else to, and arrays are disjoint, the schedule lists those
     arrays: the code runs on several threads if each has copies of them.
 

@@ -22,7 +22,7 @@ namespace tiles {
 class TileLowering;
 } // namespace tiles
 
-/// Which threads read elements of an operand.
+/// The threads that read elements of an operand.
 enum class TileRead {
   /// Any thread, any number of times.
   Any,

@@ -17,7 +17,7 @@ class WarpTilePass<string flag> : Pass<flag, "::mlir::ModuleOp">;
 def MaskThreads : WarpTilePass<"warp-mask-threads"> {
   let summary = "Let threads that have returned take part in what a block does";
   let description = [{
-    Where a branch on what differs between threads is a return from the kernel
+    If a branch on what differs between threads is a return from the kernel
     (`warp.stays` names the side of those that stay), and on a GPU where the last
     block lacks threads (`warp.ragged`): they do nothing by themselves any more,
     and give zero to tiles.

@@ -106,7 +106,7 @@ class Warp_Builtin<string mnemonic, string groupOf, list<string> overloadsOf,
   /// One interval per operand, on which values are checked against a
   /// reference; empty where a test of its own covers the builtin.
   list<string> domain = [];
-  /// Where derivatives are checked against finite differences: an interval per
+  /// The domain on which derivatives are checked against finite differences: an interval per
   /// operand of the first overload, or one for all, for each component.
   list<string> smoothDomain = domain;
 

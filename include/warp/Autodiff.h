@@ -14,7 +14,7 @@
 //             direction, an argument after the others, that is read and written
 //             like it.
 //
-// Which arrays are active, that is have gradients, is decided here and not at
+// The arrays that are active, that is have gradients, are known here and not at
 // run time: there is no code at all for the others. A kernel that needs what
 // the primal's arguments don't tell has hidden arguments; the list says what
 // to pass for them.

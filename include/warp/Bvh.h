@@ -33,7 +33,7 @@ struct BvhReport {
   int depth = 0;
 };
 
-/// Where a hierarchy is on its device, for kernels that refit it.
+/// The addresses of a hierarchy on its device, for kernels that refit it.
 struct HierarchyView {
   uint64_t nodes = 0, blocks = 0;
   int64_t blockCount = 0;
@@ -43,8 +43,8 @@ struct HierarchyView {
   std::vector<int32_t> order, levels;
 };
 
-/// Where the caller has built a hierarchy on its device: nodes and blocks, and
-/// the numbers of groups with the nodes that hold them, or 0.
+/// The addresses of a hierarchy that the caller has built on its device: nodes
+/// and blocks, and the numbers of groups with the nodes that hold them, or 0.
 struct BuiltTree {
   uint64_t nodes, blocks;
   size_t nodeBytes, blockBytes;

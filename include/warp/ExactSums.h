@@ -48,7 +48,7 @@ inline constexpr int termsInBuffer = 256;
 struct SummedArray {
   /// Bits of the floats that are summed; 0 if the launch loads or stores.
   int64_t width = 0;
-  /// Where the array's descriptor lies in the parameter block; whether it is
+  /// The place of the array's descriptor in the parameter block; whether it is
   /// about the gradient there.
   int64_t descriptor = 0;
   int64_t gradient = 0;

@@ -38,7 +38,7 @@ namespace warp {
 
 class GraphTrace;
 
-/// Which threads may meanwhile do what a CUDA capture cannot hold.
+/// The threads that may meanwhile do what a CUDA capture cannot hold.
 enum class CaptureMode { Global = 0, ThreadLocal = 1, Relaxed = 2 };
 
 /// Nodes run in the order of their recording, or behind those alone that they

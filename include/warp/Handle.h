@@ -88,9 +88,9 @@ struct HandleContents {
 
 /// Waits for what may write them. Throws if no object of that handle lives.
 WARP_API HandleContents readHandle(uint64_t id);
-/// Which words are addresses, in ascending order.
+/// The words that are addresses, in ascending order.
 WARP_API std::vector<uint32_t> pointerWords(GeometryKind kind);
-/// Where the words of a handle are, on its device.
+/// The address of the words of a handle, on its device.
 WARP_API uint64_t handleAddress(uint64_t id);
 
 } // namespace warp

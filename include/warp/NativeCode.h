@@ -38,7 +38,7 @@ struct NativeCode {
   /// The text of a message about it: a place in the user's program and its
   /// line, with '%' where the problem comes; empty for the problem alone.
   std::string place;
-  /// Where headers are, for CPUs and for GPUs.
+  /// Folders of headers, for CPUs and for GPUs.
   std::vector<std::string> cpuFolders = {}, gpuFolders = {};
 };
 

@@ -25,7 +25,7 @@ enum class CopyKind : int64_t { sum, min, max };
 
 /// An array, or the gradients of one, that a kernel only updates in one way.
 struct CopiedArray {
-  /// Where the array's descriptor lies in the parameter block; whether it is
+  /// The place of the array's descriptor in the parameter block; whether it is
   /// about the gradient there.
   int64_t descriptor = 0;
   int64_t gradient = 0;

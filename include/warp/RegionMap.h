@@ -2,10 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Which of many regions share memory with a given one? Blocks are found by
-// their range of addresses. Columns of a matrix all have nearly the same
-// range, so blocks that take a small part of each row are found by their place
-// within a row instead.
+// Finds those of many regions that share memory with a given one. Blocks are
+// found by their range of addresses. Columns of a matrix all have nearly the
+// same range, so blocks that take a small part of each row are found by their
+// place within a row instead.
 //
 //===----------------------------------------------------------------------===//
 

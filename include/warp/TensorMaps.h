@@ -21,7 +21,7 @@ inline constexpr size_t tensorMapBytes = 128, tensorMapAlignment = 64;
 
 /// A tensor map that a launch needs.
 struct TensorMap {
-  /// Where the descriptor of the array, of two dimensions, lies in the
+  /// The place of the descriptor of the array, of two dimensions, in the
   /// parameter block, and where the map is to lie.
   int64_t descriptor = 0, place = 0;
   /// Elements of a box, and bytes of one: 2 or 4.

@@ -57,7 +57,7 @@ public:
   int64_t tiles(int32_t *rows, int64_t room) const;
   int64_t voxels(int32_t *rows, int64_t room) const;
   GridFeature feature(int64_t index) const;
-  /// Where the next grid begins in this memory; 0 if this is the last.
+  /// The start of the next grid in this memory; 0 if this is the last.
   size_t next() const;
   void save(const std::string &path, GridCodec codec = GridCodec::None) const;
 

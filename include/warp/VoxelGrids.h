@@ -159,7 +159,7 @@ struct GridInfo {
   VoxelType type = VoxelType::Float;
   /// Voxels have numbers, and only those that are active.
   bool isIndex = false, ofActive = false;
-  /// Which grid of its memory it is, and how many there are.
+  /// Its number among the grids of its memory, and how many there are.
   uint32_t index = 0, count = 1;
   uint64_t size = 0;
   GridTransform transform;
@@ -167,7 +167,7 @@ struct GridInfo {
   GridCounts counts;
   /// Arrays that are stored beside the grid.
   uint32_t features = 0;
-  /// Where leaves begin, their size, and where in it are values of which size.
+  /// The start of leaves, their size, and where in it are values of which size.
   int64_t leavesAt = 0, leafSize = 0, leafTable = 0, valueSize = 0;
 };
 

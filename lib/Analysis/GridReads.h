@@ -15,7 +15,7 @@ namespace warp {
 
 enum class Axis { x, y, z };
 
-/// Where a thread is in the grid of its launch; a lane id has no axis.
+/// The place of a thread in the grid of its launch; a lane id has no axis.
 enum class GridValue { threadId, blockId, blockDim, gridDim, laneId };
 
 struct GridRead {

@@ -75,7 +75,7 @@ private:
 };
 
 /// True if an index can be told not to be negative, in a block if that helps.
-/// Where several questions are asked, ask one ThreadVariance.
+/// For several questions ask one ThreadVariance.
 bool isNonNegative(mlir::Value index, mlir::Block *where);
 
 } // namespace warp

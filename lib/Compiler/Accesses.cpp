@@ -117,7 +117,7 @@ static bool isForNativeCode(warp::PointerOp op) {
   });
 }
 
-/// Where the arrays lie in the parameter block.
+/// Finds the places of the arrays in the parameter block.
 void Summary::locate(func::FuncOp kernel, bool usesGradients) {
   warp::ParameterLayout layout =
       warp::layOutParameters(kernel.getArgumentTypes());

@@ -238,7 +238,7 @@ std::string warp::joinNativePtx(std::string ptx, const std::string &target) {
       begin = end;
       continue;
     }
-    // Where the declaration stood, the definition stands.
+    // The definition takes the place of the declaration.
     std::string body =
         definitionsOf(Registry::get().compiled(name, target), name);
     ptx.replace(begin, end + 1 - begin, body);

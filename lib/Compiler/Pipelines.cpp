@@ -2,9 +2,10 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Which passes run, in which order and why there: for launches, in named phases
-// that end with the pass that verifies them, and for derivatives, in stages.
-// Only warp-bound-calls and warp-inline-pullbacks run passes of their own.
+// The passes that run, in which order and why there: for launches, in named
+// phases that end with the pass that verifies them, and for derivatives, in
+// stages. Only warp-bound-calls and warp-inline-pullbacks run passes of their
+// own.
 //
 //===----------------------------------------------------------------------===//
 

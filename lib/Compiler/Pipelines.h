@@ -27,7 +27,7 @@ namespace warp {
 
 struct AutodiffOptions;
 
-/// Where a module can stop on its way to the LLVM dialect. Each phase ends
+/// The stops of a module on its way to the LLVM dialect. Each phase ends
 /// with the pass that verifies it.
 enum class Phase { Warp, Thread, Launch, Gpu, LLVM };
 

@@ -9,7 +9,7 @@
 
 using namespace warp::geometry;
 
-/// Where a handle's slot is, or one that has nothing.
+/// The slot of a handle, or one that has nothing.
 WARP_GEOMETRY warp_slot(u64 id, i32 kind, u64 *result) {
   const void *slot = slotOf(id, u64(kind));
   const void *none = &noMesh;

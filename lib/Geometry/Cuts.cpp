@@ -29,7 +29,7 @@ Floats centroidOf(Floats box) {
   return low - high;
 }
 
-/// Where the bins of centroids are.
+/// The places of the bins of centroids.
 struct Grid {
   Floats low, scale;
   int bins;
@@ -188,8 +188,8 @@ public:
     Cut cut = findCut(sum, grid);
     if (cut.axis < 0)
       return false;
-    // Where each chunk's primitives go: below from the front, above behind all
-    // that are below.
+    // Destinations of each chunk's primitives: below from the front, above
+    // behind all that are below.
     int64_t below[mostChunks + 1] = {}, above[mostChunks + 1] = {};
     for (int64_t i = 0; i < chunks; ++i) {
       const int32_t *count = bins[i].count[cut.axis];

@@ -49,7 +49,7 @@ struct Float3 {
   float at[3];
 };
 
-/// Where a device finds nodes and blocks.
+/// The nodes and blocks of a tree on a device.
 template <class Block> class DeviceTree {
 public:
   explicit DeviceTree(int device) : device(device) {}
@@ -66,7 +66,7 @@ public:
     return tree;
   }
 
-  /// Where they were described last.
+  /// The nodes that were described last.
   const void *nodesAt(const Hierarchy<Block> &host) const {
     return isHost(device) ? host.nodes().data() : nodes->data();
   }

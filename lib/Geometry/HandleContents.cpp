@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Which words are addresses depends on the kind of the object alone. How far
+// The kind of the object alone decides which words are addresses. How far
 // they reach is in descriptors, in counts beside them, or was said when the
 // words were written.
 //

@@ -54,7 +54,7 @@ void Loader::restorePointers(FileOperation &entry) {
   checkArguments(operation, isLaunch ? operation.kernel->parameterSize() : 0);
   const std::vector<Access> &accesses =
       isLaunch ? module.kernels[entry.kernel].accesses : none;
-  // Where pointers are depends on no pointer.
+  // The places of pointers depend on no pointer.
   std::vector<size_t> slots = slotsOf(operation, accesses);
   if (slots.size() != entry.blocks.size())
     throw damaged("the " + describe(operation) + " lacks a pointer");

@@ -85,7 +85,7 @@ private:
   SavedModule module;
   int device;
   const std::string &origin;
-  /// Where all memory begins before there is any.
+  /// The address at which all memory begins before there is any.
   static constexpr uint64_t nowhere = uint64_t(1) << 47;
   /// The targets of pointers that nothing is reached through.
   uint64_t spare = nowhere;

@@ -65,7 +65,7 @@ bool Saver::addIdArray(IdArray array) {
 }
 
 //===----------------------------------------------------------------------===//
-// Where ids come from
+// Sources of ids
 //===----------------------------------------------------------------------===//
 
 /// Takes over the words of a launch that may be ids by what is known so far.

@@ -220,7 +220,7 @@ public:
   TraceScope(const TraceScope &) = delete;
   TraceScope &operator=(const TraceScope &) = delete;
 
-  /// Where to note the operation; null if nobody wants to know.
+  /// The trace that notes the operation; null if nobody wants to know.
   explicit operator bool() const { return trace != nullptr; }
   GraphTrace *operator->() const { return trace; }
 

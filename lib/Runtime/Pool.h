@@ -122,7 +122,7 @@ private:
 
   std::vector<Stretch> stretches;
   std::vector<Worker> workers;
-  /// Where workers without a CPU of their own may run.
+  /// The CPUs of workers without one of their own.
   cpu_set_t everywhere{};
 };
 

@@ -2,9 +2,9 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where they run, how they wait for jobs and are woken, and the caller's wait
-// for those still inside, with the rescue of one that lost its core. Pool.h
-// tells the whole.
+// The CPUs they run on, how they wait for jobs and are woken, and the caller's
+// wait for those still inside, with the rescue of one that lost its core.
+// Pool.h tells the whole.
 //
 //===----------------------------------------------------------------------===//
 

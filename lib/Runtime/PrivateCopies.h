@@ -58,7 +58,7 @@ private:
     void *data;
     int64_t numbers, width, floating, isUnsigned;
     CopyKind kind;
-    /// Where it begins in the memory of a worker.
+    /// Its start in the memory of a worker.
     size_t offset;
   };
   struct alignas(64) Worker {

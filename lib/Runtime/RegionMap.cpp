@@ -12,7 +12,8 @@ using namespace warp;
 
 namespace {
 
-/// Where a block is looked for: in `pitch`, if that is not 0, by columns.
+/// The place at which a block is looked for: in `pitch`, if that is not 0, by
+/// columns.
 struct Place {
   int64_t pitch;
   uint64_t begin, end;

@@ -27,8 +27,8 @@ struct RunLoop {
   mlir::scf::WhileOp loop;
   /// Positions of place and end among the body's arguments.
   unsigned place = 0, end = 0;
-  /// Which value of the last iteration each argument of the body is when no run
-  /// is sought.
+  /// The value of the last iteration that each argument of the body is when no
+  /// run is sought.
   llvm::SmallVector<unsigned> sources;
 
   mlir::Value next(unsigned argument) {

@@ -11,7 +11,7 @@
 // Borrowing: `dlpack_inspect` tells what is in a capsule and leaves it alone;
 // once Python has found it usable, `dlpack_take` renames the capsule, as the
 // protocol asks, and returns an owner that runs the deleter when it is dropped.
-// Which stream waits for which is decided in Python, before and after.
+// Python decides which stream waits for which, before and after.
 //
 //===----------------------------------------------------------------------===//
 

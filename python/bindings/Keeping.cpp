@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where a tape has to keep something for each launch, the copies are made
+// If a tape has to keep something for each launch, the copies are made
 // here, and adjoints read them in place of the memory.
 //
 //===----------------------------------------------------------------------===//

@@ -70,7 +70,7 @@ public:
   std::shared_ptr<const KnownRegions> regions(const LaunchDim &dim,
                                               const char *params);
 
-  /// Where arrays are among the items of a record: where they are among the
+  /// The places of arrays among the items of a record: where they are among the
   /// arguments, or behind all of these if some are in structs.
   std::vector<size_t> arrays;
   /// Positions of composites and structs among the parameters.

@@ -86,8 +86,8 @@ inline bool isIntact(const VersionObject *version) {
          (!version->pieces || PyList_GET_SIZE(version->pieces) == 0);
 }
 
-/// Where a launch was called: a kernel, a code object and an instruction of it,
-/// or a negative line. Python makes an event of it.
+/// The place of a call of a launch: a kernel, a code object and an instruction
+/// of it, or a negative line. Python makes an event of it.
 struct PlaceObject {
   PyObject base;
   PyObject *kernel, *code;

@@ -220,7 +220,7 @@ public:
       count *= extent;
     return count;
   }
-  /// Which of its own entries a buffer has for an entry of the batch.
+  /// The entry of its own that a buffer has for an entry of the batch.
   int64_t entry(size_t buffer, int64_t index) const {
     int64_t position = 0, step = 1;
     for (size_t i = extents.size(); i-- > 0; index /= extents[i]) {

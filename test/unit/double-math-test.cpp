@@ -71,7 +71,7 @@ struct Unary {
   const char *name;
   double (*ours)(double);
   Extended (*reference)(Extended);
-  /// Where most operands lie.
+  /// The range of most operands.
   double span;
 };
 

@@ -147,7 +147,7 @@ TEST(Volume, RebuildKeepsTheIdAndAsksForRoom) {
 TEST(Volume, FilesOfEveryCodecHoldSeveralGrids) {
   GridBytes first = makeDenseOf<float>(VoxelType::Float);
   GridBytes second = makeDenseOf<int32_t>(VoxelType::Int32);
-  // Which grid it is, and of how many: bytes 24 to 31 of a header.
+  // The number of a grid, and of how many: bytes 24 to 31 of a header.
   const uint32_t numbers[2][2] = {{0, 2}, {1, 2}};
   std::memcpy(first.data() + 24, numbers[0], 8);
   std::memcpy(second.data() + 24, numbers[1], 8);

@@ -58,7 +58,7 @@ template <int n> struct FloatMath {
     return flip(value, (a.quadrant + 1) << 30 & signBit);
   }
 
-  /// Where the quadrant is odd, -1/tangent, of a tangent in two parts.
+  /// In odd quadrants -1/tangent, of a tangent in two parts.
   static F tan(F x) { // [2^-29]
     constexpr f32 c[] = {0x1.555564p-2f, 0x1.110cacp-3f,   0x1.bb015ep-5f,
                          0x1.5b3d32p-6f, 0x1.6a5772p-7f, -0x1.845654p-13f,

@@ -70,7 +70,7 @@ static void countDigits(const Key *keys, int64_t count, Order order, int begin,
   }
 }
 
-/// Where the pairs of each digit begin: one block per pass.
+/// Finds the starts of the pairs of each digit: one block per pass.
 WARP_KERNEL(threads, 1) void sort_starts(uint32_t *counts) {
   counts += block() * digits;
   counts[thread()] = sumBefore(counts[thread()]);
@@ -92,7 +92,7 @@ template <typename Order, typename Value> struct Pass {
   int64_t count;
   Order order;
   int shift, width;
-  /// Where pairs of each digit begin.
+  /// Starts of the pairs of each digit.
   const uint32_t *starts;
   /// The next tile to take, and by tile and digit what was published.
   uint32_t *next;

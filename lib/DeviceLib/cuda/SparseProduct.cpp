@@ -35,13 +35,13 @@ template <typename T> struct Matrix {
   const T *values;
   int rows;
 
-  /// Where the end of a row is in the sequence.
+  /// The end of a row in the sequence.
   int64_t endOf(int row) const {
     return static_cast<int64_t>(offsets[row + 1]) + row;
   }
 };
 
-/// Where rows are to go: alpha * sum + beta * y.
+/// The destination of rows: alpha * sum + beta * y.
 template <typename T> struct Target {
   T *y;
   T alpha, beta;
@@ -234,7 +234,7 @@ static void multiply(const Matrix<T> &matrix, const T *x, Target<T> target,
     column[i] = at < tile.count ? loadOnce(columns + at) : 0;
     product[i] = at < tile.count ? loadOnce(values + at) : T(0);
   }
-  // Where the first row begins in the sequence.
+  // The start of the first row in the sequence.
   int64_t start = int64_t(matrix.offsets[firstRow]) + firstRow;
   for (int i = thread(); i < tile.rows; i += threads)
     tile.setEnd(i, matrix.offsets[firstRow + i + 1] - firstEntry);

@@ -55,7 +55,7 @@ struct Ruler {
   }
 };
 
-/// Where a segment is cut: how many primitives are in bins before the one in
+/// The cut of a segment: how many primitives are in bins before the one in
 /// the middle, and in that.
 struct Cut {
   int bin, less, equal;
@@ -65,7 +65,7 @@ struct Cut {
 struct Before {
   int less, equal;
 
-  /// Where a primitive of a segment goes, in places from its start.
+  /// The new place of a primitive of a segment, from its start.
   int target(int place, int bin, const Cut &cut, int half) const {
     int low = half - cut.less;
     if (bin < cut.bin)

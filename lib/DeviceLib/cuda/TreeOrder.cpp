@@ -100,8 +100,8 @@ void tree_report(const uint32_t *head, int count, float *scale, int *found,
 // Along the curve
 //===----------------------------------------------------------------------===//
 
-/// Where a Hilbert curve through a grid of 2^bits cells along each axis meets a
-/// cell (Skilling, "Programming the Hilbert curve", 2004).
+/// The place on a Hilbert curve through a grid of 2^bits cells along each axis
+/// of a cell (Skilling, "Programming the Hilbert curve", 2004).
 static uint32_t alongCurve(uint32_t (&x)[3], int bits) {
   for (uint32_t q = 1u << (bits - 1); q > 1; q >>= 1) {
     uint32_t p = q - 1;

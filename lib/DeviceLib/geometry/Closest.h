@@ -46,7 +46,8 @@ inline void keep(OnTriangle<V> &best, Mask where, V second, V third,
   best.squared = choose(where, squared, best.squared);
 }
 
-/// Where on the segment from a point in a direction the origin is closest.
+/// The parameter on the segment from a point in a direction at which the origin
+/// is closest.
 template <class V> inline V foot(V toStart, V length2) {
   V t = -toStart / length2;
   // 0 / 0 of a segment without length compares with nothing.

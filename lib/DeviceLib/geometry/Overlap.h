@@ -16,12 +16,12 @@
 
 namespace warp::geometry {
 
-/// Where an iterator is. `level` -1: at `node`, not entered yet.
+/// The position of an iterator. `level` -1: at `node`, not entered yet.
 struct Cursor {
   i32 node, level, block;
   u32 left;
   u64 lowTrail, highTrail;
-  /// Which one of the block was found last.
+  /// The number in the block of the one that was found last.
   int lane = 0;
 
   u32 remaining() const {
@@ -87,7 +87,7 @@ struct RayShape {
     Floats entry;
     return bitsOf(meet(bounds, entry) & (entry < Floats(limit)));
   }
-  /// Where the ray enters boxes, and which it meets at 0 <= t.
+  /// The boxes that the ray meets at 0 <= t, and where it enters them.
   template <class Bounds> Ints meet(const Bounds &bounds, Floats &entry) const {
     entry = Floats(0);
     Floats leave = Floats(infinity);

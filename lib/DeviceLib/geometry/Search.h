@@ -28,7 +28,7 @@ using wide::ClosestSearch;
 using wide::RaySearch;
 #endif
 
-/// Where the closest triangle lies.
+/// The place of the closest triangle.
 struct BlockLane {
   i32 block, lane;
 };

@@ -27,7 +27,7 @@ struct alignas(64) Node {
   Floats low[3], high[3];
   u32 firstNode, firstBlock;
   i32 parent;
-  /// Which children are nodes, and which are blocks.
+  /// Bits of the children that are nodes, and of those that are blocks.
   u8 nodes, blocks;
   u8 unused[50];
 

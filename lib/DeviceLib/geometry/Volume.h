@@ -7,7 +7,7 @@
 // depend on the type of the values alone; the slot has them, so one function
 // serves all types. The host has checked every offset of the buffer.
 //
-// Where leaves are dense the host adds a table of them, so that most voxels are
+// If leaves are dense the host adds a table of them, so that most voxels are
 // found without a walk from the root.
 //
 //===----------------------------------------------------------------------===//
@@ -49,7 +49,7 @@ struct Voxel {
   u32 inLeaf() const { return u32((x & 7) << 6 | (y & 7) << 3 | (z & 7)); }
 };
 
-/// Where a value is, or the leaf that holds it.
+/// The address of a value, or of the leaf that holds it.
 struct VoxelPlace {
   const u8 *at;
   bool isLeaf;
@@ -146,8 +146,8 @@ inline u32 crossedBy(Voxel v) {
          u32((v.z & 7) == 7);
 }
 
-/// Where a value is, in numbers of its kind from the grid's first byte on. The
-/// kernel language reads them (python/warp/_src/geometry/volumes/cells.py).
+/// The place of a value, in numbers of its kind from the grid's first byte on.
+/// The kernel language reads them (python/warp/_src/geometry/volumes/cells.py).
 /// Tables do not know it of all values.
 constexpr u64 unknown = ~u64(0);
 

@@ -17,9 +17,9 @@ namespace {
 template <class T> using FourOf = Vec<T, 4>;
 using Four = FourOf<float>;
 
-/// Where a thread is in its block. Branches that all lanes of a warp take alike
-/// need no second version for lanes that are apart: the assembler sees that of
-/// a warp's number which the first lane gives to the others.
+/// The place of a thread in its block. Branches that all lanes of a warp take
+/// alike need no second version for lanes that are apart: the assembler sees
+/// that of a warp's number which the first lane gives to the others.
 struct Position {
   i32 warp, lane, warps;
 

@@ -91,7 +91,7 @@ template <class T, int rows, bool backwards> struct Substitution {
 
   WARP_INLINE void solve(Shared<T> *side, i32 columns) const {
     T x[rows];
-    // Where a lane has no row, another one writes the first.
+    // For a lane without a row another one writes the first.
 #pragma unroll
     for (int r = 0; r < rows; ++r)
       x[r] = r * warpSize + lane < n ? T(side[own[r] * columns]) : T(0);

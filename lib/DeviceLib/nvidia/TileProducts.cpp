@@ -58,7 +58,7 @@ template <int R, int C, bool aAlong, bool bAlong> struct Blocked {
   WARP_INLINE i32 column(int j) const {
     return bAlong ? x + j * columns : (j / 4 * columns + x) * 4 + j % 4;
   }
-  /// Where the first element of a run is.
+  /// The place of the first element of a run.
   WARP_INLINE i32 runRow(int slot) const { return row(slot / C); }
   WARP_INLINE i32 runColumn(int slot) const { return column(slot % C); }
 };
@@ -74,7 +74,7 @@ struct Along {
   u64 place;
   i32 rows, pitch;
 
-  /// Where four elements begin, `k` a multiple of four. A swizzled factor lies
+  /// The start of four elements, `k` a multiple of four. A swizzled factor lies
   /// at a multiple of what a group of rows repeats after, so that numbers of
   /// chunks are bits of the address.
   WARP_INLINE u32 at(i32 row, i32 k) const {

@@ -13,7 +13,7 @@
 
 #include "../gpu/Tiles.h"
 
-// Where kernels call these functions, sums lie in the thread's memory, and code
+// If kernels call these functions, sums lie in the thread's memory, and code
 // is to be short.
 #ifdef WARP_CALLED
 constexpr bool isCalled = true;

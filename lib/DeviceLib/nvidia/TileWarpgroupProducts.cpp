@@ -148,7 +148,7 @@ WARP_INLINE void multiplyWarpgroups(u64 sums, u64 a, u64 b, i32 m, i32 n,
   auto end = [] {
     asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory");
   };
-  // Where all is known the rest is; in a call instructions follow each other
+  // If all is known the rest is; in a call instructions follow each other
   // like that only without conditions between them.
   begin();
   if (isCalled && holdsForAll(depth == 64)) {

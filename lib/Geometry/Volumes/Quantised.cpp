@@ -39,7 +39,7 @@ struct Link {
 };
 
 constexpr uint32_t fp4 = 13, fpN = 16;
-/// Where FpN keeps its width: the logarithm, in a leaf's flags.
+/// The place of the width of FpN: the logarithm, in a leaf's flags.
 constexpr int widthShift = 5;
 
 /// Replaces the leaves of one grid.

@@ -14,8 +14,8 @@ using namespace warp::geometry;
 
 namespace {
 
-/// Where a tile is in the order of the file: its root, then its place in the
-/// upper node and in the lower one.
+/// The place of a tile in the order of the file: its root, then its place in
+/// the upper node and in the lower one.
 struct Key {
   uint64_t root;
   uint32_t inner, voxel;

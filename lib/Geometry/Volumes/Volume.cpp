@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where leaves are dense a table of them stands beside the grid, by which most
+// If leaves are dense a table of them stands beside the grid, by which most
 // voxels are found without a walk from the root.
 //
 //===----------------------------------------------------------------------===//

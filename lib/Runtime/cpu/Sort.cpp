@@ -284,7 +284,7 @@ template <typename T> static void findRunsOnHost(const Runs &runs) {
   auto isStart = [&](int64_t i) {
     return i == 0 || numbers[i] != numbers[i - 1];
   };
-  // Where the runs of each part go; parts begin where runs may go on.
+  // The places of the runs of each part; parts begin where runs may go on.
   std::vector<int64_t> places(parts);
   ThreadPool::parallelFor(0, parts, 1, [&](int64_t begin, int64_t end) {
     for (int64_t part = begin; part < end; ++part)

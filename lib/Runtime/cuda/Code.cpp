@@ -19,7 +19,7 @@
 using namespace warp;
 
 namespace {
-/// Where the driver writes what is wrong with PTX, as options of a call.
+/// The buffer for what the driver finds wrong with PTX, as options of a call.
 struct Log {
   char text[4096] = {};
   int options[2] = {cuda::jitErrorLogBuffer, cuda::jitErrorLogBufferSizeBytes};

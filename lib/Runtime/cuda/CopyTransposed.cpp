@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where the destination is packed along one dimension and the source along
+// If the destination is packed along one dimension and the source along
 // another, one thread per word wastes most of every memory sector on one side.
 // Here a thread moves a square tile of words whose sides are eight bytes long:
 // it reads rows of the source, exchanges rows and columns by shifts in

@@ -160,7 +160,7 @@ void CudaDevice::sortSegments(const Pairs &pairs, const int32_t *begins,
   // Segments that the kernels so far may have left.
   int64_t left = segments;
   for (const SegmentKernel &kernel : segmentKernels) {
-    // Where most are longer, a later one is the first.
+    // If most are longer, a later one is the first.
     if (!listed && kernel.most < 512 && pairs.count > kernel.most * segments)
       continue;
     int64_t blocks = ceilDivide(left * kernel.lanes, threads);

@@ -195,7 +195,7 @@ Activity::Activity(FunctionOpInterface function, const ArrayLeaves &leaves,
 }
 
 //===----------------------------------------------------------------------===//
-// Where gradients stop
+// Places at which gradients stop
 //===----------------------------------------------------------------------===//
 
 void Activity::findStops(FunctionOpInterface function) {

@@ -27,8 +27,8 @@ namespace warp::autodiff {
 /// Float scalars and composites of them.
 bool hasDerivative(mlir::Type type);
 
-/// Where the gradients of what lies at an address are, 0 if there are none;
-/// null for any other array.
+/// The address of the gradients of what lies at an address, 0 if there are
+/// none; null for any other array.
 mlir::Value gradientAddress(mlir::Value array);
 
 /// Rejects a write there, as it would have to take gradients or leave tangents.

@@ -128,7 +128,7 @@ private:
     return flat;
   }
 
-  /// Where a field lies in the list of its struct: first and count.
+  /// The place of a field in the list of its struct: first and count.
   static std::pair<size_t, size_t> findField(Type type, StringRef name) {
     auto structure = cast<StructType>(type);
     auto before =

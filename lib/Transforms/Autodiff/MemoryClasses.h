@@ -25,7 +25,7 @@ enum class Recovery {
   Impossible,
 };
 
-/// Which threads touch the elements that one thread touches.
+/// The threads that touch the elements which one thread touches.
 enum class Sharing {
   /// No other one.
   Private,

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where values s repeat, the derivative of U diag(x) V^T with x = f(s) holds
+// If values s repeat, the derivative of U diag(x) V^T with x = f(s) holds
 // the divided difference (x_j - x_i) / (s_j - s_i), whose limit is a derivative
 // of f. No cotangent of U, s and V shows it: those of U and V have x_j - x_i,
 // which is zero, and that of s has the derivative of f times entries of the

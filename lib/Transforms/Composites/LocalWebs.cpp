@@ -128,7 +128,7 @@ void warp::LocalWebs::select() {
 }
 
 //===----------------------------------------------------------------------===//
-// Which versions are needed at once
+// Versions that are needed at once
 //===----------------------------------------------------------------------===//
 
 /// True if a value is there when control comes to an operation.

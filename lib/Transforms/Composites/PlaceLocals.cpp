@@ -46,7 +46,7 @@ private:
   Block &entry;
   warp::LocalMemory memory;
   warp::LocalWebs webs;
-  /// Where webs and what was loaded of packed memory lie.
+  /// The memory of webs, and of what was loaded of packed memory.
   llvm::DenseMap<Value, warp::Stored> places;
   llvm::DenseSet<OpOperand *> handedOn;
   SmallVector<Value> tables, loaded;

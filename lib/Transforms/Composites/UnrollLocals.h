@@ -13,7 +13,7 @@ class FunctionOpInterface;
 
 namespace warp {
 
-/// Which composites loops are written out for.
+/// The composites that loops are written out for.
 enum class UnrollFor {
   /// The variables that would be in memory.
   Long,

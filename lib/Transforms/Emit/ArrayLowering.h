@@ -49,7 +49,7 @@ struct ArrayParts {
   llvm::StringRef name;
 };
 
-/// Where an access goes.
+/// The address of an access.
 struct Address {
   mlir::Value pointer;
   /// In a debugging launch: whether every index is within its extent.
@@ -255,7 +255,7 @@ private:
   bool isKept;
   bool exclusive;
   llvm::DenseMap<mlir::Value, ArrayParts> known;
-  /// Where in the parameter block an array's descriptor lies.
+  /// The place in the parameter block of an array's descriptor.
   llvm::DenseMap<mlir::Value, std::pair<mlir::Value, int64_t>> descriptors;
   bool malformed = false;
   llvm::DenseMap<mlir::Value, ArrayType> packedTypes;

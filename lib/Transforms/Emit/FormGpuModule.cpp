@@ -52,7 +52,7 @@ static Value addBuffer(gpu::GPUFuncOp kernel, LLVM::GlobalOp variable) {
   return buffer;
 }
 
-/// Where a buffer begins, as the pointer that its variable had.
+/// The start of a buffer, as the pointer that its variable had.
 static Value getPointer(OpBuilder &b, Location loc, Value buffer, Type type) {
   Value index = memref::ExtractAlignedPointerAsIndexOp::create(b, loc, buffer);
   Value address =

@@ -13,7 +13,7 @@
 
 namespace warp {
 
-/// Where the lanes of an access find their elements.
+/// The elements of the lanes of an access.
 struct ArrayLowering::LaneAccess {
   llvm::SmallVector<Leaf> leaves;
   mlir::Value mask;

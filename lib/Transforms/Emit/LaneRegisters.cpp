@@ -8,7 +8,7 @@
 //
 //     x0 y0 z0 w0 | x1 y1 z1 w1 ...  =>  x0 z0 x1 z1 ...  and  y0 w0 y1 w1 ...
 //
-// Where n is odd, the numbers of a component lie at different places in each
+// If n is odd, the numbers of a component lie at different places in each
 // vector, so blends by constant masks bring them together and one permutation
 // sorts them:
 //

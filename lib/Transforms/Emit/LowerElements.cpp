@@ -4,7 +4,7 @@
 //
 // All loads of one composite are emitted next to each other, and so are its
 // stores; on the GPU this decides how much of the memory's bandwidth is used.
-// Where elements are aligned, LLVM makes one access of up to 16 bytes of them.
+// LLVM makes one access of up to 16 bytes of aligned elements.
 //
 //===----------------------------------------------------------------------===//
 

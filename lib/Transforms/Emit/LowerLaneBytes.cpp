@@ -19,7 +19,7 @@ using namespace warp;
 
 static constexpr int64_t wordSize = 4, byteBits = 8;
 
-/// Where an element ends, from its start on.
+/// The end of an element, from its start on.
 static int64_t endOf(ArrayRef<Leaf> leaves) {
   int64_t end = 0;
   for (const Leaf &leaf : leaves)

@@ -26,7 +26,7 @@ using namespace mlir;
 using namespace warp;
 
 namespace {
-/// Where lane 0 is, or would be, if the places of live lanes follow each other.
+/// The place of lane 0, live or not, if those of live lanes follow each other.
 struct Run {
   mlir::Value first, isOne;
 };

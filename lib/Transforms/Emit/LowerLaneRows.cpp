@@ -102,7 +102,7 @@ static mlir::Value loadRow(OpBuilder &b, Location loc, mlir::Type type,
                                     /*nontemporal=*/UnitAttr());
 }
 
-/// Where rows begin.
+/// The starts of rows.
 static SmallVector<int64_t> rowStarts(int64_t count) {
   SmallVector<int64_t> starts;
   for (int64_t first = 0; first + rowSize <= count; first += rowSize)

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where a thread looks at its neighbours, its index is kept inside of the
+// If a thread looks at its neighbours, its index is kept inside of the
 // array: by a minimum and a maximum, by a remainder, by a choice at the border.
 // Then all but a few vectors of lanes have elements that follow each other.
 // No constant step says so, but it can be asked when the code runs.

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where lanes agree, a branch or loop stays one. Where they do not, short arms
+// A branch or loop on which lanes agree stays one. If they do not, short arms
 // without effects are both computed and results chosen by lane; longer ones run
 // if any lane wants them, under its mask.
 //

@@ -106,7 +106,7 @@ private:
   Values indices;
   /// Memory of the thread with the finished iterations of each loop.
   DenseMap<Operation *, Value> trips;
-  /// Where tests of a block's arguments go: behind the counting of trips.
+  /// The place for tests of a block's arguments: behind the counting of trips.
   DenseMap<Block *, Operation *> starts;
   int64_t number = 0;
 };

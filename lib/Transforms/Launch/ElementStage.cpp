@@ -134,7 +134,7 @@ Value warp::ElementStage::advance(Value base, int64_t words) {
                              LLVM::GEPNoWrapFlags::inbounds);
 }
 
-/// Where memory has word `i` of the share.
+/// The place in memory of word `i` of the share.
 Value warp::ElementStage::inMemory(int64_t i) {
   if (!step)
     return advance(memory, warpSize * i);
@@ -144,7 +144,7 @@ Value warp::ElementStage::inMemory(int64_t i) {
                              ArrayRef<LLVM::GEPArg>(away));
 }
 
-/// Where the slab has word `i` of the share.
+/// The place in the slab of word `i` of the share.
 Value warp::ElementStage::inShare(int64_t i) {
   if (step)
     return advance(share, shareStep * i);

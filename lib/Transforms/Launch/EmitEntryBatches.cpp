@@ -74,7 +74,7 @@ private:
     Value first = warp::BlockMemoryOp::create(b, loc, b.getI64Type(), offset);
     return arith::AddIOp::create(b, loc, first, memory);
   }
-  /// Where a number is kept: an array of one element.
+  /// The place of a number: an array of one element.
   Value placeOf(Value value) {
     Location loc = value.getLoc();
     Type type = value.getType();

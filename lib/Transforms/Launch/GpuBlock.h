@@ -38,8 +38,8 @@ void registerGpuDialect(mlir::DialectRegistry &registry);
 mlir::Value readGrid(mlir::OpBuilder &b, mlir::Location loc, GridValue value,
                      Axis axis = Axis::x);
 
-/// Which lane the operand `lane` of a shuffle means: this one, or one at that
-/// distance from the own.
+/// The lane that the operand `lane` of a shuffle means: this one, or one at
+/// that distance from the own.
 enum class ShuffleMode { index, down, exclusiveOr };
 
 /// A value of 32 or 64 bits of another lane. All lanes of the warp must get

@@ -242,7 +242,7 @@ private:
   void restart(Operation *next);
 
   DenseMap<Operation *, unsigned> positions;
-  /// Where the next load goes; what was in front of it at the beginning has
+  /// The place of the next load; what was in front of it at the beginning has
   /// lower positions than `first`.
   Operation *place = nullptr;
   unsigned first = 0;

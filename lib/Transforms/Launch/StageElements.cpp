@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where neighbouring threads of a GPU access neighbouring elements, those of a
+// If neighbouring threads of a GPU access neighbouring elements, those of a
 // warp are one stretch of memory. But one instruction moves one word of each,
 // and these lie an element apart: a matrix of nine words is loaded by nine
 // instructions that touch every line of the stretch, and stored in pieces of

@@ -95,7 +95,7 @@ private:
   /// Words of the share, and in the slab from one of them to the next where
   /// elements are of rows.
   int64_t shareWords, shareStep = 0;
-  /// Where the thread's share begins in memory, share and element in the slab.
+  /// The start of the thread's share in memory; share and element in the slab.
   mlir::Value memory, share, element;
 };
 

@@ -22,7 +22,7 @@ Scalars lowerQr3(Emitter &, Operands args) {
   auto product = [&](int i, int j) {
     return dot(q[i], a[j]) * scaled.unscale;
   };
-  // Where the first two columns are parallel, the second entry of the diagonal
+  // If the first two columns are parallel, the second entry of the diagonal
   // is the rounding error of zero.
   Scalar middle = product(1, 1);
   Scalars results = getRowMajor(q);

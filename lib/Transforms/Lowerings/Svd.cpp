@@ -48,7 +48,7 @@ Svd3 getSvd3(ArrayRef<Scalar> matrix) {
   Scalars sigma;
   for (int i = 0; i < 3; ++i)
     sigma.push_back(dot(u[i], b[i]) * scaled.unscale);
-  // Where the rank is 1, the second one is the rounding error of zero.
+  // If the rank is 1, the second one is the rounding error of zero.
   sigma[1] = select(sigma[1] < 0, zero, sigma[1]);
   return {u, sigma, v};
 }

@@ -176,7 +176,7 @@ void AccumulatorLowering::limitWindow(Values &window, int64_t axis,
   window.back() = number(1);
 }
 
-/// Where an iteration loads, computed anew with its number.
+/// The offsets at which an iteration loads, computed anew with its number.
 Values AccumulatorLowering::offsetsAt(TileLoadOp load, scf::ForOp loop,
                                       Value iteration, Value *array) {
   IRMapping map;

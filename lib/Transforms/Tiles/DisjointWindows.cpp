@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where block i reads and writes an array within [c i, c i + c) of one axis and
+// If block i reads and writes an array within [c i, c i + c) of one axis and
 // nowhere else, it needs no atomic instructions: the adjoint of a load by
 // blocks that lie side by side adds plainly.
 //

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where an offset, or the array, differs between threads, element e of a tile
+// If an offset, or the array, differs between threads, element e of a tile
 // is loaded from or stored to where thread e mod B says: a loop over elements.
 // If the launch does not have that thread, the element is zero, or dropped.
 //

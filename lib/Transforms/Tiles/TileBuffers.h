@@ -71,7 +71,7 @@ mlir::Value makeZero(mlir::OpBuilder &b, mlir::Location loc, mlir::Type type);
 /// library for whole tiles: on a CPU, where a block is one thread.
 bool callsForTiles(mlir::Operation *op, int64_t threads);
 int64_t getTileBytes(TileType type);
-/// Where each component of what a thread has is in a tile whose last index is
+/// The place of each component that a thread has in a tile whose last index is
 /// the thread's: all indices but that one.
 llvm::SmallVector<llvm::SmallVector<int64_t>> componentsOf(TileType type);
 /// Elements from row to row of a matrix, if that is not its width.

@@ -165,7 +165,7 @@ Value UpdateLowering::updated(TileAtomicOp op, Value value, Value old) {
 /// Elements of a thread that are loaded at a time.
 constexpr int64_t mostLoaded = 8;
 
-/// Where the thread's element of that number lies in the array.
+/// The place in the array of the thread's element of that number.
 Values UpdateLowering::placeOfRound(TileAtomicOp op, Value number) {
   state.round = number;
   Value e = add(mul(state.round, this->number(threads)), thread);

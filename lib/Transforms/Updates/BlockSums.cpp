@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where all threads of a launch add to one element, each keeps its digits in
+// If all threads of a launch add to one element, each keeps its digits in
 // registers, as a window of the weights around those of its first float. At the
 // end the lanes of a warp add digits of the same weight by shuffles, from the
 // lowest weight that one of them has to the highest, and the warps of a block

@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where all threads of a group update one element, each yields what it would
+// If all threads of a group update one element, each yields what it would
 // have added, and the group publishes the combination once, at its end.
 //
 // Partial results of a sum may be combined in any order (`reassoc`), which lets
@@ -77,7 +77,7 @@ void GroupCombiner::combine(warp::AtomicComponentsOp op) {
     kinds.push_back(int32_t(kind));
     types.push_back(type);
   }
-  // Where a group never gets here the array is left alone: it may be null.
+  // A group that never gets here leaves the array alone: it may be null.
   bool isSure = op->getBlock() == thread;
   if (!isSure) {
     auto flag = [&](OpBuilder &b, bool value) -> Value {

@@ -36,7 +36,7 @@ namespace warp {
 
 using namespace mlir;
 
-/// Where the descriptor of an exact update's sums lies.
+/// The place of the descriptor of an exact update's sums.
 static int64_t getDescriptor(Operation *op) {
   return warp::getUpdate(op).getSum();
 }

@@ -12,7 +12,7 @@
 //   even         [ x           y ]         z
 //   odd                        x         [ y           z ]
 //
-// Which of the two it is only selects values and addresses.
+// Its number among the two only selects values and addresses.
 //
 //===----------------------------------------------------------------------===//
 

@@ -27,6 +27,8 @@ def test_repository_keeps_the_rules():
     [
         ("a.cpp", "//===- a.cpp - Whether it is ---===//\n"),
         ("a.cpp", "/// Adds two. What\n/// is left stays.\nint x;\n"),
+        ("a.cpp", "/// Where a slot is.\nint x;\n"),
+        ("a.td", "let description = [{\n  Adds.\n\n  Which one is first.\n}];\n"),
         ("a.py", '"""Of two, the first."""\n'),
         ("a.py", "x = 1  # Those of the block.\n"),
         ("a.py", "# The copy engine moves it.\n"),
@@ -44,6 +46,7 @@ def test_broken_rule_is_found(name, text):
     "name, text",
     [
         ("a.cpp", "/// True if it is. The value\n/// of what is left.\nint What;\n"),
+        ("a.cpp", "/// The slot of a handle. Where it has none,\n/// zero.\nint x;\n"),
         ("a.py", 'x = "What is it?"\n'),
         ("python/bindings/a.cpp", 'm.def("size", size, "True if it is. What", "what is");\n'),
         ("a.md", "```\nWhat is this code\n```\n"),

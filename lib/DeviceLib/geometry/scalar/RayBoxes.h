@@ -23,7 +23,7 @@ public:
   explicit RayBoxes(const Ray &ray) {
 #pragma unroll
     for (int i = 0; i < 3; ++i) {
-      // Where a ray hardly moves, slabs around it last very long.
+      // Slabs around a ray that hardly moves last very long.
       bool isAtRest = __builtin_elementwise_abs(ray.direction[i]) < 0x1p-90f;
       inverse[i] = isAtRest ? 0x1p90f : roughInverse(ray.direction[i]);
       f32 at = lower(upper(-ray.start[i] * inverse[i], -0x1p126f), 0x1p126f);

@@ -67,7 +67,7 @@ public:
   bool leavesThroughFront() const { return weights < 0; }
 
 private:
-  /// Where a thread is that takes up what it left.
+  /// The position of a thread that takes up what it left.
   static constexpr i32 elsewhere = nowhere + 1;
 
   /// Bounds are rounded, and those of ties are to be seen.
@@ -77,7 +77,7 @@ private:
     return nodes + i64(index) * i64(sizeof(Node));
   }
 
-  /// Where to go from a node, or from what was left.
+  /// The next position after a node, or after what was left.
   i32 goOn(i32 at, Rests &rests) {
     i32 to = at < 0 ? nowhere : enter(nodeAt(at), rests);
     if (Rest rest; to == nowhere && rests.take(reach | 7, rest))

@@ -17,7 +17,7 @@ namespace warp::geometry::scalar {
 /// A ray as triangles see it: along the third of its axes.
 struct ShearedRay {
   f32 start[3], shear[3];
-  /// Where components along its axes are in a block, in bytes, of eight bits.
+  /// Offsets in a block of components along its axes, in bytes, of eight bits.
   u32 axes = 0;
 
   ShearedRay() = default;
@@ -30,7 +30,7 @@ struct ShearedRay {
       axes |= u32(from[i]) * sizeof(Floats) << 8 * i;
     }
   }
-  /// Where a component of a corner is in a block.
+  /// The offset in a block of a component of a corner.
   u32 place(int corner, int axis) const {
     return (axes >> 8 * axis & 0xff) + 3 * corner * sizeof(Floats);
   }

@@ -58,7 +58,7 @@ struct Links {
   u32 nodes() const { return u32(words[3]) & 0xff; }
   u32 blocks() const { return u32(words[3]) >> 8 & 0xff; }
   u32 children() const { return nodes() | blocks(); }
-  /// Where a child is: a node, or a block with all bits flipped.
+  /// The number of a child: a node, or a block with all bits flipped.
   i32 follow(u32 child) const {
     bool isBlock = blocks() >> child & 1;
     u32 alike = isBlock ? blocks() : nodes();

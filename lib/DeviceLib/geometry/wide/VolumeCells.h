@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where leaves are dense, the places of a cell's values follow from eight
+// If leaves are dense, the places of a cell's values follow from eight
 // numbers of the table of leaves without a branch: a loop that the compiler
 // makes one of vectors. Other cells are walked from the root.
 //

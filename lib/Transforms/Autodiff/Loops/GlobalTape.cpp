@@ -10,7 +10,7 @@
 //   adjoint  for i in 0 .. trips:        tape[offset + i] = state; advance
 //            for i in trips - 1 .. 0:    state = tape[offset + i]; reverse
 //
-// Where a condition on floats is met a trip later than it was in the count,
+// If a condition on floats is met a trip later than it was in the count,
 // because the two kernels round differently, the count holds.
 //
 // A loop in a loop uses its part of the tape again in each iteration of the

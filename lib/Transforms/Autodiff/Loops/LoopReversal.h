@@ -206,9 +206,9 @@ private:
   /// part in a tape.
   void keepTapesOut();
 
-  /// Which states get cotangents, in the order of the reverse loop's arguments.
+  /// States that get cotangents, in the order of the reverse loop's arguments.
   llvm::SmallVector<unsigned> active;
-  /// Which states it carries backwards, after the cotangents and captures.
+  /// States that it carries backwards, after the cotangents and captures.
   llvm::SmallVector<unsigned> inverted;
   /// Stand for the number of the iteration and for its states while the
   /// reverse loop is built.

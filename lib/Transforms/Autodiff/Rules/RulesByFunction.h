@@ -2,7 +2,7 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Where the record of a builtin says `RuleByFunction`, two functions must exist
+// If the record of a builtin says `RuleByFunction`, two functions must exist
 // in one of the files RulesOf*.cpp. They get what `pullback` and `pushforward`
 // of Rules.h get, and return as much.
 //

@@ -188,7 +188,7 @@ static SmallVector<Value> pullbackSvd(RuleContext &context,
       Expr terms = f.abs(u0) + f.abs(u1) + f.abs(v0) + f.abs(v1);
       Turns turns(f, (u0 - u1) - (v0 - v1), (u0 - u1) + (v0 - v1), terms, s, i,
                   j);
-      // Where it does not, what is there of the even part is rounding errors.
+      // If it does not, what is there of the even part is rounding errors.
       if (!f.doTurnsMatter()) {
         Expr isSame =
             f.areNearlyTheSame(f.get(s, i), f.get(s, j), f.abs(f.get(s, 0)));
