@@ -8,11 +8,11 @@ from warp.report._html import make_page
 
 TITLE = "Comparison of packages"
 NOTES = """
-Times are medians of one run of the program, with the result waited for; *gradient* is a run with
-its derivative. *First* is the first run, which compiles. *Memory* is the growth of the process on
-CPUs, the compiler's included, and of the memory in use on GPUs. *Error* is the norm of the
-difference to NumPy in float64, relative; *gradient error* is that of the derivative along a random
-direction, against central differences in float64. A dash is a program that a package has no
+Times are those of the fastest run of the program, with the result waited for; *gradient* is a run
+with its derivative. *First* is the first run, which compiles. *Memory* is the growth of the
+process on CPUs, the compiler's included, and of the memory in use on GPUs. *Error* is the norm of
+the difference to NumPy in float64, relative; *gradient error* is that of the derivative along a
+random direction, against central differences in float64. A dash is a program that a package has no
 derivative for, or that was not written for it.
 """.strip()
 
