@@ -70,25 +70,26 @@ endfunction()
 # What all of them are compiled against.
 set(prototypes "${PROJECT_BINARY_DIR}/include/DeviceLib/Prototypes.h")
 
+# Functions that become part of a kernel take vectors of 512 bits as values, which
+# Clang does for this triple and level alone; the code that links them sets its own.
+set(warp_bitcode_triple x86_64-unknown-linux-gnu)
 # Atomics are instructions: kernels find no functions of libgcc.
 if(WARP_PROCESSOR STREQUAL "aarch64")
   set(warp_cpu_triple aarch64-unknown-linux-gnu)
   set(warp_cpu_flags -mno-outline-atomics)
   set(warp_cpu_levels v8:armv8-a)
-  set(warp_cpu_values armv8-a)
 else()
   set(warp_cpu_triple x86_64-unknown-linux-gnu)
   set(warp_cpu_flags -mno-red-zone)
   set(warp_object_flags -mprefer-vector-width=512)
   set(warp_cpu_levels v1:x86-64 v3:x86-64-v3 v4:x86-64-v4)
-  set(warp_cpu_values x86-64-v4)
 endif()
 
 function(warp_compile_device_bitcode name)
   cmake_parse_arguments(arg "" "TARGET" "SOURCES;OPTIONS" ${ARGN})
   if(arg_TARGET STREQUAL "cpu")
-    set(triple ${warp_cpu_triple})
-    set(flags -fPIC ${warp_cpu_flags})
+    set(triple ${warp_bitcode_triple})
+    set(flags -fPIC -mno-red-zone)
   elseif(arg_TARGET STREQUAL "nvptx")
     set(triple nvptx64-nvidia-cuda)
     set(flags -DWARP_GPU -nogpulib -Xclang -target-feature -Xclang +ptx80)

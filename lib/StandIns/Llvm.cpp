@@ -135,7 +135,10 @@ FunctionPass *createMIRProfileLoaderPass(std::string, std::string,
                                          IntrusiveRefCntPtr<vfs::FileSystem>) {
   unreachable();
 }
+// The back end of aarch64 has it among its passes.
+#ifndef __aarch64__
 void initializeMachinePipelinerPass(PassRegistry &) {}
+#endif
 } // namespace llvm
 
 //===----------------------------------------------------------------------===//
