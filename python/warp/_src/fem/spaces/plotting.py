@@ -138,7 +138,7 @@ def has_pieces(element, name: str) -> bool:
 
 def pieces_of(basis, name: str):
     """Pieces of all cells by the numbers of their nodes, (pieces, n): triangles, tetrahedra or
-    hexahedra; for "vtk_cells" numbers of nodes, each cell's count first, and a type per cell."""
+    hexahedra. Of "vtk_cells" numbers of nodes, each cell's count first, and a type per cell."""
     kind = None
     if name == "vtk_cells":
         pieces, kind = _vtk(basis.element)
