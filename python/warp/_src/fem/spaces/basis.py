@@ -47,7 +47,7 @@ class BasisRecord:
 
 
 _functions = made_by("spaces.basis_functions", "basis_functions")
-_positions_kernel = made_by("spaces.basis_functions", "positions_kernel")
+_positions_kernel = made_by("spaces.basis_kernels", "positions_kernel")
 
 
 class BasisSpace:

@@ -1,12 +1,11 @@
-"""Functions of kernels of bases - basis functions of a cell or on both sides of a side, and the
-kernel of positions of nodes."""
+"""Functions of kernels of bases - basis functions of a cell or on both sides of a side."""
 
 from types import SimpleNamespace
 
 import warp as wp
 from warp._src.fem.cells.functions import element_functions
 from warp._src.fem.geometry.base import geometry_functions
-from warp._src.fem.types import coords_type, make_free_sample
+from warp._src.fem.types import coords_type
 
 
 def basis_functions(record) -> SimpleNamespace:
@@ -147,24 +146,3 @@ def _on_side(SideArg, TopologyArg, Coords, cell_of, to_coords, to_cell, of_cell,
         return value
 
     return side_weight
-
-
-def positions_kernel(record):
-    """A kernel over cells that writes the positions of their nodes; all cells of a node agree."""
-    geometry = geometry_functions(record.topology.geometry)
-    CellArg, position_of = geometry.CellArg, geometry.cell_position
-    topology, basis = record.topology.functions, record.functions
-    TopologyArg, count_of = topology.TopologyArg, topology.element_node_count
-    index_of, coords_of = topology.element_node_index, basis.node_coords
-    vector = wp.types.vector(
-        length=record.topology.geometry.dimension, dtype=record.topology.geometry.scalar
-    )
-
-    @wp.kernel(enable_backward=False)
-    def fill_positions(cell_arg: CellArg, topo_arg: TopologyArg, out: wp.array(dtype=vector)):
-        cell = wp.tid()
-        for k in range(count_of(cell_arg, topo_arg, cell)):
-            sample = make_free_sample(cell, coords_of(cell_arg, topo_arg, cell, k))
-            out[index_of(cell_arg, topo_arg, cell, k)] = position_of(cell_arg, sample)
-
-    return fill_positions

@@ -158,7 +158,7 @@ def _mark_used(begins: wp.array(dtype=wp.int32), mask: wp.array(dtype=wp.int32))
     mask[node] = wp.where(begins[node + 1] > begins[node], 1, 0)
 
 
-_table_kernel = made_by("spaces.partition_kernels", "table_kernel")
+_table_kernel = made_by("spaces.restriction_kernel", "table_kernel")
 
 
 def make_space_restriction(
