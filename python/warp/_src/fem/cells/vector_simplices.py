@@ -10,15 +10,20 @@ import numpy as np
 from warp._src.fem.cells import simplices
 from warp._src.fem.cells.cell import TRIANGLE
 from warp._src.fem.cells.definitions import Definition, make_layout
-from warp._src.fem.cells.families import monomials, total_degree
+from warp._src.fem.cells.families import monomials
 from warp._src.fem.cells.polynomial import Polynomial, quadrature_1d
 from warp._src.fem.cells.vector_nodes import edge_turns, equal_weights, side_signs
+
+
+def _exponents(dimension, degree):
+    every = itertools.product(range(degree + 1), repeat=dimension)
+    return np.array(sorted((e for e in every if sum(e) <= degree), key=lambda e: (sum(e), e)))
 
 
 @functools.cache
 def _span(dimension, degree, is_curl):
     """Coefficients (functions, axes, monomials) of a basis of the polynomials of an element."""
-    exponents = total_degree(dimension, degree)
+    exponents = _exponents(dimension, degree)
     index = {tuple(e): k for k, e in enumerate(exponents.tolist())}
     made = []
     for e, axis in itertools.product(exponents.tolist(), range(dimension)):

@@ -203,9 +203,12 @@ class Geometry(ElementArguments):
         """Environment of each cell, if cells name theirs."""
         return None
 
-    def side_index_arg_value(self, device=None):
+    @per_device
+    def side_index_arg_value(self, device):
         """Argument of `boundary_side_index`."""
-        return self.side_arg_value(device)
+        arg = self.SideIndexArg()
+        self.fill_side_index_arg(arg, device)
+        return arg
 
     def fill_side_index_arg(self, arg, device) -> None:
         """Fills an argument of `boundary_side_index`."""
@@ -218,12 +221,6 @@ class Geometry(ElementArguments):
     def supports_cell_lookup(self, device=None) -> bool:
         """`lookup` works on a device."""
         return True
-
-    def build_bvh(self, device=None) -> None:
-        """Makes what `lookup` needs; nothing where cells are found by arithmetic."""
-
-    def update_bvh(self, device=None) -> None:
-        """Follows new positions; nothing where there are none."""
 
     def check(self, device=None):
         """Looks for cells that forms cannot be integrated on.

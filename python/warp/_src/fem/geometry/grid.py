@@ -123,6 +123,12 @@ class _Grid(Geometry):
         arg.axis_offsets = [sum(across[:k]) for k in range(self._axes)]
         arg.cell_count = math.prod(self.res)
 
+    def build_bvh(self, device=None) -> None:
+        """Does nothing: grids find cells by arithmetic."""
+
+    def update_bvh(self, device=None) -> None:
+        """Does nothing: grids find cells by arithmetic."""
+
 
 class Grid2D(_Grid):
     """Grid of equal rectangles.

@@ -8,7 +8,7 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget
+from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget, per_device
 from warp._src.fem.geometry.entities import make_entities
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 from warp._src.fem.geometry.shapes import VERTICES
@@ -264,3 +264,8 @@ class Mesh(HasHierarchy, Geometry):
         arg.side_corners = sides.corners.to(device)
         arg.side_cells = sides.cells.to(device)
         arg.boundary = sides.boundary.to(device)
+
+    @per_device
+    def side_index_arg_value(self, device):
+        """Argument of `boundary_side_index`."""
+        return self.side_arg_value(device)

@@ -8,7 +8,7 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget
+from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget, per_device
 from warp._src.fem.geometry.environments import (
     EnvironmentVoxels,
     checked_numbers,
@@ -189,6 +189,17 @@ class SparseGrid(Geometry):
         sides = self._sides
         arg.places, arg.flags, arg.side_cells = sides.places, sides.flags, sides.cells
         arg.boundary, arg.areas = sides.boundary, self._areas
+
+    @per_device
+    def side_index_arg_value(self, device):
+        """Argument of `boundary_side_index`."""
+        return self.side_arg_value(device)
+
+    def build_bvh(self, device=None) -> None:
+        """Does nothing: volumes find cells by themselves."""
+
+    def update_bvh(self, device=None) -> None:
+        """Does nothing: volumes find cells by themselves."""
 
 
 class Nanogrid(SparseGrid):

@@ -88,9 +88,10 @@ class BasisSpace:
     @property
     def value(self):
         """Kind of values, a `ShapeFunction.Value`."""
-        from warp._src.fem.spaces.shapes import value_kind
+        from warp._src.fem.spaces.shapes import Value
 
-        return value_kind(self.element)
+        maps = {"covariant": Value.CovariantVector, "contravariant": Value.ContravariantVector}
+        return maps.get(self.element.map if self.element else "identity", Value.Scalar)
 
     @property
     def weight_type(self) -> type:
@@ -177,11 +178,13 @@ class ShapeBasisSpace(BasisSpace):
             raise AttributeError(f"{type(self).__name__!r} has no {name!r} yet")
         if name == "node_grid":
             return self.topology.node_grid
-        if name in ("node_triangulation", "node_tets", "node_hexes", "vtk_cells"):
+        makers = {"node_triangulation": "triangles", "node_tets": "tets", "node_hexes": "hexes"}
+        if name in makers or name == "vtk_cells":
             from warp._src.fem.spaces import plotting
 
+            made = getattr(plotting, makers.get(name, name))
             if plotting.has_pieces(self.element, name):
-                return functools.partial(plotting.pieces_of, self, name)
+                return functools.partial(made, self)
         raise AttributeError(f"{type(self).__name__!r} of {self.element!r} has no {name!r}")
 
 

@@ -22,12 +22,6 @@ class Value(Enum):
     """Vectors of contravariant spaces."""
 
 
-def value_kind(element: Element | None) -> Value:
-    """Kind of the basis functions of an element."""
-    kinds = {"covariant": Value.CovariantVector, "contravariant": Value.ContravariantVector}
-    return kinds.get(element.map if element else "identity", Value.Scalar)
-
-
 class ShapeFunction:
     """Basis functions of an element.
 
@@ -53,7 +47,8 @@ class ShapeFunction:
     @property
     def value(self) -> Value:
         """Kind of basis functions."""
-        return value_kind(self.element)
+        kinds = {"identity": Value.Scalar, "covariant": Value.CovariantVector}
+        return kinds.get(self.element.map, Value.ContravariantVector)
 
     @property
     def family(self):
