@@ -38,10 +38,8 @@ def _of_element(record):
     TopologyArg = of_topology.TopologyArg
     functions = element_functions(element, real)
     coords_of, weight_of = functions.node_coords, functions.node_weight
-    names = (
-        ("oriented_value", "oriented_gradient") if topology.is_oriented else ("value", "gradient")
-    )
-    weight, weight_gradient = (_in_cell(getattr(functions, n), topology, real) for n in names)
+    make = _oriented if topology.is_oriented else _direct
+    weight, weight_gradient = make(functions, topology, real)
 
     @wp.func
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
@@ -60,20 +58,45 @@ def _of_element(record):
     )
 
 
-def _in_cell(function, topology, real):
-    """A basis function or its gradient in a cell; some depend on the order of its vertices."""
+def _direct(functions, topology, real):
+    """Basis functions that the element alone gives."""
     CellArg = geometry_functions(topology.geometry).CellArg
     TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
-    orientation_of, is_oriented = topology.functions.element_orientation, topology.is_oriented
+    value_of, gradient_of = functions.value, functions.gradient
 
     @wp.func
     def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
-        if wp.static(is_oriented):
-            return function(coords, node, orientation_of(cell_arg, topo_arg, element))
-        else:
-            return function(coords, node)
+        return value_of(coords, node)
 
-    return weight
+    @wp.func
+    def weight_gradient(
+        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
+    ):
+        return gradient_of(coords, node)
+
+    return weight, weight_gradient
+
+
+def _oriented(functions, topology, real):
+    """Basis functions that depend on the order of the cell's vertices."""
+    CellArg = geometry_functions(topology.geometry).CellArg
+    TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
+    value_of, gradient_of = functions.oriented_value, functions.oriented_gradient
+    orientation_of = topology.functions.element_orientation
+
+    @wp.func
+    def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
+        orientation = orientation_of(cell_arg, topo_arg, element)
+        return value_of(coords, node, orientation)
+
+    @wp.func
+    def weight_gradient(
+        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
+    ):
+        orientation = orientation_of(cell_arg, topo_arg, element)
+        return gradient_of(coords, node, orientation)
+
+    return weight, weight_gradient
 
 
 def _trace(record):
