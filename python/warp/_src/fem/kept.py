@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from importlib import import_module
-
 
 def hashed(cls):
     """Decorates a frozen dataclass: its hash is worked out once per instance."""
@@ -19,16 +16,6 @@ def hashed(cls):
 
     cls.__hash__ = kept_hash
     return cls
-
-
-def made_by(module: str, name: str):
-    """A function of `warp._src.fem.<module>`, loaded when it is first called, with kept results."""
-
-    @functools.cache
-    def made(*given):
-        return getattr(import_module(f"warp._src.fem.{module}"), name)(*given)
-
-    return made
 
 
 def record_of(owner):

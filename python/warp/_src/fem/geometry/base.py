@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import typing
 from dataclasses import dataclass, field
-from importlib import import_module
 from types import SimpleNamespace
 
 import warp as wp
@@ -63,9 +62,8 @@ class GeometryRecord:
         return geometry_functions(self)
 
 
-# Modules of functions of kernels by kind of geometry.
-_MAKERS = {"Grid2D": "grid", "Grid3D": "grid", "mesh": "mesh", "deformed": "deformed"}
-_MAKERS |= {"nanogrid": "sparse", "adaptive": "sparse"}
+# Makers of functions of kernels by kind of geometry; modules of geometries add theirs.
+MAKERS: dict = {}
 
 
 @functools.cache
@@ -73,8 +71,7 @@ def geometry_functions(record: GeometryRecord) -> SimpleNamespace:
     """The structs and functions of kernels of a geometry: made once per record."""
     from warp._src.fem.geometry.derived import add_derived
 
-    made_by = f"{_MAKERS[record.kind]}_functions"
-    functions = getattr(import_module(f"warp._src.fem.geometry.{made_by}"), made_by)(record)
+    functions = MAKERS[record.kind](record)
     add_derived(record, functions)
     return functions
 
@@ -115,7 +112,19 @@ class ElementArguments(RecordFunctions):
         return arg
 
 
-class Geometry(ElementArguments):
+class _ByGradient(type):
+    """Gives `Geometry` functions of kernels of a deformation gradient, made when asked for."""
+
+    def __getattr__(cls, name):
+        if name not in ("_element_measure", "_element_normal"):
+            raise AttributeError(f"{cls.__name__!r} has no attribute {name!r}")
+        from warp._src.fem.geometry.derived import element_functions
+
+        Geometry._element_measure, Geometry._element_normal = element_functions()
+        return getattr(Geometry, name)
+
+
+class Geometry(ElementArguments, metaclass=_ByGradient):
     """A set of cells and of the sides between them.
 
     Functions of kernels (`cell_position`, `side_normal`, ...) are attributes. They are those of

@@ -5,8 +5,17 @@ from __future__ import annotations
 import warp as wp
 from warp import extend
 from warp._src.fem.domains import Cells
-from warp._src.fem.geometry.base import Geometry, GeometryRecord
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
+
+
+def _functions(record):
+    from warp._src.fem.geometry.deformed_functions import deformed_functions
+
+    return deformed_functions(record)
+
+
+MAKERS["deformed"] = _functions
 
 
 class DeformedGeometry(HasHierarchy, Geometry):

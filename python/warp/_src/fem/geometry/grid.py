@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 import warp as wp
-from warp._src.fem.geometry.base import Geometry, GeometryRecord
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
 
 
 def _extents(name: str, values, default, dimension: int) -> np.ndarray:
@@ -17,6 +17,15 @@ def _extents(name: str, values, default, dimension: int) -> np.ndarray:
     if values.shape != (dimension,) or not np.isfinite(values).all():
         raise ValueError(f"'{name}' expects {dimension} finite numbers, but got {values.tolist()}")
     return values
+
+
+def _functions(record):
+    from warp._src.fem.geometry.grid_functions import grid_functions
+
+    return grid_functions(record)
+
+
+MAKERS.update(Grid2D=_functions, Grid3D=_functions)
 
 
 @wp.func

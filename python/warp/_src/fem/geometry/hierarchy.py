@@ -5,9 +5,13 @@ import functools
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import forget
-from warp._src.fem.kept import made_by
 
-_bounds_kernel = made_by("geometry.mesh_lookup", "bounds_kernel")
+
+@functools.cache
+def _bounds_kernel(record):
+    from warp._src.fem.geometry.mesh_lookup import bounds_kernel
+
+    return bounds_kernel(record, record.functions)
 
 
 @functools.cache

@@ -8,7 +8,7 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import Geometry, GeometryRecord, forget, per_device
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget, per_device
 from warp._src.fem.geometry.environments import (
     EnvironmentVoxels,
     checked_numbers,
@@ -25,6 +25,15 @@ from warp._src.fem.geometry.sparse_build import (
     shift_places,
     write_corners,
 )
+
+
+def _functions(record):
+    from warp._src.fem.geometry.sparse_functions import sparse_functions
+
+    return sparse_functions(record)
+
+
+MAKERS.update(nanogrid=_functions, adaptive=_functions)
 
 
 class SparseEntities(MeshEntities):

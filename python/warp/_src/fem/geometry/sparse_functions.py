@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.derived import add_listed_environments, add_listed_sides
+from warp._src.fem.geometry.derived import add_listed_environments
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms
 from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
 
@@ -58,7 +58,7 @@ def _structs(record) -> SimpleNamespace:
 def _add_places(f: SimpleNamespace, record) -> None:
     """Adds sizes of cells in fine voxels, and the cell at a place."""
     CellArg, is_adaptive = f.CellArg, record.kind == "adaptive"
-    SideArg = f.SideArg
+    Sample, real, SideArg = sample_type(record.scalar), record.scalar, f.SideArg
 
     @wp.func
     def cell_width(arg: CellArg, cell: int):
@@ -85,8 +85,8 @@ def _add_places(f: SimpleNamespace, record) -> None:
             return wp.volume_lookup_index(arg.grid, p[0], p[1], p[2])
 
     f.cell_width, f.side_width, f.cell_at = cell_width, side_width, cell_at
-    add_listed_environments(f)
-    add_listed_sides(f)
+    f.real_width = real
+    add_listed_environments(f, Sample)
 
 
 def _add_cells(f: SimpleNamespace, record) -> None:
@@ -197,9 +197,31 @@ def _add_sides(f: SimpleNamespace, record) -> None:
         w = real(width(arg, s.element_index))
         return arg.areas[arg.flags[s.element_index] & AXIS] / (arg.cell_arg.volume * w)
 
+    @wp.func
+    def side_inner_cell_index(arg: SideArg, side: int):
+        if side < 0:
+            return -1
+        return arg.side_cells[side][0]
+
+    @wp.func
+    def side_outer_cell_index(arg: SideArg, side: int):
+        if side < 0:
+            return -1
+        return arg.side_cells[side][1]
+
+    @wp.func
+    def boundary_side_index(arg: SideArg, boundary_side: int):
+        return arg.boundary[boundary_side]
+
+    @wp.func
+    def side_to_cell_arg(arg: SideArg):
+        return arg.cell_arg
+
     f.along, f.across = along, across
     f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
     f.side_measure, f.side_measure_ratio = side_measure, side_measure_ratio
+    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
+    f.boundary_side_index, f.side_to_cell_arg = boundary_side_index, side_to_cell_arg
 
 
 def _add_side_coordinates(f: SimpleNamespace, record) -> None:

@@ -10,7 +10,6 @@ import warp as wp
 from warp import extend
 from warp._src.fem.cells.cell import Cell, cell
 from warp._src.fem.cells.element import Element
-from warp._src.fem.kept import made_by
 from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 
 
@@ -46,8 +45,11 @@ class BasisRecord:
         return _functions(self)
 
 
-_functions = made_by("spaces.basis_functions", "basis_functions")
-_positions_kernel = made_by("spaces.basis_kernels", "positions_kernel")
+@functools.cache
+def _functions(record):
+    from warp._src.fem.spaces.basis_functions import basis_functions
+
+    return basis_functions(record)
 
 
 class BasisSpace:
@@ -155,6 +157,13 @@ class BasisSpace:
 
     def __hash__(self) -> int:
         return hash(self.record)
+
+
+@functools.cache
+def _positions_kernel(record):
+    from warp._src.fem.spaces.basis_kernels import positions_kernel
+
+    return positions_kernel(record)
 
 
 class ShapeBasisSpace(BasisSpace):

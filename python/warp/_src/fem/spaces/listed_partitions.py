@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.incidence import find_incidence
 from warp._src.fem.geometry.base import forget
 from warp._src.fem.geometry.partition import WholeGeometryPartition
-from warp._src.fem.kept import made_by
 from warp._src.fem.spaces.node_numbers import SpacePartition
 from warp._src.fem.types import NULL_NODE_INDEX
 
@@ -122,8 +123,18 @@ class NodePartition(ListedPartition):
         return kinds, 5, EXTERIOR
 
 
-_kind_kernels = made_by("spaces.partition_kernels", "kind_kernels")
-_environment_kernel = made_by("spaces.partition_kernels", "environment_kernel")
+@functools.cache
+def _kind_kernels(topology, part):
+    from warp._src.fem.spaces.partition_kernels import kind_kernels
+
+    return kind_kernels(topology, part)
+
+
+@functools.cache
+def _environment_kernel(topology, part):
+    from warp._src.fem.spaces.partition_kernels import environment_kernel
+
+    return environment_kernel(topology, part)
 
 
 @wp.kernel(enable_backward=False)

@@ -1,9 +1,10 @@
 """Space restrictions - the nodes of a space that the elements of a domain have."""
 
+import functools
+
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import PerDevice
-from warp._src.fem.kept import made_by
 from warp._src.fem.spaces.partition import make_space_partition
 
 
@@ -158,7 +159,11 @@ def _mark_used(begins: wp.array(dtype=wp.int32), mask: wp.array(dtype=wp.int32))
     mask[node] = wp.where(begins[node + 1] > begins[node], 1, 0)
 
 
-_table_kernel = made_by("spaces.restriction_kernel", "table_kernel")
+@functools.cache
+def _table_kernel(domain, topology, partition):
+    from warp._src.fem.spaces.restriction_kernel import table_kernel
+
+    return table_kernel(domain, topology, partition)
 
 
 def make_space_restriction(
