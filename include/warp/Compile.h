@@ -133,7 +133,13 @@ struct IdWord {
   /// Its byte in the block, or in an element.
   int64_t offset = 0;
 
-  auto operator<=>(const IdWord &) const = default;
+  bool operator==(const IdWord &other) const {
+    return access == other.access && offset == other.offset;
+  }
+  bool operator<(const IdWord &other) const {
+    return access != other.access ? access < other.access
+                                  : offset < other.offset;
+  }
 };
 
 /// A word that may become the id of geometry: the kernel uses it as one, or
@@ -142,7 +148,12 @@ struct IdFlow {
   IdWord from;
   std::optional<IdWord> to;
 
-  auto operator<=>(const IdFlow &) const = default;
+  bool operator==(const IdFlow &other) const {
+    return from == other.from && to == other.to;
+  }
+  bool operator<(const IdFlow &other) const {
+    return from == other.from ? to < other.to : from < other.from;
+  }
 };
 
 WARP_API std::vector<IdFlow> idFlows(const Module &module);
