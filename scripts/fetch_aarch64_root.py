@@ -3,8 +3,8 @@
     python scripts/fetch_aarch64_root.py build/aarch64-root [--suite sid] [--mirror URL]
 
 The folder becomes a root with the C and C++ libraries, LLVM's archives, Python and NumPy, which
-cmake/aarch64-linux-gnu.cmake reads. Nothing is installed on this system. The suite needs the version
-of LLVM that this machine has.
+cmake/aarch64-linux-gnu.cmake reads. Nothing is installed on this system. The suite needs the
+version of LLVM that this machine has.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def main() -> None:
     for name in ("lib", "bin"):
         if not (root / name).exists():
             (root / name).symlink_to(f"usr/{name}")
-    # Where update-alternatives would have put links.
+    # The links that update-alternatives makes when packages are installed.
     libraries = root / "usr/lib/aarch64-linux-gnu"
     for name in ("blas", "lapack"):
         link = libraries / f"lib{name}.so.3"

@@ -16,7 +16,8 @@ def blocks(page):
     """(heading, text) of the blocks of IR of a page; sketches are marked as no language."""
     heading, found = "", []
     text = (ROOT / "docs" / page).read_text()
-    for match in re.finditer(r"^###? `([^`]*)`|^```mlir\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+    pattern = r"^###? `([^`]*)`|^```mlir\n(.*?)^```"
+    for match in re.finditer(pattern, text, re.DOTALL | re.MULTILINE):
         if match[1]:
             heading = match[1].lstrip("-")
         else:

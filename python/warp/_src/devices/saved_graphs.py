@@ -55,8 +55,8 @@ def capture_save(graph, path, inputs=None, outputs=None, source_fallback=False) 
     """Saves a graph to a file, with the code of its kernels in a folder beside it.
 
     Contents of arrays are those of now. Arrays that share memory still do when the graph is loaded.
-    Geometry whose ids kernels of the graph use is saved, too, and has other ids there; a number that
-    no kernel uses as an id stays, whatever value it has.
+    Geometry whose ids kernels of the graph use is saved, too, and has other ids there; a number
+    that no kernel uses as an id stays, whatever value it has.
 
     Args:
         graph: what was captured with `apic=True`.
