@@ -26,6 +26,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <vector>
 
 namespace warp {
@@ -134,11 +135,10 @@ struct IdWord {
   int64_t offset = 0;
 
   bool operator==(const IdWord &other) const {
-    return access == other.access && offset == other.offset;
+    return std::tie(access, offset) == std::tie(other.access, other.offset);
   }
   bool operator<(const IdWord &other) const {
-    return access != other.access ? access < other.access
-                                  : offset < other.offset;
+    return std::tie(access, offset) < std::tie(other.access, other.offset);
   }
 };
 
@@ -149,10 +149,10 @@ struct IdFlow {
   std::optional<IdWord> to;
 
   bool operator==(const IdFlow &other) const {
-    return from == other.from && to == other.to;
+    return std::tie(from, to) == std::tie(other.from, other.to);
   }
   bool operator<(const IdFlow &other) const {
-    return from == other.from ? to < other.to : from < other.from;
+    return std::tie(from, to) < std::tie(other.from, other.to);
   }
 };
 

@@ -53,19 +53,18 @@ class Search {
 public:
   Search(ModuleOp module, func::FuncOp kernel);
 
-  /// The words that a value of any type may have its words from.
-  void start(Value value);
-  void start(const Place &place) { push(place); }
+  /// Begins at all words of a value of any type, or at one.
+  void pushAll(Value value);
+  void push(const Place &place) {
+    if (seen.insert(place).second)
+      queue.push_back(place);
+  }
+  /// The words that those may be.
   std::vector<warp::IdWord> run();
   /// The words of an array's elements at some bytes of those.
   std::vector<warp::IdWord> elements(Value array, ArrayRef<int64_t> offsets);
 
 private:
-  void push(const Place &place) {
-    if (seen.insert(place).second)
-      queue.push_back(place);
-  }
-  void pushAll(Value value);
   void visit(const Place &place);
   bool visitStruct(const Place &place);
   void visitArgument(const Place &place, BlockArgument argument);
@@ -202,8 +201,6 @@ void Search::visitAccess(const Place &place, Value array) {
 // The search
 //===----------------------------------------------------------------------===//
 
-void Search::start(Value value) { pushAll(value); }
-
 void Search::pushAll(Value value) {
   for (int64_t offset : wordsOf(value.getType()))
     push({value, offset});
@@ -338,7 +335,7 @@ void Search::visitOperands(Operation *op) {
 static void startAtHandles(Search &search, warp::LibraryCallOp call) {
   if (call.getCallee().starts_with(warp::nativeCodePrefix)) {
     for (Value operand : call.getArgs())
-      search.start(operand);
+      search.pushAll(operand);
     return;
   }
   const warp::LibraryFunction *function =
@@ -346,7 +343,7 @@ static void startAtHandles(Search &search, warp::LibraryCallOp call) {
   for (auto [operand, letter] :
        llvm::zip_equal(call.getArgs(), function->operands))
     if (letter == 'h')
-      search.start(operand);
+      search.pushAll(operand);
 }
 
 /// The words of memory that values may be written to, one by one.
@@ -357,7 +354,7 @@ static void addStores(Search &search, Value array, ValueRange written,
       std::vector<warp::IdWord> targets = search.elements(array, {offset});
       if (targets.empty())
         continue;
-      search.start(Place{value, offset});
+      search.push({value, offset});
       for (const warp::IdWord &from : search.run())
         for (const warp::IdWord &to : targets)
           flows.push_back({from, to});

@@ -170,6 +170,18 @@ void Saver::findIds() {
 // Ids in contents
 //===----------------------------------------------------------------------===//
 
+/// Takes the word at a byte, if it is an id; it becomes zero.
+void Saver::takeId(std::string &bytes, uint64_t at, const std::string &where,
+                   std::vector<HandleWord> &words) {
+  uint64_t word;
+  std::memcpy(&word, bytes.data() + at, sizeof word);
+  std::optional<uint32_t> id = handles.find(word, where);
+  if (!id)
+    return;
+  std::memset(bytes.data() + at, 0, sizeof word);
+  words.push_back({at, *id});
+}
+
 /// Ids in the bytes of a range of memory; they become zeros.
 std::vector<HandleWord> Saver::idsIn(const AddressRange &range,
                                      std::string &bytes) {
@@ -183,15 +195,8 @@ std::vector<HandleWord> Saver::idsIn(const AddressRange &range,
     int64_t behind = int64_t(begin - ids.first) % int64_t(ids.step);
     uint64_t place =
         begin + (behind > 0 ? ids.step - behind : uint64_t(-behind));
-    for (; place + sizeof(uint64_t) <= end; place += ids.step) {
-      uint64_t at = place - range.begin, word;
-      std::memcpy(&word, bytes.data() + at, sizeof word);
-      std::optional<uint32_t> id = handles.find(word, ids.where);
-      if (!id)
-        continue;
-      std::memset(bytes.data() + at, 0, sizeof word);
-      words.push_back({at, *id});
-    }
+    for (; place + sizeof(uint64_t) <= end; place += ids.step)
+      takeId(bytes, place - range.begin, ids.where, words);
   }
   return words;
 }
@@ -207,17 +212,9 @@ std::vector<HandleWord> Saver::idsOfFill(size_t number, std::string &pattern) {
     step = stepOf(array, pattern.size());
   }
   std::vector<HandleWord> words;
-  for (uint64_t at = 0; at + sizeof(uint64_t) <= pattern.size(); at += 4) {
-    if (!mayHaveIds(pointers[number][0].range, start + at, step))
-      continue;
-    uint64_t word;
-    std::memcpy(&word, pattern.data() + at, sizeof word);
-    std::optional<uint32_t> id = handles.find(word, describe(operation));
-    if (!id)
-      continue;
-    std::memset(pattern.data() + at, 0, sizeof word);
-    words.push_back({at, *id});
-  }
+  for (uint64_t at = 0; at + sizeof(uint64_t) <= pattern.size(); at += 4)
+    if (mayHaveIds(pointers[number][0].range, start + at, step))
+      takeId(pattern, at, describe(operation), words);
   return words;
 }
 

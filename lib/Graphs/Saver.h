@@ -62,6 +62,8 @@ private:
   uint64_t startOf(uint32_t block) const;
   void readBlocks();
   void addHandles();
+  void takeId(std::string &bytes, uint64_t at, const std::string &where,
+              std::vector<HandleWord> &words);
   std::vector<HandleWord> idsIn(const AddressRange &range, std::string &bytes);
   std::vector<HandleWord> idsOfFill(size_t number, std::string &pattern);
   std::vector<HandleWord> idsOfConstant(size_t number, std::string &constant);

@@ -387,6 +387,9 @@ protected:
     setOrder = reinterpret_cast<void (*)(unsigned)>(
         dlsym(library, "fakeCudaSetGraphOrder"));
     ASSERT_TRUE(setOrder);
+    early = reinterpret_cast<int (*)()>(
+        dlsym(library, "fakeCudaProgrammaticEdges"));
+    ASSERT_TRUE(early);
     setFusesFills(true);
   }
   void TearDown() override {
@@ -417,6 +420,8 @@ protected:
   }
 
   void (*setOrder)(unsigned) = nullptr;
+  /// Programmatic edges of the last graph.
+  int (*early)() = nullptr;
 };
 
 } // namespace
@@ -632,9 +637,6 @@ public:
 // A kernel may start while its only predecessor ends, also one that it was not
 // recorded behind; with several predecessors it comes after their ends.
 TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
-  auto *early = reinterpret_cast<int (*)()>(
-      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
-  ASSERT_TRUE(early);
   Additions add;
   auto fill = [&](Capture &) {
     // Launches of equal extents would be one.
@@ -656,8 +658,6 @@ TEST_F(OrderedGraphs, StartKernelsEarlyBehindOne) {
 // Nothing starts early behind a kernel that stands for fills, nor does it, and
 // nothing waits for a fill that could begin later than the others.
 TEST_F(OrderedGraphs, BeginFillsTogether) {
-  auto *early = reinterpret_cast<int (*)()>(
-      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
   Additions add;
   auto at = [&](int place) {
     return static_cast<char *>(add.memory.data()) + 256 * place;
@@ -756,8 +756,6 @@ TEST_F(OrderedGraphs, WaitForTheEndBesideKernelsOfOthers) {
 // Other predecessors of a kernel move to its latest one, if that waits for
 // several nodes, and the order stays.
 TEST_F(OrderedGraphs, MoveJoins) {
-  auto *early = reinterpret_cast<int (*)()>(
-      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaProgrammaticEdges"));
   RealAdditions add;
   auto fill = [&](Capture &) {
     add.launch(0, 1, 64);

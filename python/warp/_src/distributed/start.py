@@ -127,10 +127,10 @@ _GRACE = 5.0
 
 @contextlib.contextmanager
 def _meeting(rank, timeout):
-    """A block in which ranks of PyTorch come together, or say that they do not.
+    """Bounds the rendezvous of a rank with the other ranks of PyTorch, which may wait without end.
 
     Raises:
-        DistributedError: PyTorch has given up. Where it waits on, the process ends.
+        DistributedError: PyTorch has given up. If it waits on, the process ends with a message.
     """
     named = os.environ.get
     place = f"{named('MASTER_ADDR', '?')}:{named('MASTER_PORT', '?')}"
