@@ -134,6 +134,10 @@ public:
   /// Bits of the widest vectors that do not lower the clock; 0 on SIMT targets.
   virtual int64_t getVectorBits() const { return 0; }
 
+  /// True if C's convention returns the third float of a struct on the stack of
+  /// the x87.
+  virtual bool returnsOnX87() const { return false; }
+
   //===--------------------------------------------------------------------===//
   // Lowering
   //===--------------------------------------------------------------------===//

@@ -86,6 +86,8 @@ CpuTarget::createMachine(const CompileOptions &options) const {
       llvm::Reloc::PIC_, llvm::CodeModel::Small, level, /*JIT=*/true));
 }
 
+bool CpuTarget::returnsOnX87() const { return llvm::Triple(triple).isX86(); }
+
 static bool isMissing(const llvm::Function &function) {
   return function.isDeclaration() && !function.isIntrinsic();
 }

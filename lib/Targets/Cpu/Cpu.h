@@ -22,6 +22,7 @@ public:
 
   bool isSimt() const override { return false; }
   int64_t getVectorBits() const override { return bits; }
+  bool returnsOnX87() const override;
   void declareEntry(mlir::LLVM::LLVMFuncOp entry, int64_t bytes,
                     int64_t alignment) const override;
   std::string getMathFunction(llvm::StringRef name, bool isSingle,

@@ -7,7 +7,7 @@
 // in registers as far as these reach, and GPUs in `.param` space, which their
 // assembler keeps in registers.
 //
-// On CPUs functions with more than two floats as results follow
+// On x86-64 functions with more than two floats as results follow
 // `x86_regcallcc`, which has 16 vector registers for results: C's convention
 // returns the third on the stack of the x87, of which LLVM 22 makes illegal
 // instructions in long code. Others do not, as it has callees save registers.
@@ -26,7 +26,7 @@ using namespace mlir;
 
 static LLVM::CConv conventionFor(Operation *function, TypeRange results) {
   bool isLong = llvm::count_if(results, llvm::IsaPred<FloatType>) > 2;
-  return isLong && !warp::getTarget(function).isSimt()
+  return isLong && warp::getTarget(function).returnsOnX87()
              ? LLVM::CConv::X86_RegCall
              : LLVM::CConv::C;
 }
