@@ -7,6 +7,9 @@ derivative for it, too. Coordinates that are not normalised are those of the fin
 
 A coordinate that is no number has no texel, nor has infinity on an axis that repeats: the result is
 NaN.
+
+Values and derivatives are made of differences of texels, which keep the digits in which neighbours
+differ. Weights give both where texels are so large that differences may overflow.
 """
 
 from warp._src.kernels.function import Function
@@ -23,6 +26,10 @@ from warp._src.types.scalars import float32
 WRAP, CLAMP, MIRROR = 0, 1, 2
 LINEAR = 1
 NAN = float("nan")
+# To subtract less than this from a float32 never overflows: half of the last bit of the largest.
+REMOVABLE = 2.0**103
+# Differences of texels, and theirs, overflow for none whose absolute values have a smaller sum.
+SUBTRACTABLE = 2.0**126
 
 
 def _place(i: int, extent: int, mode: int):
@@ -109,9 +116,24 @@ def _scaled(x: float, extent: int, of_level: int, normalized: bool):
     return wp.where(normalized or extent == of_level, x, x * float(of_level) / float(extent))
 
 
-def _bilinear(a: float, b: float, c: float, d: float, x: float, y: float):
-    """Between four corners; derivatives are made of differences of corners."""
+def _mixed(a: float, b: float, x: float):
+    if wp.abs(a) + wp.abs(b) < SUBTRACTABLE:
+        return a + x * (b - a)
+    return (1.0 - x) * a + x * b
+
+
+def _sheared(a: float, b: float, c: float, d: float, x: float, y: float):
+    """Between four corners, by differences."""
     return a + x * (b - a) + y * ((c - a) + x * ((d - c) - (b - a)))
+
+
+def _weighted(a: float, b: float, c: float, d: float, x: float, y: float):
+    """Between four corners, by weights."""
+    return (1.0 - y) * ((1.0 - x) * a + x * b) + y * ((1.0 - x) * c + x * d)
+
+
+def _size(a: float, b: float, c: float, d: float):
+    return wp.abs(a) + wp.abs(b) + wp.abs(c) + wp.abs(d)
 
 
 def _closest1(t: Texture1D, u: float, c: int, level: int):
@@ -142,7 +164,7 @@ def _linear1(t: Texture1D, u: float, c: int, level: int, zero: float):
     x0, x1, x = between(scaled(u, t.width, w, t.normalized), w, t.address_u, t.normalized)
     a = texel(t.texels, at, 0, x0, w, n, c) - zero
     b = texel(t.texels, at, 0, x1, w, n, c) - zero
-    return a + x * (b - a)
+    return mixed(a, b, x)
 
 
 def _linear2(t: Texture2D, uv: vec2f, c: int, level: int, zero: float):
@@ -150,14 +172,13 @@ def _linear2(t: Texture2D, uv: vec2f, c: int, level: int, zero: float):
     at = start(t.width, t.height, 1, level)
     x0, x1, x = between(scaled(uv[0], t.width, w, t.normalized), w, t.address_u, t.normalized)
     y0, y1, y = between(scaled(uv[1], t.height, h, t.normalized), h, t.address_v, t.normalized)
-    return bilinear(
-        texel(t.texels, at, y0, x0, w, n, c) - zero,
-        texel(t.texels, at, y0, x1, w, n, c) - zero,
-        texel(t.texels, at, y1, x0, w, n, c) - zero,
-        texel(t.texels, at, y1, x1, w, n, c) - zero,
-        x,
-        y,
-    )
+    near0 = texel(t.texels, at, y0, x0, w, n, c) - zero
+    near1 = texel(t.texels, at, y0, x1, w, n, c) - zero
+    far0 = texel(t.texels, at, y1, x0, w, n, c) - zero
+    far1 = texel(t.texels, at, y1, x1, w, n, c) - zero
+    if size(near0, near1, far0, far1) < SUBTRACTABLE:
+        return sheared(near0, near1, far0, far1, x, y)
+    return weighted(near0, near1, far0, far1, x, y)
 
 
 def _linear3(t: Texture3D, uvw: vec3f, c: int, level: int, zero: float):
@@ -175,8 +196,11 @@ def _linear3(t: Texture3D, uvw: vec3f, c: int, level: int, zero: float):
     b1 = texel(t.texels, at, far0, x1, w, n, c) - zero
     c1 = texel(t.texels, at, far1, x0, w, n, c) - zero
     d1 = texel(t.texels, at, far1, x1, w, n, c) - zero
-    step = bilinear(a1 - a0, b1 - b0, c1 - c0, d1 - d0, x, y)
-    return bilinear(a0, b0, c0, d0, x, y) + z * step
+    if size(a0, b0, c0, d0) + size(a1, b1, c1, d1) < SUBTRACTABLE:
+        step = sheared(a1 - a0, b1 - b0, c1 - c0, d1 - d0, x, y)
+        return sheared(a0, b0, c0, d0, x, y) + z * step
+    near, far = weighted(a0, b0, c0, d0, x, y), weighted(a1, b1, c1, d1, x, y)
+    return (1.0 - z) * near + z * far
 
 
 place, position = Function(_place, "place"), Function(_position, "position")
@@ -184,7 +208,9 @@ lost = Function(_lost, "lost")
 nearest, between = Function(_nearest, "nearest"), Function(_between, "between")
 texel, row = Function(_texel, "texel"), Function(_row, "row")
 halved, start = Function(_halved, "halved"), Function(_start, "start")
-scaled, bilinear = Function(_scaled, "scaled"), Function(_bilinear, "bilinear")
+scaled, mixed = Function(_scaled, "scaled"), Function(_mixed, "mixed")
+sheared, weighted = Function(_sheared, "sheared"), Function(_weighted, "weighted")
+size = Function(_size, "size")
 
 
 def _readers(texture, coordinates, closest, linear, placeless):
@@ -217,10 +243,12 @@ def _readers(texture, coordinates, closest, linear, placeless):
         share = place - float(fine)
         # The common part of texels is taken off before levels are compared.
         zero = closest(t, at, c, fine)
-        if t.filter == LINEAR:
-            low = linear(t, at, c, fine, zero)
-            return zero + (low + share * (linear(t, at, c, fine + 1, zero) - low))
-        return zero + share * (closest(t, at, c, fine + 1) - zero)
+        if t.filter != LINEAR:
+            return mixed(zero, closest(t, at, c, fine + 1), share)
+        if not wp.abs(zero) < REMOVABLE:
+            zero = 0.0
+        low, high = linear(t, at, c, fine, zero), linear(t, at, c, fine + 1, zero)
+        return zero + mixed(low, high, share)
 
     return Function(_finest, "finest"), Function(_at_detail, "at_detail")
 
