@@ -215,3 +215,17 @@ def test_integers_beyond_those_of_floats(data, dtype, expected):
 def test_integers_beyond_the_element_type(data, dtype, value):
     with pytest.raises(OverflowError, match=f"{value} does not fit"):
         wp.array(data, dtype=dtype, device="cpu")
+
+
+@pytest.mark.parametrize("dtype", [None, wp.uint64, wp.vec2ul, wp.int8])
+def test_integers_beyond_64_bits(dtype):
+    with pytest.raises(OverflowError, match="18446744073709551616 (does not fit|fits no integer)"):
+        wp.array([[2**64, 1], [2, 3]], dtype=dtype, device="cpu")
+
+
+def test_large_integers_become_floats():
+    given = [2**64 + 2**20, 1, -(2**70)]
+    made = wp.array(given, dtype=wp.float64, device="cpu").numpy()
+    assert made.tolist() == [float(one) for one in given]
+    with pytest.raises(OverflowError, match="an integer of 1025 bits does not fit 'float64'"):
+        wp.array([2**1024], dtype=wp.float64, device="cpu")

@@ -80,9 +80,10 @@ def _rows_of_numbers(data):
 
 
 def _exact(source, data, dtype):
-    """The same, with integers that NumPy has made floats of.
+    """The same, with integers that NumPy has made floats or objects of.
 
-    It does so if some are beyond 2^63 and others are not, and beside floats.
+    It makes floats if some are beyond 2^63 and others are not, and beside floats; objects beyond
+    2^64.
 
     Raises:
         OverflowError: an integer does not fit the element type.
@@ -90,6 +91,8 @@ def _exact(source, data, dtype):
     import numpy
 
     scalar = getattr(dtype, "_wp_scalar_type_", dtype)
+    if source.dtype == object:
+        return _of_large_integers(source, scalar)
     if source.dtype != numpy.float64 or not _is_integer(scalar):
         return source
     if not (numpy.abs(source) >= 2.0**53).any():
@@ -103,6 +106,28 @@ def _exact(source, data, dtype):
             source = source.astype(scalar._numpy_name_)
         source[whole] = leaves[whole]
     return source
+
+
+def _of_large_integers(source, scalar):
+    """Numbers of Python, of which some are beyond 64 bits, as floats; other objects as they are."""
+    import numpy
+
+    numbers = [one for one in source.flat if isinstance(one, (int, float, numpy.number))]
+    if len(numbers) != source.size:
+        return source
+    integers = numpy.array([one for one in numbers if not isinstance(one, (float, numpy.floating))])
+    if _is_integer(scalar):
+        _check_range(integers, scalar)
+    elif scalar is None:
+        largest = max(integers, key=abs)
+        raise errors.WarpOverflowError(f"{largest} fits no integer type; pass 'dtype=wp.float64'")
+    try:
+        return source.astype(numpy.float64)
+    except OverflowError:
+        largest = max(map(int, integers), key=abs)
+        raise errors.WarpOverflowError(
+            f"an integer of {largest.bit_length()} bits does not fit '{scalar.__name__}'"
+        ) from None
 
 
 def _in_range(source, dtype):
