@@ -1,7 +1,7 @@
 // RUN: warp-opt %s --split-input-file --warp-differentiate-kernel=mode=winners --canonicalize --cse | FileCheck %s
 
 // The second launch writes nothing but the tangent of the thread that finds its
-// value and claims the element first.
+// value, or NaN as its value is, and claims the element first.
 // CHECK-LABEL: @largest_tangent(
 // CHECK-SAME: %[[X:[^ :]*]]: !warp.array<1 x f32>, %[[Y:[^ :]*]]: !warp.array<1 x f32>,
 // CHECK-SAME: %[[DX:[^ :]*]]: !warp.array<1 x f32> {{{[^}]*}}kind = tangent, leaf = 0
@@ -11,7 +11,10 @@
 // CHECK: %[[T:.*]] = warp.load %[[DX]]
 // CHECK: %[[L:.*]] = warp.load %[[Y]]
 // CHECK: %[[E:.*]] = warp.eq(%[[L]], %[[V]])
-// CHECK: scf.if %[[E]] {
+// CHECK: %[[VN:.*]] = warp.isnan(%[[V]])
+// CHECK: %[[LN:.*]] = warp.isnan(%[[L]])
+// CHECK: %[[W:.*]] = warp.where(%[[VN]], %[[LN]], %[[E]])
+// CHECK: scf.if %[[W]] {
 // CHECK: %[[B:.*]] = warp.atomic exch %{{.*}}, %[[C]]
 // CHECK: %[[F:.*]] = warp.eq(%[[B]],
 // CHECK: scf.if %[[F]] {

@@ -119,10 +119,14 @@ func.func @claim(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>,
 
 // -----
 
-// The thread whose value is the smallest one takes the gradient.
+// The thread whose value is the smallest one takes the gradient; where NaN is
+// left, a thread with NaN.
 // CHECK-LABEL: func.func @smallest_adjoint
 // CHECK: %[[LEFT:.*]] = warp.load %arg1
-// CHECK: %[[WINS:.*]] = warp.eq(%[[LEFT]], %{{.*}})
+// CHECK: %[[SAME:.*]] = warp.eq(%[[LEFT]], %[[VALUE:.*]]) :
+// CHECK: %[[FROM:.*]] = warp.isnan(%[[VALUE]])
+// CHECK: %[[TO:.*]] = warp.isnan(%[[LEFT]])
+// CHECK: %[[WINS:.*]] = warp.where(%[[FROM]], %[[TO]], %[[SAME]])
 // CHECK: scf.if %[[WINS]]
 // CHECK: warp.atomic exch
 // CHECK: warp.accumulate

@@ -209,16 +209,13 @@ LogicalResult ForwardBuilder::assignWinner(AccessOp op) {
   Value array = values.lookup(op.getArray());
   Value value = values.lookup(updating);
   SmallVector<Value> indices = lookup(op.getIndices());
-  auto isEqual = [&](Value a, Value b) {
-    return createBuiltin(builder, loc, "eq", {a, b})->getResult(0);
-  };
   auto open = [&](Value condition) {
     auto branch = scf::IfOp::create(builder, loc, condition, false);
     builder.setInsertionPointToStart(branch.thenBlock());
   };
   OpBuilder::InsertionGuard guard(builder);
   Value left = LoadOp::create(builder, loc, type, array, indices);
-  open(isEqual(left, value));
+  open(isLeft(builder, loc, left, value));
   Value claim = claimsOf(op.getArray());
   Type integer = cast<ArrayType>(claim.getType()).getElementType();
   auto number = [&](int64_t n) -> Value {
@@ -227,7 +224,7 @@ LogicalResult ForwardBuilder::assignWinner(AccessOp op) {
   };
   Value before = AtomicOp::create(builder, loc, integer, AtomicKind::exch,
                                   number(1), claim, indices);
-  open(isEqual(before, number(0)));
+  open(createBuiltin(builder, loc, "eq", {before, number(0)})->getResult(0));
   for (TangentMap &tangents : directions)
     StoreOp::create(builder, loc, getTangentOrZero(updating, tangents),
                     tangents.lookup(op.getArray()), indices);

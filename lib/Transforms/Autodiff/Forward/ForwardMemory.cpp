@@ -123,12 +123,16 @@ LogicalResult ForwardBuilder::runUpdate(AccessOp op, Operation *clone,
   ValueRange indices = cast<AccessOp>(clone).getIndices();
   Value before = LoadOp::create(builder, loc, type, twin, indices);
   tangents[op.getRead().front()] = before;
+  auto builtin = [&](StringRef name, ValueRange operands) {
+    return createBuiltin(builder, loc, name, operands)->getResult(0);
+  };
+  Value added = clone->getOperand(0), old = clone->getResult(0);
   Value replaces =
-      createBuiltin(builder, loc, kind == AtomicKind::min ? "lt" : "gt",
-                    {clone->getOperand(0), clone->getResult(0)})
-          ->getResult(0);
-  Value kept = createBuiltin(builder, loc, "where", {replaces, tangent, before})
-                   ->getResult(0);
+      builtin(kind == AtomicKind::min ? "lt" : "gt", {added, old});
+  if (isa<FloatType>(added.getType()))
+    replaces = builtin("where", {builtin("isnan", old),
+                                 builtin("eq", {added, added}), replaces});
+  Value kept = builtin("where", {replaces, tangent, before});
   StoreOp::create(builder, loc, kept, twin, indices);
   return success();
 }

@@ -21,8 +21,7 @@ namespace warp::autodiff {
 static Value takeIfEqual(OpBuilder &builder, Location loc, Value left,
                          Value value, Value gradient, ValueRange indices) {
   Type type = cast<ArrayType>(gradient.getType()).getElementType();
-  Value wins =
-      createBuiltin(builder, loc, EqOp::getSpec(), {left, value})->getResult(0);
+  Value wins = isLeft(builder, loc, left, value);
   auto branch = scf::IfOp::create(builder, loc, TypeRange(type), wins, true);
   OpBuilder::InsertionGuard guard(builder);
   builder.setInsertionPointToStart(branch.thenBlock());

@@ -248,6 +248,17 @@ Value zero(OpBuilder &builder, Location loc, Type type) {
       builder, loc, cast<TypedAttr>(builder.getIntegerAttr(type, 0)));
 }
 
+Value isLeft(OpBuilder &builder, Location loc, Value left, Value value) {
+  auto builtin = [&](StringRef name, ValueRange operands) {
+    return createBuiltin(builder, loc, name, operands)->getResult(0);
+  };
+  Value isEqual = builtin("eq", {left, value});
+  if (!isa<FloatType>(value.getType()))
+    return isEqual;
+  return builtin("where", {builtin("isnan", value), builtin("isnan", left),
+                           isEqual});
+}
+
 Value add(OpBuilder &builder, Location loc, Value a, Value b) {
   if (!a || !b)
     return a ? a : b;

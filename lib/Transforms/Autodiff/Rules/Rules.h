@@ -84,6 +84,11 @@ mlir::Type differentialType(mlir::Type type);
 /// The zero of a scalar or composite type.
 mlir::Value zero(mlir::OpBuilder &builder, mlir::Location loc, mlir::Type type);
 
+/// True if an atomic minimum or maximum may have left the scalar `value` as
+/// `left`: both are equal, or NaN, which is left where nothing else was.
+mlir::Value isLeft(mlir::OpBuilder &builder, mlir::Location loc,
+                   mlir::Value left, mlir::Value value);
+
 /// A scalar constant.
 mlir::Value constant(mlir::OpBuilder &builder, mlir::Location loc,
                      mlir::FloatType type, double number);
