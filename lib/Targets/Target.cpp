@@ -76,7 +76,14 @@ mlir::Value TargetInfo::emitActiveMax(OpBuilder &, Location,
                                       mlir::Value) const {
   llvm_unreachable("the target has no such instruction");
 }
-void TargetInfo::emitSubgroupBarrier(OpBuilder &, Location) const {
+mlir::Value TargetInfo::emitActiveLanes(OpBuilder &, Location) const {
+  llvm_unreachable("the target has no subgroups");
+}
+mlir::Value TargetInfo::emitAgree(OpBuilder &, Location, mlir::Value,
+                                  mlir::Value) const {
+  llvm_unreachable("the target has no subgroups");
+}
+void TargetInfo::emitSubgroupBarrier(OpBuilder &, Location, mlir::Value) const {
   llvm_unreachable("the target has no subgroups");
 }
 mlir::Value TargetInfo::emitBlockAny(OpBuilder &, Location, mlir::Value) const {

@@ -159,9 +159,16 @@ public:
   /// The largest unsigned i32 of the lanes that are here (SubgroupMax).
   virtual mlir::Value emitActiveMax(mlir::OpBuilder &b, mlir::Location loc,
                                     mlir::Value value) const;
-  /// Waits for the lanes of a full subgroup, and their accesses to memory.
-  virtual void emitSubgroupBarrier(mlir::OpBuilder &b,
-                                   mlir::Location loc) const;
+  /// A bit for each lane that is here.
+  virtual mlir::Value emitActiveLanes(mlir::OpBuilder &b,
+                                      mlir::Location loc) const;
+  /// True if a value of 64 bits is the same in all of `lanes`, which are here.
+  virtual mlir::Value emitAgree(mlir::OpBuilder &b, mlir::Location loc,
+                                mlir::Value value, mlir::Value lanes) const;
+  /// Waits for `lanes`, or, without, for those of a full subgroup, and their
+  /// accesses to memory.
+  virtual void emitSubgroupBarrier(mlir::OpBuilder &b, mlir::Location loc,
+                                   mlir::Value lanes) const;
   /// True if a condition holds in any thread of the block; waits for all.
   virtual mlir::Value emitBlockAny(mlir::OpBuilder &b, mlir::Location loc,
                                    mlir::Value condition) const;

@@ -10,8 +10,9 @@
 // NONE-NOT: activemask
 
 // A whole warp loads neighbouring words, a line apart in one thread, and
-// exchanges them in its slab; so it stores. Otherwise each thread accesses its
-// own element.
+// exchanges them in its slab; so it stores. Threads of a warp that lacks some
+// wait for each other alone and share the words between them; few threads
+// access their own elements.
 // CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<9216 x i8>
 // CHECK-LABEL: llvm.func @both(
 // CHECK-SAME: nvvm.kernel
@@ -25,6 +26,18 @@
 // CHECK-COUNT-9: llvm.store {{.*}} : f32, !llvm.ptr<3>
 // CHECK: "llvm.nvvm.bar.warp.sync"
 // CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<3> -> f32
+// CHECK: "llvm.nvvm.bar.warp.sync"
+// CHECK: llvm.br
+// CHECK: %[[HERE:.*]] = llvm.call_intrinsic "llvm.nvvm.activemask"
+// CHECK: llvm.cond_br
+// CHECK: "llvm.nvvm.bar.warp.sync"(%[[HERE]])
+// CHECK: llvm.select
+// CHECK-COUNT-3: llvm.load {{.*}} : !llvm.ptr<1> -> f32
+// CHECK-COUNT-3: llvm.store {{.*}} : f32, !llvm.ptr<3>
+// CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
+// CHECK: llvm.store {{.*}} : f32, !llvm.ptr<3>
+// CHECK: "llvm.nvvm.bar.warp.sync"(%[[HERE]])
+// CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<3> -> f32
 // CHECK: llvm.br
 // CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-NOT: activemask
@@ -34,6 +47,11 @@
 // CHECK: "llvm.nvvm.bar.warp.sync"
 // CHECK-COUNT-9: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK: "llvm.nvvm.bar.warp.sync"
+// CHECK: %[[NOW:.*]] = llvm.call_intrinsic "llvm.nvvm.activemask"
+// CHECK-COUNT-9: llvm.store {{.*}} : f32, !llvm.ptr<3>
+// CHECK: "llvm.nvvm.bar.warp.sync"(%[[NOW]])
+// CHECK-COUNT-4: llvm.store {{.*}} : f32, !llvm.ptr<1>
+// CHECK: "llvm.nvvm.bar.warp.sync"(%[[NOW]])
 // CHECK-COUNT-9: llvm.store {{.*}} : f32, !llvm.ptr<1>
 // CHECK-NOT: llvm.store
 !m = !warp.mat<3x3 x f32>
@@ -55,6 +73,7 @@ func.func @both(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !m>)
 // CHECK-SAME: nvvm.kernel
 // CHECK-COUNT-3: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK: "llvm.nvvm.activemask"
+// CHECK: llvm.cond_br %[[WHOLE:[0-9]+]],
 // CHECK: "llvm.nvvm.bar.warp.sync"
 // CHECK-COUNT-18: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-COUNT-9: llvm.store {{.*}} : f32, !llvm.ptr<3>
@@ -64,6 +83,7 @@ func.func @both(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !m>)
 // CHECK-COUNT-9: llvm.store {{.*}} : f32, !llvm.ptr<3>
 // CHECK: "llvm.nvvm.bar.warp.sync"
 // CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<3> -> f32
+// CHECK: llvm.cond_br %[[WHOLE]]
 // CHECK: "llvm.nvvm.bar.warp.sync"
 // CHECK-NOT: llvm.store {{.*}} : f32, !llvm.ptr<3>
 // CHECK-COUNT-9: llvm.store %{{.*}} : f32, !llvm.ptr<1>
@@ -93,12 +113,13 @@ func.func @together(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !m>,
 // -----
 
 // Sixteen words would begin at two banks; a word of padding per 32 keeps the
-// elements of a warp apart. There is no memory for 32 warps.
+// elements of a warp apart, and a slot has seventeen. There is no memory for 32
+// warps.
 // BLOCK-LABEL: llvm.func @padded(
 // BLOCK-SAME: nvvm.kernel
 // BLOCK-NOT: activemask
 // BLOCK: llvm.return
-// CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<16896 x i8>
+// CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<17408 x i8>
 // CHECK-LABEL: llvm.func @padded(
 // CHECK-SAME: nvvm.kernel
 // CHECK: %[[SLOT:.*]] = llvm.getelementptr {{.*}} -> !llvm.ptr<3>, f32
@@ -148,7 +169,8 @@ func.func @full(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !l>,
 // -----
 
 // Threads of a row follow each other along the last dimension, if warps do not
-// hold parts of several rows.
+// hold parts of several rows; elsewhere they compare addresses, those that are
+// there where some are missing.
 // GRID-LABEL: llvm.func @rows(
 // GRID-SAME: nvvm.kernel
 // GRID: %[[WIDTH:.*]] = nvvm.read.ptx.sreg.ntid.x
@@ -159,7 +181,10 @@ func.func @full(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !l>,
 // GRID: llvm.cond_br %[[KNOWN]]
 // GRID: nvvm.shfl.sync
 // GRID: "llvm.nvvm.vote.all.sync"
-// GRID-COUNT-2: "llvm.nvvm.bar.warp.sync"
+// GRID-COUNT-3: "llvm.nvvm.bar.warp.sync"
+// GRID: %[[HERE:.*]] = llvm.call_intrinsic "llvm.nvvm.activemask"
+// GRID: "llvm.nvvm.match.all.sync.i64p"(%[[HERE]],
+// GRID-COUNT-2: "llvm.nvvm.bar.warp.sync"(%[[HERE]])
 // GRID-NOT: "llvm.nvvm.bar.warp.sync"
 !m = !warp.mat<3x3 x f32>
 func.func @rows(%x: !warp.array<2 x !m>, %y: !warp.array<2 x !m>)

@@ -83,7 +83,25 @@ Value AmdTarget::emitVoteAll(OpBuilder &b, Location loc,
   return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, lanes, all);
 }
 
-void AmdTarget::emitSubgroupBarrier(OpBuilder &b, Location loc) const {
+Value AmdTarget::emitActiveLanes(OpBuilder &b, Location loc) const {
+  Value yes = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
+  return emitBallot(b, loc, yes);
+}
+
+Value AmdTarget::emitAgree(OpBuilder &b, Location loc, Value value,
+                           Value) const {
+  Value first =
+      call(b, loc, b.getI64Type(), "llvm.amdgcn.readfirstlane.i64", value);
+  Value differs =
+      arith::CmpIOp::create(b, loc, arith::CmpIPredicate::ne, value, first);
+  Value lanes = emitBallot(b, loc, differs);
+  Value none =
+      arith::ConstantOp::create(b, loc, b.getIntegerAttr(lanes.getType(), 0));
+  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, lanes, none);
+}
+
+/// Lanes of a wavefront go through code together.
+void AmdTarget::emitSubgroupBarrier(OpBuilder &b, Location loc, Value) const {
   synchronize(b, loc, "wavefront", "llvm.amdgcn.wave.barrier");
 }
 

@@ -53,9 +53,8 @@ void NvidiaTarget::declareEntry(LLVM::LLVMFuncOp entry, int64_t bytes,
 //===----------------------------------------------------------------------===//
 
 Value NvidiaTarget::emitIsFull(OpBuilder &b, Location loc) const {
-  Value active = call(b, loc, b.getI32Type(), "llvm.nvvm.activemask", {});
-  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, active,
-                               constant(b, loc, -1));
+  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq,
+                               emitActiveLanes(b, loc), constant(b, loc, -1));
 }
 
 Value NvidiaTarget::emitVoteAll(OpBuilder &b, Location loc,
@@ -72,15 +71,29 @@ Value NvidiaTarget::emitBallot(OpBuilder &b, Location loc,
 
 Value NvidiaTarget::emitActiveMax(OpBuilder &b, Location loc,
                                   Value value) const {
-  Value active = call(b, loc, b.getI32Type(), "llvm.nvvm.activemask", {});
   return call(b, loc, b.getI32Type(), "llvm.nvvm.redux.sync.umax",
-              {value, active});
+              {value, emitActiveLanes(b, loc)});
 }
 
-void NvidiaTarget::emitSubgroupBarrier(OpBuilder &b, Location loc) const {
-  LLVM::CallIntrinsicOp::create(b, loc,
-                                b.getStringAttr("llvm.nvvm.bar.warp.sync"),
-                                ValueRange(constant(b, loc, -1)));
+Value NvidiaTarget::emitActiveLanes(OpBuilder &b, Location loc) const {
+  return call(b, loc, b.getI32Type(), "llvm.nvvm.activemask", {});
+}
+
+Value NvidiaTarget::emitAgree(OpBuilder &b, Location loc, Value value,
+                              Value lanes) const {
+  Type pair = LLVM::LLVMStructType::getLiteral(b.getContext(),
+                                               {b.getI32Type(), b.getI1Type()});
+  Value both =
+      call(b, loc, pair, "llvm.nvvm.match.all.sync.i64p", {lanes, value});
+  return LLVM::ExtractValueOp::create(b, loc, both, 1);
+}
+
+void NvidiaTarget::emitSubgroupBarrier(OpBuilder &b, Location loc,
+                                       Value lanes) const {
+  if (!lanes)
+    lanes = constant(b, loc, -1);
+  LLVM::CallIntrinsicOp::create(
+      b, loc, b.getStringAttr("llvm.nvvm.bar.warp.sync"), ValueRange(lanes));
 }
 
 Value NvidiaTarget::emitBlockAny(OpBuilder &b, Location loc,

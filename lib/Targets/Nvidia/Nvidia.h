@@ -28,8 +28,12 @@ public:
                          mlir::Value condition) const override;
   mlir::Value emitActiveMax(mlir::OpBuilder &b, mlir::Location loc,
                             mlir::Value value) const override;
-  void emitSubgroupBarrier(mlir::OpBuilder &b,
-                           mlir::Location loc) const override;
+  mlir::Value emitActiveLanes(mlir::OpBuilder &b,
+                              mlir::Location loc) const override;
+  mlir::Value emitAgree(mlir::OpBuilder &b, mlir::Location loc,
+                        mlir::Value value, mlir::Value lanes) const override;
+  void emitSubgroupBarrier(mlir::OpBuilder &b, mlir::Location loc,
+                           mlir::Value lanes) const override;
   mlir::Value emitBlockAny(mlir::OpBuilder &b, mlir::Location loc,
                            mlir::Value condition) const override;
   mlir::Value emitRsqrt(mlir::OpBuilder &b, mlir::Location loc, mlir::Value x,

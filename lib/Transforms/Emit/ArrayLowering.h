@@ -153,11 +153,18 @@ private:
           mlir::TypeRange types,
           llvm::function_ref<llvm::SmallVector<mlir::Value>()> body);
 
-  // ElementStage.cpp: accesses of whole warps.
+  // ElementStage.cpp: accesses of warps.
   mlir::Value isWhole(mlir::Operation *access, mlir::ValueRange pointers,
                       llvm::ArrayRef<mlir::Type> elements);
   mlir::Value isWholeOfRows(mlir::Operation *access, mlir::ValueRange indices);
   mlir::Value rowBytes(mlir::Operation *access, mlir::Value array);
+  using Staged = llvm::function_ref<llvm::SmallVector<mlir::Value>()>;
+  using PartStaged =
+      llvm::function_ref<llvm::SmallVector<mlir::Value>(const LaneGroup &)>;
+  mlir::ValueRange stage(mlir::Value isWhole, mlir::TypeRange types,
+                         mlir::ValueRange pointers,
+                         llvm::ArrayRef<mlir::Type> elements, Staged whole,
+                         PartStaged part, Staged alone);
   void lowerStaged(llvm::ArrayRef<LoadComponentsOp> group);
   void lowerStaged(StoreComponentsOp op);
 

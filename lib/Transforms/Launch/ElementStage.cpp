@@ -39,11 +39,20 @@ Value warp::isWholeWarp(OpBuilder &b, Location loc,
   return whole;
 }
 
+Value warp::beginOfRow(OpBuilder &b, Location loc, const StagedAccesses &staged,
+                       Value pointer, int64_t size) {
+  Type i64 = b.getI64Type();
+  Value place = LLVM::PtrToIntOp::create(b, loc, i64, pointer);
+  Value lane = arith::ExtUIOp::create(b, loc, i64, staged.lane);
+  Value bytes = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(size));
+  return arith::SubIOp::create(b, loc, place,
+                               arith::MulIOp::create(b, loc, lane, bytes));
+}
+
 Value warp::areStretches(OpBuilder &b, Location loc,
                          const StagedAccesses &staged, ValueRange pointers,
                          ArrayRef<int64_t> sizes) {
-  Type i1 = b.getI1Type(), i64 = b.getI64Type();
-  auto branch = scf::IfOp::create(b, loc, i1, isFullWarp(b, loc),
+  auto branch = scf::IfOp::create(b, loc, b.getI1Type(), isFullWarp(b, loc),
                                   /*withElseRegion=*/true);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(branch.elseBlock());
@@ -51,13 +60,9 @@ Value warp::areStretches(OpBuilder &b, Location loc,
   scf::YieldOp::create(b, loc, no);
   b.setInsertionPointToStart(branch.thenBlock());
   Value zero = arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(0));
-  Value lane = arith::ExtUIOp::create(b, loc, i64, staged.lane);
   Value follow = arith::ConstantOp::create(b, loc, b.getBoolAttr(true));
   for (auto [pointer, size] : llvm::zip_equal(pointers, sizes)) {
-    Value place = LLVM::PtrToIntOp::create(b, loc, i64, pointer);
-    Value bytes = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(size));
-    Value start = arith::SubIOp::create(
-        b, loc, place, arith::MulIOp::create(b, loc, lane, bytes));
+    Value start = beginOfRow(b, loc, staged, pointer, size);
     Value first = shuffle(b, loc, ShuffleMode::index, start, zero);
     Value same =
         arith::CmpIOp::create(b, loc, arith::CmpIPredicate::eq, start, first);
@@ -233,6 +238,40 @@ static SmallVector<warp::Leaf> getLeaves(Type element) {
   return leaves;
 }
 
+/// Runs `whole` where all threads of the warp are there, `part` where most are,
+/// and `alone` elsewhere; all give values of these types. Without `part` warps
+/// are whole, or alone.
+ValueRange warp::ArrayLowering::stage(Value isWhole, TypeRange types,
+                                      ValueRange pointers,
+                                      ArrayRef<Type> elements, Staged whole,
+                                      PartStaged part, Staged alone) {
+  auto branch = scf::IfOp::create(b, loc, types, isWhole, /*addThenBlock=*/true,
+                                  /*addElseBlock=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  auto yield = [&](Block *block, Staged values) {
+    OpBuilder::InsertionGuard guard(b);
+    b.setInsertionPointToStart(block);
+    SmallVector<Value> results = values();
+    scf::YieldOp::create(b, loc, results);
+  };
+  yield(branch.thenBlock(), whole);
+  if (!part) {
+    yield(branch.elseBlock(), alone);
+    return branch.getResults();
+  }
+  yield(branch.elseBlock(), [&]() -> SmallVector<Value> {
+    LaneGroup group = findGroup(b, loc, staged);
+    SmallVector<int64_t> sizes(llvm::map_range(elements, getByteSize));
+    Value dense = isDense(b, loc, staged, group, pointers, sizes);
+    auto inner = scf::IfOp::create(b, loc, types, dense, /*addThenBlock=*/true,
+                                   /*addElseBlock=*/true);
+    yield(inner.thenBlock(), [&] { return part(group); });
+    yield(inner.elseBlock(), alone);
+    return inner.getResults();
+  });
+  return branch.getResults();
+}
+
 /// Loads of a group, as one conditional whose results are all components.
 void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
   if (group.empty())
@@ -245,37 +284,45 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
     pointers.push_back(address(op.getArray(), op.getIndices()).pointer);
     rows.push_back(rowBytes(op, op.getArray()));
   }
-  LoadComponentsOp first = group.front();
-  Value whole = rows.front() ? isWholeOfRows(first, first.getIndices())
-                             : isWhole(first, pointers, elements);
-  auto branch = scf::IfOp::create(b, loc, types, whole, /*addThenBlock=*/true,
-                                  /*addElseBlock=*/true);
-  OpBuilder::InsertionGuard insertion(b);
-  b.setInsertionPointToStart(branch.thenBlock());
-  synchronizeWarp(b, loc);
-  SmallVector<ElementStage> stages;
-  SmallVector<SmallVector<Value>> shares;
-  for (auto [element, pointer, row] :
-       llvm::zip_equal(elements, pointers, rows)) {
-    stages.emplace_back(b, loc, staged, element, pointer, row);
-    shares.push_back(stages.back().loadShare());
-  }
-  SmallVector<Value> loaded;
-  for (auto [i, share] : llvm::enumerate(shares)) {
-    if (i > 0)
+  auto whole = [&] {
+    synchronizeWarp(b, loc);
+    SmallVector<ElementStage> stages;
+    SmallVector<SmallVector<Value>> shares;
+    for (auto [element, pointer, row] :
+         llvm::zip_equal(elements, pointers, rows)) {
+      stages.emplace_back(b, loc, staged, element, pointer, row);
+      shares.push_back(stages.back().loadShare());
+    }
+    SmallVector<Value> loaded;
+    for (auto [i, share] : llvm::enumerate(shares)) {
+      if (i > 0)
+        synchronizeWarp(b, loc);
+      llvm::append_range(loaded, stages[i].shareToElement(share));
+    }
+    if (staged.slotBytes)
       synchronizeWarp(b, loc);
-    llvm::append_range(loaded, stages[i].shareToElement(share));
-  }
-  scf::YieldOp::create(b, loc, loaded);
-
-  b.setInsertionPointToStart(branch.elseBlock());
-  loaded.clear();
-  for (auto [element, pointer] : llvm::zip_equal(elements, pointers))
-    for (Leaf leaf : getLeaves(element))
-      loaded.push_back(loadLeaf(leaf.type, advance(pointer, leaf.offset)));
-  scf::YieldOp::create(b, loc, loaded);
-
-  ValueRange results = branch.getResults();
+    return loaded;
+  };
+  auto part = [&](const LaneGroup &lanes) {
+    SmallVector<Value> loaded;
+    for (auto [element, pointer] : llvm::zip_equal(elements, pointers))
+      llvm::append_range(
+          loaded, PartialStage(b, loc, staged, lanes, element, pointer).load());
+    return loaded;
+  };
+  auto alone = [&] {
+    SmallVector<Value> loaded;
+    for (auto [element, pointer] : llvm::zip_equal(elements, pointers))
+      for (Leaf leaf : getLeaves(element))
+        loaded.push_back(loadLeaf(leaf.type, advance(pointer, leaf.offset)));
+    return loaded;
+  };
+  LoadComponentsOp first = group.front();
+  bool areOfRows = rows.front() != nullptr;
+  Value isAll = areOfRows ? isWholeOfRows(first, first.getIndices())
+                          : isWhole(first, pointers, elements);
+  ValueRange results = stage(isAll, types, pointers, elements, whole,
+                             areOfRows ? PartStaged() : part, alone);
   for (LoadComponentsOp op : group) {
     op.replaceAllUsesWith(results.take_front(op.getNumResults()));
     results = results.drop_front(op.getNumResults());
@@ -297,23 +344,32 @@ void warp::ArrayLowering::lowerStaged(StoreComponentsOp op) {
   Type type = elementType(op.getArray());
   Value pointer = address(op.getArray(), op.getIndices()).pointer;
   Value row = rowBytes(op, op.getArray());
-  Value whole =
-      row ? isWholeOfRows(op, op.getIndices()) : isWhole(op, pointer, type);
-  auto branch = scf::IfOp::create(b, loc, whole, /*withElseRegion=*/true);
-  OpBuilder::InsertionGuard insertion(b);
-  b.setInsertionPointToStart(branch.thenBlock());
-  synchronizeWarp(b, loc);
-  ElementStage stage(b, loc, staged, type, pointer, row);
   SmallVector<Value> words(op.getComponents());
-  if (!isOneConstant(words))
-    words = stage.elementToShare(words);
-  else
-    words.resize(stage.getShareWords(), words.front());
-  stage.storeShare(words);
-  synchronizeWarp(b, loc);
-
-  b.setInsertionPointToStart(branch.elseBlock());
-  for (auto [leaf, value] :
-       llvm::zip_equal(getLeaves(type), op.getComponents()))
-    storeLeaf(value, leaf.type, advance(pointer, leaf.offset));
+  bool isConstant = isOneConstant(words);
+  auto whole = [&] {
+    synchronizeWarp(b, loc);
+    ElementStage stage(b, loc, staged, type, pointer, row);
+    if (isConstant)
+      words.resize(stage.getShareWords(), words.front());
+    stage.storeShare(isConstant ? words : stage.elementToShare(words));
+    synchronizeWarp(b, loc);
+    return SmallVector<Value>();
+  };
+  auto part = [&](const LaneGroup &lanes) {
+    PartialStage stage(b, loc, staged, lanes, type, pointer);
+    if (isConstant)
+      stage.fill(words.front());
+    else
+      stage.store(words);
+    return SmallVector<Value>();
+  };
+  auto alone = [&] {
+    for (auto [leaf, value] :
+         llvm::zip_equal(getLeaves(type), op.getComponents()))
+      storeLeaf(value, leaf.type, advance(pointer, leaf.offset));
+    return SmallVector<Value>();
+  };
+  Value isAll =
+      row ? isWholeOfRows(op, op.getIndices()) : isWhole(op, pointer, type);
+  stage(isAll, {}, pointer, type, whole, row ? PartStaged() : part, alone);
 }

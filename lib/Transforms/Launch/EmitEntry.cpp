@@ -147,9 +147,10 @@ void EntryBuilder::lowerGroupOps() {
   entry.walk([&](Operation *op) {
     b.setInsertionPoint(op);
     if (isa<warp::BarrierOp>(op)) {
-      if (gpu)
-        (isWarp ? warp::synchronizeWarp : warp::synchronizeBlock)(b,
-                                                                  op->getLoc());
+      if (gpu && isWarp)
+        warp::synchronizeWarp(b, op->getLoc());
+      else if (gpu)
+        warp::synchronizeBlock(b, op->getLoc());
       op->erase();
     } else if (isa<warp::ThreadNumberOp>(op)) {
       replace(op, number(op->getLoc()));

@@ -316,8 +316,17 @@ Value warp::holdsAnywhere(OpBuilder &b, Location loc, Value condition) {
   return targetAt(b).emitBlockAny(b, loc, condition);
 }
 
-void warp::synchronizeWarp(OpBuilder &b, Location loc) {
-  targetAt(b).emitSubgroupBarrier(b, loc);
+Value warp::activeLanes(OpBuilder &b, Location loc) {
+  return targetAt(b).emitActiveLanes(b, loc);
+}
+
+Value warp::agreesInLanes(OpBuilder &b, Location loc, Value value,
+                          Value lanes) {
+  return targetAt(b).emitAgree(b, loc, value, lanes);
+}
+
+void warp::synchronizeWarp(OpBuilder &b, Location loc, Value lanes) {
+  targetAt(b).emitSubgroupBarrier(b, loc, lanes);
 }
 
 //===----------------------------------------------------------------------===//

@@ -116,8 +116,17 @@ mlir::Value mostInWarp(mlir::OpBuilder &b, mlir::Location loc,
 mlir::Value holdsAnywhere(mlir::OpBuilder &b, mlir::Location loc,
                           mlir::Value condition);
 
-/// Waits for the lanes of a full warp, and what they did to memory.
-void synchronizeWarp(mlir::OpBuilder &b, mlir::Location loc);
+/// A bit for each lane of the warp that gets here together with this one.
+mlir::Value activeLanes(mlir::OpBuilder &b, mlir::Location loc);
+
+/// True if a value of 64 bits is the same in all of `lanes`, which are here.
+mlir::Value agreesInLanes(mlir::OpBuilder &b, mlir::Location loc,
+                          mlir::Value value, mlir::Value lanes);
+
+/// Waits for the lanes of a full warp, or for `lanes`, and what they did to
+/// memory.
+void synchronizeWarp(mlir::OpBuilder &b, mlir::Location loc,
+                     mlir::Value lanes = {});
 
 //===----------------------------------------------------------------------===//
 // Memory of a block

@@ -15,11 +15,18 @@
 //
 // This takes 32 threads whose elements follow each other. That indices do in a
 // row of the launch is known here; that all threads are there is asked where
-// the access is, and otherwise (the last warp of a launch, a branch that some
-// take) each accesses its own element. The answer holds for the rest of a block
-// of the IR. Where blocks have whole rows, a warp may have threads of several:
-// there it compares addresses. A loop would access the same element again and
-// again, which the cache is for.
+// the access is. The answer holds for the rest of a block of the IR. Where
+// blocks have whole rows, a warp may have threads of several: there it compares
+// addresses. A loop would access the same element again and again, which the
+// cache is for.
+//
+// A warp that lacks some threads (the last one of a launch, a branch that some
+// take) moves the stretch from the first to the last element that it has, and
+// leaves out words of missing threads. Threads on the other side of a branch
+// may do the same at that time: so each thread has a slot of the slab, of one
+// size for all elements of the kernel, and barriers are those of the threads
+// that came together. Where most of the stretch is missing each thread accesses
+// its own element.
 //
 // Threads with a row of elements each (`pose[world, body]`) do the same, in
 // loops as well: the elements at one place in 32 rows are moved by groups of
@@ -29,10 +36,11 @@
 // A thread's element is read and written by others, so barriers of the warp
 // keep the order of its accesses: there is one before every staged access,
 // which also frees the slab; one within, where share and element are exchanged;
-// and one after a store. Loads with nothing but arithmetic between them are
-// in flight together.
+// and one after it, since threads that part there would use their slots. Loads
+// with nothing but arithmetic between them are in flight together.
 //
-// Here is what finds such accesses; ElementStage.cpp writes their code.
+// Here is what finds such accesses; ElementStage.cpp writes their code, and
+// PartialStage.cpp that of warps that lack threads.
 //
 //===----------------------------------------------------------------------===//
 
@@ -124,7 +132,15 @@ static int64_t getSlabSize(Type element, int64_t warpSize) {
   return llvm::alignTo(words * getWordSize(element), 8);
 }
 
-/// The same where they are of rows.
+/// Bytes from one slot of a thread to the next, for an element of a type; an
+/// odd number of words, so that threads are at different banks.
+static int64_t getSlotSize(Type element) {
+  int64_t unit = std::max<int64_t>(getWordSize(element), 4);
+  int64_t size = warp::getComponentCount(element) * getWordSize(element);
+  return unit * (llvm::divideCeil(size, unit) | 1);
+}
+
+/// Bytes of the slab for elements of rows.
 static int64_t getRowSlabSize(Type element, int64_t warpSize) {
   int64_t pitch = warp::getRowPitch(warp::getComponentCount(element));
   return llvm::alignTo(warpSize * pitch * getWordSize(element), 8);
@@ -217,7 +233,8 @@ template <typename Op> bool Finder::canStage(Op access) {
   if (!warp::isComposite(element) || getWordSize(element) < 2 ||
       warp::getComponentCount(element) < fewestComponents(element))
     return false;
-  int64_t size = getSlabSize(element, warpSize);
+  int64_t size =
+      std::max(getSlabSize(element, warpSize), warpSize * getSlotSize(element));
   bool isSideBySide =
       size <= mostBytes &&
       countComponents(access) >= fewestComponents(element) &&
@@ -229,6 +246,8 @@ template <typename Op> bool Finder::canStage(Op access) {
     if (size > mostBytes || countComponents(access) < 4 || !isOfRows(access))
       return false;
   }
+  if (isSideBySide)
+    staged.slotBytes = std::max(staged.slotBytes, getSlotSize(element));
   slabSize = std::max(slabSize, size);
   warp::noteChoice(access->template getParentOfType<LLVM::LLVMFuncOp>(),
                    "access", "words shared by a warp",

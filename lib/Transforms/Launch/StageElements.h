@@ -29,6 +29,8 @@ struct StagedAccesses {
   mlir::Value lane;
   /// Shared memory of the warp.
   mlir::Value slab;
+  /// Bytes of the slab that are a thread's own where the warp lacks some.
+  int64_t slotBytes = 0;
   /// True if threads of a warp differ in the last index of the launch only;
   /// null if that is so anyway.
   mlir::Value inRow;
@@ -45,6 +47,11 @@ int64_t getSlabPeriod(int64_t count, int64_t warpSize);
 /// words are of rows: an odd number, so that threads are at different banks.
 constexpr int64_t getRowPitch(int64_t count) { return count | 1; }
 
+/// Address of the first lane's element, if elements follow each other.
+mlir::Value beginOfRow(mlir::OpBuilder &b, mlir::Location loc,
+                       const StagedAccesses &staged, mlir::Value pointer,
+                       int64_t size);
+
 /// True if all threads of a warp come to the insertion point together, and lie
 /// in a row.
 mlir::Value isWholeWarp(mlir::OpBuilder &b, mlir::Location loc,
@@ -55,6 +62,56 @@ mlir::Value areStretches(mlir::OpBuilder &b, mlir::Location loc,
                          const StagedAccesses &staged,
                          mlir::ValueRange pointers,
                          llvm::ArrayRef<int64_t> sizes);
+
+/// Threads of a warp that lacks some, each number an i32.
+struct LaneGroup {
+  /// A bit for each.
+  mlir::Value lanes;
+  /// The first lane, the one behind the last, and how many there are.
+  mlir::Value first, end, size;
+  /// How many lie before this one.
+  mlir::Value rank;
+};
+
+/// The threads that come to the insertion point together.
+LaneGroup findGroup(mlir::OpBuilder &b, mlir::Location loc,
+                    const StagedAccesses &staged);
+/// True if the elements that `pointers` are of follow each other in the lanes
+/// of a group, and few lanes between them are missing.
+mlir::Value isDense(mlir::OpBuilder &b, mlir::Location loc,
+                    const StagedAccesses &staged, const LaneGroup &group,
+                    mlir::ValueRange pointers, llvm::ArrayRef<int64_t> sizes);
+
+/// The elements of a group that is dense, each in the slot of its thread.
+class PartialStage {
+public:
+  /// `pointer` is that of the thread's own element.
+  PartialStage(mlir::OpBuilder &b, mlir::Location loc,
+               const StagedAccesses &staged, const LaneGroup &group,
+               mlir::Type element, mlir::Value pointer);
+
+  /// Words of the thread's own element.
+  llvm::SmallVector<mlir::Value> load();
+  void store(mlir::ValueRange words);
+  /// Stores elements all words of which are `value`.
+  void fill(mlir::Value value);
+
+private:
+  mlir::Value constant(int64_t value);
+  llvm::SmallVector<mlir::Value> ownSlot();
+  void moveWords(mlir::Value index, int64_t number, bool toMemory,
+                 mlir::Value value);
+  void move(bool toMemory, mlir::Value value = {});
+
+  mlir::OpBuilder &b;
+  mlir::Location loc;
+  const StagedAccesses &staged;
+  const LaneGroup &group;
+  mlir::Type word;
+  int64_t bytes, count;
+  /// The element of the first thread in memory.
+  mlir::Value begin;
+};
 
 /// The elements of a whole warp, which lie side by side, or a row apart. A
 /// thread's share of them are words next to those of its neighbours.

@@ -309,3 +309,59 @@ def test_gradients(count, size, real, tolerance, device):
     np.testing.assert_allclose(array.grad.numpy(), expected, rtol=tolerance, atol=tolerance)
     np.testing.assert_array_equal(out.grad.numpy(), np.zeros((count, size, size)))
     np.testing.assert_array_equal(e.grad.numpy(), np.zeros(count))
+
+
+COLUMNS = (1, 3, 20, 31, 32, 33)
+MISSING = {
+    "none": lambda j, n: j < 0,
+    "all": lambda j, n: j >= 0,
+    "all but one": lambda j, n: j != n // 2,
+    "the first": lambda j, n: j == 0,
+    "the last": lambda j, n: j == n - 1,
+    "every other": lambda j, n: j % 2 == 0,
+    "some": lambda j, n: j % 7 == 3,
+}
+
+
+def define_columns(element, other):
+    @wp.kernel(module="unique")
+    def columns(
+        missing: wp.array(dtype=int),
+        x: wp.array2d(dtype=element),
+        y: wp.array2d(dtype=element),
+        z: wp.array2d(dtype=other),
+    ):
+        i, j = wp.tid()
+        if missing[j] == 1:
+            return
+        if missing[j] == 2:
+            y[i, j] = -x[i, j]
+        else:
+            z[i, j] = z[i, j] + z[i, j]
+            y[i, j] = x[i, j] + x[i, j]
+
+    return columns
+
+
+@pytest.mark.parametrize("missing", MISSING)
+@pytest.mark.parametrize(
+    ("shape", "other"),
+    [((3, 3), (3, 3)), ((5,), (4, 4)), ((6,), (3, 3)), ((3, 3), (7,)), ((6, 6), (5,))],
+)
+def test_missing_columns(shape, other, missing, device):
+    """Warps that lack threads move what they have, of two sizes on the sides of a branch."""
+    element, second = composite(shape, wp.float32), composite(other, wp.float32)
+    kernel = define_columns(element, second)
+    for count in COLUMNS:
+        out = MISSING[missing](np.arange(count), count)
+        for absent in (1, 2):
+            x = numbers((50, count, *shape), wp.float32)
+            w = numbers((50, count, *other), wp.float32, 4)
+            y, z = make(np.full_like(x, 77), element, device), make(w, second, device)
+            absence = make(out.astype(np.int32) * absent, int, device)
+            wp.launch(kernel, (50, count), [absence, make(x, element, device), y, z], device=device)
+            expected = 2 * x
+            expected[:, out] = 77 if absent == 1 else -x[:, out]
+            np.testing.assert_array_equal(y.numpy(), expected)
+            w[:, ~out] *= 2
+            np.testing.assert_array_equal(z.numpy(), w)
