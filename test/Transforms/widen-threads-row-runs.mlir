@@ -150,3 +150,56 @@ func.func @overlapping(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i
   }
   return
 }
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, lanes = 4>
+
+// Scratch memory is the thread's own: rows are loaded in runs beside it.
+// CHECK-LABEL: func.func @kept
+// CHECK: warp.load_lanes gather %arg0{{.*}}warp.run = 8
+// CHECK: warp.store_lanes gather({{.*}}), %arg1{{.*}}warp.run = 8
+// CHECK: return
+func.func @kept(%x: !warp.array<2 x f32>, %y: !warp.array<2 x f32>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c7 = arith.constant 7 : i32
+  %memory = warp.scratch : !warp.scratch<8 x f32>
+  scf.for %k = %c0 to %n step %c1 : i32 {
+    %slot = arith.andi %k, %c7 : i32
+    %v = warp.load_components %x[%i, %k] : !warp.array<2 x f32>, i32, i32 -> f32
+    warp.scratch_store %v, %memory[%slot] : f32, !warp.scratch<8 x f32>, i32
+    warp.store_components(%v), %y[%i, %k] : (f32), !warp.array<2 x f32>, i32, i32
+  }
+  return
+}
+
+// -----
+
+#cpu = #warp.variant<target = <name = "cpu", bits = 256>, packed = 3, non_negative = 4,
+      disjoint = true, lanes = 4>
+
+// Four bytes of a row are loaded together, and stored one by one; bools are
+// loaded one by one.
+// CHECK-LABEL: func.func @bytes
+// CHECK: scf.for
+// CHECK: warp.load_lanes gather %arg0{{.*}}warp.run = 4
+// CHECK-NOT: warp.run
+// CHECK: return
+func.func @bytes(%x: !warp.array<2 x ui8>, %y: !warp.array<2 x i1>, %n: i32)
+    attributes {warp.kernel, warp.variant = #cpu} {
+  %i = warp.tid : i32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  scf.for %k = %c0 to %n step %c1 : i32 {
+    %v = warp.load_components %x[%i, %k] : !warp.array<2 x ui8>, i32, i32 -> i8
+    %u = warp.load_components %y[%i, %k] : !warp.array<2 x i1>, i32, i32 -> i1
+    %w = arith.extui %u : i1 to i8
+    %t = arith.addi %v, %w : i8
+    warp.store_components(%t), %x[%i, %k] : (i8), !warp.array<2 x ui8>, i32, i32
+  }
+  return
+}

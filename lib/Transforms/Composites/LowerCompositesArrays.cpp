@@ -13,6 +13,7 @@
 
 #include "Lowerings/Lowerings.h"
 #include "WarpDialect/LibraryOps.h"
+#include "WarpDialect/Passes.h"
 #include "WarpDialect/TileOps.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -62,8 +63,11 @@ void CompositeLowering::lowerScratch(ScratchLoadOp op) {
   SmallVector<Value> parts;
   for (Value scratch : SmallVector<Value>(lookup(op.getScratch()))) {
     Type part = cast<ScratchType>(scratch.getType()).getElementType();
-    parts.push_back(ScratchLoadOp::create(emitter.builder, op.getLoc(), part,
-                                          scratch, index));
+    auto made = ScratchLoadOp::create(emitter.builder, op.getLoc(), part,
+                                      scratch, index);
+    if (Attribute fact = op->getAttr(attr::nonNegative))
+      made->setAttr(attr::nonNegative, fact);
+    parts.push_back(made);
   }
   replace(op, ValueRange(parts));
 }

@@ -299,7 +299,13 @@ ArrayLowering::LaneAccess ArrayLowering::runAccess(AccessOp op,
 SmallVector<mlir::Value> ArrayLowering::loadRun(LoadLanesOp op) {
   LaneAccess access = runAccess(cast<AccessOp>(op.getOperation()), op.getMask(),
                                 op.getNonNegative(), op.getNumResults());
-  return asStored(access.leaves, access.lanes, loadWords(access));
+  bool areBytes = access.isFewBytes();
+  if (areBytes && access.offset)
+    access.pointer = LLVM::GEPOp::create(b, loc, access.pointer.getType(),
+                                         b.getI8Type(), access.pointer,
+                                         ArrayRef<LLVM::GEPArg>(access.offset));
+  return asStored(access.leaves, access.lanes,
+                  areBytes ? loadBytes(access) : loadWords(access));
 }
 
 SmallVector<mlir::Value> ArrayLowering::loadLanes(LoadLanesOp op) {

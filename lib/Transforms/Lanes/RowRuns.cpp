@@ -13,6 +13,7 @@
 //                                     for what is left:  as before
 //
 // The iterations are one after the other, so a thread does the same as before.
+// Four bytes of a row are gathered as words, where single bytes cannot be.
 // All elements that are read early are read anyway, and nobody writes to them.
 // Stores along a row are put together in the same way and made behind the last
 // of the iterations, where nothing in the loop reads what they write but the
@@ -36,9 +37,9 @@ using namespace mlir;
 
 /// Iterations together, and the operations up to which there are as many.
 static constexpr int64_t longRun = 8, shortRun = 4, mostInLong = 16,
-                         mostInShort = 48;
+                         mostInShort = 96;
 /// Vectors that runs may keep in registers at a time.
-static constexpr int64_t mostVectors = 16;
+static constexpr int64_t mostVectors = 32;
 
 std::optional<int64_t> warp::paceAlongRow(AccessOp access,
                                           const ThreadVariance &variance) {
@@ -65,7 +66,8 @@ static bool goesAlongRows(warp::AccessOp access,
   int64_t size = warp::getByteSize(type);
   SmallVector<warp::Leaf> leaves;
   warp::collectLeaves(type, 0, leaves);
-  if ((size != 4 && size != 8) || leaves.size() != 1 ||
+  bool isByte = size == 1 && access.mayRead() && !warp::isBool(type);
+  if ((size != 4 && size != 8 && !isByte) || leaves.size() != 1 ||
       !warp::hasDenseElements(access.getArray()) ||
       !warp::isNonNegative(indices.back(), access->getBlock()))
     return false;
@@ -118,8 +120,10 @@ static bool isAloneAtRow(warp::AccessOp access,
   bool isAlone =
       !access->getParentOp()
            ->walk([&](Operation *op) {
+             // Scratch memory is the thread's own.
              if (op == access || op->getNumRegions() != 0 ||
-                 isMemoryEffectFree(op))
+                 isMemoryEffectFree(op) ||
+                 isa<warp::ScratchLoadOp, warp::ScratchStoreOp>(op))
                return WalkResult::advance();
              auto other = dyn_cast<warp::AccessOp>(op);
              if (!other)
@@ -150,8 +154,13 @@ int64_t warp::iterationsInRun(scf::ForOp loop, const ThreadVariance &variance,
   if (lanes % 4 != 0)
     return 1;
   int64_t rows = 0, operations = 0;
+  bool hasBytes = false;
   for (auto load : loop.getBody()->getOps<LoadComponentsOp>())
-    rows += isRowLoad(load, variance);
+    if (isRowLoad(load, variance)) {
+      ++rows;
+      auto array = cast<ArrayType>(load.getArray().getType());
+      hasBytes |= getByteSize(array.getElementType()) == 1;
+    }
   for (auto store : loop.getBody()->getOps<StoreComponentsOp>())
     rows += isRowStore(store, variance);
   if (rows == 0)
@@ -163,7 +172,8 @@ int64_t warp::iterationsInRun(scf::ForOp loop, const ThreadVariance &variance,
   std::optional<APInt> trips = loop.getStaticTripCount();
   // Iterations behind the last run go one by one.
   bool leavesMany = trips && trips->urem(longRun) >= shortRun;
-  if (run > 1 && (run * rows > mostVectors || leavesMany))
+  // Four bytes are in two words.
+  if (run > 1 && (run * rows > mostVectors || leavesMany || hasBytes))
     run = shortRun;
   if (run * rows > mostVectors || (trips && trips->ult(run)))
     return 1;

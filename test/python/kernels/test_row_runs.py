@@ -275,3 +275,97 @@ def test_schedule_tells_of_runs():
     assert "rows, transposed" in str(along.schedule("cpu"))
     _, scanned = recurrences(wp.float32, 16)
     assert "each lane writes its own row" in str(scanned.schedule("cpu"))
+
+
+@pytest.mark.parametrize("lanes", [4, 8, 16, 32])
+@pytest.mark.parametrize("dtype", [wp.uint8, wp.int8, wp.bool])
+def test_rows_of_bytes(dtype, lanes):
+    """Texts of each lane's own, from both ends, some of them not read at all."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def hashed(x: wp.array2d(dtype=dtype), first: int, n: int, y: wp.array2d(dtype=int)):
+        i = wp.tid()
+        if i % 5 != 2:
+            h = int(1)
+            for k in range(first, n):
+                h = h * 31 + int(x[i, k])
+            b = int(1)
+            for k in range(n - 1, first - 1, -1):
+                b = b * 31 + int(x[i, k])
+            y[i, 0] = h
+            y[i, 1] = b
+
+    for n in LENGTHS[1:]:
+        for rows in (1, lanes - 1, 2 * lanes + 3):
+            for first in (0, n // 3):
+                x = rng.integers(0, 256, (rows, n)).astype(np.uint8)
+                x = x > 127 if dtype is wp.bool else x.view(wp.dtype_to_numpy(dtype))
+                y = wp.full((rows, 2), 7, dtype=int, device="cpu")
+                given = wp.array(x, dtype=dtype, device="cpu")
+                wp.launch(hashed, rows, [given, first, n, y], device="cpu")
+                wanted = np.ones((rows, 2), dtype=np.int64)
+                for k in range(first, n):
+                    wanted[:, 0] = (wanted[:, 0] * 31 + x[:, k]) & 0xFFFFFFFF
+                for k in range(n - 1, first - 1, -1):
+                    wanted[:, 1] = (wanted[:, 1] * 31 + x[:, k]) & 0xFFFFFFFF
+                wanted[np.arange(rows) % 5 == 2] = 7
+                np.testing.assert_array_equal(y.numpy(), wanted.astype(np.uint32).view(np.int32))
+
+
+@pytest.mark.parametrize("lanes", [1, 8, 16, 32])
+def test_rows_of_adjoints(lanes):
+    """The adjoint of a filter keeps two states, and reads and clears rows of gradients."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def tracked(
+        z: wp.array2d(dtype=wp.float64),
+        q: wp.array(dtype=wp.float64),
+        m: wp.array2d(dtype=wp.float64),
+        o: wp.array2d(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        x = wp.float64(0.0)
+        p = wp.float64(1.0)
+        for t in range(z.shape[1]):
+            p = p + q[i]
+            k = p / (p + wp.float64(0.5))
+            x = x + k * (z[i, t] - x)
+            p = (wp.float64(1.0) - k) * p
+            m[i, t] = x
+            o[i, t] = p
+
+    def filtered(z, q):
+        x, p, sums = 0.0 * q, 1.0 + 0.0 * q, 0.0
+        for t in range(z.shape[1]):
+            p = p + q
+            k = p / (p + 0.5)
+            x = x + k * (z[:, t] - x)
+            p = (1.0 - k) * p
+            sums = sums + (t + 1) * x + p / (t + 2)
+        return sums
+
+    for rows, n in ((2 * lanes + 3, 37), (lanes + 1, 100), (3, 5)):
+        z, q = rng.random((rows, n)), rng.random(rows)
+        arrays = [wp.array(one, device="cpu", requires_grad=True) for one in (z, q)]
+        results = [
+            wp.zeros((rows, n), dtype=wp.float64, device="cpu", requires_grad=True)
+            for _ in range(2)
+        ]
+        with wp.Tape() as tape:
+            wp.launch(tracked, rows, arrays, results, device="cpu")
+        steps = np.arange(n, dtype=float)
+        seeds = [np.tile(steps + 1, (rows, 1)), np.tile(1 / (steps + 2), (rows, 1))]
+        tape.backward(
+            grads={
+                one: wp.array(seed, device="cpu") for one, seed in zip(results, seeds, strict=True)
+            }
+        )
+        # Derivatives by complex steps.
+        wanted = np.zeros((rows, n))
+        for t in range(n):
+            moved = z.astype(complex)
+            moved[:, t] += 1e-30j
+            wanted[:, t] = filtered(moved, q).imag / 1e-30
+        np.testing.assert_allclose(arrays[0].grad.numpy(), wanted, rtol=1e-9, atol=1e-12)
+        wanted = filtered(z, q + 1e-30j).imag / 1e-30
+        np.testing.assert_allclose(arrays[1].grad.numpy(), wanted, rtol=1e-9, atol=1e-12)

@@ -93,6 +93,7 @@ LogicalResult LoopReversal::fillSegments(scf::ForOp reversed,
   Value end = carried[0], top = carried[1];
   Counts c{b, loc, end.getType()};
   Value start = load(memory.starts, top)[0];
+  start.getDefiningOp()->setAttr(attr::nonNegative, b.getUnitAttr());
   SmallVector<Value> state = load(memory.states, top);
 
   Value length = c.sub(end, start);
