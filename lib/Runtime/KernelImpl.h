@@ -93,11 +93,13 @@ struct Kernel::Variant {
   /// Stays when tier-1 code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
   /// The check of the lanes, if there is one, and the code that they are
-  /// checked against: without lanes, and with half or twice as many.
+  /// checked against: without lanes, or with some where it has none, and with
+  /// half or twice as many.
   std::unique_ptr<LaneTrial> trial;
-  std::unique_ptr<DeviceCode> scalar, resized;
-  /// The lanes of `resized`; 0 while they are not known.
-  int otherLanes = 0;
+  std::unique_ptr<DeviceCode> opposite, resized;
+  /// The lanes that the cost model chose, and those of `resized`; 0 while they
+  /// are not known.
+  int bestLanes = 0, otherLanes = 0;
   /// The check of a GPU's schedule, if there is one, the code with the plain
   /// mapping, and the same once launches run that.
   std::unique_ptr<LaunchTrial> launchTrial;
@@ -325,16 +327,16 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
                                        Variant &variant);
 
   // KernelTrial.cpp
-  /// True if the lanes of a variant are checked.
+  /// True if the lanes of a variant, or its scalar code, are checked.
   bool mayTry(const CompileOptions &wanted, const Variant &variant) const;
   void startTrial(const CompileOptions &wanted, Variant &variant);
   /// Loads code with so many lanes that launches can run in the same way; null
   /// if there is none.
   std::unique_ptr<DeviceCode> loadLanes(const CompileOptions &wanted,
                                         Variant &variant, int lanes);
-  /// The same with half or twice the lanes of the best code.
-  std::unique_ptr<DeviceCode> loadOtherWidth(const CompileOptions &wanted,
-                                             Variant &variant);
+  /// Finds out how many lanes the best code of a variant has; false if it
+  /// cannot be compared.
+  bool findLanes(const CompileOptions &wanted, Variant &variant);
   /// Launches run code that was compared with lanes from now on.
   void finishTrial(Variant &variant, std::unique_ptr<DeviceCode> &code);
   /// The same for schedules on GPUs.

@@ -30,28 +30,32 @@ static std::string describeKind(const VariantKey &key, int arch) {
   return text + phrasesOf(key);
 }
 
-/// The times that lanes were checked by, and what came of it.
+/// The times of one round, and what came of it.
+static Choice describeRound(const TrialTimes &times, const std::string &chosen,
+                            const std::string &other) {
+  auto subject = [](const std::string &code) {
+    return code == "scalar" ? "scalar code" : code;
+  };
+  char text[120];
+  std::snprintf(text, sizeof(text),
+                "%s took %.3g ns an index in a launch, %s %.3g",
+                subject(chosen).c_str(), times.chosen, subject(other).c_str(),
+                times.plain);
+  return {"measured", times.prefersPlain() ? other : chosen, text};
+}
+
+/// The times that lanes, or scalar code, were checked by.
 static void describeTrial(const Kernel::Variant &variant,
                           std::vector<Choice> &choices) {
   std::vector<TrialTimes> rounds = variant.trial->results();
-  char text[120];
   if (rounds.empty())
     return;
-  std::snprintf(text, sizeof(text),
-                "lanes took %.3g ns an index in a launch, scalar code %.3g",
-                rounds[0].chosen, rounds[0].plain);
-  choices.push_back(
-      {"measured", rounds[0].prefersPlain() ? "scalar" : "lanes", text});
-  if (rounds.size() < 2)
-    return;
-  std::snprintf(text, sizeof(text),
-                "lanes took %.3g ns an index in a launch, %d lanes %.3g",
-                rounds[1].chosen, variant.otherLanes, rounds[1].plain);
-  choices.push_back({"measured",
-                     rounds[1].prefersPlain()
-                         ? std::to_string(variant.otherLanes) + " lanes"
-                         : "lanes",
-                     text});
+  std::string chosen = variant.bestLanes == 1 ? "scalar" : "lanes";
+  std::string other = variant.bestLanes == 1 ? "lanes" : "scalar";
+  choices.push_back(describeRound(rounds[0], chosen, other));
+  if (rounds.size() > 1)
+    choices.push_back(describeRound(
+        rounds[1], "lanes", std::to_string(variant.otherLanes) + " lanes"));
 }
 
 /// The same for a GPU's schedule.

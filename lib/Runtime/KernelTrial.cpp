@@ -2,11 +2,11 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A variant whose lanes the cost model chose has a trial (LaneTrial.h). Its
-// times are kept in the cache under the name of the code with lanes, those of a
-// round against another width under the name of that code, so another process
-// begins with the quicker code. A variant for a GPU has one of its
-// schedule (LaunchTrial.h), whose times are of the card, too.
+// A variant whose lanes, or scalar code, the cost model chose has a trial
+// (LaneTrial.h). Its times are kept in the cache under the name of that code,
+// those of a round against another width under the name of the other, so
+// another process begins with the quicker code. A variant for a GPU has one of
+// its schedule (LaunchTrial.h), whose times are of the card, too.
 //
 //===----------------------------------------------------------------------===//
 
@@ -44,14 +44,21 @@ static CompileOptions withLanes(CompileOptions options, int lanes) {
   return options;
 }
 
+/// Lanes that scalar code is compared with: the model says that they lose, and
+/// counts of operations do not know which branches a processor predicts and
+/// which loads it has in flight. A vector of 64-bit values; rows of a multiple
+/// of 2 KiB do not evict each other. Along the last of several dimensions they
+/// would gain or lose by its extent, which scalar code is not compiled for.
+static constexpr int lanesForScalar = 8;
+
 /// Deterministic code would add floats in another order from the launch on that
 /// it is exchanged at; all else has the same bits.
 bool Kernel::Impl::mayTry(const CompileOptions &wanted,
                           const Variant &variant) const {
-  const Schedule &schedule = variant.code.schedule;
   return hasLaneTrials() && isHost(variant.key.device) && saved.empty() &&
          wanted.lanes == 0 && !wanted.debug && !wanted.deterministic &&
-         schedule.lanes > 1 && variant.code.sites.empty();
+         (variant.code.schedule.lanes > 1 || variant.key.rank == 1) &&
+         variant.code.sites.empty();
 }
 
 /// A task of a variant that another thread does, as long as the kernel lives.
@@ -81,43 +88,77 @@ static std::optional<TrialTimes> readTimes(const std::string &key) {
   return text ? TrialTimes::fromText(*text) : std::nullopt;
 }
 
+/// The lanes that the first round compares with.
+static int oppositeOf(int lanes) { return lanes == 1 ? lanesForScalar : 1; }
+
+/// True if lanes stay, or come, after a first round.
+static bool hasLanesAfter(int lanes, const TrialTimes &times) {
+  return (lanes == 1) == times.prefersPlain();
+}
+
+/// The lanes that a second round compares with.
+static int secondWidth(const CompileOptions &wanted, int lanes) {
+  return otherWidth(wanted, lanes == 1 ? lanesForScalar : lanes);
+}
+
+/// The quickest lanes by the times of rounds.
+static int settledLanes(const CompileOptions &wanted, int lanes,
+                        const std::vector<TrialTimes> &rounds) {
+  if (rounds.size() > 1 && rounds[1].prefersPlain())
+    return secondWidth(wanted, lanes);
+  return rounds[0].prefersPlain() ? oppositeOf(lanes) : lanes;
+}
+
 void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
   auto keyOf = [this, wanted](int lanes) {
     return fingerprint(hashes(), withLanes(wanted, lanes));
   };
   // The lanes of tier-0 code are not those of the best.
-  if (!variant.isQuick)
-    variant.otherLanes = otherWidth(wanted, variant.code.schedule.lanes);
+  if (!variant.isQuick) {
+    variant.bestLanes = variant.code.schedule.lanes;
+    variant.otherLanes = secondWidth(wanted, variant.bestLanes);
+  }
   std::vector<TrialTimes> known;
   if (std::optional<TrialTimes> times = readTimes(keyOf(0)))
     known.push_back(*times);
-  bool isScalar = !known.empty() && known[0].prefersPlain();
-  if (!known.empty() && !isScalar && variant.otherLanes != 0)
+  if (!known.empty() && variant.otherLanes != 0 &&
+      hasLanesAfter(variant.bestLanes, known[0]))
     if (std::optional<TrialTimes> times = readTimes(keyOf(variant.otherLanes)))
       known.push_back(*times);
-  if (!known.empty() && known.back().prefersPlain()) {
+  if (!known.empty() &&
+      (known[0].prefersPlain() || known.back().prefersPlain())) {
     // The quicker code takes over as soon as it is loaded.
-    int lanes = isScalar ? 1 : variant.otherLanes;
-    variant.trial = std::make_unique<LaneTrial>(std::move(known));
+    variant.trial = std::make_unique<LaneTrial>(known);
     inBackground(weak_from_this(), variant,
-                 [wanted, lanes](Impl &impl, Variant &variant) {
-                   auto code = impl.loadLanes(wanted, variant, lanes);
+                 [wanted, known](Impl &impl, Variant &variant) {
+                   if (!impl.findLanes(wanted, variant))
+                     return;
+                   auto code = impl.loadLanes(
+                       wanted, variant,
+                       settledLanes(wanted, variant.bestLanes, known));
                    impl.finishTrial(variant, code);
                  })();
     return;
   }
-  bool isOver = !variant.isQuick && variant.otherLanes == 0;
+  bool isOver =
+      !variant.isQuick &&
+      (variant.otherLanes == 0 ||
+       (!known.empty() && !hasLanesAfter(variant.bestLanes, known[0])));
   if (known.size() == (isOver ? 1 : 2)) {
     variant.trial = std::make_unique<LaneTrial>(std::move(known));
     return;
   }
   auto compile = inBackground(
       weak_from_this(), variant, [wanted](Impl &impl, Variant &variant) {
-        bool isFirst = variant.trial->results().empty();
+        std::vector<TrialTimes> rounds = variant.trial->results();
+        bool isFirst = rounds.empty();
         std::unique_ptr<DeviceCode> &code =
-            isFirst ? variant.scalar : variant.resized;
-        code = isFirst ? impl.loadLanes(wanted, variant, 1)
-                       : impl.loadOtherWidth(wanted, variant);
+            isFirst ? variant.opposite : variant.resized;
+        if (impl.findLanes(wanted, variant) &&
+            (isFirst || hasLanesAfter(variant.bestLanes, rounds[0])))
+          code = impl.loadLanes(wanted, variant,
+                                isFirst ? oppositeOf(variant.bestLanes)
+                                        : variant.otherLanes);
         variant.trial->begin(code.get());
       });
   auto finish = [this, keyOf, &variant](const TrialTimes &times) {
@@ -125,40 +166,42 @@ void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
     KernelCache::get().write(fileOf(keyOf(isFirst ? 0 : variant.otherLanes)),
                              times.toText());
     if (times.prefersPlain())
-      finishTrial(variant, isFirst ? variant.scalar : variant.resized);
-    return isFirst && !times.prefersPlain();
+      finishTrial(variant, isFirst ? variant.opposite : variant.resized);
+    return isFirst && hasLanesAfter(variant.bestLanes, times);
   };
   variant.trial =
       std::make_unique<LaneTrial>(compile, finish, std::move(known));
 }
 
-std::unique_ptr<DeviceCode>
-Kernel::Impl::loadOtherWidth(const CompileOptions &wanted, Variant &variant) {
+bool Kernel::Impl::findLanes(const CompileOptions &wanted, Variant &variant) {
   std::map<std::string, double> spent;
   try {
-    variant.otherLanes =
-        otherWidth(wanted, obtain(wanted, spent).schedule.lanes);
+    variant.bestLanes = obtain(wanted, spent).schedule.lanes;
   } catch (...) {
-    return nullptr;
+    return false;
   }
-  return variant.otherLanes ? loadLanes(wanted, variant, variant.otherLanes)
-                            : nullptr;
+  variant.otherLanes = secondWidth(wanted, variant.bestLanes);
+  return variant.bestLanes > 1 || variant.key.rank == 1;
 }
 
 std::unique_ptr<DeviceCode>
 Kernel::Impl::loadLanes(const CompileOptions &wanted, Variant &variant,
                         int lanes) {
+  if (lanes == 0)
+    return nullptr;
   if (variant.quick)
     improve(variant);
   std::map<std::string, double> spent;
   try {
     Code code = obtain(withLanes(wanted, lanes), spent);
-    if (isAbandoned() || !areAlike(code, variant.code))
+    // Some kernels have no form for lanes.
+    if (isAbandoned() || code.schedule.lanes != lanes ||
+        !areAlike(code, variant.code))
       return nullptr;
     code.schedule.cost = variant.code.schedule.cost;
     return deviceAt(variant.key.device).load(variant, code);
   } catch (...) {
-    // The lanes of the variant do the same.
+    // The code of the variant does the same.
     return nullptr;
   }
 }

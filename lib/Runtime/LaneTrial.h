@@ -4,15 +4,16 @@
 //
 // The compiler gives a kernel lanes where its cost model says that they gain.
 // Once launches of a variant have run for a while, the choice is checked: the
-// code without lanes is compiled in the background, and a few launches begin
-// with short pieces in turn, lanes, scalar, scalar, lanes. Each launch takes
-// them from another part of it: a processor that sees the same indices again
-// predicts their branches, which scalar code has more of. Work differs from
-// index to index and other processes come in between, so the ratio of a launch
-// counts once, and their median decides; the first two launches, whose code is
-// cold, do not count. The quicker code stays, and the cache remembers the times
-// beside the code. A second round compares lanes that stay with half or twice
-// as many in the same way, if launches go on.
+// code without lanes is compiled in the background, or code with lanes where
+// the model chose none, and a few launches begin with short pieces in turn,
+// lanes, scalar, scalar, lanes. Each launch takes them from another part of it:
+// a processor that sees the same indices again predicts their branches, which
+// scalar code has more of. Work differs from index to index and other processes
+// come in between, so the ratio of a launch counts once, and their median
+// decides; the first two launches, whose code is cold, do not count. The
+// quicker code stays, and the cache remembers the times beside the code. A
+// second round compares lanes that stay with half or twice as many in the same
+// way, if launches go on.
 //
 // `TrialRatios` are the rules, without a clock and without threads.
 //

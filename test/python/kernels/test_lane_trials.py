@@ -74,6 +74,52 @@ def test_another_width_is_checked_where_lanes_stay():
     assert "lanes took" in other and f", {width} lanes" in other
 
 
+def test_scalar_code_is_compared_with_lanes():
+    """The model takes gathers along short rows to lose; launches tell."""
+
+    @wp.kernel(module="unique")
+    def rows(
+        begin: wp.array(dtype=int),
+        x: wp.array(dtype=float),
+        k: wp.array(dtype=int),
+        y: wp.array(dtype=float),
+    ):
+        i = wp.tid()
+        s = float(0.0)
+        for e in range(begin[i], begin[i + 1]):
+            s += x[k[e]]
+        y[i] = s
+
+    random = np.random.default_rng(3)
+    begin = np.r_[0, random.integers(0, 12, 1 << 13).cumsum()]
+    numbers = random.integers(0, 4096, begin[-1])
+    x = random.random(4096).astype(np.float32)
+    sums = np.r_[0, x[numbers].astype(np.float64).cumsum()]
+    wanted = sums[begin[1:]] - sums[begin[:-1]]
+    given = [
+        wp.array(begin, dtype=int, device="cpu"),
+        wp.array(x, dtype=float, device="cpu"),
+        wp.array(numbers, dtype=int, device="cpu"),
+    ]
+    result = wp.zeros(1 << 13, dtype=float, device="cpu")
+
+    def launched():
+        result.zero_()
+        wp.launch(rows, 1 << 13, [*given, result], device="cpu")
+        np.testing.assert_allclose(result.numpy(), wanted, rtol=1e-5, atol=1e-6)
+
+    launched()
+    (lanes,) = [c.value for s in rows.schedule("cpu") for c in s.choices if c.what == "lanes"]
+    assert lanes == "1"
+    end = time.monotonic() + 120
+    while time.monotonic() < end and not measured(rows):
+        launched()
+    line = measured(rows)[0]
+    assert "scalar code took" in line and ", lanes " in line
+    for _ in range(50):
+        launched()
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_kernels_with_atomics_are_checked(threads, monkeypatch):
     """Pieces of launches update each element as often as it has to be, alone or in copies."""
