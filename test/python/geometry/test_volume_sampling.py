@@ -203,3 +203,16 @@ def test_tables_of_leaves_change_no_sample(device):
     assert (found[0][1][:3000] == dense[tuple(inside.astype(int).T + 16)].astype(np.float32)).all()
     for with_table, without in zip(*found):
         np.testing.assert_array_equal(with_table, without)
+
+
+def test_a_wrong_gradient_is_told_with_public_names():
+    @wp.kernel
+    def transposed(volume: wp.uint64, out: wp.array(dtype=wp.vec4)):
+        grad = wp.matrix(shape=(3, 4), dtype=float)
+        out[0] = wp.volume_sample_grad(volume, wp.vec3(), wp.Volume.LINEAR, grad, dtype=wp.vec4)
+
+    with pytest.raises(TypeError, match="no overload of 'volume_sample_grad'") as caught:
+        wp.launch(transposed, 1, [wp.uint64(0), wp.zeros(1, dtype=wp.vec4)], device="cpu")
+    declared = "volume_sample_grad(id: uint64, uvw: vec3f, sampling_mode: int32, grad: matrix("
+    assert declared in str(caught.value) and "dtype: type[vec4f])" in str(caught.value)
+    assert "_sample_grad" not in str(caught.value).replace("volume_sample_grad", "")

@@ -65,6 +65,8 @@ class Parameter:
         if self.native is not None:
             return self.native.python_name
         shown = None
+        if typing.get_origin(self.annotation) is type:
+            return f"type[{dtypes.type_repr(typing.get_args(self.annotation)[0])}]"
         if typing.get_origin(self.annotation) is None:
             shown = getattr(self.annotation, "__name__", None)
         return (shown or str(self.annotation)).removeprefix("~").removeprefix("typing.")
@@ -288,8 +290,9 @@ class Overload:
                 return f"argument '{parameter.name}' does not take '{context.type_name(binding)}'"
         return bound
 
-    def __str__(self):
-        return f"{self.function.__name__}({', '.join(map(str, self.parameters))})"
+    def declaration(self, name) -> str:
+        """Its parameters behind the name by which users call the function."""
+        return f"{name}({', '.join(map(str, self.parameters))})"
 
 
 class Specialization:

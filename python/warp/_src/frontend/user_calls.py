@@ -49,15 +49,15 @@ class UserCalls(Part):
             bound = overload.bind(self.context, arguments, keywords, node)
             if type(bound) is list:
                 if overload.references and (function.has_derivative or not by_reference):
-                    raise self.no_references(overload, node)
+                    raise self.no_references(function, overload, node)
                 return overload, bound
-            reasons.append(f"{overload}: {bound}")
+            reasons.append(f"{overload.declaration(function.key)}: {bound}")
         shown = [f"'{self.context.type_name(argument)}'" for argument in arguments]
         shown += [f"{name}='{self.context.type_name(one)}'" for name, one in keywords.items()]
         shown = ", ".join(shown)
         if len(reasons) == 1:
             message = f"cannot call '{function.key}' with ({shown}): {bound}"
-            notes = (f"declared as {overloads[0]}",)
+            notes = (f"declared as {overloads[0].declaration(function.key)}",)
         else:
             message = f"no overload of '{function.key}' takes ({shown})"
             notes = tuple(reasons)
@@ -66,12 +66,12 @@ class UserCalls(Part):
             code="overload", facts={"name": function.key, "types": shown.replace("'", "")},
         )  # fmt: skip
 
-    def no_references(self, overload, node):
+    def no_references(self, function, overload, node):
         return self.context.type_error(
             node,
-            f"'{overload.function.__name__}' has parameters by reference; it can be called by its "
+            f"'{function.key}' has parameters by reference; it can be called by its "
             "own name alone, and has no derivative of its own",
-            notes=(f"declared as {overload}",),
+            notes=(f"declared as {overload.declaration(function.key)}",),
         )
 
     def call_hint(self, overloads, arguments):
