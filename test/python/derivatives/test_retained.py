@@ -32,6 +32,12 @@ def add_up(
     wp.atomic_add(loss, 0, w[i] * y[i] * y[i])
 
 
+@wp.kernel
+def double_vectors(v: wp.array(dtype=wp.vec3d)):
+    i = wp.tid()
+    v[i] = v[i] * wp.float64(2.0)
+
+
 class Case:
     """x -> y = 3 x^2, parts of which become sin(y) -> loss = sum of w y^2."""
 
@@ -109,6 +115,49 @@ def test_the_array_of_a_view_is_written_last(device):
     tape.backward(case.loss)
     y = np.sin(3 * X * X)
     np.testing.assert_allclose(part.grad.numpy(), 2 * case.weights[::2] * y, rtol=1e-12)
+
+
+@pytest.mark.parametrize("part", [slice(1, 5), slice(0, 9, 3), slice(1, 10, 2), slice(4, 5)])
+def test_some_elements_of_a_view_are_written_last(part, device):
+    """Neither array holds all of the other; elements that nothing retains keep no reading."""
+    case = Case(device, 2 * N)
+    kept, later = case.y[::2], case.y[part]
+    kept.retain_grad = True
+    with wp.Tape() as tape:
+        case.launch(square, case.x, kept)
+        case.launch(take_sine, later)
+        case.add_up()
+    tape.backward(case.loss)
+    y = np.zeros(2 * N)
+    y[::2] = 3 * X * X
+    slope = np.ones(2 * N)
+    slope[part] = np.cos(y[part])
+    y[part] = np.sin(y[part])
+    np.testing.assert_allclose(kept.grad.numpy(), (2 * case.weights * y)[::2], rtol=1e-12)
+    by_x = (2 * case.weights * y * slope)[::2] * 6 * X
+    np.testing.assert_allclose(case.x.grad.numpy(), by_x, rtol=1e-12)
+    assert not case.y.grad.numpy()[1::2].any()
+
+
+def test_numbers_of_vectors_are_retained_beside_others(device):
+    """A strided column of numbers that are components of a strided array of vectors."""
+    numbers = np.arange(1.0, 19.0).reshape(6, 3)
+    y = wp.array(numbers, dtype=wp.float64, requires_grad=True, device=device)
+    kept, later = y[:, 1], y.view(wp.vec3d).flatten()[1:5]
+    kept.retain_grad = True
+    loss = wp.zeros(1, dtype=wp.float64, requires_grad=True, device=device)
+    x = wp.array(numbers[:, 0], dtype=wp.float64, requires_grad=True, device=device)
+    weights = wp.array(np.arange(18.0), dtype=wp.float64, device=device)
+    with wp.Tape() as tape:
+        wp.launch(square, 6, [x, kept], device=device)
+        wp.launch(double_vectors, 4, [later], device=device)
+        wp.launch(add_up, 18, [y.flatten(), weights, loss], device=device)
+    tape.backward(loss)
+    values = numbers.copy()
+    values[:, 1] = 3 * numbers[:, 0] ** 2
+    values[1:5] *= 2
+    by_y = 2 * np.arange(18.0).reshape(6, 3) * values
+    np.testing.assert_allclose(kept.grad.numpy(), by_y[:, 1], rtol=1e-12)
 
 
 @pytest.mark.parametrize("times", [1, 2])

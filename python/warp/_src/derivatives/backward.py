@@ -10,7 +10,7 @@ from warp._src.arrays.array import array
 from warp._src.arrays.kept import Images
 from warp._src.arrays.observers import Observers, Observing, copy_elements, copy_layout
 from warp._src.derivatives import cotangents, handles
-from warp._src.derivatives.retained import shown_writes
+from warp._src.derivatives.retained import Reading, shown_writes
 from warp._src.derivatives.singular import OneReport
 from warp._src.derivatives.tape_records import LaunchRecord
 from warp._src.devices import devices
@@ -59,8 +59,8 @@ class BackwardPass:
             retained = self._reverse()
             for grad, before in found:
                 cotangents.add_into(grad, before)
-            for one, copy in reversed(retained):
-                one.grad.assign(copy)
+            for reading in reversed(retained):
+                reading.put_back()
             self._remember()
 
     def _reverse(self) -> list:
@@ -77,8 +77,7 @@ class BackwardPass:
             position -= 1
             self.position = position
             record = self.records[position]
-            for one in shown.get(position, ()):
-                retained.append((one, copy_layout(one.grad)))
+            retained.extend(map(Reading, shown.get(position, ())))
             if self.check_finite:
                 from warp._src.derivatives.finite import reverse_checked
 
