@@ -93,7 +93,7 @@ def _read(function: types.FunctionType, code: types.CodeType) -> Source:
             line=first,
             hint="import the module again",
         )
-    return Source(tree, file, offset, function.__name__, block.words)
+    return Source(tree, texts.file_of(code), offset, function.__name__, block.words)
 
 
 def _parse(lines: list[str], start: int, count: int) -> tuple[ast.FunctionDef | None, int]:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from warp._src.arguments import shown
 from warp._src.kernels import unique
+from warp._src.kernels.function import function_of_source
 from warp._src.kernels.kernel import Kernel
 from warp._src.kernels.kernel_options import (
     check_constants,
@@ -38,6 +39,22 @@ def kernel(
 ) -> Callable[[Callable[..., typing.Any]], Kernel]: ...
 
 
+@typing.overload
+def kernel(
+    f: None = None,
+    *,
+    name: str | None = None,
+    enable_backward: bool | None = None,
+    launch_bounds: typing.Any = None,
+    cuda_max_registers: int | None = None,
+    launch_constants: typing.Any = None,
+    module: typing.Any = None,
+    module_options: dict[str, typing.Any] | None = None,
+    source: str,
+    **options: typing.Any,
+) -> Kernel: ...
+
+
 def kernel(
     f=None,
     *,
@@ -48,6 +65,7 @@ def kernel(
     launch_constants=None,
     module=None,
     module_options=None,
+    source=None,
     **options,
 ):
     """Makes a kernel from a function whose parameters are annotated.
@@ -65,6 +83,8 @@ def kernel(
             this kernel; a second definition of the same text, captures and options gives the first
             kernel again.
         module_options: options for this kernel alone.
+        source: text of the function, one `def` without decorators; gives the kernel and no
+            decorator. Names in it mean what they mean where `wp.kernel` is called.
 
     Example:
         >>> import warp as wp
@@ -73,10 +93,21 @@ def kernel(
         ...     i = wp.tid()
         ...     x[i] = x[i] * s
 
+        From text that no file has:
+
+        >>> fill = wp.kernel(source="def fill(x: wp.array(dtype=float)): x[wp.tid()] = 2.0")
+        >>> x = wp.zeros(2, dtype=float, device="cpu")
+        >>> wp.launch(fill, 2, [x], device="cpu")
+        >>> print(x)
+        [2. 2.]
+
     Raises:
         TypeError: what is decorated is no function, or an option has the wrong type.
-        ValueError: an option has no such value, or two exclude each other.
+        ValueError: an option has no such value, two exclude each other, or `source` is not one
+            `def` without decorators.
     """
+    if source is not None:
+        f = function_of_source("kernel", f, source)
     if not (module is None or isinstance(module, (str, Module, python_types.ModuleType))):
         raise TypeError(f"kernel module must be a module or its name, but got {shown(module)}")
     own = {} if module_options is None else module_options

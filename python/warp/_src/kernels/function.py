@@ -8,8 +8,8 @@ import typing
 from collections.abc import Callable
 
 from warp._src import errors
-from warp._src.argument_kinds import FUNCTION
-from warp._src.arguments import checked, spelled
+from warp._src.argument_kinds import FUNCTION, NONE, TEXT
+from warp._src.arguments import checked, shown, spelled
 from warp._src.kernels import declared
 from warp._src.kernels.epoch import Epoch
 from warp._src.types import dtypes
@@ -42,9 +42,13 @@ class Function:
     # The result of `_particular` for its function, once it has been called from Python.
     particular = None
 
-    @checked(func=FUNCTION)
-    def __init__(self, func, key=None, code_transformers=None):
+    @checked(func=FUNCTION, source=TEXT | NONE)
+    def __init__(self, func, key=None, code_transformers=None, source=None):
         check_annotations(func.__name__, func.__annotations__)
+        if source is not None:
+            from warp._src.kernels.made_functions import with_source
+
+            func = with_source(func, source)
         if code_transformers:
             from warp._src.kernels.made_functions import transformed_function
 
@@ -210,7 +214,18 @@ def func(
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]: ...
 
 
-def func(f=None, *, name=None, module=None, inline=None):
+@typing.overload
+def func(
+    f: None = None,
+    *,
+    name: str | None = None,
+    module=None,
+    inline: bool | None = None,
+    source: str,
+) -> Callable[..., typing.Any]: ...
+
+
+def func(f=None, *, name=None, module=None, inline=None, source=None):
     """Makes a function that kernels can call. It stays callable from Python.
 
     Decorating several functions of one name in one scope makes overloads, chosen by annotations.
@@ -219,6 +234,7 @@ def func(f=None, *, name=None, module=None, inline=None):
         name: name in messages, by default that of the function.
         module: module that the function belongs to, by default the one it is written in.
         inline: accepted for compatibility: functions become part of their kernels.
+        source: text of the function, as of `wp.kernel`; gives the function and no decorator.
 
     Example:
         >>> import warp as wp
@@ -228,8 +244,10 @@ def func(f=None, *, name=None, module=None, inline=None):
 
     Raises:
         TypeError: what is decorated is no function, or `inline` no truth value.
+        ValueError: `source` is not one `def` without decorators.
     """
-
+    if source is not None:
+        f = function_of_source("func", f, source)
     if inline is not None and not isinstance(inline, bool):
         raise TypeError(f"inline must be a bool or None, but got {inline!r}")
 
@@ -248,6 +266,18 @@ def func(f=None, *, name=None, module=None, inline=None):
         return Function(function, name)
 
     return (lambda function: decorate(function, 2)) if f is None else decorate(f, 2)
+
+
+def function_of_source(decorator, function, source):
+    """The function that the argument `source` of a decorator makes."""
+    from warp._src.kernels.made_functions import function_of_caller, with_source
+    from warp._src.version import calling_frame
+
+    if not isinstance(source, str):
+        raise TypeError(f"{decorator}: expects text as `source`, but got {shown(source)}")
+    if isinstance(function, python_types.FunctionType):
+        return with_source(function, source)
+    return function_of_caller(source, calling_frame())
 
 
 class NativeFunction(Function):

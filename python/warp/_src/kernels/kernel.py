@@ -20,6 +20,7 @@ from warp._src.argument_kinds import (
     FUNCTION,
     INTEGER,
     LIST,
+    NONE,
     TEXT,
     TRANSLATION,
     instance,
@@ -46,6 +47,7 @@ class Kernel:
         options: the kernel's own options, by name.
         code_transformers: `ast.NodeTransformer`s, which get the syntax tree of the function, one
             after the other, before it is translated.
+        source: text that takes the place of the function's, with the same parameters.
 
     Attributes:
         hooks: what launches do besides running native code (`LaunchHook`).
@@ -54,11 +56,17 @@ class Kernel:
     # The name by which a kernel with a module of its own is given again (kernels.unique).
     unique_key = None
 
-    @checked(func=FUNCTION)
-    def __init__(self, func, key=None, module=None, options=None, code_transformers=None):
+    @checked(func=FUNCTION, source=TEXT | NONE)
+    def __init__(
+        self, func, key=None, module=None, options=None, code_transformers=None, source=None
+    ):
         if not isinstance(func, python_types.FunctionType):
             raise TypeError(f"expects a function as kernel, but got '{type(func).__name__}'")
         check_annotations(func.__name__, func.__annotations__)
+        if source is not None:
+            from warp._src.kernels.made_functions import with_source
+
+            func = with_source(func, source)
         if code_transformers:
             from warp._src.kernels.made_functions import transformed_function
 

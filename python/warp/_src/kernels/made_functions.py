@@ -55,20 +55,61 @@ def function_from_text(
         >>> round(area(2.0), 4)
         12.5664
     """
+    tree, file, lines = _parsed("function_from_text", text)
+    names = dict(names or {})
+    return _made(tree, file, names, {"__name__": module or _module_of_caller()}, lines, True)
+
+
+def function_of_caller(text: str, frame: types.FrameType) -> types.FunctionType:
+    """Makes a Python function from text, as if `exec` had run it in a frame.
+
+    Names mean what they mean there: local variables as they are now, global ones when the function
+    is translated.
+    """
+    import ast
+
+    tree, file, lines = _parsed("source", text)
+    names: dict = {}
+    if frame.f_locals is not frame.f_globals:
+        used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+        names = {name: value for name, value in frame.f_locals.items() if name in used}
+    return _made(tree, file, names, frame.f_globals, lines, True)
+
+
+def with_source(func: types.FunctionType, text: str) -> types.FunctionType:
+    """A copy of a Python function with the body of a text, whose decorators do not count.
+
+    Raises:
+        ValueError: the text is not one `def` with the parameters of the function.
+    """
+    tree, file, lines = _parsed("source", text, decorated=True)
+    expected = func.__code__.co_varnames[: func.__code__.co_argcount]
+    given = tuple(one.arg for one in tree.args.args)
+    if given != expected:
+        raise ValueError(
+            f"source of '{func.__name__}': expects the parameters ({', '.join(expected)}), but got "
+            f"({', '.join(given)})"
+        )
+    return _copy(func, tree, file, lines)
+
+
+def _parsed(caller, text, decorated=False) -> tuple:
+    """The definition in a text, the file that stands for it, and its lines."""
     import ast
     import linecache
     import textwrap
 
     text = textwrap.dedent(text)
     tree, *others = ast.parse(text).body or [ast.Pass()]
-    if others or not isinstance(tree, ast.FunctionDef) or tree.decorator_list:
-        raise ValueError("function_from_text: expects one `def` without decorators")
+    if others or not isinstance(tree, ast.FunctionDef) or (tree.decorator_list and not decorated):
+        also = "" if decorated else " without decorators"
+        raise ValueError(f"{caller}: expects one `def`{also}")
+    tree.decorator_list = []
     digest = blake2b(text.encode("utf-8", "surrogatepass"), digest_size=8).hexdigest()
     file = f"<{tree.name} {digest}>"
     lines = text.splitlines(keepends=True)
     linecache.cache[file] = (len(text), None, lines, file)
-    names, module = dict(names or {}), module or _module_of_caller()
-    return _made(tree, file, names, module, lines, is_whole=True)
+    return tree, file, lines
 
 
 @checked(tree=_TREE, names=DICT | NONE, file=TEXT | NONE, module=TEXT | NONE)
@@ -110,7 +151,8 @@ def function_from_tree(
     module = module or _module_of_caller()
     if file is None:
         return function_from_text(text, names, module=module)
-    return _made(plain, file, dict(names or {}), module, text.splitlines(keepends=True))
+    lines = text.splitlines(keepends=True)
+    return _made(plain, file, dict(names or {}), {"__name__": module}, lines)
 
 
 @checked(func=FUNCTION, transformers=_TRANSFORMERS, names=DICT | NONE, annotations=DICT | NONE)
@@ -169,9 +211,14 @@ def transformed_function(
             )
         ast.fix_missing_locations(tree)
     lines = [*original, *(ast.unparse(tree) + "\n").splitlines(keepends=True)]
+    return _copy(func, tree, source.file, lines, names, annotations)
+
+
+def _copy(func, tree, file, lines, names=None, annotations=None):
+    """A function with the globals, captured variables and defaults of another one."""
     cells = dict(zip(func.__code__.co_freevars, func.__closure__ or (), strict=True))
     cells |= {name: types.CellType(value) for name, value in (names or {}).items()}
-    code, _ = _compiled(tree, source.file, tuple(sorted(cells)), lines, evaluated=False)
+    code, _ = _compiled(tree, file, tuple(sorted(cells)), lines, evaluated=False)
     closure = tuple(cells[name] for name in code.co_freevars)
     made = types.FunctionType(code, func.__globals__, tree.name, func.__defaults__, closure)
     made.__kwdefaults__, made.__doc__ = func.__kwdefaults__, func.__doc__
@@ -186,17 +233,19 @@ def _module_of_caller() -> str:
     return calling_frame().f_globals.get("__name__", "__main__")
 
 
-def _made(tree, file, names, module, lines, is_whole=False):
-    """A function whose names are captured variables: code that is shared looks for these anew."""
-    free = tuple(sorted(names))
-    code, factory = _compiled(tree, file, free, lines, is_whole=is_whole)
-    space = {"__name__": module}
-    exec(factory, space)
-    plain = space["factory"](*(names[name] for name in free))
+def _made(tree, file, names, space, lines, is_whole=False):
+    """A function whose names are captured variables: code that is shared looks for these anew.
+
+    Args:
+        space: its globals.
+    """
+    code, factory = _compiled(tree, file, tuple(sorted(names)), lines, is_whole=is_whole)
+    found: dict = {}
+    exec(factory, space, found)
+    plain = found["factory"](*(names[name] for name in sorted(names)))
     made = types.FunctionType(code, space, tree.name, plain.__defaults__, plain.__closure__)
     made.__kwdefaults__, made.__annotations__ = plain.__kwdefaults__, plain.__annotations__
     made.__doc__, made.__qualname__ = plain.__doc__, tree.name
-    del space["factory"]
     return made
 
 

@@ -1,23 +1,54 @@
-"""The text of programs that Python was given by `-c` or through standard input from a file."""
+"""The text of programs without a file: `-c`, standard input from a file, and strings for `exec`.
+
+Python calls all of them `<string>` or `<stdin>`, so a text counts as that of a code object only if
+it compiles to it.
+"""
 
 from __future__ import annotations
+import __future__
 
 import os
 import stat
 import sys
 import types
 
+_FUTURE = 0
+for _feature in __future__.all_feature_names:
+    _FUTURE |= getattr(__future__, _feature).compiler_flag
 
-def lines_of_main(code) -> list[str]:
-    """The lines of the program, none if the code object is not of it; `linecache` has them then."""
+
+def lines_of_main(code) -> tuple[list[str], str]:
+    """The lines of the program that a code object is of, and their name in `linecache`.
+
+    There are none if no text is known to be the program.
+    """
     import linecache
 
-    text = {"<string>": _of_command, "<stdin>": _of_input}.get(code.co_filename, str)()
-    if not text or not _holds(text, code):
-        return []
+    file = code.co_filename
+    registered = linecache.getlines(file)
+    if registered and _holds("".join(registered), code):
+        return registered, file
+    texts = [{"<string>": _of_command, "<stdin>": _of_input}[file](), *_of_callers(code)]
+    text = next((one for one in texts if one and _holds(one, code)), None)
+    if text is None:
+        return [], file
+    if registered:
+        file = f"{file[:-1]} {hash(text) & 0xFFFFFFFF:08x}>"
     lines = text.splitlines(keepends=True)
-    linecache.cache[code.co_filename] = len(text), None, lines, code.co_filename
-    return lines
+    linecache.cache[file] = len(text), None, lines, file
+    return lines, file
+
+
+def _of_callers(code):
+    """Strings that functions which run `exec` know by a name or as a constant."""
+    definition = f"def {code.co_name}"
+    frame = sys._getframe(1)
+    while frame is not None and frame.f_back is not None:
+        caller = frame.f_back
+        if (frame.f_code.co_filename, frame.f_code.co_name) == (code.co_filename, "<module>"):
+            known = *caller.f_code.co_consts, *caller.f_locals.values(), *caller.f_globals.values()
+            yield from (one for one in known if type(one) is str and definition in one)
+        frame = caller
 
 
 def _of_command() -> str:
@@ -44,22 +75,29 @@ def _of_input() -> str:
 
 
 def _holds(text, code) -> bool:
-    """True if a text compiles to this code object: `exec` uses the same names of files."""
+    """True if a text compiles to this code object."""
     import warnings
 
+    flags = code.co_flags & _FUTURE
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = [compile(text, code.co_filename, "exec", dont_inherit=True)]
+            found = [compile(text, code.co_filename, "exec", flags, dont_inherit=True)]
     except (SyntaxError, ValueError):
         return False
     while found:
         one = found.pop()
         if (one.co_name, one.co_firstlineno) == (code.co_name, code.co_firstlineno):
-            return (one.co_code, one.co_names, one.co_varnames) == (
-                code.co_code,
-                code.co_names,
-                code.co_varnames,
-            )
+            return _same(one, code)
         found += [const for const in one.co_consts if isinstance(const, types.CodeType)]
     return False
+
+
+def _same(one, other) -> bool:
+    """True if two code objects differ in nothing but the columns of their parts."""
+    if isinstance(one, types.CodeType) and isinstance(other, types.CodeType):
+        return all(
+            getattr(one, name) == getattr(other, name)
+            for name in ("co_code", "co_names", "co_varnames", "co_freevars")
+        ) and all(map(_same, one.co_consts, other.co_consts))
+    return type(one) is type(other) and one == other and repr(one) == repr(other)

@@ -16,10 +16,10 @@ _IDENTIFIER = re.compile(r"[^\W\d]\w*")
 
 # By the file that a code object names.
 _HINTS = {
-    "<string>": "Python keeps no text of `exec`: give its lines to `linecache.cache['<string>']`, "
-    "or make functions by `warp.extend.function_from_text`",
+    "<string>": "Python keeps no text of `exec`: give the text to `wp.kernel(source=...)` or "
+    "`wp.func(source=...)`, or its lines to `linecache.cache['<string>']`",
     "<stdin>": "Python keeps no text that comes through a pipe or a prompt: put it into a file, "
-    "or run it by `python -c`",
+    "run it by `python -c`, or give the text of each kernel to `wp.kernel(source=...)`",
     "<dynamic-code>": "cloudpickle sent the function around it without source: define the kernel "
     "outside of that function, kernels travel with theirs",
 }
@@ -49,18 +49,34 @@ _kept = ByCode()
 
 def keep(function) -> None:
     """Keeps the lines of a function's file."""
+    code = function.__code__
+    if _kept.get(code) is None:
+        lines = _lines_of_file(function)
+        if code.co_firstlineno <= len(lines):
+            _kept[code] = lines
+
+
+# Files whose lines messages show, of code objects that share the name of theirs with other texts.
+_files = ByCode()
+
+
+def file_of(code) -> str:
+    """The file that `linecache` has the lines of a code object in."""
+    return _files.get(code) or code.co_filename
+
+
+def _lines_of_file(function) -> list[str]:
     import linecache
 
     code = function.__code__
-    if _kept.get(code) is None:
-        linecache.checkcache(code.co_filename)
-        lines = linecache.getlines(code.co_filename, function.__globals__)
-        if code.co_firstlineno > len(lines):
-            from warp._src.kernels.main_texts import lines_of_main
+    file = code.co_filename
+    if file in ("<string>", "<stdin>"):
+        from warp._src.kernels.main_texts import lines_of_main
 
-            lines = lines_of_main(code)
-        if code.co_firstlineno <= len(lines):
-            _kept[code] = lines
+        lines, _files[code] = lines_of_main(code)
+        return lines
+    linecache.checkcache(file)
+    return linecache.getlines(file, function.__globals__)
 
 
 def lines_of(function, forget=False) -> list[str]:
@@ -69,17 +85,10 @@ def lines_of(function, forget=False) -> list[str]:
     Raises:
         WarpCodegenError: the file has no such line.
     """
-    import linecache
-
     code = function.__code__
     lines = _kept.pop(code) if forget else _kept.get(code)
     if lines is None:
-        linecache.checkcache(code.co_filename)
-        lines = linecache.getlines(code.co_filename, function.__globals__)
-    if code.co_firstlineno > len(lines):
-        from warp._src.kernels.main_texts import lines_of_main
-
-        lines = lines_of_main(code)
+        lines = _lines_of_file(function)
     if code.co_firstlineno > len(lines):
         raise errors.WarpCodegenError(
             f"source of '{function.__name__}' is not available",
