@@ -42,12 +42,6 @@ WARP_API void setFusesLaunches(bool fuses);
 /// CPUs.
 WARP_API void setFusesRows(bool fuses);
 WARP_API void setFusesRowsOnHost(bool fuses);
-/// The same for fills of CUDA devices. With `first`, all else of a graph comes
-/// behind those that wait for nothing; with `early`, launches that were
-/// recorded behind a fill may start early, too; with `moves`, those that wait
-/// for several nodes, where one of these can wait for the others.
-WARP_API void setFusesFills(bool fuses, bool first = false, bool early = false,
-                            bool moves = false);
 
 } // namespace warp
 

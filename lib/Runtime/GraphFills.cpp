@@ -15,9 +15,8 @@
 
 #include "GraphFuser.h"
 
-#include "warp/Fusion.h"
-
 #include <algorithm>
+#include <set>
 #include <utility>
 
 using namespace warp;
@@ -26,12 +25,9 @@ using namespace warp;
 /// for the rest.
 static constexpr int64_t mostBytes = int64_t(4) << 20;
 
-static thread_local FillChoice choice;
-
-const FillChoice &warp::fillChoice() { return choice; }
-void warp::setFusesFills(bool fuses, bool first, bool early, bool moves) {
-  choice = {fuses, first, early, moves};
-}
+/// Nodes that would wait for one predecessor less if fills came first: fewer
+/// do not make up for the time in which nothing else runs.
+static constexpr size_t fewestJoins = 2;
 
 std::optional<FillRegion> warp::fillRegionOf(const GraphOperation &fill) {
   const std::string &unit = fill.constant;
@@ -99,8 +95,11 @@ void GraphFuser::joinFills() {
     groups[own].nodes.clear();
     groupOf[node] = *found;
   }
-  for (int group : joined)
+  for (int group : joined) {
     std::sort(groups[group].nodes.begin(), groups[group].nodes.end());
+    if (firstFills < 0 && saveJoins(group))
+      firstFills = group;
+  }
 }
 
 std::vector<FillRegion> GraphFuser::regionsOf(int group) const {
@@ -110,11 +109,21 @@ std::vector<FillRegion> GraphFuser::regionsOf(int group) const {
   return regions;
 }
 
-/// All else comes behind fills that are the first node: one predecessor less of
-/// each launch that reads what they write.
+/// True if all else may come behind a group of fills: those that wait for
+/// nothing, where that leaves launches with one predecessor less.
+bool GraphFuser::saveJoins(int group) const {
+  if (groups[group].nodes.size() < 2 || !before(group).empty())
+    return false;
+  std::set<int> joins;
+  for (int node : groups[group].nodes)
+    for (int follower : followers[node])
+      if (int other = groupOf[follower]; before(other).size() > 1)
+        joins.insert(other);
+  return joins.size() >= fewestJoins;
+}
+
+/// All else comes behind fills that are the first node.
 void GraphFuser::putFillsFirst(FusedNodes &nodes) {
-  if (!choice.first || !nodes.fills.count(0))
-    return;
   MemoryBlock token;
   token.start = fillsAddress;
   token.item = 1;

@@ -21,12 +21,6 @@ struct FillRegion {
   char pattern[16] = {};
 };
 
-/// Fills of graphs that this thread captures (warp/Fusion.h).
-struct FillChoice {
-  bool fuses = false, first = false, early = false, moves = false;
-};
-const FillChoice &fillChoice();
-
 /// None if the bytes of the fill do not repeat every 16.
 std::optional<FillRegion> fillRegionOf(const GraphOperation &fill);
 

@@ -48,6 +48,7 @@ private:
   // GraphFills.cpp: fills that are one node.
   void joinFills();
   std::vector<FillRegion> regionsOf(int group) const;
+  bool saveJoins(int group) const;
   static void putFillsFirst(FusedNodes &nodes);
 
   // GraphFusionRules.cpp: launches that may be one.
@@ -74,6 +75,8 @@ private:
   std::vector<Launch> launches;
   std::vector<int> groupOf;
   std::vector<Group> groups;
+  /// The fills that all else comes behind; -1 if there are none.
+  int firstFills = -1;
 };
 
 } // namespace warp

@@ -211,15 +211,10 @@ std::vector<int> GraphFuser::orderOfGroups() const {
   // Fills begin with the first of them.
   auto placeOf = [&](int group) {
     const std::vector<int> &nodes = groups[group].nodes;
-    if (!records[nodes.front()].fill)
-      return nodes.back();
-    bool isFirst =
-        fillChoice().first && nodes.size() > 1 && before(group).empty();
-    return isFirst ? -1 : nodes.front();
+    int place = records[nodes.front()].fill ? nodes.front() : nodes.back();
+    return std::tuple(group != firstFills, -path[group], place);
   };
-  auto later = [&](int a, int b) {
-    return std::tuple(-path[a], placeOf(a)) > std::tuple(-path[b], placeOf(b));
-  };
+  auto later = [&](int a, int b) { return placeOf(a) > placeOf(b); };
   std::priority_queue<int, std::vector<int>, decltype(later)> ready(
       later, std::vector<int>(first));
   auto take = [&] {
@@ -244,7 +239,7 @@ FusedNodes GraphFuser::run(bool joinsFills) {
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
       made[int(group)] = std::move(fused);
-  if (joinsFills && fusesLaunches() && fillChoice().fuses)
+  if (joinsFills && fusesLaunches())
     joinFills();
   FusedNodes result;
   for (int group : orderOfGroups()) {
@@ -261,7 +256,8 @@ FusedNodes GraphFuser::run(bool joinsFills) {
     result.records.push_back(std::move(record));
     result.members.push_back(groups[group].nodes);
   }
-  putFillsFirst(result);
+  if (firstFills >= 0)
+    putFillsFirst(result);
   return result;
 }
 

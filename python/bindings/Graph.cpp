@@ -339,9 +339,6 @@ void python::bindGraph(py::module_ &m) {
   m.def("supports_conditional_graphs", &supportsConditionalGraphs);
   m.def("set_fuses_launches", &setFusesLaunches, py::arg("fuses"));
   m.def("set_fuses_rows", &setFusesRows, py::arg("fuses"));
-  m.def("set_fuses_fills", &setFusesFills, py::arg("fuses"),
-        py::arg("first") = false, py::arg("early") = false,
-        py::arg("moves") = false);
   m.def("set_fuses_rows_on_host", &setFusesRowsOnHost, py::arg("fuses"),
         "For tests: blocks of a CPU run rows, too.");
   bindLoadedGraph(m);

@@ -390,12 +390,10 @@ protected:
     early = reinterpret_cast<int (*)()>(
         dlsym(library, "fakeCudaProgrammaticEdges"));
     ASSERT_TRUE(early);
-    setFusesFills(true);
   }
   void TearDown() override {
     if (setOrder)
       setOrder(0);
-    setFusesFills(false);
   }
 
   std::shared_ptr<Graph> record(const std::function<void(Capture &)> &fill,
@@ -434,7 +432,6 @@ TEST_F(OrderedGraphs, HaveTheBitsOfEagerCalls) {
     Program(seed, arrays).run(nullptr);
     std::vector<int> expected = arrays.contents();
     Program program(seed, arrays);
-    setFusesFills(seed % 4 > 0, seed % 4 > 1, seed % 4 > 2, seed % 3 == 0);
     std::shared_ptr<Graph> graph =
         record([&](Capture &capture) { program.run(&capture); });
     ASSERT_TRUE(graph->schedule());
@@ -662,7 +659,7 @@ TEST_F(OrderedGraphs, BeginFillsTogether) {
   auto at = [&](int place) {
     return static_cast<char *>(add.memory.data()) + 256 * place;
   };
-  auto fill = [&](Capture &) {
+  std::shared_ptr<Graph> graph = record([&](Capture &) {
     add.launch(0, 1, 64);
     setMemory(at(2), 0, 0, 256);
     setMemory(at(3), 0, 0, 256);
@@ -671,23 +668,39 @@ TEST_F(OrderedGraphs, BeginFillsTogether) {
     setMemory(at(1), 0, 0, 256);
     // Recorded behind a fill, and behind the second launch alone.
     add.launch(3, 4, 32);
-  };
-  std::shared_ptr<Graph> graph = record(fill);
+  });
   const std::vector<GraphSchedule::Node> &nodes = graph->schedule()->nodes;
   ASSERT_EQ(nodes.size(), 5u);
   EXPECT_EQ(nodes[1].name, "2 fills");
   ASSERT_EQ(nodes[2].before.size(), 1u);
   EXPECT_EQ(nodes[2].before[0].from, 1);
-  EXPECT_EQ(early(), 0);
-  setFusesFills(true, false, true);
-  record(fill);
   EXPECT_EQ(early(), 1);
-  // All else comes behind the fills that wait for nothing.
-  setFusesFills(true, true, true);
-  graph = record(fill);
-  EXPECT_EQ(graph->schedule()->nodes[0].name, "2 fills");
-  for (size_t i = 1; i < 5; ++i)
-    EXPECT_EQ(graph->schedule()->nodes[i].before.size(), 1u);
+}
+
+// All else comes behind fills that wait for nothing, if that leaves two nodes
+// with one predecessor less, which may then start early.
+TEST_F(OrderedGraphs, BeginWithFillsThatSaveJoins) {
+  Additions add;
+  auto at = [&](int place) {
+    return static_cast<char *>(add.memory.data()) + 256 * place;
+  };
+  for (bool saves : {false, true}) {
+    std::shared_ptr<Graph> graph = record([&](Capture &) {
+      add.launch(0, 1, 64);
+      setMemory(at(2), 0, 0, 256);
+      setMemory(at(3), 0, 0, 256);
+      add.launch(1, 2, 48);
+      add.launch(saves ? 1 : 4, 3, 32);
+    });
+    const std::vector<GraphSchedule::Node> &nodes = graph->schedule()->nodes;
+    ASSERT_EQ(nodes.size(), 4u);
+    EXPECT_EQ(nodes[saves ? 0 : 1].name, "2 fills");
+    EXPECT_EQ(nodes[0].before.size(), 0u);
+    EXPECT_EQ(nodes[1].before.size(), saves ? 1u : 0u);
+    EXPECT_EQ(nodes[2].before.size(), saves ? 1u : 2u);
+    EXPECT_EQ(nodes[3].before.size(), 1u);
+    EXPECT_EQ(early(), saves ? 2 : 0);
+  }
 }
 
 namespace {
@@ -753,59 +766,6 @@ TEST_F(OrderedGraphs, WaitForTheEndBesideKernelsOfOthers) {
   }
 }
 
-// Other predecessors of a kernel move to its latest one, if that waits for
-// several nodes, and the order stays.
-TEST_F(OrderedGraphs, MoveJoins) {
-  RealAdditions add;
-  auto fill = [&](Capture &) {
-    add.launch(0, 1, 64);
-    add.launch(2, 3, 48);
-    add.launch(4, 5, 16);
-    add.launch(1, 3, 32);
-    // Behind the two before.
-    add.launch(3, 5, 40);
-  };
-  record(fill);
-  EXPECT_EQ(early(), 0);
-  setFusesFills(false, false, false, true);
-  std::shared_ptr<Graph> graph = record(fill);
-  EXPECT_EQ(early(), 1);
-  EXPECT_EQ(graph->schedule()->nodes[3].before.size(), 3u);
-  EXPECT_EQ(graph->schedule()->edges, 4u);
-  for (unsigned seed = 1; seed <= 40; ++seed) {
-    Random random(seed);
-    std::vector<std::pair<int, int>> sums;
-    while (sums.size() < 14)
-      if (int from = below(random, 8), to = below(random, 8); from != to)
-        sums.push_back({from, to});
-    std::vector<float> expected(8);
-    auto reset = [&] {
-      for (int i = 0; i < 8; ++i)
-        expected[i] = add.first(i) = float(1 + 3 * i);
-    };
-    reset();
-    for (auto [from, to] : sums)
-      expected[to] += expected[from];
-    std::vector<float> sum = expected;
-    graph = record([&](Capture &) {
-      // Launches of equal extents would be one.
-      for (size_t i = 0; i < sums.size(); ++i)
-        add.launch(sums[i].first, sums[i].second, 64 - int(i));
-    });
-    const std::vector<GraphSchedule::Node> &nodes = graph->schedule()->nodes;
-    for (size_t i = 0; i < nodes.size(); ++i)
-      for (const GraphSchedule::Edge &edge : nodes[i].before)
-        ASSERT_LT(edge.from, int(i));
-    for (unsigned order = 0; order < 12; ++order) {
-      setOrder(order);
-      reset();
-      graph->launch();
-      for (int i = 0; i < 8; ++i)
-        ASSERT_EQ(add.first(i), sum[i]) << "program " << seed;
-    }
-  }
-}
-
 // A condition is set once fills that are one have ended.
 TEST_F(OrderedGraphs, SetConditionsBehindFills) {
   RealAdditions add;
@@ -813,11 +773,17 @@ TEST_F(OrderedGraphs, SetConditionsBehindFills) {
   auto *flag = static_cast<int *>(flags.data());
   int one = 1, zero = 0;
   for (bool first : {false, true}) {
-    setFusesFills(true, first, true);
     std::shared_ptr<Graph> graph = record([&](Capture &capture) {
+      if (first)
+        add.launch(0, 4, 16);
       fillMemory(flag, 0, &one, 4, 1);
       setMemory(&add.first(1), 0, 0, 256);
-      add.launch(0, 1, 64);
+      if (first)
+        setMemory(&add.first(5), 0, 0, 256);
+      // Two nodes that would wait for the first launch and for fills.
+      if (first)
+        add.launch(4, 5, 48);
+      add.launch(first ? 4 : 0, 1, 64);
       auto loop = capture.addCondition(flag, false);
       capture.beginBody(loop, true);
       setMemory(&add.first(2), 0, 0, 256);
@@ -827,13 +793,14 @@ TEST_F(OrderedGraphs, SetConditionsBehindFills) {
       capture.endBody();
       add.launch(2, 3, 32);
     });
-    EXPECT_EQ(graph->schedule()->nodes[0].name, "2 fills");
+    EXPECT_EQ(graph->schedule()->nodes[0].name, first ? "3 fills" : "2 fills");
     for (unsigned order = 0; order < 12; ++order) {
       setOrder(order);
       *flag = 0;
       add.first(0) = 5;
       add.first(2) = 100;
       add.first(3) = 1;
+      add.first(4) = 0;
       graph->launch();
       ASSERT_EQ(add.first(3), 6) << "order " << order;
       ASSERT_EQ(*flag, 0);

@@ -46,7 +46,7 @@ void NodeGroups::findEarly() {
   for (const GraphEdge &edge : edges)
     if (edge.data.isProgrammatic())
       early[edge.to] = edge.data;
-  for (size_t i = 0; i < records.size() && fillChoice().early; ++i)
+  for (size_t i = 0; i < records.size(); ++i)
     if (GraphNode node = only(i); node && records[i].launch &&
                                   typeOf(node) == nodeKernel &&
                                   waitsFirst(records[i].launch->plan))
@@ -63,46 +63,6 @@ EdgeData NodeGroups::dataOf(GraphNode to, size_t from, size_t group) const {
     return {};
   auto known = early.find(to);
   return known != early.end() ? known->second : EdgeData();
-}
-
-/// Lets more kernels have one predecessor, and so start early: what a kernel
-/// waits for beside its latest predecessor moves there, if that waits for
-/// several nodes anyway and each one moved is nearer to the start. Nodes keep
-/// behind those with lower numbers.
-void NodeGroups::moveJoins(GraphSchedule &schedule) const {
-  std::vector<int> level(members.size());
-  for (size_t group = 0; group < members.size(); ++group) {
-    std::vector<GraphSchedule::Edge> &list = schedule.nodes[group].before;
-    auto latest = list.begin();
-    for (auto edge = list.begin(); edge != list.end(); ++edge) {
-      level[group] = std::max(level[group], level[edge->from] + 1);
-      if (level[edge->from] > level[latest->from])
-        latest = edge;
-    }
-    if (list.size() < 2 || !only(group))
-      continue;
-    GraphSchedule::Edge kept = *latest;
-    std::vector<GraphSchedule::Edge> &others = schedule.nodes[kept.from].before;
-    bool isEarlier = std::all_of(list.begin(), list.end(), [&](auto &edge) {
-      return edge.from == kept.from ||
-             (level[edge.from] < level[kept.from] && edge.from < kept.from);
-    });
-    if (!isEarlier || others.size() < 2 ||
-        !dataOf(only(group), kept.from, group).isProgrammatic())
-      continue;
-    for (const GraphSchedule::Edge &edge : list) {
-      auto isSame = [&](auto &other) { return other.from == edge.from; };
-      --schedule.edges;
-      if (edge.from != kept.from &&
-          std::none_of(others.begin(), others.end(), isSame)) {
-        others.push_back(
-            {edge.from, "'" + records[group].name + "' may start early then"});
-        ++schedule.edges;
-      }
-    }
-    ++schedule.edges;
-    list = {kept};
-  }
 }
 
 void NodeGroups::exchange(const GraphSchedule &schedule,

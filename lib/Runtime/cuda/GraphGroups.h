@@ -41,7 +41,6 @@ public:
   /// Puts fused launches, and fills that are one, in the place of those that
   /// were recorded; false if the driver does not take them.
   bool fuse(GraphHandle graph, FusedNodes fused, int device, Stream &stream);
-  void moveJoins(GraphSchedule &schedule) const;
   void exchange(const GraphSchedule &schedule, std::vector<GraphEdge> &removed,
                 std::vector<GraphEdge> &added) const;
   /// The only node of a group, or null.

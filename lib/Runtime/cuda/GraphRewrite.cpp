@@ -121,8 +121,6 @@ GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
   }
   schedule = makeSchedule(groups.records, groups.before, capacityOf(device));
   schedule->recordedEdges = recordedEdges;
-  if (fillChoice().moves)
-    groups.moveJoins(*schedule);
   for (size_t i = 0; i < schedule->nodes.size(); ++i)
     if (auto body = bodies.find(groups.only(i)); body != bodies.end())
       schedule->nodes[i].body = body->second;

@@ -155,7 +155,8 @@ SETTINGS = {
             "fuse_graphs",
             bool,
             True,
-            "launches of optimized graphs whose threads keep to elements of their own are one",
+            "launches of optimized graphs whose threads keep to elements of their own are one, on "
+            "GPUs fills that wait for the same operations, too",
         ),
         Setting(
             "fuse_rows",
@@ -163,12 +164,6 @@ SETTINGS = {
             False,
             "on GPUs so are launches of equal first extents whose threads share elements with "
             "those of the same first index: a block runs them for each",
-        ),
-        Setting(
-            "fuse_fills",
-            bool,
-            False,
-            "on GPUs so are fills that wait for the same operations",
         ),
         Setting(
             "verify_graphs",

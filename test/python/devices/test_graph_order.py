@@ -352,7 +352,7 @@ def test_launches_and_copies_of_nothing_are_left_out(device):
 @pytest.mark.parametrize("fuses", [False, True])
 def test_fills_of_many_types_and_lengths(device, fuses, monkeypatch):
     """Fills, also those that are one kernel, write the bytes that NumPy writes, and no others."""
-    monkeypatch.setattr(wp.config, "fuse_fills", fuses)
+    monkeypatch.setattr(wp.config, "fuse_graphs", fuses)
     rng = np.random.default_rng(3)
     cases = []
     for dtype, value, number in (

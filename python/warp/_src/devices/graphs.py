@@ -231,7 +231,6 @@ def capture_begin(
         handles.show_gradients()
     _native.set_fuses_launches(config.fuse_graphs)
     _native.set_fuses_rows(config.fuse_rows)
-    _native.set_fuses_fills(config.fuse_fills)
     _captures[key] = _native.Capture(
         device.index, stream, int(capture_mode), external, bool(apic), _order(optimize, device)
     )
