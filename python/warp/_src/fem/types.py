@@ -66,36 +66,6 @@ def sample_type(scalar: type) -> type:
 
 
 @wp.func
-def make_coords(a: wp.float32):
-    return wp.vec3(a, 0.0, 0.0)
-
-
-@wp.func
-def make_coords(a: wp.float64):
-    return wp.vec3d(a, wp.float64(0.0), wp.float64(0.0))
-
-
-@wp.func
-def make_coords(a: wp.float32, b: wp.float32):
-    return wp.vec3(a, b, 0.0)
-
-
-@wp.func
-def make_coords(a: wp.float64, b: wp.float64):
-    return wp.vec3d(a, b, wp.float64(0.0))
-
-
-@wp.func
-def make_coords(a: wp.float32, b: wp.float32, c: wp.float32):
-    return wp.vec3(a, b, c)
-
-
-@wp.func
-def make_coords(a: wp.float64, b: wp.float64, c: wp.float64):
-    return wp.vec3d(a, b, c)
-
-
-@wp.func
 def make_free_sample(element_index: int, element_coords: wp.vec3):
     """A sample that belongs to no quadrature point and no degree of freedom."""
     return Sample(element_index, element_coords, -1, 0.0, wp.vec2i(-1, -1), wp.vec2i(-1, -1))

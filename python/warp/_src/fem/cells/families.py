@@ -12,7 +12,6 @@ from warp._src.fem.cells import simplices
 from warp._src.fem.cells.cell import CUBE, SQUARE, TET, TRIANGLE
 from warp._src.fem.cells.definitions import (
     Definition,
-    barycentric,
     make_layout,
     tensor_products,
 )
@@ -34,6 +33,24 @@ def monomials(exponents, x) -> tuple[np.ndarray, np.ndarray]:
         for b in axes
     ]
     return functools.reduce(np.multiply, parts), np.stack(gradients, axis=-1)
+
+
+def total_degree(dimension, degree) -> np.ndarray:
+    """Exponents of the monomials of a total degree, the lowest first."""
+    every = itertools.product(range(degree + 1), repeat=dimension)
+    return np.array(sorted((e for e in every if sum(e) <= degree), key=lambda e: (sum(e), e)))
+
+
+def _nodal(cell, exponents, places) -> tuple:
+    """The basis of monomials of 2 x - 1 that is dual to values at places: what kernels need of it,
+    and its tabulation."""
+    coefficients = np.linalg.inv(monomials(exponents, 2.0 * places - 1.0)[0]).T
+
+    def tabulate(coords, orientation):
+        made, slopes = monomials(exponents, 2.0 * cell.parameters(coords) - 1.0)
+        return made @ coefficients.T, 2.0 * np.einsum("qmd,nm->qnd", slopes, coefficients)
+
+    return (exponents, coefficients), tabulate
 
 
 def _superlinear(exponents) -> int:
@@ -75,13 +92,7 @@ def serendipity(element) -> Definition:
     places = np.array(places)
     most = itertools.product(range(degree + 1), repeat=cell.dimension)
     exponents = np.array([e for e in most if _superlinear(e) <= degree])
-    basis, _ = monomials(exponents, 2.0 * places - 1.0)
-    coefficients = np.linalg.inv(basis).T
-
-    def tabulate(coords, orientation):
-        made, slopes = monomials(exponents, 2.0 * cell.parameters(coords) - 1.0)
-        return made @ coefficients.T, 2.0 * np.einsum("qmd,nm->qnd", slopes, coefficients)
-
+    data, tabulate = _nodal(cell, exponents, places)
     corner = 1.0 / (len(cell.corners) * degree**cell.dimension)
     beside = (1.0 - corner * len(cell.corners)) / (len(entities) - len(cell.corners))
     weights = np.array([corner if e[0] == 0 else beside for e in entities])
@@ -93,7 +104,7 @@ def serendipity(element) -> Definition:
         _serendipity_traces(cell, degree, entities, line_weights),
         tabulate,
         degree + (1 if cell == SQUARE else 2),
-        (exponents, coefficients),
+        data,
     )
 
 
@@ -138,15 +149,8 @@ def nonconforming(element) -> Definition:
         raise ValueError(f"discontinuous polynomials need a cell of 2 or 3 axes, but got {cell}")
     steps = np.array([place for place, _ in simplices.lattice(inside, degree)])
     corners = _embedding(cell, degree)
-    gradient = (corners[1:] - corners[0]).T
-    inverse = np.linalg.inv(gradient)
-
-    def tabulate(coords, orientation):
-        x = (cell.parameters(coords) - corners[0]) @ inverse.T
-        values, slopes = simplices.powers(steps, barycentric(inside, inside.coords(x)))
-        return values, (slopes[..., 1:] - slopes[..., :1]) @ inverse
-
-    places = corners[0] + (steps[:, 1:] / degree) @ gradient.T
+    places = corners[0] + (steps[:, 1:] / degree) @ (corners[1:] - corners[0])
+    data, tabulate = _nodal(cell, total_degree(cell.dimension, degree), places)
     made = rule(cell, degree)
     weights = made.weights @ tabulate(made.points, 0)[0]
     if not (weights > 0.0).all():
@@ -154,9 +158,8 @@ def nonconforming(element) -> Definition:
     entities = [(cell.dimension, 0, k) for k in range(len(steps))]
     traces = np.zeros(len(steps))
     layout = make_layout(element, entities)
-    data = (inside, corners[0], inverse)
     coords = cell.coords(places)
-    return Definition("embedded", layout, coords, weights, traces, tabulate, degree, data)
+    return Definition("polynomial", layout, coords, weights, traces, tabulate, degree, data)
 
 
 def spline(degree: int, x) -> tuple[np.ndarray, np.ndarray]:

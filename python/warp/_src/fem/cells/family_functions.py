@@ -8,7 +8,6 @@ import numpy as np
 import warp as wp
 from warp._src.fem.cells.cell import TRIANGLE
 from warp._src.fem.cells.lagrange_functions import (
-    lattice_functions,
     line_functions,
     tensor_functions,
 )
@@ -97,36 +96,6 @@ def polynomial(element, real):
             for axis in range(dimension):
                 made[axis] += factor * derivative(x, m, axis)
         return made
-
-    return SimpleNamespace(value=value, gradient=gradient)
-
-
-def embedded(element, real):
-    """Lagrange polynomials of a simplex inside of the cell."""
-    cell, degree = element.cell, element.degree
-    inside, origin, inverse = element.definition.data
-    Coords, _, Matrix = _types(cell, real)
-    parameters = _parameters(cell, origin, 1.0, real)
-    functions = lattice_functions(inside, degree, real)
-    value_inside, gradient_inside = functions.value, functions.gradient
-    to_inside = Matrix(*inverse.ravel().tolist())
-    is_plane = cell.dimension == 2
-
-    @wp.func
-    def moved(coords: Coords):
-        y = to_inside * parameters(coords)
-        if wp.static(is_plane):
-            return Coords(real(1.0) - y[0] - y[1], y[0], y[1])
-        else:
-            return Coords(y[0], y[1], y[2])
-
-    @wp.func
-    def value(coords: Coords, node: int):
-        return value_inside(moved(coords), node)
-
-    @wp.func
-    def gradient(coords: Coords, node: int):
-        return wp.transpose(to_inside) * gradient_inside(moved(coords), node)
 
     return SimpleNamespace(value=value, gradient=gradient)
 

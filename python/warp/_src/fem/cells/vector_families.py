@@ -25,8 +25,7 @@ from warp._src.fem.cells.definitions import (
     square_turns,
 )
 from warp._src.fem.cells.polynomial import Polynomial, quadrature_1d
-from warp._src.fem.cells.vector_nodes import edge_turns, equal_weights, side_signs
-from warp._src.fem.cells.vector_simplices import simplex
+from warp._src.fem.cells.vector_simplices import edge_turns, equal_weights, side_signs, simplex
 
 
 def vector_valued(element) -> Definition:

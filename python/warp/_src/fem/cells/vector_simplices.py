@@ -10,20 +10,14 @@ import numpy as np
 from warp._src.fem.cells import simplices
 from warp._src.fem.cells.cell import TRIANGLE
 from warp._src.fem.cells.definitions import Definition, make_layout
-from warp._src.fem.cells.families import monomials
+from warp._src.fem.cells.families import monomials, total_degree
 from warp._src.fem.cells.polynomial import Polynomial, quadrature_1d
-from warp._src.fem.cells.vector_nodes import edge_turns, equal_weights, side_signs
-
-
-def _exponents(dimension, degree):
-    every = itertools.product(range(degree + 1), repeat=dimension)
-    return np.array(sorted((e for e in every if sum(e) <= degree), key=lambda e: (sum(e), e)))
 
 
 @functools.cache
 def _span(dimension, degree, is_curl):
     """Coefficients (functions, axes, monomials) of a basis of the polynomials of an element."""
-    exponents = _exponents(dimension, degree)
+    exponents = total_degree(dimension, degree)
     index = {tuple(e): k for k, e in enumerate(exponents.tolist())}
     made = []
     for e, axis in itertools.product(exponents.tolist(), range(dimension)):
@@ -155,3 +149,31 @@ def _simplex_turns(cell, degree, is_curl):
         return {"edge_turns": edges, "face_turns": faces}
     turns = simplices.face_turns(degree + 2)
     return {"face_turns": tuple((numbers, (1,) * len(numbers)) for numbers in turns)}
+
+
+def equal_weights(element, entities):
+    """Weights of nodes over the cell and over each of its sides."""
+    count = len(entities)
+    side = element.cell.dimension - 1
+    on_side = sum(1 for e in entities if e[0] == side and e[1] == 0)
+    if side == 2:
+        vertices = set(element.cell.faces[0])
+        edges = [k for k, e in enumerate(element.cell.edges) if vertices.issuperset(e)]
+        on_side += sum(1 for e in entities if e[0] == 1 and e[1] in edges)
+    traces = [1.0 / on_side if e[0] <= side else 0.0 for e in entities]
+    return np.full(count, 1.0 / count), np.array(traces)
+
+
+def side_signs(cell, entities, places, directions):
+    """1 for the sides whose nodes have directions out of the cell, -1 for others."""
+    signs, center = {}, cell.vertices.mean(axis=0)
+    for entity, place, direction in zip(entities, places, directions, strict=True):
+        if entity[0] == cell.dimension - 1:
+            signs[entity[1]] = 1 if direction @ (place - center) > 0.0 else -1
+    return tuple(signs[k] for k in range(len(signs)))
+
+
+def edge_turns(degree, sign) -> tuple:
+    """Turns of nodes that lie symmetrically along edges."""
+    along = tuple(range(degree))
+    return (along, (1,) * degree), (along[::-1], (sign,) * degree)

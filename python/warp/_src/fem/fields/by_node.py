@@ -108,27 +108,23 @@ def _reference(description, half) -> SimpleNamespace:
     first = nodes.node_count * half
     last = first + nodes.node_count
 
-    @wp.func
-    def value(part: Any, arg: Any, geo: Any, s: Any):
-        dof = dof_of_sample(s)
-        found = Value()
-        if dof[0] >= first and dof[0] < last:
-            k = dof[0] - first
-            basis = weight(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), k)
-            found = unit_value(basis, dof[1])
-        return found
+    def at_node(Type, basis_function, unit):
+        @wp.func
+        def of_node(part: Any, arg: Any, geo: Any, s: Any):
+            dof = dof_of_sample(s)
+            found = Type()
+            if dof[0] >= first and dof[0] < last:
+                k = dof[0] - first
+                basis = basis_function(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), k)
+                found = unit(basis, dof[1])
+            return found
 
-    @wp.func
-    def gradient(part: Any, arg: Any, geo: Any, s: Any):
-        dof = dof_of_sample(s)
-        found = Gradient()
-        if dof[0] >= first and dof[0] < last:
-            k = dof[0] - first
-            basis = weight_gradient(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), k)
-            found = unit_gradient(basis, dof[1])
-        return found
+        return of_node
 
-    return SimpleNamespace(value=value, gradient=gradient)
+    return SimpleNamespace(
+        value=at_node(Value, weight, unit_value),
+        gradient=at_node(Gradient, weight_gradient, unit_gradient),
+    )
 
 
 @functools.cache

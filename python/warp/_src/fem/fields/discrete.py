@@ -64,10 +64,6 @@ class SpaceField(GeometryField):
         """Number of independent components of a value."""
         return self.space.VALUE_DOF_COUNT
 
-    def gradient_valid(self) -> bool:
-        """True if the gradient is defined."""
-        return not extend.type_is_matrix(self.dtype)
-
 
 class DiscreteField(SpaceField):
     """A value per node of a function space.

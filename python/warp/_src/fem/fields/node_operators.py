@@ -16,20 +16,21 @@ from warp._src.fem.types import make_free_sample
 def discrete_node_functions(nodes, domain) -> SimpleNamespace:
     """Functions of (slots, argument, geometry, sample[, node])."""
     inner, outer = locations(domain, 0), locations(domain, 1)
-    cell_arg, cell, coords = inner.cell_arg, inner.cell, inner.coords
-    out_arg, out_cell, out_coords = outer.cell_arg, outer.cell, outer.coords
+    cell_arg, cell, out_arg, out_cell = inner.cell_arg, inner.cell, outer.cell_arg, outer.cell
     topology = nodes.topology.functions
     count_of, index_of = topology.element_node_count, topology.element_node_index
     place_of, partition_index = nodes.functions.node_coords, nodes.partition_node_index
     weight, weight_gradient = signed_weights(nodes)
     is_cells = domain.is_cells
     from_cell = None if is_cells else domain_functions(domain).cell_to_element_coords
-    to_inner = _to_space(domain, 0)
-    to_outer = _to_space(domain, 1)
+
+    @wp.func
+    def first_count(arg: Any, geo: Any, s: Any):
+        return count_of(cell_arg(geo), arg.topology, cell(geo, s))
 
     @wp.func
     def node_count(part: Any, arg: Any, geo: Any, s: Any):
-        found = count_of(cell_arg(geo), arg.topology, cell(geo, s))
+        found = first_count(arg, geo, s)
         if wp.static(not is_cells):
             found += count_of(out_arg(geo), arg.topology, out_cell(geo, s))
         return found
@@ -40,7 +41,7 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
         if wp.static(is_cells):
             return s.element_index, node
         else:
-            first = count_of(cell_arg(geo), arg.topology, cell(geo, s))
+            first = first_count(arg, geo, s)
             owner = cell(geo, s)
             local = node
             if node >= first:
@@ -66,53 +67,34 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
     def node_partition_index(part: Any, arg: Any, geo: Any, node: int):
         return partition_index(arg.partition, node)
 
-    @wp.func
-    def node_inner_weight(part: Any, arg: Any, geo: Any, s: Any, node: int):
-        local = split(arg, geo, s, node)[1]
-        basis = weight(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), local)
-        if wp.static(not is_cells):
-            if node >= count_of(cell_arg(geo), arg.topology, cell(geo, s)):
-                basis = type(basis)()
-        return basis
+    def weight_of(half, basis_function, to_space=None):
+        """A basis function of the inner or outer cell, 0 for nodes of the other one."""
+        at = (inner, outer)[half]
+        cell_arg, cell, coords, is_outer = at.cell_arg, at.cell, at.coords, half == 1
 
-    @wp.func
-    def node_outer_weight(part: Any, arg: Any, geo: Any, s: Any, node: int):
-        local = split(arg, geo, s, node)[1]
-        basis = weight(out_arg(geo), arg.topology, out_cell(geo, s), out_coords(geo, s), local)
-        if wp.static(not is_cells):
-            if node < count_of(cell_arg(geo), arg.topology, cell(geo, s)):
-                basis = type(basis)()
-        return basis
+        @wp.func
+        def node_weight(part: Any, arg: Any, geo: Any, s: Any, node: int):
+            local = split(arg, geo, s, node)[1]
+            basis = basis_function(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), local)
+            if wp.static(not is_cells):
+                if (node >= first_count(arg, geo, s)) != is_outer:
+                    basis = type(basis)()
+            if wp.static(to_space is not None):
+                return to_space(geo, s, basis)
+            else:
+                return basis
 
-    @wp.func
-    def node_inner_weight_gradient(part: Any, arg: Any, geo: Any, s: Any, node: int):
-        local = split(arg, geo, s, node)[1]
-        basis = weight_gradient(cell_arg(geo), arg.topology, cell(geo, s), coords(geo, s), local)
-        if wp.static(not is_cells):
-            if node >= count_of(cell_arg(geo), arg.topology, cell(geo, s)):
-                basis = type(basis)()
-        return to_inner(geo, s, basis)
-
-    @wp.func
-    def node_outer_weight_gradient(part: Any, arg: Any, geo: Any, s: Any, node: int):
-        local = split(arg, geo, s, node)[1]
-        basis = weight_gradient(
-            out_arg(geo), arg.topology, out_cell(geo, s), out_coords(geo, s), local
-        )
-        if wp.static(not is_cells):
-            if node < count_of(cell_arg(geo), arg.topology, cell(geo, s)):
-                basis = type(basis)()
-        return to_outer(geo, s, basis)
+        return node_weight
 
     return SimpleNamespace(
         node_count=node_count,
         node_index=node_index,
         at_node=at_node,
         node_partition_index=node_partition_index,
-        node_inner_weight=node_inner_weight,
-        node_outer_weight=node_outer_weight,
-        node_inner_weight_gradient=node_inner_weight_gradient,
-        node_outer_weight_gradient=node_outer_weight_gradient,
+        node_inner_weight=weight_of(0, weight),
+        node_outer_weight=weight_of(1, weight),
+        node_inner_weight_gradient=weight_of(0, weight_gradient, _to_space(domain, 0)),
+        node_outer_weight_gradient=weight_of(1, weight_gradient, _to_space(domain, 1)),
     )
 
 

@@ -5,12 +5,8 @@ from __future__ import annotations
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.environments import (
-    EnvironmentVoxels,
-    checked_numbers,
-    checked_offsets,
-    checked_points,
     merged_environments,
-    transform_of,
+    packed_grid,
 )
 from warp._src.fem.geometry.nanogrid import SparseGrid
 
@@ -130,36 +126,20 @@ class AdaptiveNanogrid(SparseGrid):
             raise TypeError(
                 "expects 'points', 'cell_levels', 'point_envs', 'env_count' and 'level_count'"
             )
-        device = wp.get_device(device) if device is not None else points.device
-        points = checked_points(points, device)
-        n = points.shape[0]
-        environments = checked_numbers("point_envs", point_envs, n, device)
-        mask = checked_numbers("point_mask", point_mask, n, device)
-        levels = checked_numbers("cell_levels", cell_levels, n, device, wp.uint8)
-        place = transform_of(voxel_size, translation, transform)
-        voxels = EnvironmentVoxels(points, environments, int(env_count), mask, place, levels)
-        coarsest = 1 << (level_count - 1)
-        if env_offsets is None:
-            env_offsets = wp.empty(env_count, dtype=wp.vec3i, device=device)
-            voxels.lay_out(env_offsets, coarsest, coarsest)
-        else:
-            env_offsets = checked_offsets(env_offsets, env_count, device, coarsest)
-        voxels.pack(env_offsets)
-        grid = wp.Volume.allocate_by_voxels(
-            voxels.packed,
-            voxel_size=voxel_size if transform is None else None,
-            translation=translation,
-            transform=transform,
+        coarsest, placing = 1 << (level_count - 1), (voxel_size, translation, transform)
+        grid, cell_env, env_offsets, voxels = packed_grid(
+            *(points, point_envs, point_mask, cell_levels),
+            count=env_count,
+            offsets=env_offsets,
+            placing=placing,
             device=device,
-            point_mask=voxels.is_valid,
+            guard=coarsest,
+            alignment=coarsest,
         )
         voxels.check()
-        count = grid.get_voxel_count()
-        cell_env = wp.zeros(count, dtype=wp.int32, device=device)
-        voxels.name_cells(grid, cell_env)
         return cls(
             grid,
-            levels_of_cells(grid, voxels.packed, levels, voxels.is_valid),
+            levels_of_cells(grid, voxels.packed, voxels.levels, voxels.is_valid),
             level_count,
             None,
             scalar_type,

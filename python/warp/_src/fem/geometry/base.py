@@ -112,19 +112,7 @@ class ElementArguments(RecordFunctions):
         return arg
 
 
-class _ByGradient(type):
-    """Gives `Geometry` functions of kernels of a deformation gradient, made when asked for."""
-
-    def __getattr__(cls, name):
-        if name not in ("_element_measure", "_element_normal"):
-            raise AttributeError(f"{cls.__name__!r} has no attribute {name!r}")
-        from warp._src.fem.geometry.derived import element_functions
-
-        Geometry._element_measure, Geometry._element_normal = element_functions()
-        return getattr(Geometry, name)
-
-
-class Geometry(ElementArguments, metaclass=_ByGradient):
+class Geometry(ElementArguments):
     """A set of cells and of the sides between them.
 
     Functions of kernels (`cell_position`, `side_normal`, ...) are attributes. They are those of
@@ -212,12 +200,9 @@ class Geometry(ElementArguments, metaclass=_ByGradient):
         """Environment of each cell, if cells name theirs."""
         return None
 
-    @per_device
-    def side_index_arg_value(self, device):
+    def side_index_arg_value(self, device=None):
         """Argument of `boundary_side_index`."""
-        arg = self.SideIndexArg()
-        self.fill_side_index_arg(arg, device)
-        return arg
+        return self.side_arg_value(device)
 
     def fill_side_index_arg(self, arg, device) -> None:
         """Fills an argument of `boundary_side_index`."""
@@ -230,6 +215,12 @@ class Geometry(ElementArguments, metaclass=_ByGradient):
     def supports_cell_lookup(self, device=None) -> bool:
         """`lookup` works on a device."""
         return True
+
+    def build_bvh(self, device=None) -> None:
+        """Makes what `lookup` needs; nothing where cells are found by arithmetic."""
+
+    def update_bvh(self, device=None) -> None:
+        """Follows new positions; nothing where there are none."""
 
     def check(self, device=None):
         """Looks for cells that forms cannot be integrated on.

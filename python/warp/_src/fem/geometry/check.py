@@ -91,9 +91,9 @@ _WARNED = ("not_finite", "flat", "folded", "slivers")
 
 
 @functools.cache
-def _orientation_kernels(record):
-    """Two kernels, or None for curves: one writes the least and largest orientation of each cell,
-    from -1 to 1; the other counts bad cells of each kind, and finds the first."""
+def _orientation_kernel(record):
+    """The kernel that writes the least and largest orientation of each cell, from -1 to 1; None for
+    curves."""
     functions, real, cell = record.functions, record.scalar, record.cell
     k, d = DIMENSIONS[cell], record.dimension
     points = _sample_points(cell)
@@ -101,7 +101,6 @@ def _orientation_kernels(record):
     gradient, is_solid = functions.cell_deformation_gradient, k == d
     if k == 1 or (not is_solid and of_gradient(k, d)[1] is None):
         return None
-    flat, sliver = _FLAT[real], _SLIVER[real]
 
     @wp.func
     def size_of(arg: CellArg, cell: int, q: int):
@@ -119,17 +118,6 @@ def _orientation_kernels(record):
         else:
             return wp.length(wp.cross(Ft[0], Ft[1])) / product
 
-    @wp.func
-    def extremes(arg: CellArg, cell: int):
-        least = size_of(arg, cell, 0)
-        most = least
-        for q in range(1, n):
-            size = size_of(arg, cell, q)
-            # A NaN stays.
-            least = wp.where(size >= least, least, size)
-            most = wp.where(size <= most, most, size)
-        return wp.float64(least), wp.float64(most)
-
     @wp.kernel(enable_backward=False)
     def orient(
         arg: CellArg,
@@ -137,26 +125,16 @@ def _orientation_kernels(record):
         high: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
-        low[i], high[i] = extremes(arg, i)
+        least = size_of(arg, i, 0)
+        most = least
+        for q in range(1, n):
+            size = size_of(arg, i, q)
+            # A NaN stays.
+            least = wp.where(size >= least, least, size)
+            most = wp.where(size <= most, most, size)
+        low[i], high[i] = wp.float64(least), wp.float64(most)
 
-    @wp.kernel(enable_backward=False)
-    def count_bad(arg: CellArg, counts: wp.array(dtype=int), first: wp.array(dtype=int)):
-        i = wp.tid()
-        low, high = extremes(arg, i)
-        kind = int(-1)
-        if not wp.isfinite(low) or not wp.isfinite(high):
-            kind = 0
-        elif wp.max(wp.abs(low), wp.abs(high)) <= wp.float64(flat):
-            kind = 1
-        elif low <= wp.float64(flat) and high >= wp.float64(-flat):
-            kind = 2
-        elif wp.min(wp.abs(low), wp.abs(high)) <= wp.float64(sliver):
-            kind = 3
-        if kind >= 0:
-            wp.atomic_add(counts, kind, 1)
-            wp.atomic_min(first, kind, i)
-
-    return orient, count_bad
+    return orient
 
 
 # Edges by vertices, along each axis of a reference cell: a column of the gradient is a convex
@@ -183,7 +161,7 @@ def _are_surely_fine(geometry) -> bool:
     record, table = geometry.record, getattr(geometry, "cell_vertices", None)
     if table is None or geometry.base is not geometry or len(table) > _FEW_CELLS:
         return False
-    if record.dimension != DIMENSIONS[record.cell] or not geometry.positions.device.is_cpu:
+    if record.dimension != DIMENSIONS[record.cell]:
         return False
     if len(table) == 0:
         return True
@@ -216,23 +194,32 @@ def warn_of_bad_cells(geometry, device) -> None:
     kept["_is_checked"] = True
     if device.is_cpu and _are_surely_fine(geometry):
         return
-    kernels, n = _orientation_kernels(geometry.record), geometry.cell_count()
-    if kernels is None or not n:
-        return
-    with extend.unrecorded():
-        counts = wp.zeros(len(_WARNED), dtype=int, device=device)
-        first = wp.full(len(_WARNED), n, dtype=int, device=device)
-        inputs = [geometry.cell_arg_value(device)]
-        wp.launch(kernels[1], n, inputs, [counts, first], device=device)
-        counts = counts.numpy()
-    if counts.any():
-        found = [
-            f"{_WORDS[kind]} ({count}, the first is cell {cell})"
-            for kind, count, cell in zip(_WARNED, counts, first.numpy(), strict=True)
-            if count
-        ]
-        message = f"{geometry.name} has {'; '.join(found)}; `geometry.check()` lists all"
+    found = _orientations(geometry, device)
+    found = {kind: found[kind] for kind in _WARNED if len(found.get(kind, ()))}
+    if found:
+        shown = [f"{_WORDS[k]} ({len(n)}, the first is cell {n[0]})" for k, n in found.items()]
+        message = f"{geometry.name} has {'; '.join(shown)}; `geometry.check()` lists all"
         warnings.warn(message, stacklevel=3)
+
+
+def _orientations(geometry, device) -> dict:
+    """Cells that are not finite, flat, folded, slivers or inverted."""
+    kernel, n = _orientation_kernel(geometry.record), geometry.cell_count()
+    if kernel is None or not n:
+        return {}
+    with extend.unrecorded():
+        low, high = (wp.zeros(n, dtype=wp.float64, device=device) for _ in range(2))
+        wp.launch(kernel, n, [geometry.cell_arg_value(device)], [low, high], device=device)
+        low, high = low.numpy(), high.numpy()
+    tolerance, sliver = _FLAT[geometry.scalar_type], _SLIVER[geometry.scalar_type]
+    is_nan = ~np.isfinite(low) | ~np.isfinite(high)
+    smallest, largest = np.minimum(np.abs(low), np.abs(high)), np.maximum(np.abs(low), np.abs(high))
+    flat = ~is_nan & (largest <= tolerance)
+    folded = ~is_nan & ~flat & (low <= tolerance) & (high >= -tolerance)
+    kinds = {"not_finite": is_nan, "flat": flat, "folded": folded}
+    kinds["slivers"] = ~is_nan & ~flat & ~folded & (smallest <= sliver)
+    kinds["inverted"] = ~is_nan & ~flat & (high < -tolerance)
+    return {kind: np.flatnonzero(cells) for kind, cells in kinds.items()}
 
 
 def _of_tables(geometry) -> dict:
@@ -258,29 +245,7 @@ def _of_tables(geometry) -> dict:
 
 def check_geometry(geometry, device=None) -> GeometryReport:
     """Looks for cells that forms cannot be integrated on; see `GeometryReport`."""
-    found = _of_tables(geometry)
-    kernels = _orientation_kernels(geometry.record)
-    n = geometry.cell_count()
-    if kernels is None or not n:
-        return GeometryReport(**found)
-    device = wp.get_device(device)
-    with extend.unrecorded():
-        low, high = (wp.zeros(n, dtype=wp.float64, device=device) for _ in range(2))
-        wp.launch(kernels[0], n, [geometry.cell_arg_value(device)], [low, high], device=device)
-        low, high = low.numpy(), high.numpy()
-    tolerance, sliver = _FLAT[geometry.scalar_type], _SLIVER[geometry.scalar_type]
-    is_nan = np.isnan(low) | np.isnan(high)
-    flat = (np.maximum(np.abs(low), np.abs(high)) <= tolerance) | is_nan
-    bad = found.get("not_finite", _none())
-    flat[bad] = False
-    folded = ~flat & ~is_nan & (low < -tolerance) & (high > tolerance)
-    touching = ~flat & ~is_nan & ~folded & (np.minimum(np.abs(low), np.abs(high)) <= tolerance)
-    bad = flat | is_nan | folded | touching
-    slivers = ~bad & (np.minimum(np.abs(low), np.abs(high)) <= sliver)
-    return GeometryReport(
-        **found,
-        flat=np.flatnonzero(flat),
-        slivers=np.flatnonzero(slivers),
-        inverted=np.flatnonzero(~flat & ~is_nan & (high < -tolerance)),
-        folded=np.flatnonzero(folded | touching),
-    )
+    found = _orientations(geometry, wp.get_device(device))
+    for kind, cells in _of_tables(geometry).items():
+        found[kind] = np.union1d(found.get(kind, _none()), cells)
+    return GeometryReport(**found)

@@ -18,6 +18,10 @@ def _functions(record):
 MAKERS["deformed"] = _functions
 
 
+_OF_BASE = ("res", "strides", "positions", "cell_vertices", "cell_count", "vertex_count")
+_OF_BASE += ("edge_count", "side_count", "boundary_side_count")
+
+
 class DeformedGeometry(HasHierarchy, Geometry):
     """The cells of a geometry at other positions.
 
@@ -75,30 +79,10 @@ class DeformedGeometry(HasHierarchy, Geometry):
         return f"Deformed{self._base.name}_{'rel' if self.relative else 'abs'}"
 
     def __getattr__(self, name):
-        # Tables of the base, such as the resolution of a grid.
-        if name in ("res", "positions", "cell_vertices", "strides"):
+        # Counts and tables of the base, such as the resolution of a grid.
+        if name in _OF_BASE:
             return getattr(self._base, name)
         return super().__getattr__(name)
-
-    def cell_count(self) -> int:
-        """Number of cells."""
-        return self._base.cell_count()
-
-    def vertex_count(self) -> int:
-        """Number of vertices."""
-        return self._base.vertex_count()
-
-    def side_count(self) -> int:
-        """Number of sides."""
-        return self._base.side_count()
-
-    def edge_count(self) -> int:
-        """Number of edges."""
-        return self._base.edge_count()
-
-    def boundary_side_count(self) -> int:
-        """Number of sides with one cell."""
-        return self._base.boundary_side_count()
 
     def environment_count(self) -> int:
         """Number of environments."""

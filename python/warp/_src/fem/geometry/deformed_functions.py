@@ -10,7 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.curved import curved_functions
-from warp._src.fem.geometry.derived import of_gradient
+from warp._src.fem.geometry.derived import add_derived, of_gradient
 from warp._src.fem.geometry.mesh_lookup import add_bvh_lookup
 from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of, side_name
 from warp._src.fem.types import coords_type, make_free_sample, sample_type
@@ -92,15 +92,10 @@ _PLACES = {
 
 def _add_places(f, base) -> None:
     """Adds what does not depend on positions, from the base."""
-    SideArg = f.SideArg
     for name, count in _PLACES.items():
         setattr(f, name, _of_base(getattr(base, name), count))
 
-    @wp.func
-    def side_to_cell_arg(arg: SideArg):
-        return arg.cell_arg
-
-    f.side_to_cell_arg, f.boundary_side_index = side_to_cell_arg, base.boundary_side_index
+    f.boundary_side_index = base.boundary_side_index
 
 
 def _of_base(function, count: int) -> wp.Function:
@@ -136,7 +131,7 @@ def _add_sides(f, record) -> None:
     k = DIMENSIONS[cell]
     params = wp.types.vector(k, real)
     inner_cell, inner_coords = f.side_inner_cell_index, f.side_inner_cell_coords
-    position, gradient = f.cell_position, f.cell_deformation_gradient
+    gradient = f.cell_deformation_gradient
 
     @wp.func
     def axis(arg: SideArg, side: int, end: Coords):
@@ -148,12 +143,6 @@ def _add_sides(f, record) -> None:
         return p
 
     @wp.func
-    def side_position(arg: SideArg, s: Sample):
-        inside = inner_coords(arg, s.element_index, s.element_coords)
-        cell_index = inner_cell(arg, s.element_index)
-        return position(arg.cell_arg, make_free_sample(cell_index, inside))
-
-    @wp.func
     def side_deformation_gradient(arg: SideArg, s: Sample):
         side = s.element_index
         inside = inner_coords(arg, side, s.element_coords)
@@ -163,7 +152,7 @@ def _add_sides(f, record) -> None:
         else:
             return wp.matrix_from_cols(F * axis(arg, side, b), F * axis(arg, side, c))
 
-    f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
+    f.side_deformation_gradient = side_deformation_gradient
     normal_of = of_gradient(k - 1, k)[1]
     if k != record.dimension or normal_of is None:
         return
@@ -194,28 +183,19 @@ def _add_sides(f, record) -> None:
     f.side_normal = side_normal
 
 
-def _inverse(Arg, Sample, gradient, cell_dimension: int, dimension: int) -> wp.Function:
-    _stretch, _normal, inverse_of = of_gradient(cell_dimension, dimension)
-
-    @wp.func
-    def inverse(arg: Arg, s: Sample):
-        return inverse_of(gradient(arg, s))
-
-    return inverse
-
-
 def _add_lookup(f, record, degree: int) -> None:
     real, d, cell, side = record.scalar, record.dimension, record.cell, side_name(record.cell)
-    Sample = sample_type(real)
-    inverse = _inverse(f.CellArg, Sample, f.cell_deformation_gradient, DIMENSIONS[cell], d)
+    add_derived(record, f)
+
+    def of_kind(kind):
+        names = ("position", "deformation_gradient", "inverse_deformation_gradient")
+        return getattr(f, f"{kind.capitalize()}Arg"), *(getattr(f, f"{kind}_{n}") for n in names)
+
     f.cell_coordinates, f.cell_closest_point, contains = curved_functions(
-        f.CellArg, f.cell_position, f.cell_deformation_gradient, inverse, cell, d, real
+        *of_kind("cell"), cell, d, real
     )
     f.cell_contains = contains if DIMENSIONS[cell] == d else None
-    inverse = _inverse(f.SideArg, Sample, f.side_deformation_gradient, DIMENSIONS[side], d)
-    f.side_coordinates, f.side_closest_point, _ = curved_functions(
-        f.SideArg, f.side_position, f.side_deformation_gradient, inverse, side, d, real
-    )
+    f.side_coordinates, f.side_closest_point, _ = curved_functions(*of_kind("side"), side, d, real)
     f.cell_bounds = _bounds(f, record, degree)
     add_bvh_lookup(f, record)
 

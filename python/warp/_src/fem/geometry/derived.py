@@ -4,7 +4,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from warp import extend
 from warp._src.fem.geometry.shapes import DIMENSIONS, MEASURES, side_name
 from warp._src.fem.types import make_free_sample, sample_type
 
@@ -95,31 +94,6 @@ def surface_inverse(F: Any):
     return wp.matrix_from_rows(wp.cross(Ft[1], n) / area_sq, wp.cross(n, Ft[0]) / area_sq)
 
 
-def _by_type(name: str, functions: dict) -> wp.Function:
-    """A function of kernels of a gradient of any type, of functions by (dimension of space,
-    dimension of cells)."""
-    made = None
-    for real in (wp.float32, wp.float64):
-        for (d, k), of in functions.items():
-            Gradient = wp.types.vector(d, real) if k == 1 else wp.types.matrix((d, k), real)
-
-            text = f"def {name}(F: Gradient):\n    return of(F)\n"
-            one = extend.function_from_text(text, {"Gradient": Gradient, "of": of}, module=__name__)
-            if made is None:
-                made = wp.func(one)
-            else:
-                made.add_overload(one)
-    return made
-
-
-def element_functions() -> tuple:
-    """Measure and normal of an element by its deformation gradient, of any type."""
-    solids = dict.fromkeys(((2, 2), (3, 3)), stretch)
-    curves = dict.fromkeys(((2, 1), (3, 1)), curve_stretch)
-    measure = _by_type("element_measure", {**solids, **curves, (3, 2): surface_stretch})
-    return measure, _by_type("element_normal", {(2, 1): curve_normal, (3, 2): surface_normal})
-
-
 def of_gradient(cell_dimension: int, dimension: int):
     """Functions of a deformation gradient: stretch, normal (or None), inverse."""
     if cell_dimension == dimension:
@@ -159,44 +133,71 @@ def _of_element(functions, kind: str, Arg, Sample, cell: str, dimension: int, re
     return made
 
 
-def only_environment(Arg, Sample) -> wp.Function:
-    """Function of kernels that gives environment 0 for all elements and samples."""
-
-    @wp.func
-    def environment_index(arg: Arg, element: int):
-        return 0
-
-    @wp.func
-    def environment_index(arg: Arg, s: Sample):
-        return 0
-
-    return environment_index
+@wp.func
+def _only_environment(arg: Any, element: int):
+    return 0
 
 
-def add_listed_environments(f: SimpleNamespace, Sample) -> None:
+def add_listed_environments(f: SimpleNamespace) -> None:
     """Adds environments of cells and sides, where `cell_env` lists them for the cells."""
     CellArg, SideArg = f.CellArg, f.SideArg
 
     @wp.func
-    def cell_environment_index(arg: CellArg, cell: int):
+    def environment_of_cell(arg: CellArg, cell: int):
         return wp.where(cell < 0, -1, arg.cell_env[wp.max(cell, 0)])
 
     @wp.func
-    def cell_environment_index(arg: CellArg, s: Sample):
-        return cell_environment_index(arg, s.element_index)
-
-    @wp.func
-    def side_environment_index(arg: SideArg, side: int):
+    def environment_of_side(arg: SideArg, side: int):
         if side < 0:
             return -1
         return arg.cell_arg.cell_env[arg.side_cells[side][0]]
 
-    @wp.func
-    def side_environment_index(arg: SideArg, s: Sample):
-        return side_environment_index(arg, s.element_index)
+    add_environments(f, environment_of_cell, environment_of_side)
 
-    f.cell_environment_index = cell_environment_index
-    f.side_environment_index = side_environment_index
+
+def add_environments(f: SimpleNamespace, of_cell=_only_environment, of_side=_only_environment):
+    """Adds environments of cells and sides, by number or at a sample."""
+    for name, Arg, of in (("cell", f.CellArg, of_cell), ("side", f.SideArg, of_side)):
+        setattr(f, f"{name}_environment_index", _by_sample(Arg, of))
+
+
+def _by_sample(Arg, of_element) -> wp.Function:
+    @wp.func
+    def environment_index(arg: Arg, element: int):
+        return of_element(arg, element)
+
+    @wp.func
+    def environment_index(arg: Arg, s: Any):
+        return of_element(arg, s.element_index)
+
+    return environment_index
+
+
+def add_listed_sides(f: SimpleNamespace) -> None:
+    """Adds the cells of sides, and sides of the boundary, where `side_cells` and `boundary` list
+    them."""
+    SideArg = f.SideArg
+
+    @wp.func
+    def side_inner_cell_index(arg: SideArg, side: int):
+        return wp.where(side < 0, -1, arg.side_cells[wp.max(side, 0)][0])
+
+    @wp.func
+    def side_outer_cell_index(arg: SideArg, side: int):
+        return wp.where(side < 0, -1, arg.side_cells[wp.max(side, 0)][1])
+
+    @wp.func
+    def boundary_side_index(arg: SideArg, boundary_side: int):
+        return arg.boundary[boundary_side]
+
+    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
+    f.boundary_side_index = boundary_side_index
+
+
+@wp.func
+def cell_arg_of(side_arg: Any):
+    """Argument of cells in that of sides, of all geometries."""
+    return side_arg.cell_arg
 
 
 def _samples_of_cells(f: SimpleNamespace, Sample) -> dict:
@@ -220,21 +221,21 @@ def _samples_of_cells(f: SimpleNamespace, Sample) -> dict:
 
 def _by_cells(f: SimpleNamespace, Sample) -> dict:
     """Quantities of sides that are those of the cells on both."""
-    SideArg, to_cell = f.SideArg, f.side_to_cell_arg
+    SideArg = f.SideArg
     inner_sample, outer_sample = f.side_inner_sample, f.side_outer_sample
     inverse, position = f.cell_inverse_deformation_gradient, f.cell_position
 
     @wp.func
     def side_inner_inverse_deformation_gradient(arg: SideArg, s: Sample):
-        return inverse(to_cell(arg), inner_sample(arg, s))
+        return inverse(arg.cell_arg, inner_sample(arg, s))
 
     @wp.func
     def side_outer_inverse_deformation_gradient(arg: SideArg, s: Sample):
-        return inverse(to_cell(arg), outer_sample(arg, s))
+        return inverse(arg.cell_arg, outer_sample(arg, s))
 
     @wp.func
     def side_position(arg: SideArg, s: Sample):
-        return position(to_cell(arg), inner_sample(arg, s))
+        return position(arg.cell_arg, inner_sample(arg, s))
 
     return {
         "side_inner_inverse_deformation_gradient": side_inner_inverse_deformation_gradient,
@@ -244,14 +245,14 @@ def _by_cells(f: SimpleNamespace, Sample) -> dict:
 
 
 def _measure_ratio(f: SimpleNamespace, Sample) -> dict:
-    SideArg, to_cell = f.SideArg, f.side_to_cell_arg
+    SideArg = f.SideArg
     inner_sample, outer_sample = f.side_inner_sample, f.side_outer_sample
     cell_measure, side_measure = f.cell_measure, f.side_measure
 
     @wp.func
     def side_measure_ratio(arg: SideArg, s: Sample):
-        inner = cell_measure(to_cell(arg), inner_sample(arg, s))
-        outer = cell_measure(to_cell(arg), outer_sample(arg, s))
+        inner = cell_measure(arg.cell_arg, inner_sample(arg, s))
+        outer = cell_measure(arg.cell_arg, outer_sample(arg, s))
         return side_measure(arg, s) / wp.min(inner, outer)
 
     return {"side_measure_ratio": side_measure_ratio}
@@ -268,8 +269,9 @@ def add_derived(record, f: SimpleNamespace) -> None:
         return real(1.0)
 
     _add(f, {"cell_measure_ratio": cell_measure_ratio})
-    _add(f, {"cell_environment_index": only_environment(CellArg, Sample)})
-    _add(f, {"side_environment_index": only_environment(f.SideArg, Sample)})
+    f.side_to_cell_arg = cell_arg_of
+    if not hasattr(f, "cell_environment_index"):
+        add_environments(f)
     _add(f, _of_element(f, "cell", CellArg, Sample, record.cell, dimension, real))
     _add(f, _samples_of_cells(f, Sample))
     _add(f, _by_cells(f, Sample))

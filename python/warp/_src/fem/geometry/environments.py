@@ -166,7 +166,7 @@ class EnvironmentVoxels:
     """
 
     def __init__(self, points, environments, count: int, mask, transform, levels=None):
-        self.environments, self._mask, self._levels = environments, mask, levels
+        self.environments, self._mask, self.levels = environments, mask, levels
         self.device, self.count = points.device, count
         matrix, origin = transform
         with extend.unrecorded():
@@ -183,7 +183,7 @@ class EnvironmentVoxels:
         with extend.unrecorded():
             low = wp.full(self.count, 2**30, dtype=wp.int32, device=self.device)
             high = wp.full(self.count, -(2**30), dtype=wp.int32, device=self.device)
-            inputs = [self._voxels, self.environments, self._mask, self._levels]
+            inputs = [self._voxels, self.environments, self._mask, self.levels]
             wp.launch(_bound, self._voxels.shape, inputs, [low, high], device=self.device)
             wp.launch(_lay_out, 1, [low, high, guard, alignment], [offsets], device=self.device)
 
@@ -268,3 +268,50 @@ def checked_offsets(offsets, count: int, device, alignment: int = 1) -> wp.array
             f"'env_offsets' expects multiples of {alignment}, the coarsest cell's size"
         )
     return offsets.to(device)
+
+
+def packed_grid(
+    points, point_envs, mask, levels, *, count, offsets, placing, device, guard, alignment=1, **room
+):
+    """A volume of the voxels of all environments, with the environment of each cell.
+
+    Args:
+        points, point_envs, mask, levels: voxels, their environments, 0 for those to leave out, and
+            levels or None.
+        count: number of environments.
+        offsets: what is added to an environment's voxels; laid out, `guard` voxels apart, if None.
+        placing: (voxel_size, translation, transform). room: more arguments of the volume.
+
+    Returns:
+        (volume, environment of each cell, offsets, the `EnvironmentVoxels`).
+    """
+    device = wp.get_device(device) if device is not None else points.device
+    points = checked_points(points, device)
+    n = points.shape[0]
+    environments = checked_numbers("point_envs", point_envs, n, device)
+    mask = checked_numbers("point_mask", mask, n, device)
+    levels = checked_numbers("cell_levels", levels, n, device, wp.uint8)
+    if count < 1:
+        raise ValueError(f"'env_count' expects at least 1, but got {count}")
+    voxels = EnvironmentVoxels(
+        points, environments, int(count), mask, transform_of(*placing), levels
+    )
+    if offsets is None:
+        offsets = wp.empty(count, dtype=wp.vec3i, device=device)
+        voxels.lay_out(offsets, guard, alignment)
+    else:
+        offsets = checked_offsets(offsets, count, device, alignment)
+    voxels.pack(offsets)
+    voxel_size, translation, transform = placing
+    grid = wp.Volume.allocate_by_voxels(
+        voxels.packed,
+        voxel_size=voxel_size if transform is None else None,
+        translation=translation,
+        transform=transform,
+        device=device,
+        point_mask=voxels.is_valid,
+        **room,
+    )
+    cell_env = wp.zeros(grid.get_voxel_count(), dtype=wp.int32, device=device)
+    voxels.name_cells(grid, cell_env)
+    return grid, cell_env, offsets, voxels

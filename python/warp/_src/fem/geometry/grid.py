@@ -10,15 +10,6 @@ import warp as wp
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
 
 
-def _extents(name: str, values, default, dimension: int) -> np.ndarray:
-    if values is None:
-        return np.full(dimension, default)
-    values = np.array([float(v) for v in values])
-    if values.shape != (dimension,) or not np.isfinite(values).all():
-        raise ValueError(f"'{name}' expects {dimension} finite numbers, but got {values.tolist()}")
-    return values
-
-
 def _functions(record):
     from warp._src.fem.geometry.grid_functions import grid_functions
 
@@ -26,6 +17,15 @@ def _functions(record):
 
 
 MAKERS.update(Grid2D=_functions, Grid3D=_functions)
+
+
+def _extents(name: str, values, default, dimension: int) -> np.ndarray:
+    if values is None:
+        return np.full(dimension, default)
+    values = np.array([float(v) for v in values])
+    if values.shape != (dimension,) or not np.isfinite(values).all():
+        raise ValueError(f"'{name}' expects {dimension} finite numbers, but got {values.tolist()}")
+    return values
 
 
 @wp.func
@@ -131,12 +131,6 @@ class _Grid(Geometry):
         across = self._across()
         arg.axis_offsets = [sum(across[:k]) for k in range(self._axes)]
         arg.cell_count = math.prod(self.res)
-
-    def build_bvh(self, device=None) -> None:
-        """Does nothing: grids find cells by arithmetic."""
-
-    def update_bvh(self, device=None) -> None:
-        """Does nothing: grids find cells by arithmetic."""
 
 
 class Grid2D(_Grid):

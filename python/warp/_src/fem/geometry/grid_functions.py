@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
+from warp._src.fem.geometry.derived import add_environments
 from warp._src.fem.types import NULL_ELEMENT_INDEX, coords_type, sample_type
 
 
@@ -66,40 +67,29 @@ def grid_functions(record) -> SimpleNamespace:
     d, real = record.dimension, record.scalar
     f = _structs(d, real)
     _numbering(f, d)
-    _add_environments(f, record)
+    if record.environments:
+        _add_environments(f)
+    else:
+        add_environments(f)
     _add_cells(f, record)
     add_sides(f, record)
     add_lookup(f, record)
     return f
 
 
-def _add_environments(f: SimpleNamespace, record) -> None:
-    several, Sample = record.environments, sample_type(record.scalar)
-    cells_of, sides_of = f.cells_of, f.sides_of
-    CellArg, SideArg = f.CellArg, f.SideArg
+def _add_environments(f: SimpleNamespace) -> None:
+    """Adds environments, whose cells and sides follow each other."""
+    cells_of, sides_of, CellArg, SideArg = f.cells_of, f.sides_of, f.CellArg, f.SideArg
 
     @wp.func
-    def cell_environment_index(arg: CellArg, cell: int):
-        if wp.static(not several):
-            return 0
+    def environment_of_cell(arg: CellArg, cell: int):
         return wp.where(cell < 0, NULL_ELEMENT_INDEX, cell // cells_of(arg.res))
 
     @wp.func
-    def cell_environment_index(arg: CellArg, s: Sample):
-        return cell_environment_index(arg, s.element_index)
-
-    @wp.func
-    def side_environment_index(arg: SideArg, side: int):
-        if wp.static(not several):
-            return 0
+    def environment_of_side(arg: SideArg, side: int):
         return wp.where(side < 0, NULL_ELEMENT_INDEX, side // sides_of(arg))
 
-    @wp.func
-    def side_environment_index(arg: SideArg, s: Sample):
-        return side_environment_index(arg, s.element_index)
-
-    f.cell_environment_index = cell_environment_index
-    f.side_environment_index = side_environment_index
+    add_environments(f, environment_of_cell, environment_of_side)
 
 
 def _add_cells(f: SimpleNamespace, record) -> None:

@@ -218,14 +218,9 @@ def _add_cells(f: SimpleNamespace, record) -> None:
         is_last = side.origin[0] == arg.cell_arg.res[side.axis]
         return coords_beside(side, wp.where(is_last, real(1.0), real(0.0)), coords)
 
-    @wp.func
-    def side_to_cell_arg(arg: SideArg):
-        return arg.cell_arg
-
     f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
     f.side_inner_cell_coords = side_inner_cell_coords
     f.side_outer_cell_coords = side_outer_cell_coords
-    f.side_to_cell_arg = side_to_cell_arg
 
 
 def _add_coordinates(f: SimpleNamespace, record) -> None:

@@ -11,7 +11,7 @@ from warp._src.fem.geometry.base import forget
 def _bounds_kernel(record):
     from warp._src.fem.geometry.mesh_lookup import bounds_kernel
 
-    return bounds_kernel(record, record.functions)
+    return bounds_kernel(record)
 
 
 @functools.cache

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from warp._src.fem.types import sample_type
+from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
 
 
 @wp.func
@@ -128,3 +128,68 @@ def add_partition_lookup(f: SimpleNamespace, record, geometry) -> None:
             return search(arg.geo, x, real(0.0), arg.index, True, 0)
 
     f.element_partition_lookup = element_partition_lookup
+
+
+def box_search(f: SimpleNamespace, d: int, real, size_of, place_of, chosen) -> wp.Function:
+    """Function of (arg, position, max_dist, filter data, filter target, environment) that finds the
+    nearest chosen cell of a grid, the lowest of several, in boxes of growing radius.
+
+    Args:
+        f: functions of the geometry. d, real: axes and scalar type.
+        size_of: function of (arg): the size of a cell along each axis.
+        place_of: function of (arg, position, radius in cells per axis): number of a cell per axis
+            that is not beyond the grid.
+        chosen: function of (arg, numbers per axis, filter data, filter target, environment): a
+            cell, or -1 if it does not count.
+    """
+    vector, Coords, closest = wp.types.vector(d, real), coords_type(real), f.cell_closest_point
+    CellArg, is_space, half = f.CellArg, d == 3, real(0.5)
+
+    @wp.func
+    def search(
+        arg: CellArg,
+        x: vector,
+        max_dist: real,
+        filter_data: Any,
+        filter_target: Any,
+        environment: int,
+    ):
+        size = size_of(arg)
+        smallest = wp.min(size)
+        best_cell = int(-1)
+        best_coords = Coords(real(OUTSIDE))
+        # Half a cell at least, as numbers of nodes on faces round either way.
+        reach = wp.max(max_dist, half * smallest)
+        best_sq = reach * reach
+        radius = half * smallest
+        while True:
+            r = wp.cw_div(vector(radius), size)
+            lower = place_of(arg, x, -r, environment)
+            upper = place_of(arg, x, r, environment)
+            layers = int(1)
+            if wp.static(is_space):
+                layers = upper[d - 1] - lower[d - 1] + 1
+            for i in range(lower[0], upper[0] + 1):
+                for j in range(lower[1], upper[1] + 1):
+                    for layer in range(layers):
+                        at = lower
+                        at[0] = i
+                        at[1] = j
+                        if wp.static(is_space):
+                            at[d - 1] = lower[d - 1] + layer
+                        cell = chosen(arg, at, filter_data, filter_target, environment)
+                        if cell >= 0:
+                            coords, distance_sq = closest(arg, cell, x)
+                            if distance_sq < best_sq or (
+                                distance_sq == best_sq and (best_cell < 0 or cell < best_cell)
+                            ):
+                                best_sq = distance_sq
+                                best_cell = cell
+                                best_coords = coords
+            # Cells beyond the box are farther than `radius`.
+            if radius >= reach or (best_cell >= 0 and best_sq <= radius * radius):
+                break
+            radius = wp.min(real(3.0) * radius, reach)
+        return make_free_sample(best_cell, best_coords)
+
+    return search

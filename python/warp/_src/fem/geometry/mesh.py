@@ -8,11 +8,20 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget, per_device
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget
 from warp._src.fem.geometry.entities import make_entities
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 from warp._src.fem.geometry.shapes import VERTICES
 from warp._src.fem.geometry.sides import make_sides
+
+
+def _functions(record):
+    from warp._src.fem.geometry.mesh_functions import mesh_functions
+
+    return mesh_functions(record)
+
+
+MAKERS["mesh"] = _functions
 
 
 @wp.kernel(enable_backward=False)
@@ -72,15 +81,6 @@ class MeshEntities:
     face_count = property(lambda self: self.faces.count if self.faces else 0)
     cell_faces = property(lambda self: self.faces.of_cells if self.faces else None)
     face_vertices = property(lambda self: self.faces.vertices if self.faces else None)
-
-
-def _functions(record):
-    from warp._src.fem.geometry.mesh_functions import mesh_functions
-
-    return mesh_functions(record)
-
-
-MAKERS["mesh"] = _functions
 
 
 def _checked_cells(name: str, cells, width: int) -> wp.array:
@@ -273,8 +273,3 @@ class Mesh(HasHierarchy, Geometry):
         arg.side_corners = sides.corners.to(device)
         arg.side_cells = sides.cells.to(device)
         arg.boundary = sides.boundary.to(device)
-
-    @per_device
-    def side_index_arg_value(self, device):
-        """Argument of `boundary_side_index`."""
-        return self.side_arg_value(device)

@@ -4,7 +4,11 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.derived import add_listed_environments, only_environment
+from warp._src.fem.geometry.derived import (
+    add_environments,
+    add_listed_environments,
+    add_listed_sides,
+)
 from warp._src.fem.geometry.mesh_lookup import add_lookup
 from warp._src.fem.geometry.shape_functions import shape_functions, vertex_coords_function
 from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
@@ -60,29 +64,15 @@ def mesh_functions(record) -> SimpleNamespace:
     def side_deformation_gradient(arg: SideArg, s: Sample):
         return side_gradient(side_corners(arg, s.element_index), s.element_coords)
 
-    @wp.func
-    def side_inner_cell_index(arg: SideArg, side: int):
-        return arg.side_cells[side][0]
-
-    @wp.func
-    def side_outer_cell_index(arg: SideArg, side: int):
-        return arg.side_cells[side][1]
-
-    @wp.func
-    def boundary_side_index(arg: SideArg, boundary_side: int):
-        return arg.boundary[boundary_side]
-
-    @wp.func
-    def side_to_cell_arg(arg: SideArg):
-        return arg.cell_arg
-
     f.vector, f.cell_corners, f.side_corners = vector, cell_corners, side_corners
     f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
     f.side_position, f.side_deformation_gradient = side_position_at, side_deformation_gradient
-    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
-    f.boundary_side_index, f.side_to_cell_arg = boundary_side_index, side_to_cell_arg
     f.position_in, f.gradient_in = position, gradient
-    _add_environments(f, record)
+    add_listed_sides(f)
+    if record.environments:
+        add_listed_environments(f)
+    else:
+        add_environments(f)
     _add_coordinates(f, record)
     add_lookup(f, record)
     return f
@@ -104,15 +94,6 @@ def _structs(record) -> SimpleNamespace:
     side |= {"side_cells": wp.array(dtype=wp.vec2i), "boundary": ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
     return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
-
-
-def _add_environments(f: SimpleNamespace, record) -> None:
-    CellArg, SideArg, Sample = f.CellArg, f.SideArg, sample_type(record.scalar)
-    if not record.environments:
-        f.cell_environment_index = only_environment(CellArg, Sample)
-        f.side_environment_index = only_environment(SideArg, Sample)
-    else:
-        add_listed_environments(f, Sample)
 
 
 def _add_coordinates(f: SimpleNamespace, record) -> None:

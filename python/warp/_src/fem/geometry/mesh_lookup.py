@@ -95,12 +95,12 @@ def _to_box(d: int, real) -> wp.Function:
     return to_box
 
 
-def bounds_kernel(record, functions: SimpleNamespace) -> wp.Kernel:
+def bounds_kernel(record) -> wp.Kernel:
     """Kernel that writes the boxes of cells, and the box of all.
 
     Positions in float64 are rounded for the hierarchy: boxes grow by the rounding of both.
     """
-    d, real = record.dimension, record.scalar
+    d, real, functions = record.dimension, record.scalar, record.functions
     to_box, cell_bounds, CellArg = _to_box(d, real), functions.cell_bounds, functions.CellArg
     pad = 0.0 if real is wp.float32 else 2.0**-22
 

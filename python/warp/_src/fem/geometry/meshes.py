@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from warp._src.fem.geometry.mesh import Mesh
 
+_cells = property(lambda self: self._cells, doc="(cells, n): vertices of each cell.")
+_side_vertices = property(lambda self: self._sides.vertices, doc="(sides, n): their vertices.")
+_side_cells = property(lambda self: self._sides.cells, doc="(sides,): inner and outer cell.")
+_cell_edges = property(lambda self: self._entities.cell_edges, doc="(cells, n): their edges.")
+
 
 class Trimesh(Mesh):
     """Triangles in the plane or in space.
@@ -33,20 +38,7 @@ class Trimesh(Mesh):
     ):
         super().__init__(tri_vertex_indices, positions, build_bvh, False, cell_env, env_count)
 
-    @property
-    def tri_vertex_indices(self):
-        """(cells, 3): vertices of each cell."""
-        return self._cells
-
-    @property
-    def edge_vertex_indices(self):
-        """(sides, 2): vertices of each side."""
-        return self._sides.vertices
-
-    @property
-    def edge_tri_indices(self):
-        """(sides,) of vec2i: inner and outer cell of each side."""
-        return self._sides.cells
+    tri_vertex_indices, edge_vertex_indices, edge_tri_indices = _cells, _side_vertices, _side_cells
 
 
 class Trimesh2D(Trimesh):
@@ -85,20 +77,8 @@ class Quadmesh(Mesh):
     ):
         super().__init__(quad_vertex_indices, positions, build_bvh, False, cell_env, env_count)
 
-    @property
-    def quad_vertex_indices(self):
-        """(cells, 4): vertices of each cell."""
-        return self._cells
-
-    @property
-    def edge_vertex_indices(self):
-        """(sides, 2): vertices of each side."""
-        return self._sides.vertices
-
-    @property
-    def edge_quad_indices(self):
-        """(sides,) of vec2i: inner and outer cell of each side."""
-        return self._sides.cells
+    quad_vertex_indices = _cells
+    edge_vertex_indices, edge_quad_indices = _side_vertices, _side_cells
 
 
 class Quadmesh2D(Quadmesh):
@@ -138,25 +118,8 @@ class Tetmesh(Mesh):
     ):
         super().__init__(tet_vertex_indices, positions, build_bvh, False, cell_env, env_count)
 
-    @property
-    def tet_vertex_indices(self):
-        """(cells, 4): vertices of each cell."""
-        return self._cells
-
-    @property
-    def face_vertex_indices(self):
-        """(sides, 3): vertices of each side."""
-        return self._sides.vertices
-
-    @property
-    def face_tet_indices(self):
-        """(sides,) of vec2i: inner and outer cell of each side."""
-        return self._sides.cells
-
-    @property
-    def tet_edge_indices(self):
-        """(cells, 6): edges of each cell."""
-        return self._entities.cell_edges
+    tet_vertex_indices, face_vertex_indices = _cells, _side_vertices
+    face_tet_indices, tet_edge_indices = _side_cells, _cell_edges
 
 
 class Hexmesh(Mesh):
@@ -189,22 +152,5 @@ class Hexmesh(Mesh):
             hex_vertex_indices, positions, build_bvh, self.parallelepiped_cells, cell_env, env_count
         )
 
-    @property
-    def hex_vertex_indices(self):
-        """(cells, 8): vertices of each cell."""
-        return self._cells
-
-    @property
-    def face_vertex_indices(self):
-        """(sides, 4): vertices of each side."""
-        return self._sides.vertices
-
-    @property
-    def face_hex_indices(self):
-        """(sides,) of vec2i: inner and outer cell of each side."""
-        return self._sides.cells
-
-    @property
-    def hex_edge_indices(self):
-        """(cells, 12): edges of each cell."""
-        return self._entities.cell_edges
+    hex_vertex_indices, face_vertex_indices = _cells, _side_vertices
+    face_hex_indices, hex_edge_indices = _side_cells, _cell_edges

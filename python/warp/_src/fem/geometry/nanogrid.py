@@ -8,13 +8,13 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget, per_device
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget
 from warp._src.fem.geometry.environments import (
     EnvironmentVoxels,
     checked_numbers,
-    checked_offsets,
     checked_points,
     merged_environments,
+    packed_grid,
     transform_of,
 )
 from warp._src.fem.geometry.mesh import MeshEntities
@@ -116,18 +116,19 @@ class SparseGrid(Geometry):
             self.__dict__.pop(name, None)
         forget(self)
 
-    def _make_node_grid(self, corners, mask) -> wp.Volume:
+    def _make_node_grid(self, places, mask, per_cell: int = 8) -> wp.Volume:
+        """Volume of nodes, of which a cell has so many, with room if this one is rebuildable."""
         room = {}
         if self.is_rebuildable:
-            info, most = self._grid.get_rebuild_info(), corners.shape[0]
-            leaves = min(most, 8 * info.max_leaf_node_count)
-            lowers = min(leaves, 8 * info.max_lower_node_count)
-            uppers = min(lowers, 8 * info.max_upper_node_count)
+            info, most = self._grid.get_rebuild_info(), places.shape[0]
+            leaves = min(most, per_cell * info.max_leaf_node_count)
+            lowers = min(leaves, per_cell * info.max_lower_node_count)
+            uppers = min(lowers, per_cell * info.max_upper_node_count)
             room = {"rebuildable": True, "max_active_voxels": most, "max_leaf_nodes": leaves}
             room |= {"max_lower_nodes": lowers, "max_upper_nodes": uppers}
         size = self._grid.get_voxel_size()
         return wp.Volume.allocate_by_voxels(
-            corners, voxel_size=size, device=self._grid.device, point_mask=mask, **room
+            places, voxel_size=size, device=self._grid.device, point_mask=mask, **room
         )
 
     @cached_property
@@ -197,17 +198,6 @@ class SparseGrid(Geometry):
         sides = self._sides
         arg.places, arg.flags, arg.side_cells = sides.places, sides.flags, sides.cells
         arg.boundary, arg.areas = sides.boundary, self._areas
-
-    @per_device
-    def side_index_arg_value(self, device):
-        """Argument of `boundary_side_index`."""
-        return self.side_arg_value(device)
-
-    def build_bvh(self, device=None) -> None:
-        """Does nothing: volumes find cells by themselves."""
-
-    def update_bvh(self, device=None) -> None:
-        """Does nothing: volumes find cells by themselves."""
 
 
 class Nanogrid(SparseGrid):
@@ -301,37 +291,20 @@ class Nanogrid(SparseGrid):
             points, point_envs = merged_environments(points, device)
         if points is None or point_envs is None or env_count is None:
             raise TypeError("expects 'points', 'point_envs' and 'env_count'")
-        device = wp.get_device(device) if device is not None else points.device
-        points = checked_points(points, device)
-        n = points.shape[0]
-        environments = checked_numbers("point_envs", point_envs, n, device)
-        mask = checked_numbers("point_mask", point_mask, n, device)
-        if env_count < 1:
-            raise ValueError(f"'env_count' expects at least 1, but got {env_count}")
-        place = transform_of(voxel_size, translation, transform)
-        voxels = EnvironmentVoxels(points, environments, int(env_count), mask, place)
-        lays_out = env_offsets is None
-        if lays_out:
-            env_offsets = wp.empty(env_count, dtype=wp.vec3i, device=device)
-            voxels.lay_out(env_offsets, guard_cells)
-        else:
-            env_offsets = checked_offsets(env_offsets, env_count, device)
-        voxels.pack(env_offsets)
         room = {"max_active_voxels": max_active_voxels, "max_leaf_nodes": max_leaf_nodes}
         room |= {"max_lower_nodes": max_lower_nodes, "max_upper_nodes": max_upper_nodes}
-        grid = wp.Volume.allocate_by_voxels(
-            voxels.packed,
-            voxel_size=voxel_size if transform is None else None,
-            translation=translation,
-            transform=transform,
+        lays_out, placing = env_offsets is None, (voxel_size, translation, transform)
+        grid, cell_env, env_offsets, voxels = packed_grid(
+            *(points, point_envs, point_mask, None),
+            count=env_count,
+            offsets=env_offsets,
+            placing=placing,
             device=device,
+            guard=guard_cells,
             rebuildable=rebuildable,
             status=status,
-            point_mask=voxels.is_valid,
             **room,
         )
-        cell_env = wp.zeros(grid.get_voxel_count(), dtype=wp.int32, device=device)
-        voxels.name_cells(grid, cell_env)
         if rebuildable:
             voxels.report(status)
         else:

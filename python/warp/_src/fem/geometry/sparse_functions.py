@@ -6,8 +6,8 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.derived import add_listed_environments
-from warp._src.fem.geometry.lookup_forms import add_lookup_forms
+from warp._src.fem.geometry.derived import add_listed_environments, add_listed_sides
+from warp._src.fem.geometry.lookup_forms import add_lookup_forms, box_search
 from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
 
 # Bits of the flags of a side: its axis, a missing lower cell (so that the side is turned), a
@@ -58,7 +58,7 @@ def _structs(record) -> SimpleNamespace:
 def _add_places(f: SimpleNamespace, record) -> None:
     """Adds sizes of cells in fine voxels, and the cell at a place."""
     CellArg, is_adaptive = f.CellArg, record.kind == "adaptive"
-    Sample, real, SideArg = sample_type(record.scalar), record.scalar, f.SideArg
+    SideArg = f.SideArg
 
     @wp.func
     def cell_width(arg: CellArg, cell: int):
@@ -85,8 +85,8 @@ def _add_places(f: SimpleNamespace, record) -> None:
             return wp.volume_lookup_index(arg.grid, p[0], p[1], p[2])
 
     f.cell_width, f.side_width, f.cell_at = cell_width, side_width, cell_at
-    f.real_width = real
-    add_listed_environments(f, Sample)
+    add_listed_environments(f)
+    add_listed_sides(f)
 
 
 def _add_cells(f: SimpleNamespace, record) -> None:
@@ -197,31 +197,9 @@ def _add_sides(f: SimpleNamespace, record) -> None:
         w = real(width(arg, s.element_index))
         return arg.areas[arg.flags[s.element_index] & AXIS] / (arg.cell_arg.volume * w)
 
-    @wp.func
-    def side_inner_cell_index(arg: SideArg, side: int):
-        if side < 0:
-            return -1
-        return arg.side_cells[side][0]
-
-    @wp.func
-    def side_outer_cell_index(arg: SideArg, side: int):
-        if side < 0:
-            return -1
-        return arg.side_cells[side][1]
-
-    @wp.func
-    def boundary_side_index(arg: SideArg, boundary_side: int):
-        return arg.boundary[boundary_side]
-
-    @wp.func
-    def side_to_cell_arg(arg: SideArg):
-        return arg.cell_arg
-
     f.along, f.across = along, across
     f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
     f.side_measure, f.side_measure_ratio = side_measure, side_measure_ratio
-    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
-    f.boundary_side_index, f.side_to_cell_arg = boundary_side_index, side_to_cell_arg
 
 
 def _add_side_coordinates(f: SimpleNamespace, record) -> None:
@@ -295,20 +273,33 @@ def _add_lookup(f: SimpleNamespace, record) -> None:
             p[k] = int(wp.floor(wp.clamp(u[k], -far, far)))
         return p
 
+    @wp.func
+    def place_of(arg: CellArg, x: vector, shift: vector, environment: int):
+        """Voxel in the grid that holds all environments, in its box."""
+        p = voxel_of(voxel_position(arg, x) + shift) + arg.env_offsets[environment]
+        return wp.min(wp.max(p, arg.box[0]), arg.box[1])
+
+    @wp.func
+    def size_of(arg: CellArg):
+        T = wp.transpose(arg.transform)
+        return vector(wp.length(T[0]), wp.length(T[1]), wp.length(T[2]))
+
     @functools.cache
     def make_search(filter_func=None):
         is_filtered = filter_func is not None
 
         @wp.func
-        def is_chosen(arg: CellArg, cell: int, data: Any, target: Any, environment: int):
-            if cell < 0:
-                return False
-            if arg.cell_env[cell] != environment:
-                return False
-            if wp.static(is_filtered):
-                return filter_func(data, cell) == target
-            else:
-                return True
+        def chosen(arg: CellArg, at: wp.vec3i, data: Any, target: Any, environment: int):
+            cell = cell_at(arg, at)
+            if cell >= 0:
+                if arg.cell_env[cell] != environment:
+                    cell = int(-1)
+                elif wp.static(is_filtered):
+                    if filter_func(data, cell) != target:
+                        cell = int(-1)
+            return cell
+
+        search_around = box_search(f, 3, real, size_of, place_of, chosen)
 
         @wp.func
         def search(
@@ -320,46 +311,15 @@ def _add_lookup(f: SimpleNamespace, record) -> None:
             environment: int,
         ):
             u = voxel_position(arg, x)
-            best_cell = int(-1)
-            best_coords = Coords(real(OUTSIDE))
-            if (
-                environment < 0
-                or environment >= arg.env_offsets.shape[0]
-                or not (wp.dot(u, u) >= real(0.0))
-            ):
-                return make_free_sample(best_cell, best_coords)
-            offset = arg.env_offsets[environment]
-            cell = cell_at(arg, voxel_of(u) + offset)
-            if is_chosen(arg, cell, filter_data, filter_target, environment):
+            is_inside = environment >= 0 and environment < arg.env_offsets.shape[0]
+            if not is_inside or not wp.dot(u, u) >= real(0.0):
+                return make_free_sample(-1, Coords(real(OUTSIDE)))
+            place = voxel_of(u) + arg.env_offsets[environment]
+            cell = chosen(arg, place, filter_data, filter_target, environment)
+            if cell >= 0:
                 coords, _distance_sq = closest(arg, cell, x)
                 return make_free_sample(cell, coords)
-            T = wp.transpose(arg.transform)
-            size = vector(wp.length(T[0]), wp.length(T[1]), wp.length(T[2]))
-            smallest = wp.min(size)
-            reach = wp.max(max_dist, real(0.5) * smallest)
-            radius = real(0.5) * smallest
-            best_sq = reach * reach
-            while True:
-                r = wp.cw_div(vector(radius), size)
-                lower = wp.max(voxel_of(u - r) + offset, arg.box[0])
-                upper = wp.min(voxel_of(u + r) + offset, arg.box[1])
-                for i in range(lower[0], upper[0] + 1):
-                    for j in range(lower[1], upper[1] + 1):
-                        for k in range(lower[2], upper[2] + 1):
-                            cell = cell_at(arg, wp.vec3i(i, j, k))
-                            if is_chosen(arg, cell, filter_data, filter_target, environment):
-                                coords, distance_sq = closest(arg, cell, x)
-                                if distance_sq < best_sq or (
-                                    distance_sq == best_sq and (best_cell < 0 or cell < best_cell)
-                                ):
-                                    best_sq = distance_sq
-                                    best_cell = cell
-                                    best_coords = coords
-                # Cells beyond the box are farther than `radius`.
-                if radius >= reach or (best_cell >= 0 and best_sq <= radius * radius):
-                    break
-                radius = wp.min(real(3.0) * radius, reach)
-            return make_free_sample(best_cell, best_coords)
+            return search_around(arg, x, max_dist, filter_data, filter_target, environment)
 
         return search
 

@@ -52,6 +52,13 @@ def _functions(record):
     return basis_functions(record)
 
 
+@functools.cache
+def _positions_kernel(record):
+    from warp._src.fem.spaces.basis_functions import positions_kernel
+
+    return positions_kernel(record)
+
+
 class BasisSpace:
     """Basis functions on a geometry, before values have a type.
 
@@ -90,10 +97,9 @@ class BasisSpace:
     @property
     def value(self):
         """Kind of values, a `ShapeFunction.Value`."""
-        from warp._src.fem.spaces.shapes import Value
+        from warp._src.fem.spaces.shapes import value_kind
 
-        maps = {"covariant": Value.CovariantVector, "contravariant": Value.ContravariantVector}
-        return maps.get(self.element.map if self.element else "identity", Value.Scalar)
+        return value_kind(self.element)
 
     @property
     def weight_type(self) -> type:
@@ -159,13 +165,6 @@ class BasisSpace:
         return hash(self.record)
 
 
-@functools.cache
-def _positions_kernel(record):
-    from warp._src.fem.spaces.basis_kernels import positions_kernel
-
-    return positions_kernel(record)
-
-
 class ShapeBasisSpace(BasisSpace):
     """Basis functions of a finite element."""
 
@@ -187,13 +186,11 @@ class ShapeBasisSpace(BasisSpace):
             raise AttributeError(f"{type(self).__name__!r} has no {name!r} yet")
         if name == "node_grid":
             return self.topology.node_grid
-        makers = {"node_triangulation": "triangles", "node_tets": "tets", "node_hexes": "hexes"}
-        if name in makers or name == "vtk_cells":
+        if name in ("node_triangulation", "node_tets", "node_hexes", "vtk_cells"):
             from warp._src.fem.spaces import plotting
 
-            made = getattr(plotting, makers.get(name, name))
             if plotting.has_pieces(self.element, name):
-                return functools.partial(made, self)
+                return functools.partial(plotting.pieces_of, self, name)
         raise AttributeError(f"{type(self).__name__!r} of {self.element!r} has no {name!r}")
 
 

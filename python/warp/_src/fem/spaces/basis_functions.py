@@ -1,11 +1,12 @@
-"""Functions of kernels of bases - basis functions of a cell or on both sides of a side."""
+"""Functions of kernels of bases - basis functions of a cell or on both sides of a side, and the
+kernel of positions of nodes."""
 
 from types import SimpleNamespace
 
 import warp as wp
 from warp._src.fem.cells.functions import element_functions
 from warp._src.fem.geometry.base import geometry_functions
-from warp._src.fem.types import coords_type
+from warp._src.fem.types import coords_type, make_free_sample
 
 
 def basis_functions(record) -> SimpleNamespace:
@@ -38,8 +39,10 @@ def _of_element(record):
     TopologyArg = of_topology.TopologyArg
     functions = element_functions(element, real)
     coords_of, weight_of = functions.node_coords, functions.node_weight
-    make = _oriented if topology.is_oriented else _direct
-    weight, weight_gradient = make(functions, topology, real)
+    names = (
+        ("oriented_value", "oriented_gradient") if topology.is_oriented else ("value", "gradient")
+    )
+    weight, weight_gradient = (_in_cell(getattr(functions, n), topology, real) for n in names)
 
     @wp.func
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
@@ -58,45 +61,20 @@ def _of_element(record):
     )
 
 
-def _direct(functions, topology, real):
-    """Basis functions that the element alone gives."""
+def _in_cell(function, topology, real):
+    """A basis function or its gradient in a cell; some depend on the order of its vertices."""
     CellArg = geometry_functions(topology.geometry).CellArg
     TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
-    value_of, gradient_of = functions.value, functions.gradient
+    orientation_of, is_oriented = topology.functions.element_orientation, topology.is_oriented
 
     @wp.func
     def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
-        return value_of(coords, node)
+        if wp.static(is_oriented):
+            return function(coords, node, orientation_of(cell_arg, topo_arg, element))
+        else:
+            return function(coords, node)
 
-    @wp.func
-    def weight_gradient(
-        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
-    ):
-        return gradient_of(coords, node)
-
-    return weight, weight_gradient
-
-
-def _oriented(functions, topology, real):
-    """Basis functions that depend on the order of the cell's vertices."""
-    CellArg = geometry_functions(topology.geometry).CellArg
-    TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
-    value_of, gradient_of = functions.oriented_value, functions.oriented_gradient
-    orientation_of = topology.functions.element_orientation
-
-    @wp.func
-    def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
-        orientation = orientation_of(cell_arg, topo_arg, element)
-        return value_of(coords, node, orientation)
-
-    @wp.func
-    def weight_gradient(
-        cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
-    ):
-        orientation = orientation_of(cell_arg, topo_arg, element)
-        return gradient_of(coords, node, orientation)
-
-    return weight, weight_gradient
+    return weight
 
 
 def _trace(record):
@@ -169,3 +147,24 @@ def _on_side(SideArg, TopologyArg, Coords, cell_of, to_coords, to_cell, of_cell,
         return value
 
     return side_weight
+
+
+def positions_kernel(record):
+    """A kernel over cells that writes the positions of their nodes; all cells of a node agree."""
+    geometry = geometry_functions(record.topology.geometry)
+    CellArg, position_of = geometry.CellArg, geometry.cell_position
+    topology, basis = record.topology.functions, record.functions
+    TopologyArg, count_of = topology.TopologyArg, topology.element_node_count
+    index_of, coords_of = topology.element_node_index, basis.node_coords
+    vector = wp.types.vector(
+        length=record.topology.geometry.dimension, dtype=record.topology.geometry.scalar
+    )
+
+    @wp.kernel(enable_backward=False)
+    def fill_positions(cell_arg: CellArg, topo_arg: TopologyArg, out: wp.array(dtype=vector)):
+        cell = wp.tid()
+        for k in range(count_of(cell_arg, topo_arg, cell)):
+            sample = make_free_sample(cell, coords_of(cell_arg, topo_arg, cell, k))
+            out[index_of(cell_arg, topo_arg, cell, k)] = position_of(cell_arg, sample)
+
+    return fill_positions

@@ -124,17 +124,17 @@ class NodePartition(ListedPartition):
 
 
 @functools.cache
-def _kind_kernels(topology, part):
+def _kind_kernels(topology, partition):
     from warp._src.fem.spaces.partition_kernels import kind_kernels
 
-    return kind_kernels(topology, part)
+    return kind_kernels(topology, partition)
 
 
 @functools.cache
-def _environment_kernel(topology, part):
+def _environment_kernel(topology, partition):
     from warp._src.fem.spaces.partition_kernels import environment_kernel
 
-    return environment_kernel(topology, part)
+    return environment_kernel(topology, partition)
 
 
 @wp.kernel(enable_backward=False)

@@ -136,29 +136,17 @@ def has_pieces(element, name: str) -> bool:
     return (_vtk if name == "vtk_cells" else _PIECES[name])(element) is not None
 
 
-def _of_all_cells(basis, pieces):
+def pieces_of(basis, name: str):
+    """Pieces of all cells by the numbers of their nodes, (pieces, n): triangles, tetrahedra or
+    hexahedra; for "vtk_cells" numbers of nodes, each cell's count first, and a type per cell."""
+    kind = None
+    if name == "vtk_cells":
+        pieces, kind = _vtk(basis.element)
+    else:
+        pieces = _PIECES[name](basis.element)
     nodes = basis.topology.element_node_indices().numpy()
-    return nodes[:, pieces].reshape(-1, pieces.shape[1])
-
-
-def triangles(basis) -> np.ndarray:
-    """Triangles of nodes of all cells, (triangles, 3)."""
-    return _of_all_cells(basis, _triangles(basis.element))
-
-
-def tets(basis) -> np.ndarray:
-    """Tetrahedra of nodes of all cells, (tetrahedra, 4)."""
-    return _of_all_cells(basis, _tets(basis.element))
-
-
-def hexes(basis) -> np.ndarray:
-    """Hexahedra of nodes of all cells, (hexahedra, 8)."""
-    return _of_all_cells(basis, _hexes(basis.element))
-
-
-def vtk_cells(basis) -> tuple[np.ndarray, np.ndarray]:
-    """Cells of VTK: numbers of nodes, each cell's count first, and a type per cell."""
-    pieces, kind = _vtk(basis.element)
-    cells = _of_all_cells(basis, pieces)
+    cells = nodes[:, pieces].reshape(-1, pieces.shape[1])
+    if kind is None:
+        return cells
     counts = np.full((len(cells), 1), pieces.shape[1])
     return np.hstack((counts, cells)).ravel(), np.full(len(cells), kind, dtype=np.int8)

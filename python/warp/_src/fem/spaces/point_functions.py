@@ -8,6 +8,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.partition import partition_functions
+from warp._src.fem.spaces.topology_functions import add_constants
 from warp._src.fem.types import NULL_NODE_INDEX, coords_type, make_free_sample
 
 
@@ -68,18 +69,14 @@ def point_functions(record) -> SimpleNamespace:
             number = index_of(cell_arg, topo_arg.quadrature, place, element, node)
         return number
 
-    @wp.func
-    def element_orientation(cell_arg: CellArg, topo_arg: TopologyArg, element: int):
-        return 0
-
-    return SimpleNamespace(
+    made = SimpleNamespace(
         TopologyArg=TopologyArg,
         element_node_count=element_node_count,
         element_node_index=element_node_index,
-        element_node_sign=None,
-        element_orientation=element_orientation,
         place_of=place_of,
     )
+    add_constants(made, record, CellArg)
+    return made
 
 
 def _radial(function, values, TopologyArg, real):

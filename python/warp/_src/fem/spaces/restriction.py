@@ -161,7 +161,7 @@ def _mark_used(begins: wp.array(dtype=wp.int32), mask: wp.array(dtype=wp.int32))
 
 @functools.cache
 def _table_kernel(domain, topology, partition):
-    from warp._src.fem.spaces.restriction_kernel import table_kernel
+    from warp._src.fem.spaces.partition_kernels import table_kernel
 
     return table_kernel(domain, topology, partition)
 

@@ -22,6 +22,12 @@ class Value(Enum):
     """Vectors of contravariant spaces."""
 
 
+def value_kind(element: Element | None) -> Value:
+    """Kind of the basis functions of an element."""
+    kinds = {"covariant": Value.CovariantVector, "contravariant": Value.ContravariantVector}
+    return kinds.get(element.map if element else "identity", Value.Scalar)
+
+
 class ShapeFunction:
     """Basis functions of an element.
 
@@ -47,8 +53,7 @@ class ShapeFunction:
     @property
     def value(self) -> Value:
         """Kind of basis functions."""
-        kinds = {"identity": Value.Scalar, "covariant": Value.CovariantVector}
-        return kinds.get(self.element.map, Value.ContravariantVector)
+        return value_kind(self.element)
 
     @property
     def family(self):

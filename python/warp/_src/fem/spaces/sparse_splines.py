@@ -56,21 +56,7 @@ class SparseSplineTopology(NumberedTopology):
         if base.is_rebuildable and self._node_grid is not None:
             self._node_grid.rebuild(flat[0], point_mask=flat[1])
         else:
-            self._node_grid = self._allocate(*flat, shape[1])
+            self._node_grid = base._make_node_grid(*flat, shape[1])
         nodes = wp.empty(shape, dtype=wp.int32, device=device) if old is None else old.nodes
         wp.launch(_find_nodes, shape, [self._node_grid.id, places, nodes], device=device)
         return Tables(nodes), self._node_grid.get_voxel_count()
-
-    def _allocate(self, places, mask, per_cell):
-        base, room = self.geometry.base, {}
-        if base.is_rebuildable:
-            info, most = base.cell_grid.get_rebuild_info(), places.shape[0]
-            leaves = min(most, per_cell * info.max_leaf_node_count)
-            lowers = min(leaves, per_cell * info.max_lower_node_count)
-            uppers = min(lowers, per_cell * info.max_upper_node_count)
-            room = {"rebuildable": True, "max_active_voxels": most, "max_leaf_nodes": leaves}
-            room |= {"max_lower_nodes": lowers, "max_upper_nodes": uppers}
-        size = base.cell_grid.get_voxel_size()
-        return wp.Volume.allocate_by_voxels(
-            places, voxel_size=size, device=places.device, point_mask=mask, **room
-        )
