@@ -35,8 +35,9 @@ def kernel(
     launch_constants: typing.Any = None,
     module: typing.Any = None,
     module_options: dict[str, typing.Any] | None = None,
+    source: str,
     **options: typing.Any,
-) -> Callable[[Callable[..., typing.Any]], Kernel]: ...
+) -> Kernel: ...
 
 
 @typing.overload
@@ -50,9 +51,8 @@ def kernel(
     launch_constants: typing.Any = None,
     module: typing.Any = None,
     module_options: dict[str, typing.Any] | None = None,
-    source: str,
     **options: typing.Any,
-) -> Kernel: ...
+) -> Callable[[Callable[..., typing.Any]], Kernel]: ...
 
 
 def kernel(
