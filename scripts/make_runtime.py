@@ -48,6 +48,14 @@ def cmake_config() -> str:
     return text
 
 
+def cmake_version(version: str) -> str:
+    """The file that says for which versions `find_package` may take this one."""
+    text = (ROOT / "cmake" / "warpConfigVersion.cmake.in").read_text()
+    text = text.replace("find_package(warp ", "find_package(warp_runtime ")
+    text = text.replace("@WARP_PACKAGE_VERSION@", version)
+    return text.replace("@WARP_PACKAGE_MAJOR@", version.partition(".")[0])
+
+
 def headers(build: Path) -> dict[str, bytes]:
     """The public headers, those that the build generates among them."""
     found = sorted((ROOT / "include" / "warp").glob("*.h"))
@@ -70,6 +78,7 @@ def main() -> None:
     files["warp_runtime/__init__.py"] = MODULE.encode()
     files["warp_runtime/__main__.py"] = MAIN.encode()
     files["warp_runtime/cmake/warp_runtimeConfig.cmake"] = cmake_config().encode()
+    files["warp_runtime/cmake/warp_runtimeConfigVersion.cmake"] = cmake_version(version).encode()
     files |= headers(options.library.parent.parent)
     for name in ("LICENSE", "THIRD_PARTY.md"):
         info = f"warp_mlir_runtime-{version}.dist-info"

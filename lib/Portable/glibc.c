@@ -47,7 +47,9 @@ uint32_t arc4random(void) {
   return bits;
 }
 
-// 2.33. The counters of 2.28 have 32 bits.
+// 2.33, which deprecates the function of 2.28, whose counters have 32 bits.
+#pragma clang diagnostic push
+#pragma clang diagnostic ignored "-Wdeprecated-declarations"
 struct mallinfo2 mallinfo2(void) {
   struct mallinfo old = mallinfo();
   struct mallinfo2 result = {
@@ -57,6 +59,7 @@ struct mallinfo2 mallinfo2(void) {
       (unsigned)old.fordblks, (unsigned)old.keepcost};
   return result;
 }
+#pragma clang diagnostic pop
 
 // 2.32, a hint of libstdc++ for reference counts: false is always right.
 char __libc_single_threaded = 0;

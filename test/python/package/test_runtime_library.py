@@ -153,8 +153,11 @@ def test_wheel_has_a_cmake_target(tmp_path):
     shutil.copy(ROOT / "examples" / "cpp" / "integrate.cpp", project)
     (project / "CMakeLists.txt").write_text(
         "cmake_minimum_required(VERSION 3.20)\nproject(own LANGUAGES CXX)\n"
-        "find_package(warp_runtime REQUIRED)\nadd_executable(integrate integrate.cpp)\n"
+        f"find_package(warp_runtime {wp.__version__} EXACT REQUIRED)\n"
+        "add_executable(integrate integrate.cpp)\n"
         "target_link_libraries(integrate PRIVATE warp::runtime)\n"
+        "find_package(warp_runtime 99 QUIET)\n"
+        'if(warp_runtime_FOUND)\n  message(FATAL_ERROR "accepts version 99")\nendif()\n'
     )
     environ = {**os.environ, "PYTHONPATH": str(place)}
     folder = subprocess.run(
