@@ -1,6 +1,7 @@
 """lit configuration: suites, substitutions and features.
 
-Features: `x86-64` or `aarch64` (the processor that warp-opt is for; an emulator may run it), `cuda`
+Features: `x86-64` or `aarch64` (the processor that warp-opt is for; an emulator may run it),
+`package` (Python imports the package: it is for the same processor as the interpreter), `cuda`
 (a device answers), `ptxas` (the assembler is installed), `amdgpu` (LLVM's tools
 are installed and generate code for AMD's GPUs).
 WARP_VERIFY_ROUNDTRIP=1 makes every warp-opt run also check that its input
@@ -24,7 +25,9 @@ config.test_exec_root = config.warp_obj_root
 
 config.available_features.add(config.warp_processor)
 warp_opt = os.path.join(config.warp_tools_dir, "warp-opt")
-if config.warp_emulator:
+if not config.warp_emulator:
+    config.available_features.add("package")
+else:
     warp_opt = " ".join([*config.warp_emulator.split(";"), warp_opt])
 if os.environ.get("WARP_VERIFY_ROUNDTRIP", "0") not in ("", "0"):
     warp_opt += " --verify-roundtrip"

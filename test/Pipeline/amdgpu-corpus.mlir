@@ -1,4 +1,4 @@
-// REQUIRES: amdgpu
+// REQUIRES: amdgpu, package
 // RUN: %python %S/../../scripts/lower_corpus.py --target gfx90a --target gfx1100 \
 // RUN:   --build %build --llvm %llvm_tools | FileCheck %s
 
