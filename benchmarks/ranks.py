@@ -32,7 +32,7 @@ def halos():
     wp.config.quiet = True
     comm = wd.init()
     world, byte = MPI.COMM_WORLD, MPI.BYTE
-    for size in (1 << 10, 1 << 16, 1 << 20):
+    for size in (1 << 10, 1 << 16, 1 << 18, 1 << 20):
         blocks = wd.Blocks((4 * comm.size, size // 4), ranks=(comm.size, 1), corners=False)
         x = blocks.zeros()
         blocks.halo(x)

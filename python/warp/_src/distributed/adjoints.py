@@ -6,6 +6,7 @@ launches for parts of arrays.
 
 from __future__ import annotations
 
+import warp as wp
 from warp import _native
 from warp._src.arrays import lending
 from warp._src.arrays.gradients import has_gradient
@@ -44,23 +45,25 @@ class Writes:
 
 
 class HomeRecord:
-    """A part of the adjoint of an exchange, on a tape.
+    """The adjoint of an exchange, or a part of it, on a tape.
 
     Args:
         exchange: whose.
         arrays: parts with gradients that take part.
-        function: `Home.send` or `Home.add`.
+        written: those of them that the exchange writes.
+        method: of `Home` that does it: `run`, or `send` or `add`.
     """
 
-    def __init__(self, exchange, arrays, function):
-        self._exchange, self._arrays, self._function = exchange, arrays, function
+    def __init__(self, exchange, arrays, written, method):
+        self._exchange, self._arrays, self._written = exchange, arrays, written
+        self._method = method
         self.event = event(exchange.name)
 
     def arrays(self) -> list:
         return self._arrays
 
     def written(self) -> list:
-        return self._arrays if self._function is Home.send else []
+        return self._written
 
     def reverse(self, state) -> None:
         if self._exchange.comm.closed:
@@ -70,20 +73,17 @@ class HomeRecord:
             Observers.executor.access(changed, changed)
         # Tangents have adjoints of their own.
         with Observing(executor=None):
-            self._function(self._exchange.home)
+            getattr(self._exchange.home, self._method)()
 
 
 class Home:
-    """The way home of adjoints of ghosts.
+    """The way home of adjoints of ghosts, in messages.
 
     Args:
         exchange: whose; gives parts of arrays, and messages.
     """
 
     def __init__(self, exchange):
-        # Kernels are declared when they are used.
-        from warp._src.distributed.parts import additions, clearing
-
         comm, sides = exchange.comm, exchange.sides
         self._comm, self._name, self._plan = comm, f"adjoint of {exchange.name}", exchange.plan
         ghosts = [[one.grad for one in active(side.take)] for side in sides]
@@ -93,26 +93,26 @@ class Home:
         )
         self._before: list = []
         self._after: list = []
-        self._adding: list = []
         self._work = None
+        self._prepare(exchange, ghosts, own)
+
+    def _prepare(self, exchange, ghosts, own) -> None:
+        # Kernels are declared when they are used.
+        from warp._src.distributed.parts import clearing
+
+        device, sides = self._comm.device, exchange.sides
         if exchange.is_own:
             by_tag = {side.take_tag: parts for side, parts in zip(sides, ghosts, strict=True)}
             come = [by_tag[side.give_tag] for side in sides]
-            self._after = [clearing(one) for parts in ghosts for one in parts]
-        else:
-            arrived = [Buffer(parts, comm.device) for parts in own]
-            come = [one.parts for one in arrived]
-            gone = [self._leaving(parts, comm.device) for parts in ghosts]
-            pairs = [(one.bytes, other) for one, other in zip(arrived, gone, strict=True)]
-            self._work = exchange.work(pairs, backwards=True)
-        # In the order in which launches that pack would be run backwards.
-        for parts, others in zip(reversed(own), reversed(come), strict=True):
-            for one, other in zip(reversed(parts), reversed(others), strict=True):
-                self._adding += additions(one, other)
-        if exchange.is_own:
             # Nothing waits in between.
-            self._adding += self._after
-            self._after = []
+            cleared = [clearing(one) for parts in ghosts for one in parts]
+            self._adding = [*_additions(own, come), *cleared]
+            return
+        arrived = [Buffer(parts, device) for parts in own]
+        gone = [self._leaving(parts, device) for parts in ghosts]
+        pairs = [(one.bytes, other) for one, other in zip(arrived, gone, strict=True)]
+        self._work = exchange.work(pairs, backwards=True)
+        self._adding = _additions(own, [one.parts for one in arrived])
 
     def _leaving(self, parts, device):
         """The memory that is sent of adjoints of ghosts, which are zero then."""
@@ -126,17 +126,20 @@ class Home:
             self._before += removals(part, one)
         return buffer.bytes
 
+    def run(self) -> None:
+        """Sends adjoints of ghosts, and adds what has come."""
+        self.send()
+        self.add()
+
     def send(self) -> None:
         """Sends adjoints of ghosts to the owners, and sets them to zero."""
         self._sent.tell()
-        for function in self._before:
-            function()
+        _call(self._before)
         if self._work is not None:
             run_or_record(self._comm, self._name, self._transfer)
-        for function in self._after:
-            function()
+        _call(self._after)
 
-    def _transfer(self):
+    def _transfer(self) -> None:
         self._comm.log.begin(*self._plan)
         self._work.start()
         self._work.finish()
@@ -144,5 +147,88 @@ class Home:
     def add(self) -> None:
         """Adds what has come to the adjoints of the owners."""
         self._added.tell()
-        for function in self._adding:
-            function()
+        _call(self._adding)
+
+
+class NearHome(Home):
+    """The way home by the space of a plan, and in messages to ranks of other hosts."""
+
+    def _prepare(self, exchange, ghosts, own) -> None:
+        from warp._src.distributed.parts import copying, removals
+
+        comm, space = self._comm, exchange.plan.space
+        self._space = space
+        # For each half: what moves adjoints there, and what came.
+        self._moving: tuple = ([], [])
+        come: tuple = ([], [])
+        kept, pairs = [], []
+        for side, sent, added in zip(exchange.sides, ghosts, own, strict=True):
+            arrived = Buffer(added, comm.device)
+            kept.append(arrived.parts)
+            if side.peer not in space.ranks:
+                pairs.append((arrived.bytes, self._leaving(sent, comm.device)))
+                for found in come:
+                    found.append(arrived.parts)
+                continue
+            for half in (0, 1):
+                if sent:
+                    there = space.buffer(half, comm.rank, side.peer, side.take_tag, sent)
+                    for part, one in zip(there.parts, sent, strict=True):
+                        self._moving[half].extend(removals(part, one))
+                here = []
+                if added:
+                    here = space.buffer(half, side.peer, comm.rank, side.give_tag, added).parts
+                come[half].append(here)
+            is_other = side.peer != comm.rank
+            pairs.append(tuple(wp.empty(int(is_other), dtype=wp.uint8) for _ in range(2)))
+        self._work = exchange.work(pairs, backwards=True)
+        self._adding_from = [_additions(own, parts) for parts in come]
+        self._adding = _additions(own, kept)
+        self._keeping = [
+            [
+                copying(to, part)
+                for parts, all_to in zip(found, kept, strict=True)
+                for part, to in zip(parts, all_to, strict=True)
+                if part is not to
+            ]
+            for found in come
+        ]
+
+    def run(self) -> None:
+        self._sent.tell()
+        self._added.tell()
+        run_or_record(self._comm, self._name, self._run)
+
+    def send(self) -> None:
+        self._sent.tell()
+        # Other exchanges of the plan may come before these are added.
+        run_or_record(self._comm, self._name, lambda: _call(self._keeping[self._move()]))
+
+    def _run(self) -> None:
+        _call(self._adding_from[self._move()])
+
+    def _move(self) -> int:
+        """Moves adjoints to a half of the space, of which all are told; gives the half."""
+        half = self._space.turn()
+        _call(self._before)
+        _call(self._moving[half])
+        self._transfer()
+        _call(self._after)
+        return half
+
+
+def _additions(own, come) -> list:
+    """Functions that add what came, in the order in which launches that pack run backwards."""
+    from warp._src.distributed.parts import additions
+
+    return [
+        function
+        for parts, others in zip(reversed(own), reversed(come), strict=True)
+        for one, other in zip(reversed(parts), reversed(others), strict=True)
+        for function in additions(one, other)
+    ]
+
+
+def _call(functions) -> None:
+    for function in functions:
+        function()

@@ -7,11 +7,16 @@ import warp as wp
 _ALIGNMENT = 64
 
 
+def aligned(size) -> int:
+    """The first offset from a number of bytes on at which an array may begin."""
+    return -(-size // _ALIGNMENT) * _ALIGNMENT
+
+
 def size_of(parts) -> int | None:
     """Bytes of a packed buffer of parts, None for none."""
     total = 0
     for one in parts:
-        total = -(-total // _ALIGNMENT) * _ALIGNMENT + one.size * one.item_size
+        total = aligned(total) + one.size * one.item_size
     return total or None
 
 
@@ -28,17 +33,23 @@ def memory_of(array):
 class Buffer:
     """Packed memory of arrays with the shapes and types of others, outside of the pool.
 
+    Args:
+        likes: the others.
+        memory: bytes to take, in place of new ones on the device.
+
     Attributes:
         bytes: all of it.
         parts: the arrays.
     """
 
-    def __init__(self, likes, device):
-        self.bytes = wp.empty(size_of(likes) or 0, dtype=wp.uint8, device=device)
+    def __init__(self, likes, device, memory=None):
+        if memory is None:
+            memory = wp.empty(size_of(likes) or 0, dtype=wp.uint8, device=device)
+        self.bytes = memory
         self.parts = []
         offset = 0
         for one in likes:
-            offset = -(-offset // _ALIGNMENT) * _ALIGNMENT
+            offset = aligned(offset)
             self.parts.append(self._part(offset, one))
             offset += one.size * one.item_size
 

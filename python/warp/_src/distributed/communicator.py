@@ -94,6 +94,8 @@ class Communicator:
 
     engine = "none"
     stream = None
+    # Ranks of a host tell each other what lies in memory that they share, see `spaces`.
+    shares_memory = False
 
     def __init__(self, rank, size, local_rank=0, local_size=1, device=None, timeout=300.0):
         self.rank, self.size = rank, size

@@ -10,7 +10,8 @@ from warp import _native
 from warp._src.arrays.gradients import has_wide_gradient
 from warp._src.arrays.hooks import captures
 from warp._src.arrays.observers import Observers
-from warp._src.distributed.adjoints import Home, HomeRecord, Writes, active
+from warp._src.distributed import spaces
+from warp._src.distributed.adjoints import Home, HomeRecord, NearHome, Writes, active
 from warp._src.distributed.buffers import Buffer, memory_of, size_of
 from warp._src.distributed.communicator import Message
 from warp._src.distributed.plans import check_capture, check_plan, run_or_record
@@ -46,6 +47,16 @@ def gradient_places(fields) -> tuple:
     return tuple(one.requires_grad and one.grad_ptr for one in fields)
 
 
+class Plan(array):
+    """Number and step of a plan that was compared over all ranks, two words.
+
+    Attributes:
+        space: memory of the host that its adjoints go through, or None.
+    """
+
+    space = None
+
+
 class Exchange:
     """Parts of arrays that travel between neighbours, in one message for each.
 
@@ -55,7 +66,7 @@ class Exchange:
         sides: what goes where; parts of the same memory every time.
         dtypes: of the arrays, the same on ranks without neighbours, too.
         gradients: what a tape records of it, for comparison and messages; empty for nothing.
-        plan: number and step of one that was checked, with sides of these types and sizes.
+        plan: one that was checked, with sides of these types and sizes.
 
     Attributes:
         is_own: all that is sent comes from the rank itself, as in a process alone.
@@ -106,22 +117,29 @@ class Exchange:
             if pair[0].size
         ]
 
-    def check(self) -> array:
-        """Compares the exchange over all ranks; gives its number and step, two words."""
+    def check(self) -> Plan:
+        """Compares the exchange over all ranks."""
         facts = [
             (side.peer, size_of(side.give), size_of(side.take), side.give_tag, side.take_tag)
             for side in self.sides
         ]
         kinds = sorted({type_repr(one) for one in self.dtypes})
         common = f"of {', '.join(kinds)}{self.gradients}"
-        return array("q", [check_plan(self.comm, self.name, common, facts), 0])
+        plan = Plan("q", [check_plan(self.comm, self.name, common, facts), 0])
+        if self.gradients:
+            sent = ((side.peer, side.take_tag, active(side.take)) for side in self.sides)
+            sizes = {(peer, tag): size_of([x.grad for x in parts]) for peer, tag, parts in sent}
+            plan.space = spaces.made(self.comm, {k: v for k, v in sizes.items() if v})
+        return plan
 
     # Running.
 
     def run(self) -> None:
         """Sends and receives."""
-        self.start()
-        self.finish()
+        self._start()
+        self._finish()
+        if Observers.tape is not None and (self.taken or self.given):
+            self._record([*self.given, *self.taken], self.taken, "run")
 
     def quick(self):
         """A function that does what `run` does where nobody observes or captures, or None.
@@ -136,11 +154,14 @@ class Exchange:
 
     def start(self) -> None:
         """Packs and begins to send."""
+        if Observers.tape is not None and self.given:
+            self._record(self.given, [], "add")
+        self._start()
+
+    def _start(self) -> None:
         comm = self.comm
         if comm.closed:
             comm.check_use(self.name)
-        if Observers.tape is not None and self.given:
-            self._record(self.given, Home.add)
         if self.is_own:
             # Nothing travels, so nothing is packed.
             self._tell()
@@ -164,6 +185,11 @@ class Exchange:
 
     def finish(self) -> None:
         """Waits, and unpacks."""
+        self._finish()
+        if Observers.tape is not None and (self.taken or self.given):
+            self._record(self.taken, self.taken, "send")
+
+    def _finish(self) -> None:
         if not self.is_own:
             work = self._direct if self.is_direct else self._packed_work
             if captures:
@@ -175,8 +201,6 @@ class Exchange:
             for side, (_, taken) in zip(self.sides, self._packed, strict=True):
                 for view, part in zip(side.take, taken.parts, strict=True):
                     _copy(view, part)
-        if Observers.tape is not None and (self.taken or self.given):
-            self._record(self.taken, Home.send)
 
     def _tell(self) -> None:
         if Observers.active:
@@ -234,11 +258,12 @@ class Exchange:
     def home(self) -> Home:
         """The way home of adjoints of ghosts."""
         if self._home is None:
-            self._home = Home(self)
+            near = self.plan.space is not None and not self.is_own
+            self._home = NearHome(self) if near else Home(self)
         return self._home
 
-    def _record(self, arrays, function) -> None:
-        Observers.tape._add(HomeRecord(self, arrays, function))
+    def _record(self, arrays, written, method) -> None:
+        Observers.tape._add(HomeRecord(self, arrays, written, method))
 
 
 class Work:

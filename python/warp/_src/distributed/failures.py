@@ -28,6 +28,23 @@ _WORDS = 4
 _PROCESS, PLAN, _STEP, _STOP = range(_WORDS)
 
 
+def memory_of_host(comm, size):
+    """Zeros that the ranks of a host share, or None on all ranks if one of them has no room."""
+    folder = "/dev/shm" if os.path.isdir("/dev/shm") else tempfile.gettempdir()
+    token = comm.broadcast_object(os.urandom(8).hex(), 0)
+    path = os.path.join(folder, f"warp-ranks-{os.getuid()}-{token}")
+    memory = None
+    flags = os.O_RDWR | os.O_CREAT
+    with contextlib.suppress(OSError), open(os.open(path, flags, 0o600), "r+b") as file:
+        # Memory that is not there would end a process when it is written.
+        os.posix_fallocate(file.fileno(), 0, size)
+        memory = mmap.mmap(file.fileno(), size)
+    lacking = comm.check_sum([memory is None])[0]
+    with contextlib.suppress(OSError):
+        os.unlink(path)
+    return None if lacking else memory
+
+
 class RankLog:
     """The last work that each rank of a host began, in memory that they share.
 
@@ -35,10 +52,9 @@ class RankLog:
         own: words of this rank.
     """
 
-    def __init__(self, size, rank, file=None):
+    def __init__(self, size, rank, memory=None):
         self.size, self.rank = size, rank
-        bytes_ = size * _WORDS * 8
-        memory = mmap.mmap(-1 if file is None else file.fileno(), bytes_)
+        memory = memory or mmap.mmap(-1, size * _WORDS * 8)
         self.words = memoryview(memory).cast("q")
         self.own = self.words[rank * _WORDS : (rank + 1) * _WORDS]
         self.own[_PROCESS] = os.getpid()
@@ -46,15 +62,9 @@ class RankLog:
     @classmethod
     def shared(cls, comm) -> RankLog:
         """A log in memory of the host; each rank sees those of its own host."""
-        folder = "/dev/shm" if os.path.isdir("/dev/shm") else tempfile.gettempdir()
-        token = comm.broadcast_object(os.urandom(8).hex(), 0)
-        path = os.path.join(folder, f"warp-ranks-{os.getuid()}-{token}")
-        with open(os.open(path, os.O_RDWR | os.O_CREAT, 0o600), "r+b") as file:
-            os.truncate(file.fileno(), comm.size * _WORDS * 8)
-            log = cls(comm.size, comm.rank, file)
+        log = cls(comm.size, comm.rank, memory_of_host(comm, comm.size * _WORDS * 8))
+        # No rank looks before all have said who they are.
         comm.barrier()
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(path)
         atexit.register(log.leave, os.getpid())
         return log
 

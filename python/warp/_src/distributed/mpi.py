@@ -69,6 +69,7 @@ class MpiCommunicator(Communicator):
             self.log = failures.RankLog.shared(self)
         if self.device.is_cuda and self.size > 1:
             self.is_direct = self._takes_gpu_memory()
+        self.shares_memory = self.device.is_cpu
 
     def _takes_gpu_memory(self) -> bool:
         """Sends one message to oneself, of memory on the GPU."""

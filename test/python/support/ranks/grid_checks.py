@@ -1,12 +1,17 @@
 """Checks of blocks, halos and their derivatives, on any number of ranks."""
 
 import itertools
+import mmap
+import os
+import types
 
 import checking
 import numpy as np
+import pytest
 
 import warp as wp
 import warp.distributed as wd
+from warp._src.distributed import failures, spaces
 
 ROWS, COLUMNS, STEPS = 24, 16, 10
 
@@ -328,6 +333,41 @@ def adjoints_of_some_fields(comm):
         assert values.sum() == x.size and not values[0].any(), values
 
 
+def adjoints_in_spaces(comm):
+    """The same adjoints through memory of the host, of all ranks and of some; none without room."""
+
+    def alone(comm, size):
+        # The last rank is on a host of its own.
+        memory = failures.memory_of_host(comm, size)
+        return mmap.mmap(-1, size) if comm.rank == comm.size - 1 else memory
+
+    def known(rank):
+        return log.last(rank) if (rank < last) == (comm.rank < last) else (0, 0, 0)
+
+    last, log = comm.size - 1, comm.log
+    with pytest.MonkeyPatch.context() as changed:
+        changed.setattr(spaces, "SMALLEST", 0)
+        wanted = gradient(comm)
+        adjoints_of_halos(comm)
+        adjoints_of_some_fields(comm)
+        changed.setattr(spaces, "memory_of_host", alone)
+        changed.setattr(
+            comm, "log", types.SimpleNamespace(last=known, begin=log.begin, own=log.own)
+        )
+        assert gradient(comm) == wanted
+        adjoints_of_some_fields(comm)
+        changed.undo()
+        changed.setattr(spaces, "SMALLEST", 0)
+        if comm.rank == 0:
+            changed.setattr(os, "posix_fallocate", no_room)
+        assert gradient(comm) == wanted
+
+
+def no_room(*_):
+    """The system has no memory for a file."""
+    raise OSError(28, "No space left on device")
+
+
 def capture(comm):
     """A captured step replays its messages, with the bits of an eager one."""
     blocks = wd.Blocks((ROWS, COLUMNS), comm=comm)
@@ -393,5 +433,5 @@ def bad_blocks(comm):
 
 CHECKS = [
     *(jacobi, gradient, halo_values, halo_of_any_type, random_partitions, push_and_halo),
-    *(adjoints_of_halos, adjoints_of_some_fields, capture, bad_blocks),
+    *(adjoints_of_halos, adjoints_of_some_fields, adjoints_in_spaces, capture, bad_blocks),
 ]
