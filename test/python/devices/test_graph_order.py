@@ -4,6 +4,7 @@ With `wp.config.verify_graphs` each launch of a graph compares its memory with t
 order; on the CPU operations then come as late as the edges allow, so a missing edge shows.
 """
 
+import threading
 import xml.etree.ElementTree
 
 import numpy as np
@@ -305,6 +306,36 @@ def test_meshes_may_get_other_points_between_replays(device, is_verified, monkey
         mesh.points = points
         wp.capture_launch(capture.graph)
         assert y.numpy()[0] == base + 2 * turn
+
+
+def test_another_thread_writes_during_replays():
+    """Each element that a graph of a CPU reads is an old or a new one; others stay as they are."""
+    size = 4096
+    x, y = wp.full(size, 5.0, device="cpu"), wp.zeros((4, size), device="cpu")
+    with wp.ScopedCapture("cpu", optimize=True) as capture:
+        for i in range(4):
+            y[i].zero_()
+            wp.launch(shift, size - i, [x, y[i], i], device="cpu")
+    view, stop = x.numpy(), threading.Event()
+
+    def write():
+        while not stop.is_set():
+            view[:] = 7.0
+            view[:] = 5.0
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        for _ in range(200):
+            wp.capture_launch(capture.graph)
+            for i in range(4):
+                row = y.numpy()[i]
+                assert np.isin(row[: size - i], (5.0, 7.0)).all() and not row[size - i :].any()
+    finally:
+        stop.set()
+        writer.join()
+    wp.capture_launch(capture.graph)
+    assert (y.numpy()[0] == 5.0).all()
 
 
 def test_output_keeps_its_order(device):

@@ -122,6 +122,67 @@ def test_capture_and_launch_on_a_stream():
     assert (x.numpy() == 4.0).all()
 
 
+@wp.kernel
+def triple(x: wp.array(dtype=float), y: wp.array(dtype=float)):
+    i = wp.tid()
+    y[i] = 3.0 * x[x.shape[0] - 1 - i] + y[i]
+
+
+def branches_of(count, size):
+    """A graph of several branches, each of which clears an array and reads another one."""
+    x, y = wp.zeros((count, size), device="cuda:0"), wp.zeros((count, size), device="cuda:0")
+    with wp.ScopedCapture("cuda:0", optimize=True) as capture:
+        for i in range(count):
+            y[i].zero_()
+            wp.launch(triple, size, [x[i], y[i]], device="cuda:0")
+            # The sizes differ, so that launches stay apart.
+            wp.launch(add, size - i, [y[i], 1.0], device="cuda:0")
+    return x, y, capture.graph
+
+
+def test_another_stream_writes_before_each_replay():
+    """All branches come behind what the launching stream waits for, and later work behind all."""
+    count, size, rounds = 6, 50_000, 20
+    x, y, graph = branches_of(count, size)
+    kept = wp.zeros((rounds, count, size), device="cuda:0")
+    main, side = wp.get_stream("cuda:0"), wp.Stream("cuda:0")
+    side.wait_stream(main)
+    for k in range(rounds):
+        with wp.ScopedStream(side, sync_enter=False):
+            x.fill_(float(k))
+        main.wait_stream(side)
+        wp.capture_launch(graph)
+        side.wait_stream(main)
+        with wp.ScopedStream(side, sync_enter=False):
+            wp.copy(kept[k], y)
+        main.wait_stream(side)
+    for i in range(count):
+        expected = 3.0 * np.arange(rounds)[:, None] + (np.arange(size) < size - i)
+        assert (kept.numpy()[:, i] == expected).all()
+
+
+def test_another_stream_writes_during_replays():
+    """Each element that a graph reads is an old or a new one; nothing else is touched."""
+    count, size = 6, 50_000
+    x, y, graph = branches_of(count, size)
+    x.fill_(5.0)
+    side = wp.Stream("cuda:0")
+    side.wait_stream(wp.get_stream("cuda:0"))
+    for k in range(50):
+        with wp.ScopedStream(side, sync_enter=False):
+            x.fill_(5.0 if k % 2 else 7.0)
+        wp.capture_launch(graph)
+    wp.synchronize_device("cuda:0")
+    found = y.numpy()
+    for i in range(count):
+        base = (np.arange(size) < size - i).astype(np.float32)
+        assert ((found[i] == 15.0 + base) | (found[i] == 21.0 + base)).all()
+    assert (x.numpy() == 5.0).all()
+    # Without anybody else, a replay sees what is there now.
+    wp.capture_launch(graph)
+    assert (y.numpy()[0] == 15.0 + (np.arange(size) < size)).all()
+
+
 def test_current_stream_of_a_scope():
     x = zeros()
     with wp.ScopedStream(wp.Stream("cuda:0")):
