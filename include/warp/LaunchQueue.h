@@ -9,6 +9,7 @@
 
 #include "warp/Export.h"
 
+#include <cstddef>
 #include <string>
 
 namespace warp {
@@ -30,6 +31,10 @@ WARP_API void shareWithOthers();
 WARP_API void finishQueuedLaunches();
 /// Operations that wait on the host.
 WARP_API int queuedOperations();
+
+/// Copies out what fills that wait will leave in memory of a GPU. False if
+/// nothing waits, or if something else that waits may change the memory.
+WARP_API bool findQueuedFill(const void *memory, void *value, size_t bytes);
 
 /// Functions of the caller's language for threads that wait for code.
 struct WaitHooks {

@@ -65,10 +65,15 @@ void CodeTicket::finish(std::exception_ptr error) {
 
 namespace {
 struct Operation {
-  std::function<void()> run;
-  std::shared_ptr<CodeTicket::State> code;
+  std::function<void()> run = {};
+  std::shared_ptr<CodeTicket::State> code = {};
   /// The kernel of a launch, to tell its errors.
   const void *kernel = nullptr;
+  /// A fill of contiguous memory: where, and its element; else null.
+  const char *filled = nullptr;
+  size_t filledBytes = 0;
+  std::vector<char> pattern = {};
+  bool isFree = false;
 };
 
 struct KeptError {
@@ -79,6 +84,7 @@ struct KeptError {
 struct Queue {
   Queue();
   void add(Operation operation);
+  bool findFill(const char *memory, char *value, size_t bytes);
   void drain(bool mayWait, bool mayThrow);
   /// The first operation; false if there is none. `missing` gets its code if
   /// that is not there yet.
@@ -131,6 +137,25 @@ void Queue::add(Operation operation) {
   std::lock_guard lock(mutex);
   operations.push_back(std::move(operation));
   ++waitingOperations;
+}
+
+/// Copies what waiting fills will leave in memory; false if another operation
+/// may write there, too. Operations that are being done are earlier.
+bool Queue::findFill(const char *memory, char *value, size_t bytes) {
+  std::lock_guard lock(mutex);
+  for (auto last = operations.rbegin(); last != operations.rend(); ++last) {
+    if (last->isFree)
+      continue;
+    const char *begin = last->filled, *end = begin + last->filledBytes;
+    if (begin && (memory + bytes <= begin || end <= memory))
+      continue;
+    if (!begin || memory < begin || end < memory + bytes)
+      return false;
+    for (size_t i = 0; i < bytes; ++i)
+      value[i] = last->pattern[(memory - begin + i) % last->pattern.size()];
+    return true;
+  }
+  return false;
 }
 
 bool Queue::take(Operation &operation,
@@ -243,19 +268,49 @@ void Queue::raise() {
 // Interface
 //===----------------------------------------------------------------------===//
 
+static void addOperation(Operation operation) {
+  Queue &queue = Queue::get();
+  queue.add(std::move(operation));
+  queue.drain(/*mayWait=*/waitingOperations > mostWaiting, /*mayThrow=*/false);
+}
+
 bool warp::queueBehind(std::function<void()> operation) {
   if (!mustQueue())
     return false;
-  queueLaunch(std::move(operation), nullptr, nullptr);
+  addOperation({.run = std::move(operation)});
   return true;
 }
 
 void warp::queueLaunch(std::function<void()> operation,
                        std::shared_ptr<CodeTicket::State> code,
                        const void *kernel) {
-  Queue &queue = Queue::get();
-  queue.add({std::move(operation), std::move(code), kernel});
-  queue.drain(/*mayWait=*/waitingOperations > mostWaiting, /*mayThrow=*/false);
+  addOperation(
+      {.run = std::move(operation), .code = std::move(code), .kernel = kernel});
+}
+
+bool warp::queueFree(std::function<void()> operation) {
+  if (!mustQueue())
+    return false;
+  addOperation({.run = std::move(operation), .isFree = true});
+  return true;
+}
+
+bool warp::queueFill(const void *memory, std::vector<char> pattern,
+                     size_t count, std::function<void()> operation) {
+  if (!mustQueue())
+    return false;
+  size_t bytes = pattern.size() * count;
+  addOperation({.run = std::move(operation),
+                .filled = static_cast<const char *>(memory),
+                .filledBytes = bytes,
+                .pattern = std::move(pattern)});
+  return true;
+}
+
+bool warp::findQueuedFill(const void *memory, void *value, size_t bytes) {
+  return mustQueue() && !hasErrors &&
+         Queue::get().findFill(static_cast<const char *>(memory),
+                               static_cast<char *>(value), bytes);
 }
 
 std::function<const Stream *()> warp::laterStream(int device,

@@ -102,6 +102,11 @@ bool queueCall(int device, const Stream *stream, Call &&call) {
   return queueBehind([call = std::forward<Call>(call),
                       where = laterStream(device, stream)] { call(where()); });
 }
+/// Adds a fill of memory, whose value `findQueuedFill` knows from then on.
+bool queueFill(const void *memory, std::vector<char> pattern, size_t count,
+               std::function<void()> operation);
+/// Adds a free, which changes no memory that is in use.
+bool queueFree(std::function<void()> operation);
 /// Bytes of the host that the queue copies for an operation, at most.
 inline constexpr size_t mostStaged = size_t(1) << 20;
 /// Adds a launch of a kernel, which cannot be done before the code is there, if

@@ -149,13 +149,13 @@ void warp::fillMemory(void *dst, int device, const void *pattern, size_t size,
   if (size == 0 || count == 0)
     return;
   auto *bytes = static_cast<const char *>(pattern);
-  if (mustQueue() &&
-      queueCall(device, stream,
-                [=, kept = std::vector<char>(bytes, bytes + size)](
-                    const Stream *where) {
-                  fillMemory(dst, device, kept.data(), size, count, where);
-                }))
-    return;
+  if (mustQueue() && !isHost(device)) {
+    std::vector<char> kept(bytes, bytes + size);
+    if (queueFill(dst, kept, count, [=, where = laterStream(device, stream)] {
+          fillMemory(dst, device, kept.data(), size, count, where());
+        }))
+      return;
+  }
   TraceScope tracing(device, stream);
   if (tracing)
     tracing->add(GraphOperation::Kind::FillBytes, graphs::FillBytes{dst, count},

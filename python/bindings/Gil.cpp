@@ -141,6 +141,17 @@ void warp::python::watchWaits(py::module_ &m) {
       "pools, or goes by its owner's function.");
   m.def("queued_operations", &warp::queuedOperations,
         "Launches, and what is behind them, that wait for code.");
+  m.def(
+      "queued_value",
+      [](uintptr_t memory) -> py::object {
+        int32_t value;
+        if (!warp::findQueuedFill(reinterpret_cast<void *>(memory), &value,
+                                  sizeof(value)))
+          return py::none();
+        return py::int_(value);
+      },
+      py::arg("ptr"),
+      "The int32 that fills that wait for code will leave, None if not known.");
   m.def("finish_queued_launches", &warp::finishQueuedLaunches,
         "Waits for launches that wait for code, and raises what failed.");
 }

@@ -231,10 +231,8 @@ static void freeNow(CudaDevice &state, const PeerWork &peers,
 }
 
 void warp::reclaimDevice(int device, cuda::Pointer memory, bool pooled) {
-  if (mustQueue()) {
-    queueBehind([=] { reclaimDevice(device, memory, pooled); });
+  if (queueFree([=] { reclaimDevice(device, memory, pooled); }))
     return;
-  }
   CudaDevice &state = cudaDevice(device);
   PeerWork peers(device);
   cuda::ContextScope scope(device);

@@ -399,9 +399,17 @@ def _active(condition, stream):
 
 
 def _holds(condition, stream) -> bool:
-    """The value of a condition now."""
+    """The value of a condition now.
+
+    Engines fill the condition ahead of their loop: launches that wait for code go on waiting then,
+    and the code of the loop's first turn is made meanwhile.
+    """
     if condition.device.is_cuda and stream is not None:
         stream.synchronize()
+    if condition.device.is_cuda:
+        filled = _native.queued_value(condition.ptr)
+        if filled is not None:
+            return bool(filled)
     return bool(condition.flatten()[:1].numpy()[0])
 
 
