@@ -51,6 +51,7 @@ enum DeviceAttribute : int {
   multiprocessorCount = 16,
   l2CacheSize = 38,
   maxThreadsPerMultiprocessor = 39,
+  maxRegistersPerMultiprocessor = 82,
   unifiedAddressing = 41,
   managedMemory = 83,
   computeCapabilityMajor = 75,

@@ -446,28 +446,44 @@ CudaProperties Kernel::cudaProperties(int device, int blockDim) {
   return result;
 }
 
-/// The blocks that a kernel's bounds promise.
-static std::pair<int, int> promisedBlocks(CudaDevice &device,
-                                          const KernelOptions &options) {
+/// Registers of a thread that a kernel is taken for that has no code yet.
+static constexpr int likelyRegisters = 64;
+
+/// Blocks that a kernel's bounds promise, or that are likely without any. All
+/// kernels can have blocks of the usual size.
+static std::pair<int, int> likelyBlocks(CudaDevice &device,
+                                        const KernelOptions &options) {
   // A question about the device, which comes behind no launch.
   BehindNothing exempt;
   cuda::ContextScope scope(device.index);
-  int threads = std::min(options.blockDim, options.maxThreads), most = 0;
+  int threads = options.maxThreads > 0
+                    ? std::min(options.blockDim, options.maxThreads)
+                    : options.blockDim;
+  int most = 0, registers = 0;
   WARP_CUDA(deviceGetAttribute, &most, cuda::maxThreadsPerMultiprocessor,
             device.ordinal);
-  int blocks = std::max(1, std::min(options.minBlocks, most / threads));
+  WARP_CUDA(deviceGetAttribute, &registers, cuda::maxRegistersPerMultiprocessor,
+            device.ordinal);
+  int blocks = options.minBlocks > 0 && options.maxThreads > 0
+                   ? options.minBlocks
+                   : registers / (likelyRegisters * threads);
+  blocks = std::max(1, std::min(blocks, most / threads));
   return {threads, blocks * device.info.smCount};
 }
 
 std::pair<int, int> Kernel::suggestedBlock(int device) {
   CudaDevice &owner = cudaDevice(device);
-  // Bounds answer at once. The launch that follows asks for its code: other
-  // code than that of its arguments would only delay it.
+  // The launch that follows asks for its code: other code than that of its
+  // arguments would only delay it, and all launches behind it. Bounds answer at
+  // once, and while launches wait for their code, the program's next ones would
+  // come late.
   const KernelOptions &options = impl->options;
-  if (isLazyCompile() && !options.debug && options.minBlocks > 0 &&
-      options.maxThreads > 0 && !impl->findOn(device))
-    return promisedBlocks(owner, options);
+  bool isBound = options.minBlocks > 0 && options.maxThreads > 0;
+  if (isLazyCompile() && !options.debug && (isBound || warp::mustQueue()) &&
+      !impl->findOn(device))
+    return likelyBlocks(owner, options);
   const Variant &variant = impl->launched(device);
+  BehindNothing exempt;
   cuda::ContextScope scope(device);
   int blocks = 0, threads = 0;
   WARP_CUDA(occupancyMaxPotentialBlockSize, &blocks, &threads,

@@ -311,7 +311,8 @@ wp.synchronize()
 
 
 def test_bounds_answer_before_the_code(fake):
-    """The size of blocks of a kernel with launch bounds is asked for, and nobody waits."""
+    """The size of blocks is asked for while code is made, and nobody waits: bounds are promises,
+    and without any a thread is taken to have 64 registers."""
     program = """
 @wp.kernel(launch_bounds=(64, 8), module_options={"block_dim": 64}, module="unique")
 def bounded(x: wp.array(dtype=float)):
@@ -321,12 +322,18 @@ def bounded(x: wp.array(dtype=float)):
 def unbounded(x: wp.array(dtype=float)):
     x[wp.tid()] = 2.0
 
+@wp.kernel(launch_bounds=64, module="unique")
+def few(x: wp.array(dtype=float)):
+    x[wp.tid()] = 3.0
+
 x = wp.zeros(100, dtype=float)
 many = wp.get_device().sm_count
 gate(False)
 print(wp.get_suggested_block_size(bounded) == (64, 8 * many))
 wp.launch(bounded, 100, [x], block_dim=64)
 print(_native.queued_operations())
+print(wp.get_suggested_block_size(unbounded) == (256, 4 * many))
+print(wp.get_suggested_block_size(few) == (64, 16 * many))
 gate(True)
 wp.synchronize()
 threads, blocks = wp.get_suggested_block_size(bounded)
@@ -334,7 +341,7 @@ print(threads <= 64, blocks > 0, _native.queued_operations())
 wp.config.lazy_compile = False
 print(len(wp.get_suggested_block_size(unbounded)))
 """
-    assert run(program, fake) == ["True", "1", "True True 0", "2"]
+    assert run(program, fake) == ["True", "1", "True", "True", "True True 0", "2"]
 
 
 def test_bounds_ask_for_no_other_code(fake):
@@ -395,3 +402,78 @@ wp.synchronize()
 print(order().count("launch"))
 """
     assert run(program, fake) == ["True True", "68"]
+
+
+CONDITIONS = {
+    # The condition, and if its first value is known while the launch before it waits.
+    "full": ("c = wp.full(1, 2, dtype=int)", True),
+    "part": ("c = wp.full(8, 2, dtype=int)[5:6]", True),
+    "then another": ("c = wp.full(1, 2, dtype=int); y.zero_()", True),
+    "then a free": ("c = wp.full(1, 2, dtype=int); del y; gc.collect()", True),
+    "twice": ("c = wp.full(1, 0, dtype=int); c.fill_(2)", True),
+    "bytes": (
+        "b = wp.full(4, 1, dtype=wp.uint8); c = wp.array(ptr=b.ptr, shape=1, dtype=int)",
+        True,
+    ),
+    "half": (
+        "c = wp.full(1, 2, dtype=int); wp.array(ptr=c.ptr, shape=1, dtype=wp.int16).fill_(3)",
+        False,
+    ),
+    "strided": ("both = wp.zeros((2, 2), dtype=int); both[:, 0].fill_(2); c = both[:, 0]", False),
+    "then a launch": ("c = wp.full(1, 2, dtype=int); wp.launch(add, 1, [x])", False),
+    "then a copy": ("c = wp.full(1, 2, dtype=int); wp.copy(c, y)", False),
+}
+
+
+@pytest.mark.parametrize("kind", CONDITIONS)
+def test_loops_begin_while_launches_wait(fake, kind):
+    """The first turn of a loop needs no code if a fill has set its condition, and no other does."""
+    make, is_known = CONDITIONS[kind]
+    program = f"""
+@wp.kernel
+def add(x: wp.array(dtype=float)):
+    x[wp.tid()] += 1.0
+
+import threading
+x, y = wp.zeros(100, dtype=float), wp.full(1, 3, dtype=int)
+wp.synchronize()
+gate(False)
+wp.launch(add, 100, [x])
+{make}
+turns = []
+
+def turn():
+    turns.append(_native.queued_operations() > 0)
+    wp.launch(add, 1, [x])
+    if not turns[1:]:
+        threading.Timer(0.2, lambda: gate(True)).start()
+    else:
+        c.zero_()
+
+if not {is_known}:
+    threading.Timer(0.2, lambda: gate(True)).start()
+wp.capture_while(c, turn)
+print(turns)
+"""
+    assert run(program, fake) == [str([is_known, False])]
+
+
+def test_loops_that_a_fill_ends_have_no_turn(fake):
+    program = """
+@wp.kernel
+def add(x: wp.array(dtype=float)):
+    x[wp.tid()] += 1.0
+
+x = wp.zeros(100, dtype=float)
+wp.synchronize()
+gate(False)
+wp.launch(add, 100, [x])
+c = wp.zeros(1, dtype=int)
+turns = []
+wp.capture_while(c, lambda: turns.append(1))
+wp.capture_if(c, lambda: turns.append(2), lambda: turns.append(3))
+print(turns, _native.queued_operations() > 0)
+gate(True)
+wp.synchronize()
+"""
+    assert run(program, fake) == ["[3] True"]

@@ -131,6 +131,7 @@ EXPORT int cuDeviceGetAttribute(int *value, int attribute, int device) {
            : attribute == 76 ? 0
            : attribute == 16 ? 132
            : attribute == 41 ? 1
+           : attribute == 82 ? 65536
            // As on a GPU behind PCIe.
            : attribute == 86 || attribute == 88 || attribute == 101 ? 0
            // Only the first device has memory pools.

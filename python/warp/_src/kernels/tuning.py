@@ -18,8 +18,12 @@ def get_suggested_block_size(kernel, device=None) -> tuple[int, int]:
     """Threads per block that fill a multiprocessor best, and how many such blocks fill the device.
 
     A small launch may run faster with smaller blocks, which spread over more multiprocessors. The
-    CPU has no blocks; the answer is `(1, 1)`. With `wp.config.lazy_compile` other threads compile a
-    kernel with launch bounds, and the answer is what these promise.
+    CPU has no blocks; the answer is `(1, 1)`.
+
+    With `wp.config.lazy_compile` nobody waits for code that other threads make: for a kernel
+    without code the answer is what its launch bounds promise. While launches wait for their code,
+    it is for one without bounds blocks of the usual size, as many as fit with 64 registers a
+    thread.
 
     Raises:
         TypeError: `kernel` is not a kernel.
