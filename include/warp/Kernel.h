@@ -69,6 +69,7 @@ struct SavedKernel;
 struct SavedVariant;
 struct SourceHashes;
 struct Translation;
+class TranslationClaim;
 
 /// Properties of a kernel's machine code, by the driver.
 struct CudaProperties {
@@ -119,6 +120,10 @@ public:
   const RegionFormula &regionFormula() const;
   /// All that another process needs to make this kernel again.
   Translation translation() const;
+  /// Stores that with notes in the kernel cache and ends the claim. While
+  /// launches wait for their code, another thread does this.
+  void storeTranslation(std::string name, std::string notes,
+                        std::shared_ptr<TranslationClaim> claim) const;
   /// Hashes of the module's text.
   const SourceHashes &sourceHashes() const;
   /// Bytes of the parameter block.

@@ -52,7 +52,7 @@ public:
     return groups[urgent];
   }
 
-  void add(std::function<void()> task);
+  void add(std::function<void()> task, bool alsoAtExit = false);
   void wait();
   void stop();
   void restartInChild();
@@ -71,7 +71,11 @@ private:
   bool urgent;
   ForkMutex mutex;
   std::condition_variable_any changed;
-  std::deque<std::function<void()>> tasks;
+  struct Task {
+    std::function<void()> run;
+    bool alsoAtExit;
+  };
+  std::deque<Task> tasks;
   /// The processors of the process.
   cpu_set_t processors{};
   int most = 1, started = 0, busy = 0;
@@ -110,12 +114,12 @@ void Workers::setMost(int count) {
   most = !urgent ? std::max(1, all / 4) : count > 0 ? count : all;
 }
 
-void Workers::add(std::function<void()> task) {
+void Workers::add(std::function<void()> task, bool alsoAtExit) {
   watchProcess();
   std::lock_guard lock(mutex);
   if (isStopped)
     return;
-  tasks.push_back(std::move(task));
+  tasks.push_back({std::move(task), alsoAtExit});
   ++left;
   start();
   changed.notify_all();
@@ -152,7 +156,7 @@ void Workers::run() {
     lock.lock();
     if (tasks.empty())
       continue;
-    std::function<void()> task = std::move(tasks.front());
+    std::function<void()> task = std::move(tasks.front().run);
     tasks.pop_front();
     ++busy;
     lock.unlock();
@@ -200,12 +204,15 @@ void Workers::wait() {
 }
 
 void Workers::stop() {
-  std::deque<std::function<void()>> dropped;
+  std::deque<Task> dropped;
   std::unique_lock lock(mutex);
   isStopped = true;
   dropped.swap(tasks);
   changed.wait(lock, [&] { return busy == 0; });
   lock.unlock();
+  for (const Task &task : dropped)
+    if (task.alsoAtExit)
+      task.run();
   end(static_cast<int>(dropped.size()));
   // Tells those who wait for one.
   dropped.clear();
@@ -224,8 +231,8 @@ void background::add(std::function<void()> task) {
   Workers::get(false).add(std::move(task));
 }
 
-void background::addUrgent(std::function<void()> task) {
-  Workers::get(true).add(std::move(task));
+void background::addUrgent(std::function<void()> task, bool alsoAtExit) {
+  Workers::get(true).add(std::move(task), alsoAtExit);
 }
 
 int background::urgentTasks() { return Workers::get(true).tasksLeft(); }

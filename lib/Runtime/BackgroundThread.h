@@ -21,7 +21,8 @@ namespace warp::background {
 /// A task must not throw. Dropped once the process has begun to exit.
 void add(std::function<void()> task);
 /// A task that somebody waits for, on as many threads as there are processors.
-void addUrgent(std::function<void()> task);
+/// The exit of the process may do it instead of dropping it.
+void addUrgent(std::function<void()> task, bool alsoAtExit = false);
 /// Such tasks that wait or are being done.
 int urgentTasks();
 /// True on a thread of either group.

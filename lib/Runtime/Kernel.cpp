@@ -117,6 +117,28 @@ Translation Kernel::translation() const {
   return result;
 }
 
+void Kernel::storeTranslation(std::string name, std::string notes,
+                              std::shared_ptr<TranslationClaim> claim) const {
+  auto store = [kernel = std::shared_ptr<Kernel>(new Kernel(impl)),
+                name = std::move(name), notes = std::move(notes),
+                claim = std::move(claim)] {
+    Translation translation = kernel->translation();
+    translation.notes = notes;
+    warp::storeTranslation(name, translation);
+  };
+  if (!warp::mustQueue())
+    return store();
+  background::addUrgent(
+      [store = std::move(store)] {
+        try {
+          store();
+        } catch (...) {
+          // Later processes translate the kernel again.
+        }
+      },
+      /*alsoAtExit=*/true);
+}
+
 const SourceHashes &Kernel::sourceHashes() const { return impl->hashes(); }
 
 size_t Kernel::parameterSize() const { return impl->paramSize; }

@@ -195,15 +195,14 @@ static PyObject *compileTimes(PyObject *self, PyObject *) {
 }
 
 static void keepTranslation(const std::string &name, const py::object &object,
-                            const py::bytes &bytes) {
+                            const py::bytes &bytes,
+                            std::shared_ptr<TranslationClaim> claim) {
   std::string notes = bytes;
   if (Py_TYPE(object.ptr()) != kernelType)
     throw py::type_error("expects a kernel");
   Kernel &kernel = *asKernel(object.ptr())->kernel;
   warp::python::Unlocked unlocked;
-  Translation translation = kernel.translation();
-  translation.notes = notes;
-  storeTranslation(name, translation);
+  kernel.storeTranslation(name, std::move(notes), std::move(claim));
 }
 
 static void bindTranslation(py::module_ &m) {
@@ -212,7 +211,7 @@ static void bindTranslation(py::module_ &m) {
       .def_property_readonly("notes", [](const Translation &translation) {
         return py::bytes(translation.notes);
       });
-  py::class_<TranslationClaim>(
+  py::class_<TranslationClaim, std::shared_ptr<TranslationClaim>>(
       m, "TranslationClaim",
       "The right of this process to translate what has a name, as long as the "
       "object lives; waits for another process of the host that has it.")
@@ -222,8 +221,9 @@ static void bindTranslation(py::module_ &m) {
   m.def("find_translation", findTranslation, py::arg("name"),
         "The translation of a name of 64 hexadecimal digits, or None.");
   m.def("store_translation", keepTranslation, py::arg("name"),
-        py::arg("kernel"), py::arg("notes"),
-        "Writes the translation of a kernel to the cache.");
+        py::arg("kernel"), py::arg("notes"), py::arg("claim") = nullptr,
+        "Writes the translation of a kernel to the cache, and ends the claim; "
+        "while launches wait for their code, another thread does.");
   m.attr("VERSION") = version();
   m.def("build_id", buildId, "Digits that differ between builds.");
 }

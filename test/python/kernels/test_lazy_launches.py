@@ -59,6 +59,22 @@ print("waited", waiting > 0, _native.queued_operations())
     assert out.split() == ["waited", "True", "0"]
 
 
+def test_translations_are_kept_at_exit(gpu):
+    """Other threads write them while launches wait; a program that fails leaves them, too."""
+    program = programs.write_program(
+        BEGIN
+        + """
+x = wp.zeros(100, dtype=float, device="cuda:0")
+for n in range(6):
+    wp.launch(make(n), 100, [x], device="cuda:0")
+raise RuntimeError("the end")
+"""
+    )
+    status, _, err = programs.run(program, **gpu)
+    assert status == 1 and "the end" in err
+    assert len(list(gpu["WARP_CACHE_PATH"].glob("*.kernel"))) == 6
+
+
 @pytest.mark.parametrize("how", ["wp.config.lazy_compile = False", "wp.config.mode = 'debug'"])
 def test_settings_keep_launches_in_place(gpu, how):
     program = programs.write_program(

@@ -16,6 +16,7 @@ from warp._src import errors
 from warp._src.frontend.bindings import INT32, LocalArray, TileStack, TileView, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.control import If, Loop
+from warp._src.kernels import texts
 
 _MISSING = object()
 
@@ -84,7 +85,7 @@ class Loops(Part):
         stored = {
             item.id
             for statement in syntax.body
-            for item in ast.walk(statement)
+            for item in texts.walk(statement)
             if isinstance(item, ast.Name) and not isinstance(item.ctx, ast.Load)
         }
         if isinstance(syntax.target, ast.Name) and syntax.target.id not in stored:
@@ -264,7 +265,7 @@ class Loops(Part):
         """True if a body may need the counter at compile time as index of a tuple."""
         return any(
             isinstance(item, ast.Subscript) and self.is_tuple(item.value)
-            for item in ast.walk(syntax)
+            for item in texts.walk(syntax)
         )
 
     def varies_static(self, syntax):
@@ -273,13 +274,13 @@ class Loops(Part):
         if "static" not in self.context.source.words():
             return False
         changed, used = set(), set()
-        for item in ast.walk(syntax):
+        for item in texts.walk(syntax):
             if isinstance(item, ast.Name) and not isinstance(item.ctx, ast.Load):
                 changed.add(item.id)
             elif isinstance(item, ast.Call):
                 name = getattr(item.func, "attr", None) or getattr(item.func, "id", None)
                 if name == "static":
-                    used.update(one.id for one in ast.walk(item) if isinstance(one, ast.Name))
+                    used.update(one.id for one in texts.walk(item) if isinstance(one, ast.Name))
         return not used.isdisjoint(changed)
 
     def is_tuple(self, node):
@@ -302,7 +303,7 @@ class Loops(Part):
 
     @staticmethod
     def target_names(target):
-        return {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
+        return {item.id for item in texts.walk(target) if isinstance(item, ast.Name)}
 
     # range
 

@@ -12,6 +12,7 @@ import itertools
 import math
 
 from warp._src.frontend.bindings import INT32
+from warp._src.kernels import texts
 from warp._src.types import dtypes
 
 _FUNCTION = "_warp_thread_memory"
@@ -22,7 +23,7 @@ def is_addressed(source, node) -> bool:
     if "ptr" not in source.words():
         return False
     names, moved = set(), set()
-    for item in ast.walk(source.tree):
+    for item in texts.walk(source.tree):
         if isinstance(item, ast.Assign) and item.value is node:
             names.update(one.id for one in item.targets if isinstance(one, ast.Name))
         elif isinstance(item, ast.BinOp):

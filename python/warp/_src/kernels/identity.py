@@ -117,8 +117,11 @@ class Identity(Names):
         except Exception:
             raise UnnamedError from None
         place = function.__module__, function.__qualname__, function.__name__
-        file = os.fsencode(code.co_filename)
-        self._parts.append(repr((place, file, code.co_firstlineno, code.co_varnames, block.text)))
+        if block.identity is None or block.identity[0] != place:
+            file = os.fsencode(code.co_filename)
+            facts = place, file, code.co_firstlineno, code.co_varnames, block.text
+            block.identity = place, repr(facts)
+        self._parts.append(block.identity[1])
         self._parts.append(self.token(function.__defaults__))
         self._parts.append(self.token(function.__kwdefaults__))
         words = block.words

@@ -100,6 +100,9 @@ class Names:
         kind = type(value)
         if kind in _PLAIN:
             return f"{kind.__name__} {value!r}"
+        method = _METHODS.get(kind)
+        if method is not None:
+            return method(self, value, kind)
         if isinstance(value, (tuple, list)):
             if len(value) > _MOST_ITEMS:
                 raise UnnamedError
@@ -144,9 +147,10 @@ class Names:
             return f"table {value.dtype.str} {value.shape} {digest}"
         return None
 
+    def _array_type(self, value, kind) -> str:
+        return f"{kind.__qualname__}({self.token(value.dtype)}, {value.ndim})"
+
     def _annotation(self, value, kind) -> str:
-        if kind in (ArrayType, IndexedArrayType):
-            return f"{kind.__qualname__}({self.token(value.dtype)}, {value.ndim})"
         if kind is typing.TypeVar:
             return f"TypeVar({value.__name__}, {self.token(value.__constraints__)})"
         if kind is GenericAnnotation:
@@ -244,6 +248,19 @@ class Names:
             self._parts.append(f"struct {number}: {spelled} {fields}")
             self._owners.append(StructOwner(cls))
         return f"struct {number}"
+
+
+# The tests of `token` for the types of most values, which none of the others concerns.
+_METHODS = {
+    type: lambda names, value, kind: names._class(value),
+    types.ModuleType: lambda names, value, kind: names._module(value),
+    types.FunctionType: Names._annotation,
+    types.BuiltinFunctionType: Names._annotation,
+    Function: lambda names, value, kind: names._function_of_kernels(value),
+    Builtin: lambda names, value, kind: f"builtin {value.key}",
+    ArrayType: Names._array_type,
+    IndexedArrayType: Names._array_type,
+}
 
 
 def is_plain(value) -> bool:

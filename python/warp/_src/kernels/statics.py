@@ -32,7 +32,7 @@ class Evaluated:
     def __init__(self, function, expression, env, value):
         import ast
 
-        names = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
+        names = {node.id for node in texts.walk(expression) if isinstance(node, ast.Name)}
         self.function = function
         self.text = ast.unparse(expression)
         self.local = {name: env[name] for name in sorted(names & env.keys())}

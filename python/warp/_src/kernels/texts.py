@@ -106,11 +106,13 @@ class Block:
         text: its lines.
         words: all that could be names in it.
         lines: its lines without the indentation that they share.
+        identity: names of a function that has it, and the text by which it counts; None so far.
     """
 
-    __slots__ = ("lines", "text", "words")
+    __slots__ = ("identity", "lines", "text", "words")
 
     def __init__(self, lines):
+        self.identity = None
         self.text = "".join(lines)
         plain = self.text
         if not plain.isascii():
@@ -119,7 +121,7 @@ class Block:
             plain = unicodedata.normalize("NFKC", plain)
         self.words = frozenset(_IDENTIFIER.findall(plain))
         indent = len(lines[0]) - len(lines[0].lstrip())
-        self.lines = tuple(line[indent:].rstrip() for line in lines)
+        self.lines = tuple([line[indent:].rstrip() for line in lines])
 
 
 _blocks = ByCode()
@@ -159,7 +161,7 @@ def _block(lines, code) -> list[str]:
     while codes:
         one = codes.pop()
         codes += [const for const in one.co_consts if isinstance(const, types.CodeType)]
-        last = max([last, *(line for _, _, line in one.co_lines() if line)])
+        last = max([last, *[line or 0 for _, _, line in one.co_lines()]])
     indent = len(lines[first]) - len(lines[first].lstrip())
     while last < len(lines):
         line = lines[last].strip()
@@ -202,4 +204,12 @@ def children(node) -> list:
             found += [one for one in value if hasattr(one, "_fields")] if is_mixed else value
         elif not is_mixed or hasattr(value, "_fields"):
             found.append(value)
+    return found
+
+
+def walk(node) -> list:
+    """A node of a syntax tree with all below it that `children` gives, in the order of levels."""
+    found = [node]
+    for one in found:
+        found += children(one)
     return found

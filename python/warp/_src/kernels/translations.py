@@ -28,7 +28,7 @@ def native_kernel(kernel, arguments, threads, constants):
     Raises:
         WarpCodegenError: the function cannot be translated.
     """
-    name = found = None
+    name = found = claim = None
     if config.cache_kernels:
         try:
             name, found = identity.name_of(kernel, arguments, threads, constants)
@@ -47,7 +47,7 @@ def native_kernel(kernel, arguments, threads, constants):
             native = kernel.compile_module(known)
             kernel.names[native] = name
             return native
-    return _translated(kernel, arguments, threads, constants, name, found)
+    return _translated(kernel, arguments, threads, constants, name, found, claim)
 
 
 def _find(name, functions) -> tuple:
@@ -74,7 +74,12 @@ def _find(name, functions) -> tuple:
 
 class _GarbageKept(_native.Scope):
     """Syntax trees are many objects that stay: Python would look through all of them, and those of
-    the program, again and again."""
+    the program, again and again.
+
+    To freeze and unfreeze them makes them old without a look at them; they would be looked at
+    right afterwards otherwise, and once more when many have come. Objects that the program has
+    frozen stay so.
+    """
 
     _was_enabled = False
 
@@ -84,10 +89,13 @@ class _GarbageKept(_native.Scope):
 
     def _restore(self):
         if self._was_enabled:
+            if not gc.get_freeze_count():
+                gc.freeze()
+                gc.unfreeze()
             gc.enable()
 
 
-def _translated(kernel, arguments, threads, constants, name, found):
+def _translated(kernel, arguments, threads, constants, name, found, claim):
     from warp._src.frontend.build import translate_kernel
 
     with _GarbageKept():
@@ -99,11 +107,11 @@ def _translated(kernel, arguments, threads, constants, name, found):
     _tell(kernel, *facts)
     native = kernel.compile_module(module)
     if name is not None and not session.has_breakpoints:
-        _keep(kernel, name, native, session, facts, found)
+        _keep(kernel, name, native, session, facts, found, claim)
     return native
 
 
-def _keep(kernel, name, native, session, facts, found) -> None:
+def _keep(kernel, name, native, session, facts, found, claim) -> None:
     """Leaves a translation for other processes, if it depends on nothing but its name."""
     try:
         noted = statics.Notes(session.statics, found.functions)
@@ -111,7 +119,7 @@ def _keep(kernel, name, native, session, facts, found) -> None:
         return
     if _is_named(found) and (noted.identity is None or _is_named(noted.identity)):
         kept = marshal.dumps((facts, noted.entries, noted.together))
-        _native.store_translation(name, native, kept)
+        _native.store_translation(name, native, kept, claim)
         kernel.names[native] = name
 
 

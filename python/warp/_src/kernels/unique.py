@@ -10,6 +10,7 @@ is never given twice.
 from __future__ import annotations
 
 import enum
+import functools
 import itertools
 import types
 import weakref
@@ -26,6 +27,9 @@ _known: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 _numbers = itertools.count(1)
 _VALUES = (type(None), bool, int, float, complex, str, bytes)
 _FIXED = (types.BuiltinFunctionType, types.MethodDescriptorType, Builtin)
+
+
+_NONE: frozenset = frozenset()
 
 
 class _UnknownError(Exception):
@@ -88,7 +92,7 @@ def _key(func, name, options, module_options):
     if token is None:
         return None
     try:
-        return (token, name, _value(options, (), set()), _value(module_options, (), set()))
+        return (token, name, _value(options, _NONE, set()), _value(module_options, _NONE, set()))
     except _UnknownError:
         return None
 
@@ -110,7 +114,7 @@ def _function(func, active) -> tuple:
     declared = []
     for name, annotation in func.__annotations__.items():
         if isinstance(annotation, str):
-            names |= _names(compile(annotation, "<annotation>", "eval"))
+            names = names | _names_of_text(annotation)
         else:
             declared.append((name, _value(annotation, names, active)))
     for name in names:
@@ -127,13 +131,23 @@ def _function(func, active) -> tuple:
     )
 
 
-def _names(code) -> set:
+# By code object.
+_known_names = texts.ByCode()
+
+
+def _names(code) -> frozenset:
     """Global names and attributes that a code object and those in it use."""
-    found = set(code.co_names)
-    for const in code.co_consts:
-        if isinstance(const, types.CodeType):
-            found |= _names(const)
+    found = _known_names.get(code)
+    if found is None:
+        inner = [const for const in code.co_consts if isinstance(const, types.CodeType)]
+        found = frozenset(code.co_names).union(*map(_names, inner))
+        _known_names[code] = found
     return found
+
+
+@functools.lru_cache(1024)
+def _names_of_text(annotation) -> frozenset:
+    return _names(compile(annotation, "<annotation>", "eval"))
 
 
 def _value(value, names, active):
@@ -141,6 +155,9 @@ def _value(value, names, active):
     kind = type(value)
     if kind in _VALUES:
         return kind, repr(value)
+    part = _PARTS.get(kind)
+    if part is not None:
+        return part(value, names, active)
     if isinstance(value, (tuple, list)):
         return kind.__name__, tuple(_value(one, names, active) for one in value)
     if kind is dict:
@@ -152,12 +169,10 @@ def _value(value, names, active):
         return _Same(value)
     if isinstance(value, (types.ModuleType, type)):
         return _Same(value), _attributes(value, names, active)
-    if isinstance(value, types.FunctionType):
-        return _function(value, active)
     if isinstance(value, Function):
         return _device_function(value, active)
     if isinstance(value, ArrayType):
-        return type(value).__name__, value.ndim, _value(value.dtype, names, active)
+        return _array_type(value, names, active)
     if isinstance(value, scalar_base):
         return _Same(kind), repr(value.value)
     if isinstance(value, Composite):
@@ -171,11 +186,28 @@ def _attributes(owner, names, active):
         return ()
     active = {*active, owner}
     held = vars(owner)
-    used = sorted(name for name in names if name in held)
-    return tuple((name, _value(held[name], names, active)) for name in used)
+    used = sorted(names & held.keys())
+    return tuple([(name, _value(held[name], names, active)) for name in used])
+
+
+def _array_type(value, names, active):
+    return type(value).__name__, value.ndim, _value(value.dtype, names, active)
 
 
 def _device_function(function, active):
     if function.has_derivative or function.__class__ is not Function:
         return _Same(function)
     return "func", tuple(_function(one, active) for one in function.overloads)
+
+
+# The tests of `_value` for the types of most values, which none of the others concerns.
+_PARTS = {
+    types.FunctionType: lambda value, names, active: _function(value, active),
+    types.ModuleType: lambda value, names, active: (
+        _Same(value),
+        _attributes(value, names, active),
+    ),
+    type: lambda value, names, active: (_Same(value), _attributes(value, names, active)),
+    Function: lambda value, names, active: _device_function(value, active),
+    ArrayType: _array_type,
+}
