@@ -7,7 +7,6 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-import conftest
 import launcher
 import pytest
 
@@ -65,7 +64,7 @@ def jobs(request):
 
 @pytest.mark.parametrize(("engine", "how"), CASES)
 def test_a_failing_rank_ends_the_job(jobs, engine, how):
-    conftest.need(engine)
+    launcher.need(engine)
     codes, output, took = jobs[engine, how].result()
     assert took < 20, f"{took} s: {output}"
     assert any(codes), output
@@ -82,7 +81,7 @@ def test_a_failing_rank_ends_the_job(jobs, engine, how):
 
 def test_ranks_that_do_not_meet_end():
     """Another program has the port and never answers, in which PyTorch waits without a limit."""
-    conftest.need("torch")
+    launcher.need("torch")
     code = "import warp.distributed as wd; wd.init('torch', timeout=1)"
     with socket.create_server(("127.0.0.1", 0)) as server:
         about = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": str(server.getsockname()[1])}

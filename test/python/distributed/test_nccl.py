@@ -46,7 +46,7 @@ def found(engine, size):
         for name, ranks in RUNS:
             if ranks <= count or name == "gloo":
                 _started[name, ranks] = pool.submit(
-                    launcher.results, name, ranks, "main.py", SECONDS
+                    launcher.results, name, ranks, "main.py", limit=SECONDS
                 )
     return _started[engine, size].result()
 

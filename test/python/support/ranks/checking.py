@@ -59,18 +59,38 @@ def joined(way):
 def run(checks):
     """Calls `check(comm)` for each; a result of None is one that only had to pass.
 
-    Arguments: `--way=nccl` and the like, `--skip=a,b` leaves checks out. A check that takes longer
-    than the limit ends the process with the stacks of all threads.
+    Arguments: `--way=nccl` and the like, `--skip=a,b` leaves checks out. With `--sizes=4,2` as many
+    of the ranks do them, size after size, and names are `4:a`. A check that takes longer than the
+    limit ends the process with the stacks of all threads.
     """
     options = dict(one[2:].split("=") for one in sys.argv[1:] if one.startswith("--"))
     skipped = options.get("skip", "").split(",")
     faulthandler.dump_traceback_later(2 * LIMIT, exit=True)
-    comm = joined(options.get("way"))
+    world = joined(options.get("way"))
+    if "sizes" not in options:
+        _check_all(world, checks, skipped)
+        world.barrier()
+    for size in map(int, filter(None, options.get("sizes", "").split(","))):
+        part = world.split(int(world.rank >= size))
+        if world.rank < size:
+            communicator.set_current(part)
+            _check_all(part, checks, skipped, f"{size}:")
+        faulthandler.cancel_dump_traceback_later()
+        # The others wait for all checks.
+        world.timeout = 100.0 * LIMIT
+        world.barrier()
+        part.close()
+    faulthandler.cancel_dump_traceback_later()
+
+
+def _check_all(comm, checks, skipped, prefix=""):
+    """Calls the checks; rank 0 prints their names, with a prefix, and results."""
     for check in checks:
-        if check.__name__ in skipped:
+        name = prefix + check.__name__
+        if name in skipped:
             continue
         if comm.rank == 0:
-            print(json.dumps({"begins": check.__name__}), flush=True)
+            print(json.dumps({"begins": name}), flush=True)
         faulthandler.dump_traceback_later(2 * LIMIT, exit=True)
         try:
             found = check(comm)
@@ -81,10 +101,8 @@ def run(checks):
         )
         errors = [one for one in errors if one]
         if comm.rank == 0:
-            print(json.dumps({check.__name__: errors[0] if errors else found}), flush=True)
+            print(json.dumps({name: errors[0] if errors else found}), flush=True)
         if errors and comm.size > 1:
             # Ranks may no longer agree on what comes next.
             comm.barrier()
             os._exit(3)
-    comm.barrier()
-    faulthandler.cancel_dump_traceback_later()

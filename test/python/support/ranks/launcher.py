@@ -1,5 +1,6 @@
 """Starts programs of several ranks, by mpirun or by torchrun's variables."""
 
+import atexit
 import contextlib
 import functools
 import importlib.util
@@ -13,6 +14,9 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+import forks
+import pytest
 
 FOLDER = Path(__file__).parent
 MPI = {
@@ -37,6 +41,13 @@ def missing(engine):
     return None if shutil.which("mpirun") else "mpirun"
 
 
+def need(engine):
+    """Skips the test where a part of the engine is absent."""
+    name = None if engine == "none" else missing(engine)
+    if name:
+        pytest.skip(f"{name} is not installed")
+
+
 def environment(**more):
     """Variables of a rank: two threads in all are enough."""
     # Ranks on the CPU: a host may have fewer GPUs than ranks.
@@ -58,13 +69,21 @@ def free_port():
     raise OSError("no free port")
 
 
-def start(engine, size, program, *arguments, **options):
-    """Starts the ranks; gives the processes whose output is to be read.
+@functools.cache
+def _forks():
+    found = forks.Forks()
+    atexit.register(found.close)
+    return found
 
-    Engines of `ON_GPUS` have a GPU for each rank, started by the variables of torchrun.
+
+def start(engine, size, program, *arguments, file):
+    """Starts the ranks, with output into a file; gives the processes.
+
+    Ranks of gloo are forks of a process that has PyTorch. Engines of `ON_GPUS` have a GPU for each
+    rank, started by the variables of torchrun.
     """
     command = [sys.executable, str(program), *map(str, arguments)]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True, **options}
+    pipes = {"stdout": file, "stderr": subprocess.STDOUT}
     if engine == "none":
         return [subprocess.Popen(command, env=environment(), **pipes)]
     if engine == "mpi":
@@ -77,12 +96,11 @@ def start(engine, size, program, *arguments, **options):
         about["NCCL_DEBUG"] = os.environ.get("NCCL_DEBUG", "WARN")
         # All GPUs are shown, so that ranks have to choose their own.
         about["CUDA_VISIBLE_DEVICES"] = os.environ.get("CUDA_VISIBLE_DEVICES")
-    return [
-        subprocess.Popen(
-            command, env=environment(**about, RANK=str(rank), LOCAL_RANK=str(rank)), **pipes
-        )
-        for rank in range(size)
-    ]
+    places = [{"RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(size)]
+    environments = [environment(**about, **place) for place in places]
+    if engine in ("torch", "gloo"):
+        return [_forks().start(command, one, file) for one in environments]
+    return [subprocess.Popen(command, env=one, **pipes) for one in environments]
 
 
 def run(engine, size, program, *arguments, limit=60):
@@ -91,7 +109,7 @@ def run(engine, size, program, *arguments, limit=60):
     A rank that fails ends the others, as torchrun does it.
     """
     with tempfile.TemporaryFile("w+") as file:
-        processes = start(engine, size, program, *arguments, stdout=file)
+        processes = start(engine, size, program, *arguments, file=file)
         end = time.monotonic() + limit
         try:
             while time.monotonic() < end:
@@ -112,7 +130,7 @@ def run(engine, size, program, *arguments, limit=60):
 
 
 @functools.cache
-def results(engine, size, program, limit=280):
+def results(engine, size, program, *arguments, limit=280):
     """The facts that a program of checks printed as JSON, by name of the check.
 
     A check that ends the ranks is a fact, too, `{"error": ...}` with the end of their output; the
@@ -123,7 +141,7 @@ def results(engine, size, program, limit=280):
     while True:
         skip = [f"--skip={','.join(facts)}"] if facts else []
         left = end - time.monotonic()
-        codes, output = run(engine, size, FOLDER / program, *skip, limit=max(left, 1))
+        codes, output = run(engine, size, FOLDER / program, *arguments, *skip, limit=max(left, 1))
         begun, count = None, len(facts)
         for line in output.splitlines():
             if line.startswith("{"):
