@@ -216,3 +216,56 @@ def test_a_wrong_gradient_is_told_with_public_names():
     declared = "volume_sample_grad(id: uint64, uvw: vec3f, sampling_mode: int32, grad: matrix("
     assert declared in str(caught.value) and "dtype: type[vec4f])" in str(caught.value)
     assert "_sample_grad" not in str(caught.value).replace("volume_sample_grad", "")
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 16])
+@pytest.mark.parametrize("dtype", [wp.float32, wp.int32, wp.vec3, wp.float64, wp.vec3d])
+def test_lanes_store_voxels(dtype, lanes, device):
+    """Threads read back what they stored; voxels outside of leaves and other grids stay."""
+
+    @wp.kernel(module="unique", module_options={"cpu_lanes": lanes})
+    def doubled(
+        id: wp.uint64,
+        v: wp.array(dtype=wp.vec3i),
+        x: wp.array(dtype=dtype),
+        back: wp.array(dtype=dtype),
+    ):
+        i = wp.tid()
+        if i % 3 != 1:
+            wp.volume_store(id, v[i][0], v[i][1], v[i][2], x[i])
+            wp.volume_store(id, v[i][0], v[i][1], v[i][2], wp.int64(7))
+            y = wp.volume_lookup(id, v[i][0], v[i][1], v[i][2], dtype=dtype)
+            wp.volume_store(id, v[i][0], v[i][1], v[i][2], y + y)
+            back[i] = wp.volume_lookup(id, v[i][0], v[i][1], v[i][2], dtype=dtype)
+
+    rng = np.random.default_rng(17)
+    length = getattr(dtype, "_length_", 1)
+    shape = (16, 8, 24) + ((length,) if length > 1 else ())
+    real = wp.dtype_to_numpy(getattr(dtype, "_wp_scalar_type_", dtype))
+    values = rng.integers(1, 90, shape).astype(real)
+    background = dtype(*[5] * length)
+    volume = wp.Volume.load_from_numpy(values, bg_value=background, device=device)
+    inside = np.stack(np.unravel_index(rng.permutation(16 * 8 * 24)[:700], shape[:3]), -1)
+    outside = np.array([[-1, 0, 0], [16, 0, 0], [3, 8, 3], [100000, 2, 2], [0, 0, -4000]])
+    voxels = np.concatenate([inside[:301], outside, inside[301:]])
+    x = rng.integers(100, 200, (len(voxels),) + shape[3:]).astype(real)
+    back = wp.zeros(len(voxels), dtype=dtype, device=device)
+    arrays = [wp.array(voxels, dtype=wp.vec3i, device=device), wp.array(x, dtype=dtype)]
+    arrays[1] = arrays[1].to(device)
+    wp.launch(doubled, len(voxels), [volume.id, *arrays, back], device=device)
+    takes = np.arange(len(voxels)) % 3 != 1
+    isin = (voxels >= 0).all(1) & (voxels < [16, 8, 24]).all(1)
+    wanted = np.zeros_like(x)
+    wanted[takes] = np.where(isin.reshape((-1,) + (1,) * (x.ndim - 1)), 2 * x, 5)[takes]
+    np.testing.assert_array_equal(back.numpy(), wanted)
+    stored = values.copy()
+    stored[tuple(voxels[takes & isin].T)] = 2 * x[takes & isin]
+
+    @wp.kernel(module="unique")
+    def read(id: wp.uint64, out: wp.array3d(dtype=dtype)):
+        i, j, k = wp.tid()
+        out[i, j, k] = wp.volume_lookup(id, i, j, k, dtype=dtype)
+
+    out = wp.zeros(shape[:3], dtype=dtype, device=device)
+    wp.launch(read, shape[:3], [volume.id, out], device=device)
+    np.testing.assert_array_equal(out.numpy(), stored)

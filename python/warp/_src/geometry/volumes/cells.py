@@ -21,8 +21,11 @@ _LEAVES, _LEAVES_END = _SLOT["leaves"], _SLOT["leaves_end"]
 _ROW, _MOST = 64, 2**31 - 1
 
 
-def reading(value, scalar, number):
-    """True if a grid has values of a type, its memory, and what reads a value there."""
+def access(value, scalar, number):
+    """True if a grid has values of a type, its memory, and what reads and writes a value there.
+
+    A value is written if it is one of a leaf: others are those of many voxels.
+    """
     size, length = type_size_in_bytes(scalar), type_size(value)
     in_row = _ROW // size
 
@@ -54,6 +57,18 @@ def reading(value, scalar, number):
             result[n] = number_at(rows, at + uint64(n))
         return result
 
+    def _put(id: uint64, place: uint64, given: value):
+        if is_in_leaf(id, place):
+            rows = grid(id)
+            rows[place // uint64(in_row), place % uint64(in_row)] = given
+
+    def _put_numbers(id: uint64, place: uint64, given: value):
+        if is_in_leaf(id, place):
+            rows = grid(id)
+            for n in range(length):
+                at = place + uint64(n)
+                rows[at // uint64(in_row), at % uint64(in_row)] = given[n]
+
     def _at_place(rows: ArrayType(scalar, 2), id: uint64, place: uint64):
         return take(rows, place)
 
@@ -68,4 +83,5 @@ def reading(value, scalar, number):
     leaves, is_in_leaf = Function(_leaves, "leaves"), Function(_is_in_leaf, "is_in_leaf")
     take = number_at if value is scalar else Function(_numbers, "take")
     read = _at_place_or_leaf if has_gradient(value) else _at_place
-    return fits, grid, Function(read, "at_place")
+    put = Function(_put if value is scalar else _put_numbers, "put")
+    return fits, grid, Function(read, "at_place"), put

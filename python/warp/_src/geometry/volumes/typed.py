@@ -9,7 +9,7 @@ derivative follows from the weights. Values of another type than the grid's are 
 
 from typing import Any
 
-from warp._src.geometry.volumes.cells import reading
+from warp._src.geometry.volumes.cells import access
 from warp._src.geometry.volumes.places import cell_of, nearest
 from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
@@ -38,10 +38,8 @@ def lookups(value, scalar, number):
         return lookup(id, i, j, k)
 
     def _store(id: uint64, i: int32, j: int32, k: int32, given: value):
-        address = wp._library_call("warp_volume_place", id, number, i, j, k)
-        if address != uint64(0):
-            place = wp.array(ptr=address, shape=1, dtype=value)
-            place[0] = given
+        if fits(id):
+            put(id, wp._library_call("warp_volume_voxel", id, i, j, k), given)
 
     def _corners(id: uint64, at: vec3f):
         places = wp._library_call(
@@ -49,7 +47,7 @@ def lookups(value, scalar, number):
         )
         return at_corners(grid(id), id, places)
 
-    fits, grid, at_place = reading(value, scalar, number)
+    fits, grid, at_place, put = access(value, scalar, number)
     at_corners = of_corners(at_place)
     lookup = Function(_lookup, "volume_lookup")
     return lookup, _lookup_typed, _store, Function(_corners, "corners"), fits
