@@ -356,6 +356,8 @@ void warp::optimize(llvm::Module &module, llvm::TargetMachine &machine,
   optimizeLean(module, builder, analyses, gpu,
                /*vectorize=*/vectors && !gpu && !hasLanes,
                /*join=*/vectors && !brief);
+  if (vectors && !gpu && !hasLanes && !brief)
+    branchOnIndices(module);
 }
 
 /// Instructions beyond which they are scheduled once, before registers are

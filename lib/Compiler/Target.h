@@ -71,6 +71,9 @@ std::string joinNativePtx(std::string ptx, const std::string &target);
 void optimize(llvm::Module &module, llvm::TargetMachine &machine,
               const CompileOptions &options, bool hasLanes, bool brief);
 
+/// Has scalar code branch where an index counts from the end of an array.
+void branchOnIndices(llvm::Module &module);
+
 /// Works around an error of InstCombine: see MaskedLoads.cpp.
 void keepLoadsBeforeStores(llvm::PassInstrumentationCallbacks &callbacks);
 
