@@ -27,6 +27,7 @@
 #include "CarryElements.h"
 #include "Choices.h"
 #include "InStep.h"
+#include "JoinFields.h"
 #include "KernelFunction.h"
 #include "LanePlan.h"
 #include "ShareRuns.h"
@@ -450,6 +451,7 @@ struct WidenThreads : warp::impl::WidenThreadsBase<WidenThreads> {
     if (kernel->hasAttr(warp::attr::keepsCalls))
       return widenWithCalls(kernel, threads);
     warp::carryElements(kernel);
+    warp::joinFields(kernel);
     warp::ThreadVariance variance(kernel);
     warp::LanePlan plan =
         choose(kernel, warp::planLanes(kernel, threads, variance));
