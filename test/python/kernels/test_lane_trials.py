@@ -166,3 +166,55 @@ def test_setting_turns_it_off(monkeypatch):
     kernel = make()
     launch(kernel, 1.0)
     assert not measured(kernel)
+
+
+@pytest.mark.parametrize("gathers", [False, True])
+def test_launches_of_all_extents_take_part(gathers):
+    """NaN and infinities, the array itself as the result, extents around those of vectors and
+    of pieces: each index runs once, whichever code runs it."""
+
+    @wp.kernel(module="unique")
+    def streamed(k: wp.array(dtype=int), x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        y[i] = wp.sqrt(x[i]) * 0.5 + 1.0
+
+    @wp.kernel(module="unique")
+    def gathered(k: wp.array(dtype=int), x: wp.array(dtype=float), y: wp.array(dtype=float)):
+        i = wp.tid()
+        s = float(0.0)
+        for e in range(k[i] % 5):
+            s += x[k[(i + e) % k.shape[0]]]
+        y[i] = y[i] + s
+
+    random = np.random.default_rng(8)
+    extents = [0, 1, 7, 8, 9, 15, 16, 17, 31, 33, 511, 512, 513, 2049, 70001]
+    most = extents[-1]
+    x = random.random(most).astype(np.float32)
+    x[random.integers(0, most, 500)] = np.nan
+    x[random.integers(0, most, 500)] = np.inf
+    x[random.integers(0, most, 500)] *= -1.0
+    k = random.integers(0, most, most)
+    numbers = wp.array(k, dtype=int, device="cpu")
+    kernel = gathered if gathers else streamed
+
+    def wanted(n):
+        with np.errstate(invalid="ignore"):
+            if not gathers:
+                return (np.sqrt(x[:n]) * np.float32(0.5) + np.float32(1.0)).astype(np.float32)
+            sums = np.zeros(n, dtype=np.float32)
+            for e in range(4):
+                at = k[(np.arange(n) + e) % most]
+                sums = np.where(e < k[:n] % 5, sums + x[at], sums).astype(np.float32)
+            return (x[:n] + sums).astype(np.float32)
+
+    results = {n: wanted(n) for n in extents}
+    given = wp.array(x, dtype=float, device="cpu")
+    result = wp.zeros(most, dtype=float, device="cpu")
+    end = time.monotonic() + 120
+    while time.monotonic() < end and not measured(kernel):
+        for n in extents:
+            result.assign(x)
+            wp.launch(kernel, n, [numbers, given if gathers else result, result], device="cpu")
+            np.testing.assert_array_equal(result.numpy()[:n], results[n])
+            np.testing.assert_array_equal(result.numpy()[n:], x[n:])
+    assert measured(kernel)

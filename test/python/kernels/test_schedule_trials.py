@@ -45,16 +45,16 @@ if {real}:
 
 @pytest.fixture
 def run(tmp_path):
-    def run(check=True, options="{}", body="time.sleep(0.2)", **environment):
+    def run(check=True, options="{}", body="time.sleep(0.2)", program=PROGRAM, **environment):
         real = wp.is_cuda_available()
         if not real:
             if not programs.FAKE_CUDA.exists():
                 pytest.skip("needs a GPU, or the driver that the unit tests are built with")
             environment["WARP_CUDA_DRIVER"] = programs.FAKE_CUDA
-        program = programs.write_program(
-            PROGRAM.format(check=check, options=options, body=body, real=real)
+        path = programs.write_program(
+            program.format(check=check, options=options, body=body, real=real)
         )
-        status, out, err = programs.run(program, WARP_CACHE_PATH=tmp_path / "cache", **environment)
+        status, out, err = programs.run(path, WARP_CACHE_PATH=tmp_path / "cache", **environment)
         assert status == 0, err
         return out
 
@@ -78,3 +78,34 @@ def test_the_quicker_code_stays_and_is_remembered(run):
 @pytest.mark.parametrize(("check", "options"), [(False, "{}"), (True, "{'deterministic': True}")])
 def test_nothing_is_timed(run, check, options):
     assert run(check, options, body="time.sleep(0.5); break").strip() == ""
+
+
+def test_nothing_is_timed_while_a_graph_records(run):
+    """Launches that a graph records are not compared; those around it are."""
+    body = """
+    for _ in range(40):
+        with wp.ScopedCapture(device="cuda:0"):
+            for _ in range(10):
+                wp.launch(scale, len(x), [x, y], device="cuda:0")
+    print("recorded", *measured())
+    launches(100)
+    time.sleep(0.2)
+"""
+    program = PROGRAM.replace("    launches(100)\n    {body}", "    {body}")
+    out = run(body=body, program=program)
+    assert out.splitlines()[0].strip() == "recorded"
+    assert "the schedule took" in out.splitlines()[-1]
+
+
+@pytest.mark.skipif(wp.is_cuda_available(), reason="needs two cards of different names")
+def test_cards_are_compared_for_themselves(run):
+    """Times on one card say nothing of launches on another, which may be slower."""
+    body = """
+    time.sleep(0.2)
+    if measured():
+        z = x.to("cuda:1")
+        wp.launch(scale, len(z), [z, wp.zeros_like(z)], device="cuda:1")
+        print(str(scale.schedule("cuda:1")).count("measured"))
+"""
+    assert run(body=body, FAKE_CUDA_CARDS="1").splitlines()[0] == "0"
+    assert run(body=body).splitlines()[0] == "1"

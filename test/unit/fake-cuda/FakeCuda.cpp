@@ -122,8 +122,10 @@ EXPORT int cuDeviceGet(int *device, int ordinal) {
   *device = ordinal;
   return success;
 }
-EXPORT int cuDeviceGetName(char *name, int size, int) {
-  std::snprintf(name, size, "Fake GPU");
+/// Cards have names of their own if FAKE_CUDA_CARDS is set.
+EXPORT int cuDeviceGetName(char *name, int size, int device) {
+  bool areOther = device != 0 && std::getenv("FAKE_CUDA_CARDS");
+  std::snprintf(name, size, areOther ? "Other GPU" : "Fake GPU");
   return success;
 }
 EXPORT int cuDeviceGetAttribute(int *value, int attribute, int device) {
