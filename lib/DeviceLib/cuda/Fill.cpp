@@ -9,11 +9,10 @@
 //===----------------------------------------------------------------------===//
 
 #include "../gpu/Gpu.h"
+#include "LaunchShapes.h"
 
 using namespace gpu;
-
-// Repeated in lib/Runtime/cuda/FillKernel.cpp.
-static constexpr int threads = 256, rounds = 4, mostRegions = 64;
+using namespace fillShape;
 
 namespace {
 struct Region {

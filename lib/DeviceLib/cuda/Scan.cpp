@@ -13,15 +13,15 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "LaunchShapes.h"
 #include "Published.h"
 
 using namespace gpu;
+using namespace scanShape;
 
-static constexpr int threads = 256;
 static constexpr int warps = threads / warpSize;
-/// Neighbours that a thread moves at once, 16 bytes, and how often.
+/// Neighbours that a thread moves at once, 16 bytes.
 template <typename T> static constexpr int perThread = 16 / sizeof(T);
-static constexpr int rounds = 8;
 template <typename T>
 static constexpr int tileLength = threads * perThread<T> * rounds;
 /// Tiles of a group.

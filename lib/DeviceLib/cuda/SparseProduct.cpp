@@ -14,16 +14,13 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "LaunchShapes.h"
 #include "Published.h"
 
 using namespace gpu;
+using namespace productShape;
 
-static constexpr int threads = 256;
 static constexpr int warps = threads / warpSize;
-/// The length of the sequence by thread; odd, so that neighbours use different
-/// banks.
-static constexpr int perThread = 7;
-static constexpr int tileLength = threads * perThread;
 /// Up to so many rows in a tile, a warp adds a row.
 static constexpr int fewRows = 64;
 

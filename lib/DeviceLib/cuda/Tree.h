@@ -14,6 +14,7 @@
 #define WARP_DEVICELIB_CUDA_TREE_H
 
 #include "../gpu/Gpu.h"
+#include "LaunchShapes.h"
 
 namespace tree {
 
@@ -62,8 +63,7 @@ inline float unordered(uint32_t bits) {
   return __builtin_bit_cast(float, bits >> 31 ? bits & 0x7fffffffu : ~bits);
 }
 
-/// Words of bounds, of which six are used.
-constexpr int boundsWords = 8;
+using treeShape::boundsWords;
 
 template <class Scope>
 inline void raiseBounds(uint32_t *bounds, const Box &box, Scope raise) {

@@ -20,7 +20,8 @@ static constexpr int nodeWords = 64, highs = 24, childNodes = 48,
                      childBlocks = 49, parentAt = 50, masksAt = 51;
 static constexpr uint32_t none = 0x7fc00000;
 
-static constexpr int fillers = 512, subtree = 512;
+using treeShape::fillers;
+static constexpr int subtree = 512;
 
 namespace {
 struct Levels {
@@ -114,7 +115,7 @@ void tree_fill(Primitives all, const int *order, const float *scale,
 }
 
 /// The levels above those, in one block: bounds of their children are there.
-WARP_KERNEL(1024, 1) void tree_top(Levels levels, float *nodes) {
+WARP_KERNEL(treeShape::toppers, 1) void tree_top(Levels levels, float *nodes) {
   for (int level = levels.count - 3; level >= 0; --level) {
     int number = levels.number(level);
     for (int i = thread(); i < 6 * number; i += 1024) {

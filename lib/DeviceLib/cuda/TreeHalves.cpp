@@ -20,10 +20,8 @@
 using namespace gpu;
 using namespace tree;
 
-static constexpr int threads = 1024;
-static constexpr int each = 4;
-static constexpr int chunk = threads * each;
-static constexpr int bins = threads;
+using treeShape::bins, treeShape::chunk, treeShape::each;
+static constexpr int threads = treeShape::halvers;
 static constexpr int warps = threads / warpSize;
 
 namespace {

@@ -14,10 +14,9 @@
 using namespace gpu;
 using namespace tree;
 
-static constexpr int threads = 256;
+using treeShape::headWords, treeShape::skippedAt, treeShape::threads,
+    treeShape::wrongAt;
 static constexpr int digits = 256;
-/// Words before the counts of digits: bounds, wrong faces, skipped.
-static constexpr int wrongAt = 6, skippedAt = 7, headWords = 8;
 
 //===----------------------------------------------------------------------===//
 // Centers and bounds

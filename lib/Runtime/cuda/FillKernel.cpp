@@ -2,19 +2,19 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A launch of lib/DeviceLib/cuda/Fill.cpp, whose constants are repeated here.
+// A launch of lib/DeviceLib/cuda/Fill.cpp.
 //
 //===----------------------------------------------------------------------===//
 
 #include "FillKernel.h"
 
+#include "DeviceLib/cuda/LaunchShapes.h"
 #include "LibraryKernels.h"
 
 using namespace warp;
+using namespace fillShape;
 
-static constexpr int threads = 256, rounds = 4;
-/// Bytes that a block fills.
-static constexpr uint64_t runBytes = uint64_t(threads) * rounds * 16;
+static_assert(mostFills == mostRegions);
 
 namespace {
 /// The argument of the kernel.

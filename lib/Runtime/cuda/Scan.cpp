@@ -2,19 +2,17 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A launch of lib/DeviceLib/cuda/Scan.cpp, whose constants are repeated here.
+// A launch of lib/DeviceLib/cuda/Scan.cpp.
 //
 //===----------------------------------------------------------------------===//
 
+#include "DeviceLib/cuda/LaunchShapes.h"
 #include "LibraryKernels.h"
 
 #include <string>
 
 using namespace warp;
-
-static constexpr int threads = 256;
-/// Bytes that a thread has in registers.
-static constexpr int64_t scanBytes = 128;
+using namespace scanShape;
 
 static const char *sumName(NumberType kind) {
   switch (kind) {
@@ -36,7 +34,7 @@ void CudaDevice::scan(NumberType kind, int width, Sequence out, Sequence in,
                       int64_t count, bool inclusive, const Stream *stream) {
   // Status words of the decoupled look-back, each with 32 bits of the sum of a
   // tile or of a group of tiles.
-  int64_t tile = threads * (scanBytes / sizeOf(kind));
+  int64_t tile = threads * int64_t(threadBytes / sizeOf(kind));
   int64_t tiles = ceilDivide(count, tile);
   int64_t sums = tiles + ceilDivide(tiles, threads);
   int64_t words = tiles > 1 ? sums * width * (sizeOf(kind) / 4) : 0;

@@ -2,19 +2,16 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// A launch of lib/DeviceLib/cuda/SparseProduct.cpp, whose constants are
-// repeated here.
+// A launch of lib/DeviceLib/cuda/SparseProduct.cpp.
 //
 //===----------------------------------------------------------------------===//
 
 #include "warp/SparseProduct.h"
+#include "DeviceLib/cuda/LaunchShapes.h"
 #include "LibraryKernels.h"
 
 using namespace warp;
-
-static constexpr int threads = 256;
-/// Entries and ends of rows that a block takes.
-static constexpr int64_t tileLength = 7 * threads;
+using namespace productShape;
 
 template <typename T>
 static void launch(const QueuedWork &work, const LibraryKernel &kernel,

@@ -2,13 +2,13 @@
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
-// Launches of lib/DeviceLib/cuda/Tree*.cpp, whose constants and parameters are
-// repeated here.
+// Launches of lib/DeviceLib/cuda/Tree*.cpp, whose parameters are repeated here.
 //
 //===----------------------------------------------------------------------===//
 
 #include "warp/TreeBuild.h"
 
+#include "DeviceLib/cuda/LaunchShapes.h"
 #include "LibraryKernels.h"
 
 #include <algorithm>
@@ -16,13 +16,10 @@
 #include <vector>
 
 using namespace warp;
+using namespace treeShape;
 
 namespace {
-constexpr int threads = 256, halvers = 1024, fillers = 512, toppers = 1024;
 constexpr int64_t mostBlocks = 1056;
-/// Places of what one block halves, and bins of a greater segment.
-constexpr int64_t chunk = 4096, bins = 1024, boundsWords = 8;
-constexpr int64_t headWords = 8;
 /// Above this number the curve goes through 1024 cells along each axis, and
 /// not through 256.
 constexpr int64_t few = 1 << 20;
