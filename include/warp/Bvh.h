@@ -27,7 +27,8 @@ enum class BvhConstructor { Sah, Median, None };
 
 /// The primitives of a hierarchy.
 struct BvhReport {
-  /// Primitives that are NaN, infinite or inverted, and are never found.
+  /// Boxes that are NaN or inverted, and faces that are NaN or infinite; they
+  /// are never found.
   int64_t skipped = 0;
   int64_t nodes = 0, blocks = 0, bytes = 0;
   int depth = 0;

@@ -102,7 +102,7 @@ void Bvh::Impl::build(const Boxes &boxes, const ArrayDescriptor &groupArray,
     Bounds bounds = boxes[i];
     int32_t group = hasGroups ? groups[i] : 0;
     if (bounds.isProper())
-      primitives.push_back({bounds, int32_t(i), group});
+      primitives.push_back({bounds.finite(), int32_t(i), group});
     else
       primitives.push_back(BuildPrimitive::improper(int32_t(i), group));
   }
@@ -121,7 +121,7 @@ void Bvh::Impl::refit(const Boxes &boxes) {
   Bounds all;
   for (int64_t i = 0; i < count; ++i)
     if (Bounds bounds = boxes[i]; bounds.isProper())
-      all.include(bounds);
+      all.include(bounds.finite());
   scale = chooseScale(all);
   tree.refit([&](BoxBlock &block) { return fill(boxes, block); });
   publish();

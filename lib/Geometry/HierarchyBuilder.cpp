@@ -17,10 +17,20 @@ using namespace warp::geometry;
 
 bool Bounds::isProper() const {
   for (int i = 0; i < 3; ++i)
-    if (!(low[i] <= high[i]) || !std::isfinite(low[i]) ||
-        !std::isfinite(high[i]))
+    if (!(low[i] <= high[i]))
       return false;
   return true;
+}
+
+Bounds Bounds::finite() const {
+  Bounds result = *this;
+  for (int i = 0; i < 3; ++i) {
+    if (!std::isfinite(low[i]))
+      result.low[i] = std::isfinite(high[i]) ? high[i] : 0;
+    if (!std::isfinite(high[i]))
+      result.high[i] = result.low[i];
+  }
+  return result;
 }
 
 namespace {

@@ -46,8 +46,11 @@ struct Bounds {
     include(other.low);
     include(other.high);
   }
-  /// Neither empty nor inverted, no NaN, no infinity.
+  /// Neither empty nor inverted, no NaN. Sides may be infinite.
   bool isProper() const;
+  /// The bounds that decide about the place in the hierarchy and about the
+  /// scale: an infinite side is at the opposite one, or at 0.
+  Bounds finite() const;
   /// Half the surface.
   float area() const {
     float x = high[0] - low[0], y = high[1] - low[1], z = high[2] - low[2];

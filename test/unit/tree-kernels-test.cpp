@@ -212,7 +212,7 @@ TEST_P(TreeKernels, BoxesAreFoundOnceEach) {
   std::iota(wanted.begin(), wanted.end(), 0);
   if (count > 100) {
     low[3 * 31] = NAN;
-    high[3 * 50 + 1] = INFINITY;
+    high[3 * 50 + 1] = -INFINITY;
     high[3 * 70 + 2] = low[3 * 70 + 2] - 1;
     std::erase_if(wanted, [](int i) { return i == 31 || i == 50 || i == 70; });
   }
@@ -238,6 +238,39 @@ TEST_P(TreeKernels, BoxesAreFoundOnceEach) {
   }
   if (count > 1000) {
     EXPECT_LT(surfaces[0], 0.8 * surfaces[1]);
+  }
+}
+
+// Infinite sides are in blocks and nodes as they are, and change neither the
+// scale nor what others are next to.
+TEST_P(TreeKernels, InfiniteBoxesAreFoundOnceEach) {
+  int count = GetParam();
+  std::vector<float> low = randomPoints(count, 100, 1), high = low;
+  for (float &x : high)
+    x += 0.5f;
+  for (int i = 0; i < 3 * count; i += 7)
+    low[i] = -INFINITY;
+  for (int i = 0; i < 3 * count; i += 5)
+    high[i] = INFINITY;
+  std::vector<int> wanted(count);
+  std::iota(wanted.begin(), wanted.end(), 0);
+  tree::Primitives all{low.data(), high.data(), count, count, 0};
+  Bounds whole;
+  for (int i : wanted) {
+    Bounds own;
+    std::memcpy(own.low, &low[3 * i], sizeof own.low);
+    std::memcpy(own.high, &high[3 * i], sizeof own.high);
+    whole.include(own.finite());
+  }
+  EXPECT_LE(whole.high[0], 101);
+  for (bool alongCurve : {false, true}) {
+    Built built(all, alongCurve);
+    EXPECT_EQ(built.found[1], 0);
+    EXPECT_EQ(built.scale, geometry::chooseScale(whole));
+    Walk<geometry::BoxBlock> walk(built);
+    walk.node(0, -1);
+    std::sort(walk.ids.begin(), walk.ids.end());
+    EXPECT_EQ(walk.ids, wanted);
   }
 }
 

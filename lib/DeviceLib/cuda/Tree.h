@@ -127,7 +127,7 @@ struct Primitives {
     for (int axis = 0; axis < 3; ++axis) {
       float low = first[3 * int64_t(i) + axis];
       float high = uppers[3 * int64_t(i) + axis];
-      isFound &= isFinite(low) && isFinite(high) && low <= high;
+      isFound &= low <= high;
       corner[0][axis] = low;
       corner[1][axis] = high;
     }
@@ -143,6 +143,18 @@ struct Primitives {
         box.low[axis] = lower(box.low[axis], corner[k][axis] * scale);
         box.high[axis] = upper(box.high[axis], corner[k][axis] * scale);
       }
+    return box;
+  }
+  /// The same without infinite sides, as `Bounds::finite` of
+  /// lib/Geometry/HierarchyBuilder.h has it.
+  Box finiteBoundsOf(const float (&corner)[3][3]) const {
+    Box box = boundsOf(corner);
+    for (int axis = 0; axis < 3; ++axis) {
+      float low = box.low[axis], high = box.high[axis];
+      float side = isFinite(low) ? low : isFinite(high) ? high : 0;
+      box.low[axis] = side;
+      box.high[axis] = isFinite(high) ? high : side;
+    }
     return box;
   }
 };

@@ -38,7 +38,7 @@ void tree_see(Primitives all, Quad *centers, uint32_t *head) {
     Quad center{__builtin_nanf(""), 0, 0,
                 __builtin_bit_cast(float, int32_t(i))};
     if (state == Primitives::Proper) {
-      Box own = all.boundsOf(corner);
+      Box own = all.finiteBoundsOf(corner);
       for (int axis = 0; axis < 3; ++axis)
         center[axis] = 0.5f * own.low[axis] + 0.5f * own.high[axis];
       box.include(own);

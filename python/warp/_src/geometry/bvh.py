@@ -125,9 +125,9 @@ class Bvh(Hierarchical):
 
     Attributes:
         id: what kernels get, as `wp.uint64`.
-        report: nodes, blocks, bytes and depth of the hierarchy, and how many boxes were NaN,
-            infinite or inverted when it was built (by the host: or refitted). Nothing finds those
-            until a refit when they are proper.
+        report: nodes, blocks, bytes and depth of the hierarchy, and how many boxes were NaN or
+            inverted when it was built (by the host: or refitted). Nothing finds those until a
+            refit when they are proper. Boxes may be infinite.
 
     Raises:
         RuntimeError: an array is of another type, length, layout or device.

@@ -1,7 +1,7 @@
 """Puts primitives in the order of their groups, and those of a group along a Hilbert curve.
 
-A primitive that is NaN, infinite or inverted comes last in its group, as it may be found after a
-refit. Neighbours in the order say where groups begin.
+A box that is NaN or inverted, or a face that is not finite, comes last in its group, as it may be
+found after a refit. Neighbours in the order say where groups begin.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import warp as wp
-from warp._src.geometry.device.refit import is_finite
+from warp._src.geometry.device.refit import is_finite, is_proper
 
 # Cells of the curve along an axis: 2^_CELLS.
 _CELLS = wp.constant(10)
@@ -23,7 +23,7 @@ _FOUND = 3
 
 @wp.func
 def _corners(first: wp.array(dtype=wp.vec3), second: wp.array(dtype=int), i: int):
-    """The bounds of a face, whether it may be found, and whether its indices are right."""
+    """Finite bounds of a primitive, whether it may be found, and whether its indices are right."""
     low = wp.vec3()
     high = wp.vec3()
     is_there = bool(False)
@@ -45,10 +45,14 @@ def _corners(first: wp.array(dtype=wp.vec3), second: wp.array(dtype=int), i: int
 def _corners(first: wp.array(dtype=wp.vec3), second: wp.array(dtype=wp.vec3), i: int):
     low = first[i]
     high = second[i]
-    is_there = is_finite(low) and is_finite(high)
+    # A place for what is infinite is looked for as in lib/Geometry/HierarchyBuilder.h.
+    near = wp.vec3()
+    far = wp.vec3()
     for axis in range(3):
-        is_there = is_there and low[axis] <= high[axis]
-    return low, high, is_there, True
+        side = wp.where(wp.isfinite(high[axis]), high[axis], 0.0)
+        near[axis] = wp.where(wp.isfinite(low[axis]), low[axis], side)
+        far[axis] = wp.where(wp.isfinite(high[axis]), high[axis], near[axis])
+    return near, far, is_proper(low, high), True
 
 
 @wp.kernel(enable_backward=False, module="unique")

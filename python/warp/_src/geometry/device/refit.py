@@ -34,6 +34,12 @@ def is_finite(v: wp.vec3):
 
 
 @wp.func
+def is_proper(low: wp.vec3, high: wp.vec3):
+    """True if a box is neither inverted nor NaN; it may be infinite."""
+    return low[0] <= high[0] and low[1] <= high[1] and low[2] <= high[2]
+
+
+@wp.func
 def _write(words: wp.array(dtype=wp.uint32), at: int, v: wp.vec3, is_there: bool):
     """Three components, eight words apart; NaN without them."""
     for axis in range(3):
@@ -88,9 +94,7 @@ def _fill_boxes(
     if box >= 0:
         low = lowers[box]
         high = uppers[box]
-        is_there = is_finite(low) and is_finite(high)
-        for axis in range(3):
-            is_there = is_there and low[axis] <= high[axis]
+        is_there = is_proper(low, high)
     _write(words, first + lane, low * scale, is_there)
     _write(words, first + 24 + lane, high * scale, is_there)
 
