@@ -108,15 +108,9 @@ def add_blocks(
     """
     wide = wide_type(blocks, accumulate)
     entries, heads = batch.places(width) if width else (batch.entries, batch.heads)
-    of_batch = batch.targets, heads, batch.carries if sums is not None else None
-    given = (one is not None for one in of_batch)
+    targets, carries = batch.targets, batch.carries if sums is not None else None
+    given = (one is not None for one in (targets, heads, carries))
     kernel = _gather_kernel(blocks.dtype, wide, values.dtype, entries.dtype, *given)
-    targets, heads, carries = (
-        other if one is None else one
-        for one, other in zip(of_batch, (batch.begins, entries, batch.begins), strict=True)
-    )
-    if sums is None:
-        sums = wp.empty(0, dtype=wide, device=values.device)
     inputs = [blocks, batch.begins, entries, heads, targets, carries, sums]
     wp.launch(kernel, batch.target_count, [*inputs, int(adds), values], device=values.device)
 
@@ -124,6 +118,5 @@ def add_blocks(
 def spread_adjoint(batch: Batch, adjoints, block_adjoints) -> None:
     """Sets the adjoints of a batch's blocks from those of the values: transpose of `add_blocks`."""
     kernel = _scatter_kernel(block_adjoints.dtype, adjoints.dtype, batch.targets is not None)
-    targets = batch.entries if batch.targets is None else batch.targets
-    inputs = [adjoints, batch.begins, batch.entries, targets, block_adjoints]
+    inputs = [adjoints, batch.begins, batch.entries, batch.targets, block_adjoints]
     wp.launch(kernel, batch.target_count, inputs, device=adjoints.device)
