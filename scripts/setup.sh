@@ -60,7 +60,7 @@ build() {
       exit 1
     }
   }
-  say "building; the first time takes 8 to 15 minutes on two cores"
+  say "building; the first time takes about 7 minutes on two cores"
   # On a terminal Ninja's status line shows the progress.
   local quiet=--quiet
   [ -t 1 ] && quiet=
