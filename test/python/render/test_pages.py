@@ -156,3 +156,12 @@ def test_the_page_draws_plays_scrubs_and_turns(tmp_path, browser, scheme):
     assert (np.abs(pixels(page) - last).sum(-1) > 30).mean() > 0.02
     assert problems == []
     page.close()
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_only_films_have_a_bar(tmp_path, browser, frames):
+    moving_scene(frames).save_html(tmp_path / "a.html")
+    page = browser.new_page(viewport={"width": 320, "height": 240})
+    page.goto((tmp_path / "a.html").as_uri())
+    page.wait_for_function("window.warpScene !== undefined")
+    assert page.is_visible("#bar") == (frames > 1)

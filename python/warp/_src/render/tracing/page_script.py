@@ -14,6 +14,7 @@ html, body { margin: 0; height: 100%; background: var(--back); overflow: hidden;
 canvas { width: 100vw; height: 100vh; display: block; touch-action: none; cursor: grab; }
 #bar { position: fixed; left: 12px; right: 12px; bottom: 12px; padding: 8px 12px; display: flex;
   gap: 12px; align-items: center; background: var(--bar); border-radius: 10px; }
+[hidden] { display: none !important; }
 #bar input { flex: 1; min-width: 60px; }
 button { font: inherit; min-width: 64px; padding: 4px 10px; }
 #title { position: fixed; left: 12px; top: 12px; padding: 2px 10px; font-weight: 600;
