@@ -207,7 +207,7 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
                           count, strideCount);
   }
   array->typeId = array->packId = typeId;
-  array->readOnly = false;
+  array->readOnly = array->describesItself = false;
   array->retainsGradient = false;
   array->device = device;
   array->pinned = pinned;
@@ -216,6 +216,12 @@ static PyObject *setupArray(PyObject *self, PyObject *args, PyObject *names) {
   Py_XSETREF(array->owner, Py_NewRef(owner));
   Py_CLEAR(array->shape);
   Py_CLEAR(array->strides);
+  Py_RETURN_NONE;
+}
+
+static PyObject *letDescribe(PyObject *self, PyObject *) {
+  asArray(self)->describesItself = true;
+  asArray(self)->packId = -1;
   Py_RETURN_NONE;
 }
 
@@ -400,6 +406,8 @@ void python::bindArray(py::module_ &m) {
        "_setup(ptr, shape, strides, dtype, type_id, item_size, device, "
        "owner=None, pinned=False)\n\nMakes the array one of that memory. "
        "Strides are in bytes; None means packed."},
+      {"_describe_itself", letDescribe, METH_NOARGS,
+       "Lets launches ask `__ctype__` for the memory."},
       {"_protect", protectArray, METH_NOARGS,
        "Lets nothing write the memory through this array."},
       {"descriptor", describeArray, METH_NOARGS,

@@ -79,12 +79,15 @@ struct ArrayObject {
   int64_t itemSize;
   int typeId;
   /// The key that packing compares first: `typeId`, or -1 for memory that must
-  /// not be written, which takes the way with all checks.
+  /// not be written and for `describesItself`, which take the way with all
+  /// checks.
   int packId;
   int device;
   bool pinned;
   /// Memory of a library that allows no writing.
   bool readOnly;
+  /// Launches ask `__ctype__` of a derived class for the memory.
+  bool describesItself;
   /// Adjoint launches leave the gradient, which they otherwise set to zero
   /// where they overwrite the array.
   bool retainsGradient;

@@ -202,6 +202,12 @@ void Packer::packArray(const PackParam &param, PyObject *value, int device,
   ArrayDescriptor descriptor;
   if (value == Py_None) {
     descriptor.ndim = param.param->rank;
+  } else if (isArray(value) && asArray(value)->describesItself &&
+             asArray(value)->typeId == param.typeId) {
+    py::object record =
+        py::reinterpret_borrow<py::object>(value).attr("__ctype__")();
+    if (!readDescriptor(*this, param, record.ptr(), device, descriptor))
+      throw error(param, value, " whose '__ctype__' gives no descriptor");
   } else if (isArray(value)) {
     ArrayObject *array = asArray(value);
     bool fits = array->typeId == param.typeId &&

@@ -80,3 +80,44 @@ def test_fields_refuse_arrays_whose_descriptor_has_another_rank():
     array.rank = 2
     with pytest.raises(TypeError, match="Struct field 'values'.*descriptor has 2 dimensions"):
         held.values = array
+
+
+class Redirected(wp.array):
+    """An array whose launches get the memory of `other`."""
+
+    def __ctype__(self):
+        record = super().__ctype__()
+        other = type(record).from_buffer_copy(record)
+        other.data = self.other.ptr
+        return other
+
+
+def test_launches_ask_a_derived_class_for_the_memory(device, tmp_path):
+    @wp.kernel
+    def twice(a: wp.array(dtype=float), out: wp.array(dtype=float)):
+        i = wp.tid()
+        out[i] = 2.0 * a[i]
+
+    given = Redirected([1.0, 2.0], dtype=float, device=device)
+    given.other = wp.array([3.0, 4.0], dtype=float, device=device)
+    out = wp.zeros(2, dtype=float, device=device)
+    wp.launch(twice, 2, [given, out], device=device)
+    assert out.numpy().tolist() == [6.0, 8.0]
+    with wp.ScopedCapture(device=device, apic=True) as capture:
+        wp.launch(twice, 2, [given, out], device=device)
+    given.other.fill_(5.0)
+    wp.capture_launch(capture.graph)
+    assert out.numpy().tolist() == [10.0, 10.0]
+    # A saved graph finds the memory by its address.
+    names = {"inputs": {"a": given.other}, "outputs": {"out": out}}
+    wp.capture_save(capture.graph, tmp_path / "graph.wrp", **names)
+    graph = wp.capture_load(tmp_path / "graph.wrp", device=device)
+    graph.set_param("a", wp.array([7.0, 8.0], dtype=float, device=device))
+    wp.capture_launch(graph)
+    graph.get_param("out", out)
+    assert out.numpy().tolist() == [14.0, 16.0]
+    with pytest.raises(TypeError, match="expects .*float32"):
+        wp.launch(twice, 2, [Redirected([1], dtype=int, device=device), out], device=device)
+    given.__class__ = type("Bad", (Redirected,), {"__ctype__": lambda self: 7})
+    with pytest.raises(TypeError, match="whose '__ctype__' gives no descriptor"):
+        wp.launch(twice, 2, [given, out], device=device)

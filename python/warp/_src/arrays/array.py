@@ -171,6 +171,8 @@ class array(
                 raise ValueError(f"expects {ndim} dimensions, but got shape {self.shape}")
             # An empty list does not say how many dimensions it has.
             allocate(self, (*self.shape, *(0,) * (ndim - self.ndim)), self.dtype, self.device_index)
+        if type(self) is not array and type(self).__ctype__ is not array.__ctype__:
+            self._describe_itself()
         if wants_wide_gradient(self.dtype, grad_dtype):
             self._wide_grad = True
         if grad is not None:
