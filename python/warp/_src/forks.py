@@ -20,6 +20,9 @@ _locks: list = []
 # Seconds for imports that themselves wait for the forking thread.
 _PATIENCE = 5.0
 
+# Seconds that a fork waits for one lock before it looks at the others.
+_TURN = 0.01
+
 
 def shared_lock():
     """A lock, which its thread may take again, that no child process finds taken by another."""
@@ -31,17 +34,31 @@ def shared_lock():
 translating = shared_lock()
 
 
-def _take_all() -> bool:
-    """Takes all locks, or none: who has one may be waiting for another."""
-    for number, lock in enumerate(_locks):
+def _take_all(awaited):
+    """Takes all locks, or none: who has one may be waiting for another.
+
+    Args:
+        awaited: the lock to wait for, before the others are tried. Threads that take a lock again
+            and again have it nearly always, so a look now and then would not find it free.
+
+    Returns:
+        The lock that another thread has, None if all are taken.
+    """
+    if awaited is not None and not awaited.acquire(timeout=_TURN):
+        return awaited
+    taken = [] if awaited is None else [awaited]
+    for lock in _locks:
+        if lock is awaited:
+            continue
         if not lock.acquire(blocking=False):
-            _release(number)
-            return False
-    return True
+            _release(taken)
+            return lock
+        taken.append(lock)
+    return None
 
 
-def _release(count=None) -> None:
-    for lock in _locks[:count]:
+def _release(taken=_locks) -> None:
+    for lock in taken:
         # Not taken where an exception has ended `_before_fork`.
         with suppress(RuntimeError):
             lock.release()
@@ -55,8 +72,9 @@ def _others_import() -> bool:
 
 
 def _before_fork() -> None:
-    while not _take_all():
-        sleep(0.0002)
+    missing = _take_all(None)
+    while missing is not None:
+        missing = _take_all(missing)
     end = monotonic() + _PATIENCE
     while _others_import() and monotonic() < end:
         sleep(0.0002)
