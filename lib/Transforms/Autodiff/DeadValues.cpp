@@ -119,7 +119,8 @@ void Needs::followResult(OpResult result) {
       push(op->getOperands());
     if (auto load = dyn_cast<ScratchLoadOp>(op))
       for (Operation *user : load.getScratch().getUsers())
-        if (isa<ScratchStoreOp>(user)) {
+        // Stores before the operation have been done.
+        if (isa<ScratchStoreOp>(user) && within->isAncestor(user)) {
           push(user->getOperands());
           reach(user);
         }
