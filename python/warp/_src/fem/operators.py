@@ -43,6 +43,7 @@ _cell_to_element_coords = Operator("cell_to_element_coords")
 inner = Operator("inner", "Value of a field, of the inner cell on sides; `f(s)`.")
 grad = Operator("grad", "Gradient of a field by position.")
 div = Operator("div", "Divergence of a field.")
+_curl_grad = Operator("curl_grad")
 outer = Operator("outer", "Value in the outer cell of a side, which is the inner one on borders.")
 grad_outer = Operator("grad_outer", "Gradient in the outer cell of a side.")
 div_outer = Operator("div_outer", "Divergence in the outer cell of a side.")
@@ -99,7 +100,7 @@ def D(f: Field, s: Sample):
 @integrand
 def curl(f: Field, s: Sample):
     """Vector of the skew part of the gradient, which is half of the curl."""
-    return skew_part(grad(f, s))
+    return skew_part(_curl_grad(f, s))
 
 
 @integrand

@@ -13,6 +13,7 @@ from typing import Any
 import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.fields.curvature import curved_gradient, needs_curvature
 from warp._src.fem.geometry.derived import of_gradient
 from warp._src.fem.geometry.shapes import DIMENSIONS
 from warp._src.fem.tags import Field
@@ -21,7 +22,7 @@ from warp._src.fem.types import make_free_sample
 # The sample's degrees of freedom say that it is a point whose values are known.
 MARK = -7
 _OUTER = {"outer": "inner", "grad_outer": "grad", "div_outer": "div"}
-_EVALUATIONS = ("inner", "grad", "div", "outer", "grad_outer", "div_outer")
+_EVALUATIONS = ("inner", "grad", "div", "outer", "grad_outer", "div_outer", "curl_grad")
 _ALIASES = {"()": "inner", "eval_inner": "inner", "eval_grad_inner": "grad"}
 
 
@@ -71,6 +72,8 @@ class FieldDescription(extend.Description, Field):
             return self.in_cells()
         if name in _EVALUATIONS:
             self.check(name)
+            if name == "curl_grad" and self.values.map != "covariant":
+                name = "grad"
             if self.domain.is_cells:
                 name = _OUTER.get(name, name)
             return getattr(self.evaluations(count > 1), name, None)
@@ -83,8 +86,9 @@ class FieldDescription(extend.Description, Field):
     def check(self, name):
         """Raises where an operator has no meaning for the kind of values."""
         value = self.values.value
-        if name.startswith("grad") and extend.type_is_matrix(value):
-            raise TypeError(f"'{name}' is not defined for fields of matrices, as {self}")
+        if name in ("grad", "grad_outer", "curl_grad") and extend.type_is_matrix(value):
+            shown = name.removesuffix("_grad")
+            raise TypeError(f"'{shown}' is not defined for fields of matrices, as {self}")
         if not name.startswith("div"):
             return
         if not (extend.type_is_vector(value) or extend.type_is_matrix(value)):
@@ -130,6 +134,7 @@ def field_functions(description, one_node: bool = False) -> SimpleNamespace:
         outer=_value_of(description, reference, 1),
         grad_outer=_gradient_of(description, reference, 1),
         div_outer=_divergence_of(description, reference, 1),
+        curl_grad=_gradient_of(description, reference, 0, is_curved=False),
     )
 
 
@@ -209,12 +214,17 @@ def _value_of(description, reference, half):
     return _with_node(field_value, reference)
 
 
-def _gradient_of(description, reference, half):
+def _gradient_of(description, reference, half, is_curved=None):
     kind = description.values.map
+    if is_curved is None:
+        is_curved = needs_curvature(description.domain, kind, "grad")
     gradient = reference[half].gradient
     stretch, one = _stretch(description), description.domain.geometry.scalar(1.0)
     forward, inverse = _maps(description, half)
-    if kind == "covariant":
+    if is_curved:
+        field_gradient = curved_gradient(description, reference, half, forward, inverse, stretch)
+
+    elif kind == "covariant":
 
         @wp.func
         def field_gradient(part: Any, arg: Any, geo: Any, s: Any):
@@ -274,7 +284,8 @@ def _divergence_of(description, reference, half):
         return _matrix_divergence(description, reference, half)
     if not extend.type_is_vector(description.values.value):
         return None
-    gradient = _gradient_of(description, reference, half)
+    is_curved = needs_curvature(description.domain, description.values.map, "div")
+    gradient = _gradient_of(description, reference, half, is_curved)
 
     @wp.func
     def field_divergence(part: Any, arg: Any, geo: Any, s: Any):

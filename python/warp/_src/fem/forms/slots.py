@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 
+from warp._src.fem.fields.curvature import needs_curvature
 from warp._src.fem.fields.spaces import NodeSpace, PointDescription, SpaceDescription
 from warp._src.fem.forms.basis import Basis
 
 _VALUES = {"inner": 0, "()": 0, "outer": 1}
-_GRADIENTS = {"grad": 0, "div": 0, "grad_outer": 1, "div_outer": 1}
+_GRADIENTS = {"grad": 0, "div": 0, "curl_grad": 0, "grad_outer": 1, "div_outer": 1}
 NODE_OPERATORS = frozenset(
     (
         *("at_node", "node_index", "node_count", "node_partition_index"),
@@ -83,4 +84,6 @@ class Role:
             for first, halves in ((0, _VALUES), (1, _GRADIENTS)):
                 if name in halves:
                     used.add(first + (0 if is_cells else 2 * halves[name]))
+            if needs_curvature(self.domain, self.nodes.values.map, name):
+                used.add(0 if is_cells else 2 * _GRADIENTS[name])
         return Role(self.name, self.role, self.nodes, self.domain, tuple(sorted(used)))

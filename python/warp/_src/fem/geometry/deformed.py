@@ -31,7 +31,8 @@ class DeformedGeometry(HasHierarchy, Geometry):
         build_bvh: `build_bvh` at once, as `lookup` needs it.
 
     Raises:
-        ValueError: the field's values are no vectors of the geometry's dimension.
+        ValueError: the field's values are no vectors of the geometry's dimension, or have no
+            gradient.
     """
 
     def __init__(self, field, relative: bool = True, build_bvh: bool = False):
@@ -48,6 +49,11 @@ class DeformedGeometry(HasHierarchy, Geometry):
             )
         if field.kind != "cells":
             raise ValueError("'field' expects values in cells, but got a trace")
+        if not field.gradient_valid():
+            raise ValueError(
+                "'field' expects a field with a gradient, as cells have one, but got one without; "
+                "implicit fields have it by 'grad_func=True'"
+            )
         self.field, self.relative, self._base = field, bool(relative), base
         description = field.bind(Cells(base).record)
         self.record = GeometryRecord(
