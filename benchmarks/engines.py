@@ -14,7 +14,8 @@ the peer's coordinates in a file; `--expected` takes them from it where the peer
 
 With `--profile` a table for each scene says where a step's time goes: launches, microseconds of
 either package and their ratio by kernel, the slowest first, and the megabytes of the arrays that a
-launch gets; `slower` marks kernels that take more than 1.05 times the peer's. `--save` and
+launch gets, with the bandwidth if it reads or writes all of them once; `slower` marks kernels that
+take more than 1.05 times the peer's. `--save` and
 `--expected` keep the peer's times likewise, so that one run on a machine with both gives the
 figures that later runs are compared with; engines_h200.json has humanoid, collision and tendon by
 NVIDIA Warp 1.19.0 on an H200. Scenes (benchmarks/_engine_profile.py, _engine_newton.py) are those
@@ -143,17 +144,18 @@ def show(scene: str, worlds: int, ours: dict, peer: dict | None) -> None:
         f"{rate:.3f} M steps/s, {ours['launches']:.0f} launches (peer {other['launches']:.0f}), "
         f"first step {ours['first_s']:.2f} s{difference(ours, peer)}"
     )
-    print(f"{'us':>10}{'peer us':>10}{'ratio':>8}{'launches':>10}{'MB':>9}  kernel")
+    print(f"{'us':>10}{'peer us':>10}{'ratio':>8}{'launches':>10}{'MB':>9}{'GB/s':>8}  kernel")
     kernels = sorted(ours["kernels"].items(), key=lambda item: -item[1][1])
     for name, (count, microseconds, size) in kernels:
         theirs = other["kernels"].get(name)
         known = theirs is not None and theirs[1] > 0
         ratio = microseconds / theirs[1] if known else float("nan")
         row = f"{microseconds:10.1f}{theirs[1] if known else float('nan'):10.1f}{ratio:8.2f}"
-        row += f"{count:10.1f}{size / max(count, 1):9.2f}  {name[:60]}"
+        rate = f"{1e3 * size / microseconds:8.0f}" if size and microseconds else 8 * " "
+        row += f"{count:10.1f}{size / max(count, 1):9.2f}{rate}  {name[:60]}"
         print(row + (" slower" if ratio > 1.05 else ""))
     for name in sorted(set(other["kernels"]) - set(ours["kernels"])):
-        print(f"{'':>10}{other['kernels'][name][1]:10.1f}{'':>27}  {name[:60]}, the peer's alone")
+        print(f"{'':>10}{other['kernels'][name][1]:10.1f}{'':>35}  {name[:60]}, the peer's alone")
 
 
 def profile_all(options: argparse.Namespace) -> None:
