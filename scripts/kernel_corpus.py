@@ -32,7 +32,7 @@ def write(path, module, rank, block):
 
 
 def write_kernel(folder, name, kernel, rank, block, adjoint):
-    from warp._src.derivatives.kernel_derivatives import differentiate
+    from warp._src.derivatives.derivative import differentiate
     from warp._src.kernels.blocks import block_code
 
     native = kernel.prepare()

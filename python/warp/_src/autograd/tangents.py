@@ -23,7 +23,8 @@ from warp._src.arrays.layout import bytes_spanned
 from warp._src.arrays.observers import Observing, copy_layout
 from warp._src.arrays.versions import event
 from warp._src.derivatives import handles
-from warp._src.derivatives.kernel_derivatives import gradients_of, thread_count
+from warp._src.derivatives.derivative import thread_count
+from warp._src.derivatives.launch_gradients import gradients_of
 from warp._src.derivatives.same_arrays import check_overlap, meetings, same_arrays
 from warp._src.derivatives.singular import REPEATED, count_singular
 from warp._src.kernels.call import Call

@@ -21,7 +21,7 @@ from warp._src.arrays.observers import Observers
 from warp._src.arrays.versions import Event, event_of
 from warp._src.derivatives import cotangents
 from warp._src.derivatives.handles import arrays_of
-from warp._src.derivatives.kernel_derivatives import gradients_of
+from warp._src.derivatives.launch_gradients import gradients_of
 from warp._src.derivatives.same_arrays import meetings, notes_of, same_arrays
 from warp._src.derivatives.wide_gradients import WideGradients
 from warp._src.devices import devices

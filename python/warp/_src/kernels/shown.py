@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from warp import _native, config
-from warp._src.derivatives.kernel_derivatives import differentiate
+from warp._src.derivatives.derivative import differentiate
 from warp._src.devices.devices import get_device
 
 STAGES = ("warp", "thread", "launch", "gpu", "llvm", "ptx", "asm")
