@@ -49,6 +49,45 @@ func.func @heavy(%x: !warp.array<1 x f32>, %n: i32)
 
 #gpu = #warp.variant<target = <name = "sm_90">>
 
+// A known number of iterations that wait for memory: each gets a copy, or as
+// many as divide the number, here 25 of 100 with two loads each. Iterations
+// without loads are left to LLVM.
+// CHECK-LABEL: llvm.func {{.*}}@known
+// CHECK: loop_annotation = #llvm.loop_annotation<unroll = <count = 27 : i32>>
+// CHECK: loop_annotation = #llvm.loop_annotation<unroll = <count = 25 : i32>>
+// CHECK-NOT: loop_annotation
+func.func @known(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.variant = #gpu} {
+  %i = warp.tid : i32
+  %zero = arith.constant 0.0 : f32
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %c27 = arith.constant 27 : i32
+  %c100 = arith.constant 100 : i32
+  %sum = scf.for %j = %c0 to %c27 step %c1 iter_args(%s = %zero) -> f32 : i32 {
+    %v = warp.load_components %x[%j] : !warp.array<1 x f32>, i32 -> f32
+    %t = arith.addf %s, %v : f32
+    scf.yield %t : f32
+  }
+  %more = scf.for %j = %c0 to %c100 step %c1 iter_args(%s = %sum) -> f32 : i32 {
+    %v = warp.load_components %x[%j] : !warp.array<1 x f32>, i32 -> f32
+    %w = warp.load_components %y[%j] : !warp.array<1 x f32>, i32 -> f32
+    %vw = arith.mulf %v, %w : f32
+    %t = arith.addf %s, %vw : f32
+    scf.yield %t : f32
+  }
+  %last = scf.for %j = %c0 to %c27 step %c1 iter_args(%s = %more) -> f32 : i32 {
+    %t = arith.mulf %s, %s : f32
+    scf.yield %t : f32
+  }
+  warp.store_components(%last), %y[%i] : (f32), !warp.array<1 x f32>, i32
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <name = "sm_90">>
+
 // Four iterations run ahead. The counter is asked once, with a limit that
 // cannot overflow; the square four times.
 // CHECK-LABEL: llvm.func {{.*}}@conditional

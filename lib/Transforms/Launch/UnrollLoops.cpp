@@ -9,7 +9,10 @@
 // the same order as before.
 //
 // A counted loop that only loads and computes is marked for LLVM, which copies
-// the body and adds a loop for the iterations that are left.
+// the body and adds a loop for the iterations that are left. If the number of
+// iterations is known, there are as many copies as divide it, or one for each:
+// LLVM itself would make three of the 27 products of a row, which waits for
+// memory nine times.
 //
 // A loop with a condition, whose iterations compute and do nothing else, runs
 // several of them ahead and then asks for all conditions at once:
@@ -42,6 +45,7 @@
 #include "mlir/IR/IRMapping.h"
 #include "mlir/IR/Matchers.h"
 #include "mlir/Interfaces/LoopLikeInterface.h"
+#include "llvm/Support/MathExtras.h"
 
 namespace warp {
 #define GEN_PASS_DEF_UNROLLLOOPS
@@ -54,6 +58,8 @@ using namespace mlir;
 constexpr int64_t copies = 4;
 /// Instructions of a body that is worth copies.
 constexpr int64_t mostInstructions = 40;
+/// Instructions and loaded words of all copies, where the trips are known.
+constexpr int64_t mostUnrolled = 256, mostInFlight = 64;
 /// Instructions that a call of a function counts, or a division in f64.
 constexpr int64_t manyInstructions = 24;
 
@@ -93,16 +99,39 @@ static bool isSimple(Block &block, bool mayLoad, int64_t &instructions) {
 // Counted loops
 //===----------------------------------------------------------------------===//
 
-static bool markCopies(scf::ForOp loop) {
+/// Copies of a body that runs `trips` times, whose loads are in flight
+/// together: all of them, or as many as divide the trips; 0 if few do.
+static int64_t chooseCopies(int64_t trips, int64_t instructions,
+                            int64_t loads) {
+  int64_t most = std::min(mostUnrolled / std::max<int64_t>(instructions, 1),
+                          mostInFlight / loads);
+  if (trips <= most)
+    return trips;
+  for (int64_t number = most; number >= copies; --number)
+    if (trips % number == 0)
+      return number;
+  return 0;
+}
+
+/// Copies for LLVM to make of the body; 0 if it decides.
+static int64_t countCopies(scf::ForOp loop) {
   int64_t instructions = 0;
-  APInt first, last;
-  bool isShort = matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) &&
-                 matchPattern(loop.getUpperBound(), m_ConstantInt(&last));
-  // LLVM knows what to do with a known number of iterations.
-  if (isShort || !isSimple(*loop.getBody(), /*mayLoad=*/true, instructions))
-    return false;
-  warp::setCopies(loop, copies);
-  return true;
+  if (!isSimple(*loop.getBody(), /*mayLoad=*/true, instructions))
+    return 0;
+  APInt first, last, step;
+  if (!matchPattern(loop.getLowerBound(), m_ConstantInt(&first)) ||
+      !matchPattern(loop.getUpperBound(), m_ConstantInt(&last)) ||
+      !matchPattern(loop.getStep(), m_ConstantInt(&step)))
+    return copies;
+  int64_t loads = 0;
+  for (auto load : loop.getBody()->getOps<warp::LoadComponentsOp>())
+    loads += load.getNumResults();
+  // LLVM knows what to do with iterations that do not wait for memory.
+  int64_t range = last.getSExtValue() - first.getSExtValue();
+  if (loads == 0 || range <= 0 || loop->hasAttr("loop_annotation"))
+    return 0;
+  return chooseCopies(llvm::divideCeil(range, step.getSExtValue()),
+                      instructions, loads);
 }
 
 //===----------------------------------------------------------------------===//
@@ -243,7 +272,7 @@ void Ahead::build() {
   loop.getInitsMutable().assign(ahead.getResults().take_front(types.size()));
 }
 
-static void noteCopies(Operation *entry, Operation *loop) {
+static void noteCopies(Operation *entry, Operation *loop, int64_t copies) {
   warp::noteChoice(entry, "loop", Twine(copies) + " iterations at a time",
                    "a short body leaves the card waiting", loop);
 }
@@ -262,15 +291,18 @@ struct UnrollLoops : warp::impl::UnrollLoopsBase<UnrollLoops> {
     warp::nestRuns(entry);
     SmallVector<scf::WhileOp> conditional;
     entry->walk([&](Operation *op) {
-      auto loop = dyn_cast<scf::ForOp>(op);
-      if (loop && markCopies(loop))
-        noteCopies(entry, loop);
-      else if (auto loop = dyn_cast<scf::WhileOp>(op))
+      if (auto loop = dyn_cast<scf::ForOp>(op)) {
+        if (int64_t number = countCopies(loop); number > 1) {
+          warp::setCopies(loop, number);
+          noteCopies(entry, loop, number);
+        }
+      } else if (auto loop = dyn_cast<scf::WhileOp>(op)) {
         conditional.push_back(loop);
+      }
     });
     for (scf::WhileOp loop : conditional)
       if (Ahead ahead(loop); ahead.qualifies()) {
-        noteCopies(entry, loop);
+        noteCopies(entry, loop, copies);
         ahead.build();
       }
   }
