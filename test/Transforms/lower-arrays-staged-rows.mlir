@@ -10,10 +10,15 @@
 // Each thread has a row. In a loop the threads of a whole warp that are at the
 // same place of their rows move its elements together: eight threads for each
 // element of seven words, so eight words a thread. Elements are seven words
-// apart in the slab, 4 x 7 from word to word of a share.
+// apart in the slab, 4 x 7 from word to word of a share. A grid of fewer than
+// 32 blocks of 8 warps waits for latency alone, so its threads move their own.
 // CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<7168 x i8>
 // CHECK-LABEL: llvm.func @along(
 // CHECK-SAME: nvvm.kernel
+// CHECK: nvvm.read.ptx.sreg.nctaid.z
+// CHECK: %[[LEAST:.*]] = llvm.mlir.constant(32 : i64) : i64
+// CHECK: %[[CROWDED:.*]] = llvm.icmp "uge" %{{.*}}, %[[LEAST]]
+// CHECK: llvm.cond_br %[[CROWDED]]
 // CHECK: "llvm.nvvm.activemask"
 // CHECK: nvvm.shfl.sync
 // CHECK: "llvm.nvvm.vote.all.sync"

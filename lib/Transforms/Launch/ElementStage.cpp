@@ -210,17 +210,25 @@ Value warp::ArrayLowering::isWhole(Operation *access, ValueRange pointers,
   return branch.getResult(0);
 }
 
-/// The same for elements of rows, whose other indices threads compare.
+/// The same for elements of rows of a launch that is large enough; threads
+/// compare the other indices.
 Value warp::ArrayLowering::isWholeOfRows(Operation *access,
                                          ValueRange indices) {
   SmallVector<Value> compared;
   for (auto [dim, index] : llvm::enumerate(indices))
     if (dim != staged.rows.lookup(access) && !matchPattern(index, m_Constant()))
       compared.push_back(index);
+  auto branch = scf::IfOp::create(b, loc, b.getI1Type(), staged.isCrowded,
+                                  /*withElseRegion=*/true);
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(b, loc, staged.isCrowded);
+  b.setInsertionPointToStart(branch.thenBlock());
   Value whole = isWarpTogether(b, loc, compared);
   if (staged.inRow)
     whole = arith::AndIOp::create(b, loc, whole, staged.inRow);
-  return whole;
+  scf::YieldOp::create(b, loc, whole);
+  return branch.getResult(0);
 }
 
 /// Bytes from a thread's element to the next thread's; null if they lie side by

@@ -31,7 +31,9 @@
 // Threads with a row of elements each (`pose[world, body]`) do the same, in
 // loops as well: the elements at one place in 32 rows are moved by groups of
 // threads, one for each element, so that an instruction touches the lines of
-// few rows. Here the threads compare the indices within the row.
+// few rows. Here the threads compare the indices within the row. A launch of
+// few warps waits for the memory's latency, to which an exchange adds, so its
+// threads access their own elements.
 //
 // A thread's element is read and written by others, so barriers of the warp
 // keep the order of its accesses: there is one before every staged access,
@@ -65,6 +67,9 @@ using namespace mlir;
 constexpr int64_t mostOfSlabs = 40 * 1024;
 /// Registers of loads that are in flight together.
 constexpr int64_t mostInFlight = 96;
+/// Warps of a launch below which lines of rows are no limit: two for each
+/// multiprocessor of a large card.
+constexpr int64_t leastWarps = 256;
 
 //===----------------------------------------------------------------------===//
 // Indices
@@ -298,6 +303,20 @@ void Finder::visit(Block &block) {
   }
 }
 
+/// True if the grid has that many blocks.
+static Value hasBlocks(OpBuilder &b, Location loc, int64_t least) {
+  Type i64 = b.getI64Type();
+  Value blocks;
+  for (warp::Axis axis : {warp::Axis::x, warp::Axis::y, warp::Axis::z}) {
+    Value extent = arith::ExtUIOp::create(
+        b, loc, i64, readGrid(b, loc, warp::GridValue::gridDim, axis));
+    blocks = blocks ? arith::MulIOp::create(b, loc, blocks, extent) : extent;
+  }
+  Value limit = arith::ConstantOp::create(b, loc, b.getI64IntegerAttr(least));
+  return arith::CmpIOp::create(b, loc, arith::CmpIPredicate::uge, blocks,
+                               limit);
+}
+
 warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
   StagedAccesses staged;
   int64_t blockDim = getVariant(entry).getBlockDim();
@@ -328,6 +347,8 @@ warp::StagedAccesses warp::findStagedAccesses(LLVM::LLVMFuncOp entry) {
                                          constant(0));
   }
   staged.lane = arith::AndIOp::create(b, loc, thread, last);
+  if (!staged.rows.empty())
+    staged.isCrowded = hasBlocks(b, loc, llvm::divideCeil(leastWarps, warps));
   Value warp = subgroupOf(b, loc, thread);
   Value offset = arith::MulIOp::create(b, loc, warp, constant(slabSize));
   staged.slab = LLVM::GEPOp::create(b, loc, shared.getType(), b.getI8Type(),

@@ -25,6 +25,9 @@ struct StagedAccesses {
   /// Accesses of both kinds to elements of rows, one of each thread: the
   /// dimension of the array that tells threads apart.
   llvm::DenseMap<mlir::Operation *, unsigned> rows;
+  /// True if the launch has threads enough for lines of rows to be a limit;
+  /// null without accesses to rows.
+  mlir::Value isCrowded;
   /// Number of the thread in its warp, i32.
   mlir::Value lane;
   /// Shared memory of the warp.
