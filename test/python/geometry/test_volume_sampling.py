@@ -124,6 +124,41 @@ def test_stores_reach_leaves_alone(device):
     assert out.numpy().tolist() == [42, 5, 42, 0]
 
 
+def test_threads_find_what_they_store(device):
+    """A thread's loads after its stores have new values; no store changes tiles or other types."""
+
+    @wp.kernel
+    def twice(id: wp.uint64, out: wp.array3d(dtype=float)):
+        i, j, k = wp.tid()
+        wp.volume_store_f(id, i, j, k, 2.0 * wp.volume_lookup_f(id, i, j, k))
+        doubled = wp.volume_lookup_f(id, i, j, k)
+        wp.volume_store_f(id, i, j, k, doubled + 1.0)
+        wp.volume_store_f(id, i + 1000, j, k, 3.0)
+        wp.volume_store_i(id, i, j, k, 3)
+        out[i, j, k] = 1000.0 * doubled + wp.volume_lookup_f(id, i, j, k)
+
+    @wp.kernel
+    def move(id: wp.uint64, out: wp.array3d(dtype=wp.vec3)):
+        i, j, k = wp.tid()
+        at = wp.vec3(float(i), float(j), float(k))
+        wp.volume_store_v(id, i, j, k, 2.0 * wp.volume_lookup_v(id, i, j, k) + at)
+        out[i, j, k] = wp.volume_lookup_v(id, i, j, k)
+
+    random = np.random.default_rng(7)
+    shape = (19, 20, 33)
+    x = random.integers(0, 50, shape).astype(np.float32)
+    volume = wp.Volume.load_from_numpy(x, bg_value=BACKGROUND, device=device)
+    out = wp.zeros(shape, dtype=float, device=device)
+    wp.launch(twice, shape, [volume.id, out], device=device)
+    np.testing.assert_array_equal(out.numpy(), 1000.0 * (2.0 * x) + (2.0 * x + 1.0))
+    x = random.integers(0, 50, (*shape, 3)).astype(np.float32)
+    volume = wp.Volume.load_from_numpy(x, bg_value=(0.0, 0.0, 0.0), device=device)
+    out = wp.zeros(shape, dtype=wp.vec3, device=device)
+    wp.launch(move, shape, [volume.id, out], device=device)
+    places = np.stack(np.indices(shape), axis=-1)
+    np.testing.assert_array_equal(out.numpy(), 2.0 * x + places)
+
+
 def test_transforms_are_inverse_and_linear(device):
     @wp.kernel
     def there(id: wp.uint64, p: wp.array(dtype=wp.vec3), out: wp.array2d(dtype=wp.vec3)):
