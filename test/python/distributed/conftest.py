@@ -1,6 +1,7 @@
 """`found(engine, size)`: what the checks on so many ranks found; skipped where a part is absent."""
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -14,19 +15,52 @@ SIZES = (4, 3, 2)
 RUNS = [("none", 1), *(("mpi", size) for size in reversed(SIZES)), ("torch", 3)]
 
 
+_pool = ThreadPoolExecutor(1)
+_checks: dict = {}
+
+
+def start_checks(engine):
+    """The facts to come of an engine; one job has all sizes of MPI.
+
+    Starting and loading kernels takes longer than most checks.
+    """
+    if engine not in _checks:
+        arguments = {
+            "none": (1, "main.py"),
+            "mpi": (max(SIZES), "main.py", "--sizes=" + ",".join(map(str, SIZES))),
+            "torch": (3, "main.py"),
+        }
+        _checks[engine] = _pool.submit(launcher.results, engine, *arguments[engine])
+    return _checks[engine]
+
+
+def pytest_runtestloop(session):
+    """Starts the checks beside the other tests of this folder, which wait most of the time."""
+    if session.config.option.collectonly or hasattr(session.config, "workerinput"):
+        return
+    calls = [
+        item.callspec for item in session.items if "found" in getattr(item, "fixturenames", ())
+    ]
+    engines = {one.params["engine"] for one in calls}
+    # The first compiles for the others.
+    for engine in ("none", "mpi", "torch"):
+        if engine in engines and not launcher.missing(engine):
+            start_checks(engine)
+
+
+def pytest_sessionfinish():
+    """Checks that have not begun do not."""
+    _pool.shutdown(wait=False, cancel_futures=True)
+
+
 @pytest.fixture
 def found():
     def results(engine, size):
         launcher.need(engine)
-        if engine != "mpi":
-            return launcher.results(engine, size, "main.py")
-        # One job of all sizes: starting and loading kernels takes longer than most checks.
-        found = launcher.results(
-            engine, max(SIZES), "main.py", "--sizes=" + ",".join(map(str, SIZES))
-        )
-        if isinstance(found, launcher.Failed):
-            return found
-        return {name[2:]: fact for name, fact in found.items() if name[0] == str(size)}
+        facts = start_checks(engine).result()
+        if engine != "mpi" or isinstance(facts, launcher.Failed):
+            return facts
+        return {name[2:]: fact for name, fact in facts.items() if name[0] == str(size)}
 
     return results
 

@@ -5,13 +5,17 @@ streams and the watch are the ones that GPUs have.
 """
 
 import re
-import time
+from concurrent.futures import ThreadPoolExecutor
 
 import launcher
 import pytest
 import test_failures
 
 import programs
+
+FAKE = launcher.FOLDER / "fake_nccl.py"
+FLAGS = (), ("--queued",)
+FAILURES = "raise", "hang", "kill", "replay", "replay-kill"
 
 
 @pytest.fixture
@@ -44,11 +48,34 @@ def test_messages_of_the_host_and_captures(start, fake, engine):
     assert not any(codes) and output.count(": null}") == 3, output
 
 
-@pytest.mark.parametrize("flags", [(), ("--queued",)], ids=["calls wait", "calls queue"])
-@pytest.mark.parametrize("how", ["raise", "hang", "kill", "replay", "replay-kill"])
-def test_a_failing_rank_ends_the_job(ranks, how, flags):
-    codes, output = ranks("failing.py", how, flags=flags)
-    assert time.time() - float(re.search(r"fails at ([\d.]+)", output)[1]) < 20
+@pytest.fixture(scope="module")
+def failing(request):
+    """Exit codes, output and seconds from the failure to the end, for each case of this session."""
+    if not programs.FAKE_CUDA.exists():
+        pytest.skip("needs the driver that the unit tests are built with")
+    launcher.need("mpi")
+
+    def run(flags, how):
+        arguments = *flags, launcher.FOLDER / "failing.py", how, "--way=nccl"
+        codes, output = launcher.run("mpi", 2, FAKE, *arguments, limit=100)
+        return codes, output, launcher.seconds_since_failure(output)
+
+    chosen = [
+        (one.callspec.params["flags"], one.callspec.params["how"])
+        for one in request.session.items
+        if one.path == request.path and "failing" in one.fixturenames
+    ]
+    with pytest.MonkeyPatch.context() as changed, ThreadPoolExecutor(3) as pool:
+        changed.setenv("WARP_CUDA_DRIVER", str(programs.FAKE_CUDA))
+        # Most of their time is waiting.
+        yield {one: pool.submit(run, *one) for one in chosen}
+
+
+@pytest.mark.parametrize("flags", FLAGS, ids=["calls wait", "calls queue"])
+@pytest.mark.parametrize("how", FAILURES)
+def test_a_failing_rank_ends_the_job(failing, how, flags):
+    codes, output, took = failing[flags, how].result()
+    assert took < 20, f"{took} s: {output}"
     assert any(codes) and "went on" not in output, output
     assert "Exception in thread" not in output, output
     for words in test_failures.WORDS[how]:

@@ -6,8 +6,6 @@ into starting and compiling; each ends within `SECONDS`, and says where it was t
 
 import importlib.util
 import os
-import re
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import launcher
@@ -105,5 +103,4 @@ def failing(engine, how):
     """Exit codes, output, and seconds from the failure to the end of all ranks."""
     program = launcher.FOLDER / "failing.py"
     codes, output = launcher.run(engine, 2, program, how, limit=90)
-    began = re.search(r"fails at ([\d.]+)", output)
-    return codes, output, time.time() - float(began[1]) if began else float("inf")
+    return codes, output, launcher.seconds_since_failure(output)

@@ -7,6 +7,7 @@ import importlib.util
 import json
 import os
 import random
+import re
 import shutil
 import socket
 import subprocess
@@ -34,6 +35,8 @@ ON_GPUS = ("nccl", "torch-nccl", "gloo")
 
 def missing(engine):
     """Name of what an engine needs and is absent, or None."""
+    if engine == "none":
+        return None
     if engine in ("torch", "torch-nccl", "gloo"):
         return None if importlib.util.find_spec("torch") else "torch"
     if importlib.util.find_spec("mpi4py") is None:
@@ -43,8 +46,7 @@ def missing(engine):
 
 def need(engine):
     """Skips the test where a part of the engine is absent."""
-    name = None if engine == "none" else missing(engine)
-    if name:
+    if name := missing(engine):
         pytest.skip(f"{name} is not installed")
 
 
@@ -127,6 +129,12 @@ def run(engine, size, program, *arguments, limit=60):
                     one.wait()
         file.seek(0)
         return [one.returncode for one in processes], file.read()
+
+
+def seconds_since_failure(output):
+    """Seconds since `failing.py` failed; its start takes long on a busy machine."""
+    began = re.search(r"fails at ([\d.]+)", output)
+    return time.time() - float(began[1]) if began else float("inf")
 
 
 @functools.cache
