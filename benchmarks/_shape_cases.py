@@ -35,6 +35,7 @@ import _shape_networks  # noqa: F401
 import _shape_numbers  # noqa: F401
 import _shape_points  # noqa: F401
 import _shape_queries  # noqa: F401
+import _shape_ragged  # noqa: F401
 import _shape_rows  # noqa: F401
 import _shape_samples  # noqa: F401
 import _shape_signal  # noqa: F401
