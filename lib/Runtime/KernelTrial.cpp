@@ -46,10 +46,9 @@ static CompileOptions withLanes(CompileOptions options, int lanes) {
 
 /// Lanes that scalar code is compared with: the model says that they lose, and
 /// counts of operations do not know which branches a processor predicts and
-/// which loads it has in flight. A vector of 64-bit values; rows of a multiple
-/// of 2 KiB do not evict each other. Along the last of several dimensions they
-/// would gain or lose by its extent, which scalar code is not compiled for.
-static constexpr int lanesForScalar = 8;
+/// which loads it has in flight. Along the last of several dimensions they would
+/// gain or lose by its extent, which scalar code is not compiled for.
+static constexpr int lanesForScalar = 16;
 
 /// Deterministic code would add floats in another order from the launch on that
 /// it is exchanged at; all else has the same bits.
