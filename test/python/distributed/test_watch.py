@@ -1,5 +1,6 @@
 """The watch over work of NCCL: it names an exchange that does not end, and who is missing."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -24,6 +25,7 @@ class Stream:
     """A stream of a GPU that notes the events recorded on it."""
 
     is_capturing = False
+    cuda_stream = 1
 
     def __init__(self):
         self.recorded = []
@@ -141,6 +143,33 @@ def test_replays_of_a_graph_name_its_messages(watched):
         "rank 0: replay 2 of graph 1 with halo: no answer within 5 s; "
         "rank 1 last began replay 1 of graph 1 with halo"
     )
+
+
+def test_graphs_of_a_communicator_replay_on_one_stream(watched):
+    made, comm, stream, _ = watched
+    comm.check_use = lambda what: None
+    native = types.SimpleNamespace(device_index=-1)
+    first, second = (watch.WatchedGraph(native, {made: [7]}) for _ in range(2))
+    other, launched = Stream(), []
+    other.cuda_stream = 2
+
+    def replay(graph, stream):
+        graph.launch(stream, lambda *rest: launched.append(stream))
+
+    replay(first, stream)
+    with pytest.raises(failures.DistributedError) as caught:
+        replay(second, other)
+    assert str(caught.value) == (
+        "rank 0: graph 2 with halo replays on another stream than graph 1 with halo: replay graphs "
+        "of a communicator on one stream, or capture with `comm.split(0)`"
+    )
+    assert len(launched) == 1
+    replay(second, stream)
+    del first, caught
+    gc.collect()
+    # A graph alone may change its stream.
+    replay(second, other)
+    assert len(launched) == 3
 
 
 def test_errors_of_nccl_and_captures(watched):

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 import typing
+import weakref
 
 import warp as wp
 from warp._src.arrays.hooks import captures, graph_makers
@@ -36,6 +37,7 @@ class Watch:
     Attributes:
         pending: the oldest work that may not have ended, or None.
         latest: the last work that was queued behind it, or None.
+        replays: streams on which graphs were replayed last.
     """
 
     def __init__(self, comm):
@@ -44,6 +46,7 @@ class Watch:
         self._event, self._last = wp.Event(comm.device), wp.Event(comm.device)
         self._lock = threading.Lock()
         self._missed = None
+        self.replays: weakref.WeakKeyDictionary = weakref.WeakKeyDictionary()
         self._stop = threading.Event()
         thread = threading.Thread(target=self._run, name="warp-watch", daemon=True)
         thread.start()
@@ -166,6 +169,7 @@ class WatchedGraph(graphs.Graph):
             if (stream or wp.get_stream(self.device)).is_capturing:
                 watch._note_captured(self._plans[watch])
                 continue
+            self._check_stream(watch, stream or wp.get_stream(self.device))
             found[1] += 1
             comm.log.begin(*found)
             watch.begin("a graph")
@@ -175,3 +179,20 @@ class WatchedGraph(graphs.Graph):
             for watch in self._steps:
                 if watch.calling is not None:
                     watch.end(stream)
+
+    def _check_stream(self, watch, stream) -> None:
+        """Rejects a replay beside one of another graph, in which both may wait for each other.
+
+        Raises:
+            DistributedError: another graph of the communicator replays on another stream.
+        """
+        comm, number = watch.comm, self._steps[watch][0]
+        for graph, used in watch.replays.items():
+            if graph is not self and used != stream.cuda_stream:
+                other = graph._steps[watch][0]
+                raise failures.DistributedError(
+                    f"rank {comm.rank}: graph {-number} with {comm.graph_names[number]} replays on "
+                    f"another stream than graph {-other} with {comm.graph_names[other]}: replay "
+                    "graphs of a communicator on one stream, or capture with `comm.split(0)`"
+                )
+        watch.replays[self] = stream.cuda_stream
