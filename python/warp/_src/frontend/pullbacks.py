@@ -148,7 +148,7 @@ def mismatch(forward_fn, given, name, results):
     shown = expected[0] if len(expected) == 1 else "one of " + ", ".join(expected)
     return errors.WarpCodegenTypeError(
         f"'{given.function.__name__}' does not fit '{forward_fn.key}': expects '{shown}', "
-        f"but got '{given}'",
+        f"but got '{given.declaration(given.function.__name__)}'",
         hint=None if name == "func_replay" else "cotangents of the results come last",
         **given.source.place(given.source.tree),
     )
