@@ -25,8 +25,8 @@
 // leaves out words of missing threads. Threads on the other side of a branch
 // may do the same at that time: so each thread has a slot of the slab, of one
 // size for all elements of the kernel, and barriers are those of the threads
-// that came together. Where most of the stretch is missing each thread accesses
-// its own element.
+// that came together. Where more than a quarter of the stretch is missing each
+// thread accesses its own element.
 //
 // Threads with a row of elements each (`pose[world, body]`) do the same, in
 // loops as well: the elements at one place in 32 rows are moved by groups of
