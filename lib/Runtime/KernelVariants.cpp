@@ -10,11 +10,13 @@
 //
 //===----------------------------------------------------------------------===//
 
+#include "BackgroundThread.h"
 #include "CopyNest.h"
 #include "ExactSums.h"
 #include "GraphImpl.h"
 #include "Grid.h"
 #include "KernelImpl.h"
+#include "LaunchQueue.h"
 #include "Overlap.h"
 #include "PrivateCopies.h"
 #include "Support.h"
@@ -281,14 +283,17 @@ uint64_t Kernel::Impl::findZeros(uint64_t among, const VariantKey &key,
 }
 
 /// One version at most, for the zeros of the launch that was asked for it: what
-/// a scene leaves out, it leaves out for long.
+/// a scene leaves out, it leaves out for long. A launch that waits for its code
+/// counts when it is made, not when its code is, and asks for no version: who
+/// waits for it would wait for that, too.
 void Kernel::Impl::setZeros(VariantKey &key, uint64_t among, const void *params,
                             bool &reads) const {
   uint64_t zeros = findZeros(among, key, params, reads);
   uint64_t version = versionZeros.load(std::memory_order_relaxed);
-  if (zeros && !version &&
+  if (zeros && !version && !background::isWorker() &&
       launchesWithZeros.fetch_add(1, std::memory_order_relaxed) + 1 >=
           launchesUntilVersion &&
+      behindNothing == 0 &&
       versionZeros.compare_exchange_strong(version, zeros))
     version = zeros;
   if (version && (zeros & version) == version)

@@ -477,3 +477,34 @@ gate(True)
 wp.synchronize()
 """
     assert run(program, fake) == ["[3] True"]
+
+
+def test_versions_are_not_waited_for(fake):
+    """A launch that waits for its code counts once, and nobody waits for a version of it."""
+    program = """
+@wp.kernel
+def contacts(x: wp.array(dtype=float), count: int):
+    i = wp.tid()
+    s = x[i]
+    for k in range(count):
+        s += wp.sin(s) * wp.cos(s + float(k)) + wp.exp(-s * s)
+        s = wp.sqrt(wp.abs(s)) + wp.tan(s) * 0.125 + wp.pow(wp.abs(s), 0.3)
+    x[i] = s
+
+x = wp.zeros(100, dtype=float)
+
+def kinds():
+    return len(contacts.prepare().schedules(0))
+
+gate(False)
+wp.launch(contacts, 100, [x, 0])
+gate(True)
+wp.synchronize()
+_native.wait_for_background()
+once = kinds()
+for _ in range(2):
+    wp.launch(contacts, 100, [x, 0])
+    wp.synchronize()
+print(once, kinds())
+"""
+    assert run(program, fake) == ["1 2"]
