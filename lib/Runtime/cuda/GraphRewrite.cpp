@@ -28,17 +28,28 @@ static constexpr size_t mostNodes = 8000;
 using Call = Result (*)(GraphHandle, const GraphNode *, const GraphNode *,
                         const EdgeData *, size_t);
 
-static void callWith(Call call, const char *name, GraphHandle graph,
-                     const std::vector<GraphEdge> &edges) {
+namespace {
+struct EdgeLists {
   std::vector<GraphNode> from, to;
   std::vector<EdgeData> data;
+};
+} // namespace
+
+/// A call has edges of equal attributes alone: the driver takes those of the
+/// first one for all.
+static void callWith(Call call, const char *name, GraphHandle graph,
+                     const std::vector<GraphEdge> &edges) {
+  std::map<EdgeData, EdgeLists> lists;
   for (const GraphEdge &edge : edges) {
-    from.push_back(edge.from);
-    to.push_back(edge.to);
-    data.push_back(edge.data);
+    EdgeLists &list = lists[edge.data];
+    list.from.push_back(edge.from);
+    list.to.push_back(edge.to);
+    list.data.push_back(edge.data);
   }
-  if (!edges.empty())
-    check(call(graph, from.data(), to.data(), data.data(), edges.size()), name);
+  for (const auto &[data, list] : lists)
+    check(call(graph, list.from.data(), list.to.data(), list.data.data(),
+               list.from.size()),
+          name);
 }
 
 void GraphRewriter::apply(const Change &change) {

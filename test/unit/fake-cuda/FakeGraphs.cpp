@@ -420,10 +420,11 @@ EXPORT int cuGraphAddDependencies_v2(Graph *, Node *const *from,
                                      Node *const *to, const EdgeData *data,
                                      size_t count) {
   for (size_t i = 0; i < count; ++i) {
-    // Only between kernels, and no edge twice.
-    if ((data[i] == programmaticEdge &&
+    // Only between kernels, and no edge twice. As in driver 580, the attributes
+    // of the first edge are those of all.
+    if ((data[0] == programmaticEdge &&
          (from[i]->type != kernelNode || to[i]->type != kernelNode)) ||
-        !to[i]->before.emplace(from[i], data[i]).second)
+        !to[i]->before.emplace(from[i], data[0]).second)
       return invalidValue;
   }
   return success;
