@@ -41,9 +41,45 @@ def picklers():
     return {**found, "cloudpickle": cloudpickle}
 
 
-@pytest.fixture(scope="module", params=picklers())
+# Objects that write to their arrays, which are read-only in the memory of Ray.
+WRITING = {"fsai", "cg", "cr", "bicgstab", "gmres", "adam", "sgd", "lbfgs"}
+
+
+def through_ray(objects):
+    """The facts of copies that a task of Ray finds; what writes to its arrays goes as bytes."""
+    ray = pytest.importorskip("ray")
+    ray.init(num_cpus=1, include_dashboard=False, log_to_driver=False, logging_level="error")
+    try:
+        task = ray.remote(pickle_cases.facts)
+        of_bytes = ray.remote(lambda data: pickle_cases.facts(pickle.loads(data)))
+        waiting = {
+            name: of_bytes.remote(pickle.dumps(one))
+            if name in WRITING
+            else task.remote(ray.put(one))
+            for name, one in objects.items()
+        }
+        return {name: ray.get(one, timeout=200) for name, one in waiting.items()}
+    finally:
+        ray.shutdown()
+
+
+def through_dask(objects):
+    """The facts of copies that a process of Dask finds."""
+    dask = pytest.importorskip("dask")
+    wrapped = [dask.delayed(one, name=name, traverse=False) for name, one in objects.items()]
+    tasks = [dask.delayed(pickle_cases.facts)(one) for one in wrapped]
+    return dict(zip(objects, dask.compute(*tasks, scheduler="processes", num_workers=1)))
+
+
+@pytest.fixture(scope="module", params=[*picklers(), "ray", "dask"])
 def copies(request):
     """The facts of the copies in another process, by name of the case."""
+    through = {"ray": through_ray, "dask": through_dask}.get(request.param)
+    if through:
+        objects = {name: pickle_registry.make(name) for name in pickle_registry.CASES}
+        with pytest.MonkeyPatch.context() as changed:
+            changed.setenv("PYTHONPATH", os.pathsep.join(sys.path))
+            return json.loads(json.dumps(through(objects)))
     pickler = picklers()[request.param]
     data, found = {}, {}
     for name in pickle_registry.CASES:
