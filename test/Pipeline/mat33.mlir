@@ -6,18 +6,8 @@
 // CHECK-LABEL: .entry mat33
 // CHECK-NOT: .local
 // CHECK: activemask
-// CHECK: activemask
-// CHECK-NOT: {{(ld|st)}}.local
-// CHECK: ld.global.b32 %r{{[0-9]+}}, [%[[S:rd[0-9]+]]+128];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+256];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+384];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+512];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+640];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+768];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+896];
-// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+1024];
-// CHECK: bar.warp.sync
-// CHECK: ld.global.b32 %r{{[0-9]+}}, [%[[A:rd[0-9]+]]+4];
+// CHECK: ld.global.b32 %r{{[0-9]+}}, [%[[A:rd[0-9]+]]];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+4];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+8];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+12];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+16];
@@ -25,6 +15,16 @@
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+24];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+28];
 // CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[A]]+32];
+// CHECK: bar.warp.sync
+// CHECK: ld.global.b32 %r{{[0-9]+}}, [%[[S:rd[0-9]+]]];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+128];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+256];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+384];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+512];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+640];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+768];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+896];
+// CHECK-NEXT: ld.global.b32 %r{{[0-9]+}}, [%[[S]]+1024];
 // CHECK-NOT: {{(ld|st)}}.local
 // CHECK-NOT: call
 // CHECK: st.global.b32 [%[[Y:rd[0-9]+]]],

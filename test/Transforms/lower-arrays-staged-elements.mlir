@@ -11,8 +11,8 @@
 
 // A whole warp loads neighbouring words, a line apart in one thread, and
 // exchanges them in its slab; so it stores. Threads of a warp that lacks some
-// wait for each other alone and share the words between them; few threads
-// access their own elements.
+// load their own elements, but share the words that they store and wait for
+// each other alone; few threads store their own.
 // CHECK: llvm.mlir.global internal @{{.*}}() {addr_space = 3 {{.*}}} : !llvm.array<9216 x i8>
 // CHECK-LABEL: llvm.func @both(
 // CHECK-SAME: nvvm.kernel
@@ -27,17 +27,6 @@
 // CHECK: "llvm.nvvm.bar.warp.sync"
 // CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<3> -> f32
 // CHECK: "llvm.nvvm.bar.warp.sync"
-// CHECK: llvm.br
-// CHECK: %[[HERE:.*]] = llvm.call_intrinsic "llvm.nvvm.activemask"
-// CHECK: llvm.cond_br
-// CHECK: "llvm.nvvm.bar.warp.sync"(%[[HERE]])
-// CHECK: llvm.select
-// CHECK-COUNT-3: llvm.load {{.*}} : !llvm.ptr<1> -> f32
-// CHECK-COUNT-3: llvm.store {{.*}} : f32, !llvm.ptr<3>
-// CHECK: llvm.load {{.*}} : !llvm.ptr<1> -> f32
-// CHECK: llvm.store {{.*}} : f32, !llvm.ptr<3>
-// CHECK: "llvm.nvvm.bar.warp.sync"(%[[HERE]])
-// CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<3> -> f32
 // CHECK: llvm.br
 // CHECK-COUNT-9: llvm.load {{.*}} : !llvm.ptr<1> -> f32
 // CHECK-NOT: activemask
@@ -182,6 +171,8 @@ func.func @full(%x: !warp.array<1 x !m>, %y: !warp.array<1 x !l>,
 // GRID: nvvm.shfl.sync
 // GRID: "llvm.nvvm.vote.all.sync"
 // GRID-COUNT-3: "llvm.nvvm.bar.warp.sync"
+// GRID: "llvm.nvvm.vote.all.sync"
+// GRID-COUNT-3: "llvm.nvvm.bar.warp.sync"
 // GRID: %[[HERE:.*]] = llvm.call_intrinsic "llvm.nvvm.activemask"
 // GRID: "llvm.nvvm.match.all.sync.i64p"(%[[HERE]],
 // GRID-COUNT-2: "llvm.nvvm.bar.warp.sync"(%[[HERE]])
@@ -191,7 +182,7 @@ func.func @rows(%x: !warp.array<2 x !m>, %y: !warp.array<2 x !m>)
     attributes {warp.kernel} {
   %i, %j = warp.tid : si32, si32
   %v = warp.load %x[%i, %j] : !warp.array<2 x !m>, si32, si32 -> !m
-  warp.store %v, %y[%j, %j] : !m, !warp.array<2 x !m>, si32, si32
+  warp.store %v, %y[%i, %j] : !m, !warp.array<2 x !m>, si32, si32
   return
 }
 

@@ -311,13 +311,6 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
       synchronizeWarp(b, loc);
     return loaded;
   };
-  auto part = [&](const LaneGroup &lanes) {
-    SmallVector<Value> loaded;
-    for (auto [element, pointer] : llvm::zip_equal(elements, pointers))
-      llvm::append_range(
-          loaded, PartialStage(b, loc, staged, lanes, element, pointer).load());
-    return loaded;
-  };
   auto alone = [&] {
     SmallVector<Value> loaded;
     for (auto [element, pointer] : llvm::zip_equal(elements, pointers))
@@ -329,8 +322,8 @@ void warp::ArrayLowering::lowerStaged(ArrayRef<LoadComponentsOp> group) {
   bool areOfRows = rows.front() != nullptr;
   Value isAll = areOfRows ? isWholeOfRows(first, first.getIndices())
                           : isWhole(first, pointers, elements);
-  ValueRange results = stage(isAll, types, pointers, elements, whole,
-                             areOfRows ? PartStaged() : part, alone);
+  ValueRange results =
+      stage(isAll, types, pointers, elements, whole, PartStaged(), alone);
   for (LoadComponentsOp op : group) {
     op.replaceAllUsesWith(results.take_front(op.getNumResults()));
     results = results.drop_front(op.getNumResults());

@@ -3,10 +3,11 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // See StageElements.cpp. The threads that are there share the words of the
-// stretch from their first element to their last: thread number r of n moves
+// stretch from their first element to their last: thread number r of n stores
 // words r, r + n, r + 2 n, ... The thread of a word is a quotient by a
-// constant, and a bit of the mask says if it is there. Words of missing threads
-// are read, as they lie between others, and dropped.
+// constant, and a bit of the mask says if it is there. In place of a word of a
+// missing thread it stores the first word of its own element once more, which
+// has no effect and keeps accesses in flight together.
 //
 //===----------------------------------------------------------------------===//
 
@@ -128,8 +129,7 @@ SmallVector<Value> warp::PartialStage::ownSlot() {
 
 /// Moves `number` words of the stretch from `index` on, as many from each other
 /// as there are threads. `value` is stored in place of those of the slots.
-void warp::PartialStage::moveWords(Value index, int64_t number, bool toMemory,
-                                   Value value) {
+void warp::PartialStage::moveWords(Value index, int64_t number, Value value) {
   Type type = group.lanes.getType();
   auto add = [&](Value x, Value y) -> Value {
     return arith::AddIOp::create(b, loc, x, y);
@@ -165,16 +165,15 @@ void warp::PartialStage::moveWords(Value index, int64_t number, bool toMemory,
         ArrayRef<LLVM::GEPArg>(place), LLVM::GEPNoWrapFlags::inbounds);
     Value moved = value;
     if (!moved)
-      moved = LLVM::LoadOp::create(b, loc, this->word, toMemory ? slot : memory,
-                                   bytes);
-    moves.push_back({moved, toMemory ? memory : slot});
+      moved = LLVM::LoadOp::create(b, loc, this->word, slot, bytes);
+    moves.push_back({moved, memory});
   }
   for (auto [moved, to] : moves)
     LLVM::StoreOp::create(b, loc, moved, to, bytes);
 }
 
 /// A thread has `count` words at least, and more where others are missing.
-void warp::PartialStage::move(bool toMemory, Value value) {
+void warp::PartialStage::move(Value value) {
   auto mul = [&](Value x, int64_t factor) -> Value {
     return arith::MulIOp::create(b, loc, x, constant(factor));
   };
@@ -187,7 +186,7 @@ void warp::PartialStage::move(bool toMemory, Value value) {
         scf::ForOp::create(b, loc, first, last, mul(group.size, number));
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPointToStart(loop.getBody());
-    moveWords(loop.getInductionVar(), number, toMemory, value);
+    moveWords(loop.getInductionVar(), number, value);
   };
   Value rest =
       arith::AddIOp::create(b, loc, group.rank, mul(group.size, count));
@@ -195,26 +194,16 @@ void warp::PartialStage::move(bool toMemory, Value value) {
   each(rest, mul(span, count), 1);
 }
 
-SmallVector<Value> warp::PartialStage::load() {
-  synchronizeWarp(b, loc, group.lanes);
-  move(/*toMemory=*/false);
-  synchronizeWarp(b, loc, group.lanes);
-  SmallVector<Value> words;
-  for (Value from : ownSlot())
-    words.push_back(LLVM::LoadOp::create(b, loc, word, from, bytes));
-  return words;
-}
-
 void warp::PartialStage::store(ValueRange words) {
   for (auto [value, to] : llvm::zip_equal(words, ownSlot()))
     LLVM::StoreOp::create(b, loc, value, to, bytes);
   synchronizeWarp(b, loc, group.lanes);
-  move(/*toMemory=*/true);
+  move();
   synchronizeWarp(b, loc, group.lanes);
 }
 
 void warp::PartialStage::fill(Value value) {
   synchronizeWarp(b, loc, group.lanes);
-  move(/*toMemory=*/true, value);
+  move(value);
   synchronizeWarp(b, loc, group.lanes);
 }

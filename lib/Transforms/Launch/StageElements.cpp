@@ -21,12 +21,13 @@
 // cache is for.
 //
 // A warp that lacks some threads (the last one of a launch, a branch that some
-// take) moves the stretch from the first to the last element that it has, and
+// take) stores the stretch from the first to the last element that it has, and
 // leaves out words of missing threads. Threads on the other side of a branch
 // may do the same at that time: so each thread has a slot of the slab, of one
 // size for all elements of the kernel, and barriers are those of the threads
 // that came together. Where more than a quarter of the stretch is missing each
-// thread accesses its own element.
+// thread stores its own element. It loads its own in any case: the first load
+// brings lines to the cache of the multiprocessor, for the others to find.
 //
 // Threads with a row of elements each (`pose[world, body]`) do the same, in
 // loops as well: the elements at one place in 32 rows are moved by groups of

@@ -85,7 +85,7 @@ mlir::Value isDense(mlir::OpBuilder &b, mlir::Location loc,
                     const StagedAccesses &staged, const LaneGroup &group,
                     mlir::ValueRange pointers, llvm::ArrayRef<int64_t> sizes);
 
-/// The elements of a group that is dense, each in the slot of its thread.
+/// Stores elements of a group that is dense, each by way of its thread's slot.
 class PartialStage {
 public:
   /// `pointer` is that of the thread's own element.
@@ -93,8 +93,7 @@ public:
                const StagedAccesses &staged, const LaneGroup &group,
                mlir::Type element, mlir::Value pointer);
 
-  /// Words of the thread's own element.
-  llvm::SmallVector<mlir::Value> load();
+  /// `words` are those of the thread's own element.
   void store(mlir::ValueRange words);
   /// Stores elements all words of which are `value`.
   void fill(mlir::Value value);
@@ -102,9 +101,8 @@ public:
 private:
   mlir::Value constant(int64_t value);
   llvm::SmallVector<mlir::Value> ownSlot();
-  void moveWords(mlir::Value index, int64_t number, bool toMemory,
-                 mlir::Value value);
-  void move(bool toMemory, mlir::Value value = {});
+  void moveWords(mlir::Value index, int64_t number, mlir::Value value);
+  void move(mlir::Value value = {});
 
   mlir::OpBuilder &b;
   mlir::Location loc;
