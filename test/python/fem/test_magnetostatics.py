@@ -23,25 +23,20 @@ def field(s: fem.Sample, domain: fem.Domain):
     return b
 
 
-@wp.func
-def rotation(slope: wp.mat33d):
-    return wp.vec3d(slope[2, 1] - slope[1, 2], slope[0, 2] - slope[2, 0], slope[1, 0] - slope[0, 1])
-
-
 @fem.integrand
 def curl_curl(s: fem.Sample, u: fem.Field, v: fem.Field):
-    return wp.dot(rotation(fem.grad(u, s)), rotation(fem.grad(v, s)))
+    return 4.0 * wp.dot(fem.curl(u, s), fem.curl(v, s))
 
 
 @fem.integrand
 def current(s: fem.Sample, domain: fem.Domain, v: fem.Field):
     """(curl B, v) by parts: v has no tangential part on the boundary."""
-    return wp.dot(field(s, domain), rotation(fem.grad(v, s)))
+    return 2.0 * wp.dot(field(s, domain), fem.curl(v, s))
 
 
 @fem.integrand
 def squared_error(s: fem.Sample, domain: fem.Domain, u: fem.Field):
-    return wp.length_sq(rotation(fem.grad(u, s)) - field(s, domain))
+    return wp.length_sq(2.0 * fem.curl(u, s) - field(s, domain))
 
 
 @fem.integrand
