@@ -67,9 +67,9 @@ def found():
 
 @pytest.fixture
 def start():
-    def run(engine, size, program, *arguments, limit=60):
+    def run(engine, size, program, *arguments, **options):
         launcher.need(engine)
-        return launcher.run(engine, size, launcher.FOLDER / program, *arguments, limit=limit)
+        return launcher.run(engine, size, launcher.FOLDER / program, *arguments, **options)
 
     return run
 

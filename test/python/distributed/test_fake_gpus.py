@@ -19,10 +19,11 @@ FAILURES = "raise", "hang", "kill", "replay", "replay-kill"
 
 
 @pytest.fixture
-def fake(monkeypatch):
+def fake():
     if not programs.FAKE_CUDA.exists():
         pytest.skip("needs the driver that the unit tests are built with")
-    monkeypatch.setenv("WARP_CUDA_DRIVER", str(programs.FAKE_CUDA))
+    # Other tests run beside, without that driver.
+    return {"WARP_CUDA_DRIVER": str(programs.FAKE_CUDA)}
 
 
 @pytest.fixture
@@ -32,7 +33,8 @@ def ranks(start, fake):
     def run(*arguments, flags=(), limit=100):
         program, *others = arguments
         where = str(launcher.FOLDER / program)
-        return start("mpi", 2, "fake_nccl.py", *flags, where, *others, "--way=nccl", limit=limit)
+        arguments = *flags, where, *others, "--way=nccl"
+        return start("mpi", 2, "fake_nccl.py", *arguments, limit=limit, **fake)
 
     return run
 
@@ -44,7 +46,7 @@ def test_messages_and_refusals(ranks):
 
 @pytest.mark.parametrize("engine", ["mpi", "gloo"])
 def test_messages_of_the_host_and_captures(start, fake, engine):
-    codes, output = start(engine, 2, "movement_checks.py", limit=100)
+    codes, output = start(engine, 2, "movement_checks.py", limit=100, **fake)
     assert not any(codes) and output.count(": null}") == 3, output
 
 
@@ -57,7 +59,7 @@ def failing(request):
 
     def run(flags, how):
         arguments = *flags, launcher.FOLDER / "failing.py", how, "--way=nccl"
-        codes, output = launcher.run("mpi", 2, FAKE, *arguments, limit=100)
+        codes, output = launcher.run("mpi", 2, FAKE, *arguments, limit=100, **driver)
         return codes, output, launcher.seconds_since_failure(output)
 
     chosen = [
@@ -65,8 +67,8 @@ def failing(request):
         for one in request.session.items
         if one.path == request.path and "failing" in one.fixturenames
     ]
-    with pytest.MonkeyPatch.context() as changed, ThreadPoolExecutor(3) as pool:
-        changed.setenv("WARP_CUDA_DRIVER", str(programs.FAKE_CUDA))
+    driver = {"WARP_CUDA_DRIVER": str(programs.FAKE_CUDA)}
+    with ThreadPoolExecutor(3) as pool:
         # Most of their time is waiting.
         yield {one: pool.submit(run, *one) for one in chosen}
 

@@ -78,7 +78,7 @@ def _forks():
     return found
 
 
-def start(engine, size, program, *arguments, file):
+def start(engine, size, program, *arguments, file, **variables):
     """Starts the ranks, with output into a file; gives the processes.
 
     Ranks of gloo are forks of a process that has PyTorch. Engines of `ON_GPUS` have a GPU for each
@@ -87,10 +87,10 @@ def start(engine, size, program, *arguments, file):
     command = [sys.executable, str(program), *map(str, arguments)]
     pipes = {"stdout": file, "stderr": subprocess.STDOUT}
     if engine == "none":
-        return [subprocess.Popen(command, env=environment(), **pipes)]
+        return [subprocess.Popen(command, env=environment(**variables), **pipes)]
     if engine == "mpi":
         mpirun = ["mpirun", "-n", str(size), "--oversubscribe", "--allow-run-as-root"]
-        return [subprocess.Popen([*mpirun, *command], env=environment(**MPI), **pipes)]
+        return [subprocess.Popen([*mpirun, *command], env=environment(**MPI, **variables), **pipes)]
     about = {"MASTER_ADDR": "127.0.0.1", "MASTER_PORT": free_port(), "WORLD_SIZE": str(size)}
     about |= {"LOCAL_WORLD_SIZE": str(size)}
     if engine in ON_GPUS:
@@ -99,19 +99,19 @@ def start(engine, size, program, *arguments, file):
         # All GPUs are shown, so that ranks have to choose their own.
         about["CUDA_VISIBLE_DEVICES"] = os.environ.get("CUDA_VISIBLE_DEVICES")
     places = [{"RANK": str(rank), "LOCAL_RANK": str(rank)} for rank in range(size)]
-    environments = [environment(**about, **place) for place in places]
+    environments = [environment(**about, **place, **variables) for place in places]
     if engine in ("torch", "gloo"):
         return [_forks().start(command, one, file) for one in environments]
     return [subprocess.Popen(command, env=one, **pipes) for one in environments]
 
 
-def run(engine, size, program, *arguments, limit=60):
+def run(engine, size, program, *arguments, limit=60, **variables):
     """Runs a program on ranks; gives exit codes and all output.
 
     A rank that fails ends the others, as torchrun does it.
     """
     with tempfile.TemporaryFile("w+") as file:
-        processes = start(engine, size, program, *arguments, file=file)
+        processes = start(engine, size, program, *arguments, file=file, **variables)
         end = time.monotonic() + limit
         try:
             while time.monotonic() < end:
