@@ -17,8 +17,8 @@ either package and their ratio by kernel, the slowest first, and the megabytes o
 launch gets, with the bandwidth if it reads or writes all of them once; `slower` marks kernels that
 take more than 1.05 times the peer's. `--save` and
 `--expected` keep the peer's times likewise, so that one run on a machine with both gives the
-figures that later runs are compared with; engines_h200.json has humanoid, collision and tendon by
-NVIDIA Warp 1.19.0 on an H200. Scenes (benchmarks/_engine_profile.py, _engine_newton.py) are those
+figures that later runs are compared with; engines_h200.json has eight scenes by NVIDIA Warp 1.19.0
+on an H200. Scenes (benchmarks/_engine_profile.py, _engine_newton.py) are those
 of mujoco_warp's and Newton's own packages; on a GPU a step is a captured graph, as in training.
 """
 
