@@ -35,6 +35,45 @@ TEST_F(GraphLaunches, StartKernelsEarlyBehindOne) {
   EXPECT_EQ(early(), 2);
 }
 
+// A graph that the driver refuses gets the edges of its recording back, of
+// either kind; one with fused launches keeps its edges, but no kernel of it
+// starts early.
+TEST_F(GraphLaunches, GetOtherEdgesIfTheDriverRefusesThem) {
+  RealAdditions add;
+  auto *refuse = reinterpret_cast<void (*)(int)>(
+      dlsym(dlopen(WARP_FAKE_CUDA, RTLD_NOW), "fakeCudaRefuseGraphs"));
+  ASSERT_TRUE(refuse);
+  auto fill = [&](int threads, int others) {
+    return [&add, threads, others](Capture &) {
+      add.launch(0, 1, threads);
+      add.launch(0, 2, others);
+      add.launch(1, 3, others - 1);
+      add.launch(2, 4, 16);
+      add.launch(3, 4, 8);
+    };
+  };
+  refuse(1);
+  std::shared_ptr<Graph> graph = record(fill(64, 48));
+  EXPECT_EQ(early(), 4);
+  EXPECT_FALSE(graph->schedule()->kept.empty());
+  for (unsigned order = 0; order < 12; ++order) {
+    setOrder(order);
+    for (int place = 0; place < 5; ++place)
+      add.first(place) = float(1 << place);
+    graph->launch();
+    // 4 + (0 + 2) + (0 + 1 + 3).
+    ASSERT_EQ(add.first(4), 32) << "order " << order;
+  }
+  refuse(1);
+  graph = record(fill(64, 64));
+  EXPECT_EQ(graph->size(), 4u);
+  EXPECT_EQ(early(), 0);
+  EXPECT_TRUE(graph->schedule()->kept.empty());
+  refuse(2);
+  EXPECT_THROW(record(fill(64, 48)), Error);
+  refuse(0);
+}
+
 // A kernel of another library that starts early and never waits may end before
 // its predecessor: what comes behind it comes behind both.
 TEST_F(GraphLaunches, WaitForTheEndBesideKernelsOfOthers) {

@@ -350,11 +350,18 @@ EXPORT int cuGraphAddChildGraphNode(Node **node, Graph *graph,
 }
 /// Edges of the graph that was instantiated last that let a kernel start early.
 static int programmaticEdges = 0;
+/// Graphs that are refused next.
+static int refusals = 0;
+EXPORT void fakeCudaRefuseGraphs(int count) { refusals = count; }
 EXPORT int cuGraphInstantiateWithFlags(void **exec, Graph *graph,
                                        unsigned long long) {
   // One executable alone of a graph with branches or loops.
   if (graph->hasExecutable && !graph->bodies.empty())
     return notSupported;
+  if (refusals > 0) {
+    --refusals;
+    return invalidValue;
+  }
   graph->hasExecutable = true;
   *exec = graph;
   programmaticEdges = 0;
@@ -433,8 +440,10 @@ EXPORT int cuGraphRemoveDependencies_v2(Graph *, Node *const *from,
                                         Node *const *to, const EdgeData *data,
                                         size_t count) {
   for (size_t i = 0; i < count; ++i) {
+    // The attributes of an edge, and none but those of the first one.
     auto edge = to[i]->before.find(from[i]);
-    if (edge == to[i]->before.end() || edge->second != data[i])
+    if (edge == to[i]->before.end() || edge->second != data[i] ||
+        data[i] != data[0])
       return invalidValue;
     to[i]->before.erase(edge);
   }
