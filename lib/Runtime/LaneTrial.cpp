@@ -10,6 +10,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 
 using namespace warp;
 
@@ -98,10 +99,31 @@ void LaneTrial::spend(int64_t nanoseconds) {
     compile();
 }
 
+/// Nanoseconds that a processor has worked for this thread; 0 if that is not
+/// known.
+static int64_t threadTime() {
+  timespec time;
+  if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time) != 0)
+    return 0;
+  return int64_t(time.tv_sec) * 1'000'000'000 + time.tv_nsec;
+}
+
+/// Nanoseconds of `run` on this thread. Another process may have the processor
+/// for a while, of which the thread's own time has nothing; that time takes
+/// longer to read, though, and on some systems it moves by milliseconds.
+template <typename Fn> static double timeOf(Fn &&run) {
+  using namespace std::chrono;
+  int64_t before = threadTime();
+  steady_clock::time_point start = steady_clock::now();
+  run();
+  int64_t passed = nanoseconds(steady_clock::now() - start).count();
+  int64_t worked = threadTime() - before;
+  return double(worked > 0 ? std::min(passed, worked) : passed);
+}
+
 LaneTrial::Part
 LaneTrial::measure(const DeviceCode *code, int64_t items,
                    const std::function<void(bool, int64_t, int64_t)> &run) {
-  using namespace std::chrono;
   int64_t piece = ratios.pieceOf(items);
   if (piece == 0)
     return {};
@@ -112,9 +134,7 @@ LaneTrial::measure(const DeviceCode *code, int64_t items,
   }
   double spent[2] = {0, 0};
   for (bool byLanes : {true, false, false, true}) {
-    steady_clock::time_point start = steady_clock::now();
-    run(byLanes, part.end, part.end + piece);
-    spent[byLanes] += double(nanoseconds(steady_clock::now() - start).count());
+    spent[byLanes] += timeOf([&] { run(byLanes, part.end, part.end + piece); });
     part.end += piece;
   }
   std::optional<TrialTimes> found;

@@ -10,7 +10,8 @@
 // a processor that sees the same indices again predicts their branches, which
 // scalar code has more of. Work differs from index to index and other processes
 // come in between, so the ratio of a launch counts once, and their median
-// decides; the first two launches, whose code is cold, do not count. The
+// decides; the first two launches, whose code is cold, do not count. The time
+// of a piece is the thread's own where another process had the processor. The
 // quicker code stays, and the cache remembers the times beside the code. A
 // second round compares lanes that stay with half or twice as many in the same
 // way, if launches go on.

@@ -9,6 +9,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
+#include <ctime>
+#include <thread>
+
 using namespace warp;
 
 TEST(TrialRatios, PiecesAreAPartOfALaunch) {
@@ -163,4 +167,36 @@ TEST(LaneTrial, EndsWithoutCodeToCompareWith) {
                   });
   trial.begin(nullptr);
   EXPECT_FALSE(trial.isOpen());
+}
+
+/// Works for some microseconds, whoever has the processor in between.
+static void workFor(int64_t microseconds) {
+  auto now = [] {
+    timespec time;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+    return int64_t(time.tv_sec) * 1'000'000 + time.tv_nsec / 1000;
+  };
+  for (int64_t end = now() + microseconds; now() < end;)
+    ;
+}
+
+// Code that works for half as long is quicker, also if the thread loses its
+// processor in every one of its pieces.
+TEST(LaneTrial, OtherProcessesDoNotCount) {
+  std::optional<TrialTimes> found;
+  LaneTrial trial([] {},
+                  [&](const TrialTimes &times) {
+                    found = times;
+                    return false;
+                  });
+  NoCode code;
+  trial.begin(&code);
+  while (trial.isOpen())
+    trial.measure(&code, 1000, [](bool byLanes, int64_t, int64_t) {
+      workFor(byLanes ? 400 : 200);
+      if (!byLanes)
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    });
+  ASSERT_TRUE(found);
+  EXPECT_TRUE(found->prefersPlain());
 }
