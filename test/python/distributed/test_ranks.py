@@ -7,7 +7,7 @@ import pytest
 
 PASSING = (
     *("halo_values", "halo_of_any_type", "random_partitions", "push_and_halo", "bad_blocks"),
-    *("adjoints_of_halos", "adjoints_of_some_fields", "adjoints_in_spaces"),
+    *("adjoints_of_halos", "adjoints_of_some_fields", "adjoints_in_shared_memory"),
     *("reductions", "movements", "dot_tests", "products"),
     *("debug_mode", "disagreement", "bad_input", "lifetime"),
     *("linear_operations", "extrema_and_products", "derivatives_along_directions"),

@@ -150,14 +150,14 @@ class Home:
         _call(self._adding)
 
 
-class NearHome(Home):
-    """The way home by the space of a plan, and in messages to ranks of other hosts."""
+class SharedHome(Home):
+    """The way home by shared memory of a plan, and in messages to ranks of other hosts."""
 
     def _prepare(self, exchange, ghosts, own) -> None:
         from warp._src.distributed.parts import copying, removals
 
-        comm, space = self._comm, exchange.plan.space
-        self._space = space
+        comm, shared = self._comm, exchange.plan.shared
+        self._shared = shared
         # For each half: what moves adjoints there, and what came.
         self._moving: tuple = ([], [])
         come: tuple = ([], [])
@@ -165,19 +165,19 @@ class NearHome(Home):
         for side, sent, added in zip(exchange.sides, ghosts, own, strict=True):
             arrived = Buffer(added, comm.device)
             kept.append(arrived.parts)
-            if side.peer not in space.ranks:
+            if side.peer not in shared.ranks:
                 pairs.append((arrived.bytes, self._leaving(sent, comm.device)))
                 for found in come:
                     found.append(arrived.parts)
                 continue
             for half in (0, 1):
                 if sent:
-                    there = space.buffer(half, comm.rank, side.peer, side.take_tag, sent)
+                    there = shared.buffer(half, comm.rank, side.peer, side.take_tag, sent)
                     for part, one in zip(there.parts, sent, strict=True):
                         self._moving[half].extend(removals(part, one))
                 here = []
                 if added:
-                    here = space.buffer(half, side.peer, comm.rank, side.give_tag, added).parts
+                    here = shared.buffer(half, side.peer, comm.rank, side.give_tag, added).parts
                 come[half].append(here)
             is_other = side.peer != comm.rank
             pairs.append(tuple(wp.empty(int(is_other), dtype=wp.uint8) for _ in range(2)))
@@ -208,8 +208,8 @@ class NearHome(Home):
         _call(self._adding_from[self._move()])
 
     def _move(self) -> int:
-        """Moves adjoints to a half of the space, of which all are told; gives the half."""
-        half = self._space.turn()
+        """Moves adjoints to a half of the memory, tells all ranks, and gives the half."""
+        half = self._shared.turn()
         _call(self._before)
         _call(self._moving[half])
         self._transfer()

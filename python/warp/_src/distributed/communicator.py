@@ -94,7 +94,7 @@ class Communicator:
 
     engine = "none"
     stream = None
-    # Ranks of a host tell each other what lies in memory that they share, see `spaces`.
+    # True if adjoints go through memory that ranks of a host share, see `shared_memory`.
     shares_memory = False
 
     def __init__(self, rank, size, local_rank=0, local_size=1, device=None, timeout=300.0):

@@ -10,11 +10,11 @@ from warp import _native
 from warp._src.arrays.gradients import has_wide_gradient
 from warp._src.arrays.hooks import captures
 from warp._src.arrays.observers import Observers
-from warp._src.distributed import spaces
-from warp._src.distributed.adjoints import Home, HomeRecord, NearHome, Writes, active
+from warp._src.distributed.adjoints import Home, HomeRecord, SharedHome, Writes, active
 from warp._src.distributed.buffers import Buffer, memory_of, size_of
 from warp._src.distributed.communicator import Message
 from warp._src.distributed.plans import check_capture, check_plan, run_or_record
+from warp._src.distributed.shared_memory import share_memory
 from warp._src.types.dtypes import type_repr
 
 
@@ -51,10 +51,10 @@ class Plan(array):
     """Number and step of a plan that was compared over all ranks, two words.
 
     Attributes:
-        space: memory of the host that its adjoints go through, or None.
+        shared: memory of the host that its adjoints go through, or None.
     """
 
-    space = None
+    shared = None
 
 
 class Exchange:
@@ -129,7 +129,7 @@ class Exchange:
         if self.gradients:
             sent = ((side.peer, side.take_tag, active(side.take)) for side in self.sides)
             sizes = {(peer, tag): size_of([x.grad for x in parts]) for peer, tag, parts in sent}
-            plan.space = spaces.made(self.comm, {k: v for k, v in sizes.items() if v})
+            plan.shared = share_memory(self.comm, {k: v for k, v in sizes.items() if v})
         return plan
 
     # Running.
@@ -258,8 +258,8 @@ class Exchange:
     def home(self) -> Home:
         """The way home of adjoints of ghosts."""
         if self._home is None:
-            near = self.plan.space is not None and not self.is_own
-            self._home = NearHome(self) if near else Home(self)
+            is_shared = self.plan.shared is not None and not self.is_own
+            self._home = SharedHome(self) if is_shared else Home(self)
         return self._home
 
     def _record(self, arrays, written, method) -> None:

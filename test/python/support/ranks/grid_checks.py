@@ -11,7 +11,7 @@ import pytest
 
 import warp as wp
 import warp.distributed as wd
-from warp._src.distributed import failures, spaces
+from warp._src.distributed import failures, shared_memory
 
 ROWS, COLUMNS, STEPS = 24, 16, 10
 
@@ -333,7 +333,7 @@ def adjoints_of_some_fields(comm):
         assert values.sum() == x.size and not values[0].any(), values
 
 
-def adjoints_in_spaces(comm):
+def adjoints_in_shared_memory(comm):
     """The same adjoints through memory of the host, of all ranks and of some; none without room."""
 
     def alone(comm, size):
@@ -346,18 +346,18 @@ def adjoints_in_spaces(comm):
 
     last, log = comm.size - 1, comm.log
     with pytest.MonkeyPatch.context() as changed:
-        changed.setattr(spaces, "SMALLEST", 0)
+        changed.setattr(shared_memory, "SMALLEST", 0)
         wanted = gradient(comm)
         adjoints_of_halos(comm)
         adjoints_of_some_fields(comm)
-        changed.setattr(spaces, "memory_of_host", alone)
+        changed.setattr(shared_memory, "memory_of_host", alone)
         changed.setattr(
             comm, "log", types.SimpleNamespace(last=known, begin=log.begin, own=log.own)
         )
         assert gradient(comm) == wanted
         adjoints_of_some_fields(comm)
         changed.undo()
-        changed.setattr(spaces, "SMALLEST", 0)
+        changed.setattr(shared_memory, "SMALLEST", 0)
         if comm.rank == 0:
             changed.setattr(os, "posix_fallocate", no_room)
         assert gradient(comm) == wanted
@@ -433,5 +433,5 @@ def bad_blocks(comm):
 
 CHECKS = [
     *(jacobi, gradient, halo_values, halo_of_any_type, random_partitions, push_and_halo),
-    *(adjoints_of_halos, adjoints_of_some_fields, adjoints_in_spaces, capture, bad_blocks),
+    *(adjoints_of_halos, adjoints_of_some_fields, adjoints_in_shared_memory, capture, bad_blocks),
 ]

@@ -1,8 +1,8 @@
-"""Spaces: memory that ranks of a host share, from which adjoints of ghosts are added.
+"""Shared memory of the ranks of a host, from which adjoints of ghosts are added.
 
-A message is copied from process to process, and what came is read once more to be added. In a space
-it is read once: the sender moves adjoints there, a message of one byte says so, and the receiver
-adds them to its own.
+A message is copied from process to process, and what came is read once more to be added. In shared
+memory it is read once: the sender moves adjoints there, a message of one byte says so, and the
+receiver adds them to its own.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import warp as wp
 from warp._src.distributed.buffers import Buffer, aligned, size_of
 from warp._src.distributed.failures import memory_of_host
 
-# Bytes of a message from which on a plan has a space.
+# Bytes of a message from which on a plan has shared memory.
 SMALLEST = 1 << 15
 
 
-class Space:
-    """The space of a plan.
+class SharedMemory:
+    """The shared memory of a plan.
 
     It has two halves, taken in turn. A rank that is told of a half has had its neighbour's last
     adjoints, and so has the neighbour: the half of the step before is free when this one is read.
@@ -49,8 +49,10 @@ class Space:
         return Buffer(likes, None, self._bytes._view(offset, (size,), (1,), wp.uint8))
 
 
-def made(comm, messages) -> Space | None:
-    """The space of a plan, or None where it has small messages or no memory; all ranks call this.
+def share_memory(comm, messages) -> SharedMemory | None:
+    """The shared memory of a plan, None if its messages are small or there is no room.
+
+    All ranks call this.
 
     Args:
         messages: bytes of adjoints that this rank sends, by (rank that gets, tag).
@@ -67,4 +69,4 @@ def made(comm, messages) -> Space | None:
             offsets[rank, receiver, tag] = end
             end += aligned(size)
     memory = memory_of_host(comm, max(2 * end, 1))
-    return None if memory is None else Space(memory, ranks, offsets, end)
+    return None if memory is None else SharedMemory(memory, ranks, offsets, end)
