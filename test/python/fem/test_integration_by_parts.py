@@ -1,4 +1,4 @@
-"""Integration by parts holds for whole matrices: on all geometries, between all families.
+"""Integration by parts holds for whole matrices: on nine geometries, by scalar and vector bases.
 
 With a constant matrix C, the integral over cells of u C : grad(v) + v . C grad(u) is that of
 u v . C n over their sides. It takes every component of every gradient, of cells that are curved,
@@ -23,26 +23,11 @@ def volume(voxels, size):
     return wp.Volume.allocate_by_voxels(points, voxel_size=size, translation=(0.5 * size,) * 3)
 
 
-def refined():
-    """Cells of two sizes in a cube."""
-    fine = volume(list(np.ndindex(2, 4, 4)), 0.25)
-    coarse = volume([(1, j, k) for j, k in np.ndindex(2, 2)], 0.5)
-    made = fem.adaptive_nanogrid_from_hierarchy([fine, coarse])
-    return fem.AdaptiveNanogrid(made.cell_grid, made.cell_level, made.level_count, scalar_type=REAL)
-
-
 def bend(x):
     y = x.copy()
     y[:, 0] += 0.15 * x[:, 1] ** 2
     y[:, -1] += 0.1 * x[:, 0] * x[:, 1]
     return y
-
-
-def curved(base):
-    vector = wp.types.vector(base.dimension, REAL)
-    space = fem.make_polynomial_space(base, degree=2, dtype=vector)
-    field = programs.field_of(space, bend(space.node_positions().numpy()))
-    return field.make_deformed_geometry(relative=False)
 
 
 @wp.func
@@ -61,9 +46,9 @@ def make(name):
     if name == "by function":
         return by_function(grad_func=True)
     if name.startswith("curved "):
-        return curved(make(name[7:]))
+        return programs.curved(make(name[7:]), bend)
     if name == "adaptive":
-        return refined()
+        return programs.two_levels()
     if name == "nanogrid":
         return fem.Nanogrid(volume(list(np.ndindex(3, 2, 2)), 0.5), scalar_type=REAL)
     return programs.geometry(name, 2, REAL, None if "grid" in name else programs.warped)

@@ -109,6 +109,48 @@ def order_of(errors, factor=2.0):
     return math.log(errors[-2] / errors[-1]) / math.log(factor)
 
 
+def warped_geometry(name, n):
+    """A geometry in float64 whose cells are not affine, except those of grids."""
+    return geometry(name, n, move=None if "grid" in name else warped)
+
+
+def curved(base, move, degree=2):
+    """A geometry with the nodes of a polynomial map at other places."""
+    vector = wp.types.vector(base.dimension, wp.float64)
+    space = fem.make_polynomial_space(base, degree=degree, dtype=vector)
+    field = field_of(space, move(space.node_positions().numpy()))
+    return field.make_deformed_geometry(relative=False)
+
+
+def two_levels():
+    """Cells of two sizes in the unit cube."""
+    levels = ((np.ndindex(2, 4, 4), 0.25), ([(1, j, k) for j, k in np.ndindex(2, 2)], 0.5))
+    grids = [
+        wp.Volume.allocate_by_voxels(
+            wp.array(np.array(list(voxels)), dtype=wp.vec3i), size, translation=(0.5 * size,) * 3
+        )
+        for voxels, size in levels
+    ]
+    made = fem.adaptive_nanogrid_from_hierarchy(grids)
+    return fem.AdaptiveNanogrid(
+        made.cell_grid, made.cell_level, made.level_count, scalar_type=wp.float64
+    )
+
+
+def matrix_of(form, fields, domain=None, order=None, **values):
+    """The dense matrix of a bilinear form, by the rule of an order or by the default one."""
+    rule = None if order is None else fem.RegularQuadrature(domain, order=order)
+    domain = None if rule else domain
+    return dense(fem.integrate(form, domain=domain, quadrature=rule, fields=fields, values=values))
+
+
+def spectrum(a, m, free):
+    """The eigenvalues of a generalised symmetric problem, ascending."""
+    lower = np.linalg.cholesky(m[np.ix_(free, free)])
+    half = np.linalg.solve(lower, a[np.ix_(free, free)])
+    return np.linalg.eigvalsh(np.linalg.solve(lower, half.T))
+
+
 @fem.integrand
 def diffusion(s: fem.Sample, u: fem.Field, v: fem.Field):
     return wp.dot(fem.grad(u, s), fem.grad(v, s))
