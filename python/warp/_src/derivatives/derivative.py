@@ -1,7 +1,4 @@
-"""One derivative of a kernel, with the facts that come with it.
-
-They are, for one, the arrays that it reads, and arguments that the primal does not have.
-"""
+"""One derivative of a kernel: native code, arrays that it reads, arguments beyond the primal's."""
 
 from __future__ import annotations
 
@@ -287,4 +284,5 @@ def differentiate(native, active, forward=False, unique=True, singular=None, **o
 
 
 def thread_count(dim) -> int:
+    """Threads of a launch over these extents."""
     return math.prod(dim) if isinstance(dim, (tuple, list)) else int(dim)

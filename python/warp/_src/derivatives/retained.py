@@ -30,6 +30,7 @@ class Reading:
         return copy_layout(grad) if isinstance(grad, array) else grad.contiguous()
 
     def put_back(self) -> None:
+        """Sets the gradient to what it was then."""
         self._grad.assign(self._kept)
 
 

@@ -250,7 +250,8 @@ class Names:
         return f"struct {number}"
 
 
-# The tests of `token` for the types of most values, which none of the others concerns.
+# Methods by the exact type of a value, for the most frequent types: `token` asks them before it
+# tests for others, and they give the same.
 _METHODS = {
     type: lambda names, value, kind: names._class(value),
     types.ModuleType: lambda names, value, kind: names._module(value),

@@ -73,12 +73,11 @@ def _find(name, functions) -> tuple:
 
 
 class _GarbageKept(_native.Scope):
-    """Syntax trees are many objects that stay: Python would look through all of them, and those of
-    the program, again and again.
+    """Stops garbage collection during a translation, which makes many objects that stay.
 
-    To freeze and unfreeze them makes them old without a look at them; they would be looked at
-    right afterwards otherwise, and once more when many have come. Objects that the program has
-    frozen stay so.
+    Python would traverse all of them, and those of the program, again and again. `gc.freeze` and
+    `gc.unfreeze` move them to the oldest generation afterwards, without a traversal. Objects that
+    the program has frozen stay frozen.
     """
 
     _was_enabled = False

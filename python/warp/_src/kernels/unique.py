@@ -29,7 +29,7 @@ _VALUES = (type(None), bool, int, float, complex, str, bytes)
 _FIXED = (types.BuiltinFunctionType, types.MethodDescriptorType, Builtin)
 
 
-_NONE: frozenset = frozenset()
+_NO_NAMES: frozenset = frozenset()
 
 
 class _UnknownError(Exception):
@@ -92,7 +92,12 @@ def _key(func, name, options, module_options):
     if token is None:
         return None
     try:
-        return (token, name, _value(options, _NONE, set()), _value(module_options, _NONE, set()))
+        return (
+            token,
+            name,
+            _value(options, _NO_NAMES, set()),
+            _value(module_options, _NO_NAMES, set()),
+        )
     except _UnknownError:
         return None
 
@@ -200,7 +205,8 @@ def _device_function(function, active):
     return "func", tuple(_function(one, active) for one in function.overloads)
 
 
-# The tests of `_value` for the types of most values, which none of the others concerns.
+# Functions by the exact type of a value, for the most frequent types: `_value` asks them before it
+# tests for others, and they give the same.
 _PARTS = {
     types.FunctionType: lambda value, names, active: _function(value, active),
     types.ModuleType: lambda value, names, active: (
