@@ -11,7 +11,8 @@
 //
 // Hardly any index of a program is negative, so a processor predicts the branch
 // and loads at once. Only extents that come from the launch's parameters are
-// taken: numbers that a program adds to negative ones may have any signs.
+// taken: where a program adds others to negative numbers of its own, signs may
+// be random.
 //
 //===----------------------------------------------------------------------===//
 
@@ -51,8 +52,9 @@ static bool isParameter(llvm::Value *value) {
                      load->getPointerOperand()->stripInBoundsConstantOffsets());
 }
 
-/// True if a test tells negative numbers from others, which may be numbers that
-/// an index is made of by adding a constant.
+/// True if a test compares a number with a bound of zero or less. The index may
+/// be the number and a constant that is added to it, so the bound is not always
+/// zero.
 static bool tellsSign(llvm::ICmpInst *test) {
   const llvm::APInt *bound;
   if (!test || !match(test->getOperand(1), m_APInt(bound)))

@@ -69,10 +69,12 @@ struct Operation {
   std::shared_ptr<CodeTicket::State> code = {};
   /// The kernel of a launch, to tell its errors.
   const void *kernel = nullptr;
-  /// A fill of contiguous memory: where, and its element; else null.
+  /// For a fill of contiguous memory: the memory, null for other operations,
+  /// and the element.
   const char *filled = nullptr;
   size_t filledBytes = 0;
   std::vector<char> pattern = {};
+  /// True for a free, which writes nothing that is in use.
   bool isFree = false;
 };
 
@@ -140,7 +142,8 @@ void Queue::add(Operation operation) {
 }
 
 /// Copies what waiting fills will leave in memory; false if another operation
-/// may write there, too. Operations that are being done are earlier.
+/// may write there, too. Operations that run already were added earlier than
+/// those that wait.
 bool Queue::findFill(const char *memory, char *value, size_t bytes) {
   std::lock_guard lock(mutex);
   for (auto last = operations.rbegin(); last != operations.rend(); ++last) {

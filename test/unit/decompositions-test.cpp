@@ -1,5 +1,4 @@
-//===- decompositions-test.cpp - Factors of small matrices beside Eigen's
-//--===//
+//===- decompositions-test.cpp - Small matrices beside Eigen's ------------===//
 //
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
