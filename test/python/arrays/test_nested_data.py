@@ -229,3 +229,60 @@ def test_large_integers_become_floats():
     assert made.tolist() == [float(one) for one in given]
     with pytest.raises(OverflowError, match="an integer of 1025 bits does not fit 'float64'"):
         wp.array([2**1024], dtype=wp.float64, device="cpu")
+
+
+@wp.struct
+class Counter:
+    number: wp.uint64
+
+
+def set_component(number):
+    wp.vec2ul()[1] = number
+
+
+def set_field(number):
+    Counter().number = number
+
+
+@pytest.mark.parametrize("bits", [63, 64, 1400, 17000])
+@pytest.mark.parametrize(
+    "store",
+    [
+        wp.uint64,
+        wp.int8,
+        wp.vec2ul,
+        lambda number: wp.vec2ul(1, number),
+        set_component,
+        set_field,
+        lambda number: wp.full(3, number, dtype=wp.uint64, device="cpu"),
+        lambda number: wp.full(3, number, dtype=wp.vec2ul, device="cpu"),
+        lambda number: wp.full_like(wp.zeros(3, dtype=wp.int8, device="cpu"), number),
+        lambda number: wp.zeros(6, dtype=wp.int64, device="cpu")[::2].fill_(number),
+    ],
+)
+def test_numbers_that_no_integer_type_holds(store, bits):
+    with pytest.raises((OverflowError, ValueError), match="does not fit|is too large"):
+        store(-(2**63) - 1 if bits == 63 else 2**bits)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "number"),
+    [(wp.int8, 300), (wp.uint8, -1), (wp.uint64, -(2**63)), (wp.int64, 2**64 - 1)],
+)
+def test_numbers_of_64_bits_wrap(dtype, number):
+    bits = dtype._bits_
+    wrapped = number % 2**bits
+    if dtype in (wp.int8, wp.int64) and wrapped >= 2 ** (bits - 1):
+        wrapped -= 2**bits
+    assert wp.full(1, number, dtype=dtype, device="cpu").numpy().tolist() == [wrapped]
+    assert int(dtype(number)) == wrapped
+    assert wp.full(1, 2**64, dtype=wp.bool, device="cpu").numpy().tolist() == [True]
+
+
+@pytest.mark.parametrize("number", [2**64, -(2**63) - 1])
+@pytest.mark.parametrize("dtype", ["uint64", "int8"])
+def test_literals_that_no_integer_type_holds(dtype, number):
+    text = f"def keep(x: wp.array(dtype=wp.{dtype})):\n    x[0] = wp.{dtype}({number})\n"
+    x = wp.zeros(1, dtype=getattr(wp, dtype), device="cpu")
+    with pytest.raises(OverflowError, match=f"2:12: integer {number} does not fit 64 bits"):
+        wp.launch(wp.kernel(source=text), 1, [x], device="cpu")

@@ -320,6 +320,8 @@ def element_bytes(dtype, value) -> bytes:
             return bytes(value if isinstance(value, dtype) else dtype(value))
         number = value.value if isinstance(value, scalar_base) else value
         bits = scalars.BITS.get(dtype)
+        if issubclass(dtype, scalars.int_base):
+            scalars.check_integer(dtype, number)
         return bytes(dtype._type_(bits[0](number) if bits else number))
     except TypeError:
         got = arguments.spelled(value)

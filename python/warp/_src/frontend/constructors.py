@@ -110,8 +110,10 @@ class Constructors(Part):
         if written is not None and native.kind == "float":
             binding = written
         if type(binding) in (int, float, builtins.bool):
-            if type(binding) is int and native.kind == "int":
-                # An explicit conversion keeps the low bits, as that of a variable does.
+            is_integer = type(binding) is int and native.kind == "int"
+            if is_integer and -(1 << 63) <= binding < 1 << 64:
+                # An explicit conversion keeps the low bits, as that of a variable does. No variable
+                # has more than 64.
                 binding &= (1 << native.width) - 1
                 if native.signed and binding >> (native.width - 1):
                     binding -= 1 << native.width

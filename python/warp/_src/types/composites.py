@@ -16,7 +16,7 @@ from warp._src import errors
 from warp._src.argument_kinds import above
 from warp._src.arguments import shown
 from warp._src.types import arithmetic, scalars
-from warp._src.types.scalars import scalar_base, shown_name
+from warp._src.types.scalars import check_integer, int_base, scalar_base, shown_name
 
 ArrayMeta = type(ctypes.Array)
 _raw_get = ctypes.Array.__getitem__
@@ -177,7 +177,10 @@ class Composite:
             if isinstance(number, str):
                 # A conversion to bits would read it.
                 raise TypeError
-            _raw_set(self, index, self.scalar_import(number))
+            number = self.scalar_import(number)
+            if issubclass(self._wp_scalar_type_, int_base):
+                check_integer(self._wp_scalar_type_, number)
+            _raw_set(self, index, number)
         except IndexError:
             raise self._out_of_range(index) from None
         except OverflowError:
@@ -347,6 +350,9 @@ def construct_components(self, args):
         numbers = args
     else:
         _bad_count(self, len(args))
+    if issubclass(self._wp_scalar_type_, int_base):
+        for number in numbers:
+            check_integer(self._wp_scalar_type_, number)
     self._fill(numbers)
 
 

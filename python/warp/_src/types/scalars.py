@@ -1,9 +1,10 @@
 """Scalar types: `wp.float32(0.5)`, `wp.uint8(7)`, ...
 
 A scalar type is used as an annotation, as the `dtype` of an array, as a conversion in kernels, and
-at Python scope as a small value object. Values wrap as in C (`wp.uint8(300)` holds 44); floats keep
-the Python number and are rounded where they are stored. Arithmetic gives plain Python numbers: ints
-wrap to the type and divide as in C, and types do not mix.
+at Python scope as a small value object. Integers of up to 64 bits wrap as in C (`wp.uint8(300)`
+holds 44), longer ones are errors; floats keep the Python number and are rounded where they are
+stored. Arithmetic gives plain Python numbers: ints wrap to the type and divide as in C, and types
+do not mix.
 """
 
 from __future__ import annotations
@@ -168,6 +169,20 @@ class scalar_base(metaclass=ScalarType):
         return type(self)(abs(self.value))
 
 
+def check_integer(scalar, number) -> None:
+    """Refuses an integer beyond 64 bits for an integer type; smaller ones wrap as in C.
+
+    Raises:
+        WarpOverflowError: no integer type holds the number.
+    """
+    if isinstance(number, int) and not -(1 << 63) <= number < 1 << 64 and scalar is not bool:
+        length = number.bit_length()
+        given = number if length <= 128 else f"an integer of {length} bits"
+        raise errors.WarpOverflowError(
+            f"{given} does not fit '{scalar.__name__}', nor another integer type"
+        )
+
+
 class int_base(scalar_base):
     """Common parts of integers of all widths."""
 
@@ -176,6 +191,7 @@ class int_base(scalar_base):
     def __init__(self, value=0):
         if isinstance(value, scalar_base):
             value = value.value
+        check_integer(type(self), value)
         try:
             self.value = self._type_(value).value
         except (TypeError, AttributeError):

@@ -148,6 +148,8 @@ class Field:
             value = value.value
         try:
             bits = scalars.BITS.get(self.dtype)
+            if issubclass(self.dtype, scalars.int_base):
+                scalars.check_integer(self.dtype, value)
             self.raw.__set__(instance, bits[0](value) if bits else value)
         except TypeError:
             raise self._error(value) from None
