@@ -141,7 +141,11 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
                       graphs::CopyArray{*dst.array, *src.array, elementSize});
   }
   Nest nest = simplifyCopy(*dst.array, *src.array, elementSize);
-  if (nest.rank == 0)
+  // The driver's copies of bytes may not overlap.
+  bool meets = dst.device == src.device &&
+               (nest.rank != 0 || !isHost(dst.device)) &&
+               overlap(*dst.array, *src.array, elementSize);
+  if (nest.rank == 0 && !meets)
     return copyMemory(nest.dst, dst.device, nest.src, src.device, bytes,
                       stream);
   auto through = [&](int device) {
@@ -156,7 +160,7 @@ void warp::copyArray(ArrayView dst, ArrayView src, size_t elementSize,
   if (dst.device != src.device)
     return through(isContiguous(*src.array, elementSize) ? dst.device
                                                          : src.device);
-  if (overlap(*dst.array, *src.array, elementSize))
+  if (meets)
     return through(dst.device);
   deviceAt(dst.device).copyStrided(nest, bytes, stream);
 }

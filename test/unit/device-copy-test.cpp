@@ -40,6 +40,15 @@ TEST_P(DeviceCopy, OverlappingViews) {
   EXPECT_EQ(numbers.get(), (std::vector<int>{0, 3, 6, 1, 4, 7, 2, 5, 8}));
 }
 
+// Elements that move along their row, either way: one range of bytes.
+TEST_P(DeviceCopy, OverlappingRows) {
+  Numbers<int> numbers(number, iota(7));
+  copy(packed(numbers.data() + 1, {6}, 4), packed(numbers.data(), {6}, 4), 4);
+  EXPECT_EQ(numbers.get(), (std::vector<int>{0, 0, 1, 2, 3, 4, 5}));
+  copy(packed(numbers.data(), {4}, 4), packed(numbers.data() + 3, {4}, 4), 4);
+  EXPECT_EQ(numbers.get(), (std::vector<int>{2, 3, 4, 5, 3, 4, 5}));
+}
+
 // Random shapes, strides with gaps and element sizes against a plain loop.
 TEST_P(DeviceCopy, RandomViewsAgreeWithAPlainLoop) {
   std::mt19937 random(7);
