@@ -24,13 +24,24 @@ myst_enable_extensions = ["colon_fence", "fieldlist"]
 myst_heading_anchors = 3
 # Single backticks in docstrings are code.
 default_role = "code"
-exclude_patterns = ["site", "README.md"]
+exclude_patterns = ["site", "templates", "README.md"]
 html_theme = "furo"
 html_theme_options = {"navigation_with_keys": True}
 html_static_path = ["static"]
 html_css_files = ["site.css"]
-html_extra_path = ["notebooks"]
-templates_path: list[str] = []
+html_extra_path = ["notebooks", "versions.js"]
+templates_path = ["templates"]
+# Furo's, with the list of versions.
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html",
+        "versions.html",
+        "sidebar/search.html",
+        "sidebar/scroll-start.html",
+        "sidebar/navigation.html",
+        "sidebar/scroll-end.html",
+    ]
+}
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 # IR of the dialect has attributes that Pygments does not know; generated pages skip heading levels.

@@ -9,6 +9,7 @@ Every session compiles into its own empty kernel cache.
 """
 
 import os
+import shutil
 import signal
 import tempfile
 
@@ -97,3 +98,18 @@ def config():
     for name, value in saved.items():
         if getattr(wp.config, name) != value:
             setattr(wp.config, name, value)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Headless Chromium, the system's or playwright's."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with playwright.sync_playwright() as running:
+        options = {"args": ["--use-gl=angle", "--use-angle=swiftshader", "--no-sandbox"]}
+        system = shutil.which("chromium") or shutil.which("google-chrome")
+        try:
+            found = running.chromium.launch(executable_path=system, **options)
+        except playwright.Error:
+            pytest.skip("Chromium is not installed: playwright install chromium")
+        yield found
+        found.close()

@@ -1,10 +1,14 @@
 """The documentation: every public name, every printed program, every notebook, no warning."""
 
 import ast
+import functools
+import http.server
 import importlib
 import re
+import shutil
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -152,10 +156,101 @@ def test_links_of_pages_lead_somewhere():
             assert generated or (path.parent / target).exists(), f"{path.name}: {target}"
 
 
-def test_the_site_builds_without_warnings(tmp_path):
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """A folder with the site, which has to build without warnings."""
     pytest.importorskip("sphinx.application")
+    folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html"]
-    done = subprocess.run([*command, DOCS, tmp_path / "site"], capture_output=True, text=True)
+    done = subprocess.run([*command, DOCS, folder], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[-4000:]
+    return folder
+
+
+def test_the_site_builds_without_warnings(site):
     for page in ("index", "start", "api/index", "tutorials/fem", "how-to/arrays"):
-        assert (tmp_path / "site" / f"{page}.html").is_file()
+        assert (site / f"{page}.html").is_file()
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *arguments):
+        pass
+
+
+@pytest.fixture
+def versions(site, tmp_path):
+    """A folder with the site and an older version, which has no page of tutorials."""
+    new, old = tmp_path / wp.__version__, tmp_path / "1.18.0"
+    for folder in (new, old):
+        shutil.copytree(site, folder)
+        (folder / "versions.js").write_text(
+            f'window.siteVersions = ["{wp.__version__}", "1.18.0"];\n'
+        )
+    for page in old.rglob("*.html"):
+        page.write_text(
+            page.read_text().replace(
+                f"<option>{wp.__version__}</option>", "<option>1.18.0</option>"
+            )
+        )
+    (old / "tutorials" / "fem.html").unlink()
+    return tmp_path
+
+
+@pytest.fixture
+def server(versions):
+    """The address of these versions."""
+    handler = functools.partial(Quiet, directory=versions)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as found:
+        threading.Thread(target=found.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{found.server_port}"
+        found.shutdown()
+
+
+def switched(browser, address, name):
+    """Opens a page, checks its versions, chooses one; the address that opens, and after going back
+    the version that is shown."""
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    page.set_default_timeout(120_000)
+    page.goto(address)
+    shown = page.eval_on_selector_all("#version option", "all => all.map(one => one.text)")
+    assert shown == [wp.__version__, "1.18.0"]
+    before = page.input_value("#version")
+    with page.expect_navigation():
+        page.select_option("#version", name)
+    found, after = page.url, page.input_value("#version")
+    page.go_back()
+    back = page.input_value("#version")
+    page.close()
+    assert back == before
+    return found, before, after
+
+
+def test_a_site_of_one_version_names_it(site, browser):
+    assert f'["{wp.__version__}"' in (DOCS / "versions.js").read_text()
+    page = browser.new_page(viewport={"width": 1280, "height": 720})
+    problems = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda said: problems.append(said.text) if said.type == "error" else None)
+    page.goto((site / "tutorials" / "fem.html").as_uri())
+    shown = page.eval_on_selector_all("#version option", "all => all.map(one => one.text)")
+    assert shown == [wp.__version__]
+    assert page.is_visible("#version")
+    assert problems == []
+    page.close()
+
+
+def test_the_switch_opens_the_same_page_of_another_version(server, browser):
+    """Or the first page, where the other version has no such page."""
+    new, old = f"{server}/{wp.__version__}", f"{server}/1.18.0"
+    found = switched(browser, f"{new}/how-to/arrays.html", "1.18.0")
+    assert found == (f"{old}/how-to/arrays.html", wp.__version__, "1.18.0")
+    found = switched(browser, f"{old}/index.html", wp.__version__)
+    assert found == (f"{new}/index.html", "1.18.0", wp.__version__)
+    found = switched(browser, f"{new}/tutorials/fem.html", "1.18.0")
+    assert found[0] == f"{old}/index.html"
+
+
+def test_the_switch_works_without_a_server(versions, browser):
+    address = (versions / wp.__version__ / "how-to" / "arrays.html").as_uri()
+    found = switched(browser, address, "1.18.0")
+    assert found == ((versions / "1.18.0" / "index.html").as_uri(), wp.__version__, "1.18.0")

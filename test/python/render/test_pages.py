@@ -4,7 +4,6 @@ import base64
 import io
 import json
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -91,21 +90,6 @@ def test_parts_added_between_frames_are_refused(tmp_path):
     scene.add_spheres([[0, 0, 0]], 1.0)
     with pytest.raises(ValueError, match="added"):
         scene.save_html(tmp_path / "a.html")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    """Headless Chromium, the system's or playwright's."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with playwright.sync_playwright() as running:
-        options = {"args": ["--use-gl=angle", "--use-angle=swiftshader", "--no-sandbox"]}
-        system = shutil.which("chromium") or shutil.which("google-chrome")
-        try:
-            found = running.chromium.launch(executable_path=system, **options)
-        except playwright.Error:
-            pytest.skip("Chromium is not installed: playwright install chromium")
-        yield found
-        found.close()
 
 
 def pixels(page):
