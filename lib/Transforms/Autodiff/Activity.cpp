@@ -130,6 +130,9 @@ bool Activity::spreadVaried(Operation *op) {
     if (varied.contains(from))
       changed |= markVaried(to);
   });
+  if (auto store = dyn_cast<ScratchStoreOp>(op))
+    if (varied.contains(store.getValue()))
+      changed |= varied.insert(store.getScratch()).second;
   if (op->getNumRegions() != 0 || op->getNumResults() == 0)
     return changed;
   bool isVaried = llvm::any_of(op->getOperands(), [&](Value operand) {

@@ -99,9 +99,15 @@ LogicalResult ReverseBuilder::replay(Block &block) {
   return success();
 }
 
+/// True if values that the forward sweep loads again are stored within.
+static bool storesScratch(Operation *op) {
+  return op->walk([](ScratchStoreOp) { return WalkResult::interrupt(); })
+      .wasInterrupted();
+}
+
 LogicalResult ReverseBuilder::replay(Operation *op) {
   // An operation without results only has effects.
-  if (op->getNumResults() == 0)
+  if (op->getNumResults() == 0 && !storesScratch(op))
     return success();
   if (auto access = dyn_cast<AccessOp>(op))
     return access.mayWrite() ? replayUpdate(access) : replayLoad(access);
@@ -235,6 +241,8 @@ LogicalResult ReverseBuilder::reverse(Operation *op) {
   if (auto extract = dyn_cast<ExtractOp>(op))
     if (addSlots(extract))
       return success();
+  if (auto load = dyn_cast<ScratchLoadOp>(op))
+    return reverseScratchLoad(load);
   return reverseByRule(op);
 }
 
@@ -291,6 +299,14 @@ LogicalResult ReverseBuilder::reverseByRule(Operation *op) {
   for (auto [operand, grad] : llvm::zip_equal(op->getOperands(), *grads))
     addCotangent(operand, grad);
   return success();
+}
+
+/// Memory in which the adjoint of a loop keeps its values has no gradient.
+LogicalResult ReverseBuilder::reverseScratchLoad(ScratchLoadOp op) {
+  if (!takeCotangent(op.getResult()) || !isActive(op.getResult()))
+    return success();
+  return op.emitError("the adjoint of an adjoint does not go through values "
+                      "that a loop keeps: use 'wp.hessian' of the function");
 }
 
 void ReverseBuilder::countSingular(Location loc, Value isSingular) {

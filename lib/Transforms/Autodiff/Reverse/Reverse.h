@@ -189,6 +189,7 @@ private:
   mlir::LogicalResult reverseExtremum(AccessOp op, mlir::Value gradient,
                                       mlir::ValueRange indices);
   mlir::LogicalResult reverseCall(mlir::func::CallOp op);
+  mlir::LogicalResult reverseScratchLoad(ScratchLoadOp op);
   mlir::LogicalResult reverseByRule(mlir::Operation *op);
   bool addSlots(ExtractOp op);
   mlir::Value narrow(mlir::Value cotangent, mlir::Type type);
