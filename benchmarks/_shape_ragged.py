@@ -10,7 +10,7 @@ Counts = wp.types.vector(BINS, float)
 
 
 def rows(data, n, most):
-    """Where rows of random lengths begin."""
+    """First elements of rows of random lengths, and the end of the last row."""
     return np.r_[0, data.random.integers(0, most, n).cumsum()]
 
 

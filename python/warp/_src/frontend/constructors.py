@@ -10,6 +10,7 @@ from warp._src.frontend.bindings import BOOL, FLOAT32, INT32, Value
 from warp._src.frontend.context import Part
 from warp._src.frontend.local_arrays import LocalPointer
 from warp._src.types import dtypes
+from warp._src.types.scalars import fits_64_bits
 
 _MISUSED = {range: "a range outside `for`", reversed: "`reversed` outside `for`"}
 
@@ -111,7 +112,7 @@ class Constructors(Part):
             binding = written
         if type(binding) in (int, float, builtins.bool):
             is_integer = type(binding) is int and native.kind == "int"
-            if is_integer and -(1 << 63) <= binding < 1 << 64:
+            if is_integer and fits_64_bits(binding):
                 # An explicit conversion keeps the low bits, as that of a variable does. No variable
                 # has more than 64.
                 binding &= (1 << native.width) - 1

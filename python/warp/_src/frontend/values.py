@@ -22,6 +22,7 @@ from warp._src.frontend.bindings import (
 from warp._src.language.builtins import Builtin
 from warp._src.types import dtypes
 from warp._src.types.composites import scalars_of
+from warp._src.types.scalars import fits_64_bits
 
 
 def _hint_of(binding) -> str | None:
@@ -73,7 +74,7 @@ class Values:
             raise self.error(
                 node,
                 f"integer {number} does not fit 'int32'",
-                f"use `{wide}({number})`" if -(2**63) <= number < 2**64 else None,
+                f"use `{wide}({number})`" if fits_64_bits(number) else None,
                 errors.WarpCodegenOverflowError,
             )
         return self.builder.constant(INT32, number)

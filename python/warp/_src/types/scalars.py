@@ -169,13 +169,18 @@ class scalar_base(metaclass=ScalarType):
         return type(self)(abs(self.value))
 
 
+def fits_64_bits(number) -> bool:
+    """True if `int64` or `uint64` holds an integer."""
+    return -(2**63) <= number < 2**64
+
+
 def check_integer(scalar, number) -> None:
     """Refuses an integer beyond 64 bits for an integer type; smaller ones wrap as in C.
 
     Raises:
         WarpOverflowError: no integer type holds the number.
     """
-    if isinstance(number, int) and not -(1 << 63) <= number < 1 << 64 and scalar is not bool:
+    if isinstance(number, int) and not fits_64_bits(number) and scalar is not bool:
         length = number.bit_length()
         given = number if length <= 128 else f"an integer of {length} bits"
         raise errors.WarpOverflowError(

@@ -10,6 +10,7 @@ import numpy as np
 from warp._src.frontend.bindings import FLOAT32, INT32, Value
 from warp._src.frontend.parameters import known
 from warp._src.frontend.tiles.arguments import TileTopic
+from warp._src.types.scalars import fits_64_bits
 
 _FLOATS = {"float16": np.float16, "float32": np.float32}
 
@@ -91,7 +92,7 @@ class TileValues(TileTopic):
 
     def exact(self, name, number, native, node):
         """A bound, or the step, as elements of a type hold it."""
-        if isinstance(number, int) and not -(2**63) <= number < 2**64:
+        if isinstance(number, int) and not fits_64_bits(number):
             raise self.context.value_error(
                 node,
                 f"tile_arange() {name}={number} is too wide to use as an integer bound",
