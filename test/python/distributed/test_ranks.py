@@ -15,7 +15,7 @@ PASSING = (
     *("products_in_forward_mode", "disagreement_in_forward_mode", "many_fields_on_a_tape"),
     *("graph_operations", "bad_graphs"),
     *("checkpoints", "shared_memory", "warm_and_progress"),
-    *("migration_adjoint", "bad_particles"),
+    *("migration_adjoint", "bad_particles", "fixed_adjoints", "bad_fixed_particles"),
 )
 SAME_BITS = (
     "jacobi",
@@ -25,6 +25,7 @@ SAME_BITS = (
     "fused_solver",
     "matrix_free",
     "discs",
+    "fixed_capacities",
 )
 ROWS, COLUMNS, STEPS = 24, 16, 10
 

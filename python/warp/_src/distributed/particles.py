@@ -103,6 +103,7 @@ class Particles:
         index = np.stack(np.unravel_index(np.arange(cells), self.extents), 1)
         keys = hilbert_keys(index) if by == "hilbert" else np.arange(cells)
         self.order = np.argsort(keys, kind="stable")
+        self._tables: dict = {}
         self._deal(np.ones(cells))
         self.count, self.numbers, self.ghosts_of = 0, None, None
         self._plans: dict = {}
@@ -125,9 +126,44 @@ class Particles:
             at = [slice(max(d, 0), n - max(-d, 0)) for d, n in zip(step, self.extents, strict=True)]
             around[grid[tuple(to)].ravel(), owners[grid[tuple(at)].ravel()]] = True
         self.around = around
+        # Graphs go on with the new owners.
+        for name, table in self._tables.items():
+            table.assign(getattr(self, name))
 
-    def _cells(self, name, x) -> np.ndarray:
-        """The cell of each position."""
+    def _table(self, name, dtype):
+        if name not in self._tables:
+            values = getattr(self, name)
+            self._tables[name] = wp.array(values, dtype=dtype, device=self.comm.device)
+        return self._tables[name]
+
+    def device_owners(self):
+        """The owner of each cell, on the device."""
+        return self._table("owners", wp.int32)
+
+    def device_around(self):
+        """For each cell the ranks that own cells around, on the device."""
+        return self._table("around", wp.uint8)
+
+    def fixed(self, moving=None, near=None):
+        """The same points in arrays whose sizes never change, for steps that are captured.
+
+        Args:
+            moving: most points that go from a rank to another one in a step, by default the
+                capacity.
+            near: most ghosts that a rank has of another one, by default the capacity.
+
+        Returns:
+            `FixedParticles`.
+
+        Raises:
+            DistributedValueError: the particles have no capacity.
+        """
+        from warp._src.distributed.fixed_particles import FixedParticles
+
+        return FixedParticles(self, moving, near)
+
+    def _cells_of(self, name, x):
+        """The cell of each position, on the device; -1 for NaN."""
         checked(self.comm, name, x)
         length = (getattr(x.dtype, "_shape_", ()) or (1,))[0]
         if x.ndim != 1 or length < self.ndim or dtypes.is_struct(x.dtype):
@@ -148,7 +184,20 @@ class Particles:
         inputs = [numbers, self.ndim, low, scale, extents, cells]
         with Observing(tape=None, executor=None):
             wp.launch(_find_cells, x.size, inputs, device=x.device)
-        found = cells.numpy().copy()
+        return cells
+
+    def _cells(self, name, x) -> np.ndarray:
+        """The cell of each position, on the host.
+
+        Raises:
+            DistributedError: a position is NaN, or a graph is captured.
+        """
+        if self.comm.device.is_capturing:
+            raise DistributedError(
+                f"rank {self.comm.rank}: {name} in a capture, whose sizes cannot change: use "
+                "`particles.fixed()`"
+            )
+        found = self._cells_of(name, x).numpy().copy()
         # All ranks stop if one has to.
         bad = int((found < 0).sum())
         total = self.comm.check_sum([bad])[0]

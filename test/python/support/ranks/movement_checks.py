@@ -92,7 +92,26 @@ def graphs_hold_memory(comm):
         y = blocks.zeros()
 
 
+def fixed_particles(comm):
+    """A graph sends what fixed particles send, at each replay and in it alone."""
+    particles = wd.Particles(((0, 0), (1, 1)), 0.1, comm, capacity=8)
+    particles.numbers = wp.zeros(0, dtype=int, device=comm.device)
+    fixed = particles.fixed(moving=2, near=3)
+    x = wp.zeros(8, dtype=wp.vec2, device=comm.device)
+    with wp.ScopedCapture(device=comm.device) as capture:
+        (y,) = fixed.migrate(x)
+        fixed.ghosts(y)
+        fixed.halo(y)
+    # The driver runs no kernels, so numbers of points stay as they are here.
+    for value in (5, 7):
+        fixed._came.zero_()
+        fixed._given.fill_(value + comm.rank)
+        assert fixed._came.numpy().tolist() == [0]
+        wp.capture_launch(capture.graph)
+        assert fixed._came.numpy().tolist() == [value + 1 - comm.rank]
+
+
 if __name__ == "__main__":
     by_nccl = "--way=nccl" in sys.argv
-    own = (refusals, graphs_hold_memory) if by_nccl else (captures,)
+    own = (refusals, graphs_hold_memory, fixed_particles) if by_nccl else (captures,)
     checking.run([halos, collectives, *own])
