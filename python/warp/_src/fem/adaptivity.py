@@ -6,21 +6,18 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.adaptive import AdaptiveNanogrid, levels_of_cells
 from warp._src.fem.geometry.sparse_functions import find_cell
+from warp._src.fem.types import Ints, Levels, Voxels
 
 
 @wp.kernel(enable_backward=False)
-def _refine_places(voxels: wp.array(dtype=wp.vec3i), shift: int, out: wp.array(dtype=wp.vec3i)):
+def _refine_places(voxels: Voxels, shift: int, out: Voxels):
     i = wp.tid()
     p = voxels[i]
     out[i] = wp.vec3i(p[0] << shift, p[1] << shift, p[2] << shift)
 
 
 @wp.kernel(enable_backward=False)
-def _find_levels(
-    voxels: wp.array(dtype=wp.vec3i),
-    grids: wp.array(dtype=wp.uint64),
-    levels: wp.array(dtype=wp.uint8),
-):
+def _find_levels(voxels: Voxels, grids: wp.array(dtype=wp.uint64), levels: Levels):
     """The finest grid that has a voxel."""
     i = wp.tid()
     p = voxels[i]
@@ -33,7 +30,7 @@ def _find_levels(
 
 
 @wp.kernel(enable_backward=False)
-def _count_children(refinement: wp.array(dtype=wp.int32), counts: wp.array(dtype=wp.int32)):
+def _count_children(refinement: Ints, counts: Ints):
     """8 of a cell to refine, 1 of one to keep, 0 of one to drop."""
     i = wp.tid()
     counts[i] = wp.where(refinement[i] > 0, 8, wp.where(refinement[i] == 0, 1, 0))
@@ -41,12 +38,12 @@ def _count_children(refinement: wp.array(dtype=wp.int32), counts: wp.array(dtype
 
 @wp.kernel(enable_backward=False)
 def _write_children(
-    voxels: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
-    counts: wp.array(dtype=wp.int32),
-    ends: wp.array(dtype=wp.int32),
-    fine_voxels: wp.array(dtype=wp.vec3i),
-    fine_levels: wp.array(dtype=wp.uint8),
+    voxels: Voxels,
+    levels: Levels,
+    counts: Ints,
+    ends: Ints,
+    fine_voxels: Voxels,
+    fine_levels: Levels,
 ):
     i = wp.tid()
     first = ends[i] - counts[i]
@@ -60,11 +57,11 @@ def _write_children(
 @wp.kernel(enable_backward=False)
 def _mark_coarse_neighbours(
     grid: wp.uint64,
-    voxels: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
+    voxels: Voxels,
+    levels: Levels,
     level_count: int,
     by_vertex: int,
-    refinement: wp.array(dtype=wp.int32),
+    refinement: Ints,
 ):
     """Marks neighbours of more than one level above a cell."""
     i = wp.tid()
@@ -198,8 +195,8 @@ def _refinement_integrand():
         sample_count: int,
         level_count: int,
         coarse_grid: wp.uint64,
-        voxels: wp.array(dtype=wp.vec3i),
-        levels: wp.array(dtype=wp.uint8),
+        voxels: Voxels,
+        levels: Levels,
     ):
         cell = s.qp_index
         level = int(levels[cell])

@@ -15,7 +15,7 @@ from warp._src.fem.geometry.partition import (
     WholeGeometryPartition,
     partition_functions,
 )
-from warp._src.fem.types import ElementKind
+from warp._src.fem.types import ElementKind, Ints
 
 _OF_CELLS = {
     **{f"element_{name}": f"cell_{name}" for name in ("position", "measure", "normal")},
@@ -102,7 +102,7 @@ def _select(f: SimpleNamespace) -> None:
     Whole, whole_index, whole_partition_index = (
         *(f.ElementIndexArg, f.element_index, f.element_partition_index),
     )
-    fields = {"domain_arg": Whole, "element_indices": wp.array(dtype=wp.int32)}
+    fields = {"domain_arg": Whole, "element_indices": Ints}
     IndexArg = extend.struct_from_fields("SubdomainIndexArg", fields, module=__name__)
 
     @wp.func

@@ -10,6 +10,7 @@ from warp import extend
 from warp._src.fem.algebra import skew_part as skew_part
 from warp._src.fem.algebra import spherical_part as spherical_part
 from warp._src.fem.algebra import symmetric_part as symmetric_part
+from warp._src.fem.types import AnyArray
 
 
 @wp.func
@@ -248,7 +249,7 @@ def tridiagonal_symmetric_eigenvalues_qr(D: Any, L: Any, Q: Any, tol: Any):
 
 
 @wp.kernel(enable_backward=False)
-def _axpy(x: wp.array(dtype=Any), y: wp.array(dtype=Any), alpha: Any, beta: Any):
+def _axpy(x: AnyArray, y: AnyArray, alpha: Any, beta: Any):
     i = wp.tid()
     y[i] = alpha * y.dtype(x[i]) + beta * y[i]
 

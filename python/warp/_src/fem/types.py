@@ -1,8 +1,9 @@
-"""Samples - evaluation points: coordinates in an element, its number, quadrature data."""
+"""Types of arguments of kernels - samples, which are evaluation points, and arrays by name."""
 
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Any
 
 import warp as wp
 
@@ -12,6 +13,12 @@ ElementIndex = int
 QuadraturePointIndex = int
 NodeIndex = int
 DofIndex = wp.vec2i
+
+# Numbers of elements, nodes and places; tables have a row per element.
+Ints, IntTable = wp.array(dtype=wp.int32), wp.array2d(dtype=wp.int32)
+Longs, Pairs = wp.array(dtype=wp.int64), wp.array(dtype=wp.vec2i)
+Voxels, Levels = wp.array(dtype=wp.vec3i), wp.array(dtype=wp.uint8)
+Vectors, AnyArray = wp.array(dtype=wp.vec3), wp.array(dtype=Any)
 
 OUTSIDE = -1.0e8
 NULL_ELEMENT_INDEX = wp.constant(-1)

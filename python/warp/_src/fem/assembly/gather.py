@@ -10,6 +10,7 @@ import functools
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.pattern import Batch
+from warp._src.fem.types import Ints
 
 
 @functools.cache
@@ -18,11 +19,11 @@ def _gather_kernel(block, wide, out, index, is_scattered: bool, has_heads, has_c
 
     def gather(
         blocks: wp.array(dtype=block),
-        begins: wp.array(dtype=int),
+        begins: Ints,
         entries: wp.array(dtype=index),
         heads: wp.array(dtype=index),
-        targets: wp.array(dtype=int),
-        carries: wp.array(dtype=int),
+        targets: Ints,
+        carries: Ints,
         sums: wp.array(dtype=wide),
         adds: int,
         values: wp.array(dtype=out),
@@ -59,9 +60,9 @@ def _scatter_kernel(block, out, is_scattered: bool):
 
     def scatter(
         adjoints: wp.array(dtype=out),
-        begins: wp.array(dtype=int),
-        entries: wp.array(dtype=int),
-        targets: wp.array(dtype=int),
+        begins: Ints,
+        entries: Ints,
+        targets: Ints,
         block_adjoints: wp.array(dtype=block),
     ):
         k = wp.tid()

@@ -12,6 +12,7 @@ from warp._src.fem.assembly.gather import with_scalar
 from warp._src.fem.assembly.matrix import Options, fill, padded, set_structure
 from warp._src.fem.assembly.pattern import Pattern
 from warp._src.fem.forms.jacobian import JacobianPlan
+from warp._src.fem.types import IntTable
 from warp.sparse import bsr_assign, bsr_compress, bsr_zeros
 
 _LINEAR = ("weighted_average", "mean", "sum", "first")
@@ -64,7 +65,7 @@ def interpolate_jacobian(form, place, dest, reduction, bsr_options) -> None:
 
 @functools.cache
 def _kernel_of_unused(real):
-    def drop_unused(factors: wp.array2d(dtype=real), table: wp.array2d(dtype=int)):
+    def drop_unused(factors: wp.array2d(dtype=real), table: IntTable):
         e, i = wp.tid()
         if factors[e, i] == real(0.0):
             table[e, i] = -1

@@ -7,6 +7,7 @@ pairs are neighbours and their origins keep their order. Runs of equal pairs are
 import dataclasses
 
 import warp as wp
+from warp._src.fem.types import Ints
 
 
 @dataclasses.dataclass
@@ -27,12 +28,7 @@ class Rows:
 
 
 @wp.kernel(enable_backward=False)
-def _mark_runs(
-    rows: wp.array(dtype=int),
-    columns: wp.array(dtype=int),
-    row_count: int,
-    marks: wp.array(dtype=int),
-):
+def _mark_runs(rows: Ints, columns: Ints, row_count: int, marks: Ints):
     at = wp.tid()
     row = rows[at]
     mark = wp.where(row < row_count, 1, 0)
@@ -43,14 +39,14 @@ def _mark_runs(
 
 @wp.kernel(enable_backward=False)
 def _write_runs(
-    rows: wp.array(dtype=int),
-    columns: wp.array(dtype=int),
-    numbers: wp.array(dtype=int),
+    rows: Ints,
+    columns: Ints,
+    numbers: Ints,
     size: int,
     first_row: int,
-    offsets: wp.array(dtype=int),
-    run_columns: wp.array(dtype=int),
-    begins: wp.array(dtype=int),
+    offsets: Ints,
+    run_columns: Ints,
+    begins: Ints,
 ):
     at = wp.tid()
     row_count = offsets.shape[0] - 1
@@ -72,7 +68,7 @@ def _write_runs(
 
 
 @wp.kernel(enable_backward=False)
-def _end_runs(numbers: wp.array(dtype=int), begins: wp.array(dtype=int)):
+def _end_runs(numbers: Ints, begins: Ints):
     """Gives runs that there are not no origins."""
     k = wp.tid()
     count = numbers[numbers.shape[0] - 1]

@@ -16,6 +16,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.assembly.incidence import find_incidence
 from warp._src.fem.assembly.merge import Rows, find_runs, sort_pairs
+from warp._src.fem.types import Ints, IntTable, Longs
 
 # Bytes of the blocks of one batch of elements, and entries whose sort takes as much.
 BLOCK_BYTES = 64 << 20
@@ -78,7 +79,7 @@ def _modulo(positions, width):
 
 @functools.cache
 def _modulo_kernel(dtype):
-    def modulo(positions: wp.array(dtype=int), width: int, made: wp.array(dtype=dtype)):
+    def modulo(positions: Ints, width: int, made: wp.array(dtype=dtype)):
         at = wp.tid()
         made[at] = dtype(positions[at] % width)
 
@@ -87,13 +88,13 @@ def _modulo_kernel(dtype):
 
 @wp.kernel(enable_backward=False)
 def _expand(
-    trial_positions: wp.array(dtype=int),
-    test_table: wp.array2d(dtype=int),
-    trial_table: wp.array2d(dtype=int),
+    trial_positions: Ints,
+    test_table: IntTable,
+    trial_table: IntTable,
     first: int,
     unused: int,
-    rows: wp.array(dtype=int),
-    origins: wp.array(dtype=int),
+    rows: Ints,
+    origins: Ints,
 ):
     q, i = wp.tid()
     position = trial_positions[q]
@@ -109,34 +110,28 @@ def _expand(
 
 
 @wp.kernel(enable_backward=False)
-def _read_columns(
-    origins: wp.array(dtype=int),
-    trial_table: wp.array2d(dtype=int),
-    first: int,
-    block: int,
-    columns: wp.array(dtype=int),
-):
+def _read_columns(origins: Ints, trial_table: IntTable, first: int, block: int, columns: Ints):
     at = wp.tid()
     origin = origins[at]
     columns[at] = trial_table[first + origin // block, origin % trial_table.shape[1]]
 
 
 @wp.kernel(enable_backward=False)
-def _add_row_sizes(offsets: wp.array(dtype=int), sizes: wp.array(dtype=wp.int64)):
+def _add_row_sizes(offsets: Ints, sizes: Longs):
     r = wp.tid()
     sizes[r] += wp.int64(offsets[r + 1] - offsets[r])
 
 
 @wp.kernel(enable_backward=False)
 def _list_rows(
-    offsets: wp.array(dtype=int),
-    columns: wp.array(dtype=int),
+    offsets: Ints,
+    columns: Ints,
     first_row: int,
     at: int,
     shift: int,
-    row_list: wp.array(dtype=int),
-    column_list: wp.array(dtype=int),
-    origins: wp.array(dtype=int),
+    row_list: Ints,
+    column_list: Ints,
+    origins: Ints,
 ):
     r = first_row + wp.tid()
     for k in range(offsets[r], offsets[r + 1]):
@@ -147,27 +142,20 @@ def _list_rows(
 
 
 @wp.kernel(enable_backward=False)
-def _read(source: wp.array(dtype=int), order: wp.array(dtype=int), dest: wp.array(dtype=int)):
+def _read(source: Ints, order: Ints, dest: Ints):
     at = wp.tid()
     dest[at] = source[order[at]]
 
 
 @wp.kernel(enable_backward=False)
-def _number_targets(
-    begins: wp.array(dtype=int),
-    origins: wp.array(dtype=int),
-    first: int,
-    targets: wp.array(dtype=int),
-):
+def _number_targets(begins: Ints, origins: Ints, first: int, targets: Ints):
     k = wp.tid()
     for at in range(begins[k], begins[k + 1]):
         targets[origins[at]] = first + k
 
 
 @wp.kernel(enable_backward=False)
-def _read_heads(
-    begins: wp.array(dtype=int), entries: wp.array(dtype=int), heads: wp.array(dtype=int)
-):
+def _read_heads(begins: Ints, entries: Ints, heads: Ints):
     k = wp.tid()
     heads[k] = entries[begins[k]]
 
@@ -183,31 +171,26 @@ def _heads(found):
 
 
 @wp.kernel(enable_backward=False)
-def _count(targets: wp.array(dtype=int), counts: wp.array(dtype=int)):
+def _count(targets: Ints, counts: Ints):
     # A batch has a target once.
     counts[targets[wp.tid()]] += 1
 
 
 @wp.kernel(enable_backward=False)
-def _mark_shared(counts: wp.array(dtype=int), marks: wp.array(dtype=int)):
+def _mark_shared(counts: Ints, marks: Ints):
     k = wp.tid()
     marks[k] = wp.where(counts[k] > 1, 1, 0)
 
 
 @wp.kernel(enable_backward=False)
-def _read_carries(
-    targets: wp.array(dtype=int),
-    counts: wp.array(dtype=int),
-    numbers: wp.array(dtype=int),
-    carries: wp.array(dtype=int),
-):
+def _read_carries(targets: Ints, counts: Ints, numbers: Ints, carries: Ints):
     k = wp.tid()
     target = targets[k]
     carries[k] = wp.where(counts[target] > 1, numbers[target] - 1, -1)
 
 
 @wp.kernel(enable_backward=False)
-def _shift(values: wp.array(dtype=int), by: int):
+def _shift(values: Ints, by: int):
     i = wp.tid()
     values[i] += by
 

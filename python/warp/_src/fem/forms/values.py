@@ -6,7 +6,7 @@ from typing import Any
 import warp as wp
 from warp._src.fem.forms.points import PointsPlan
 from warp._src.fem.spaces.node_dofs import dof_functions
-from warp._src.fem.types import OUTSIDE, coords_type, sample_type
+from warp._src.fem.types import OUTSIDE, Ints, coords_type, sample_type
 
 
 class ValuesPlan(PointsPlan):
@@ -82,8 +82,8 @@ class ValuesPlan(PointsPlan):
         converted = None if discards else convert()
 
         def values_at_nodes(
-            begins: wp.array(dtype=int),
-            positions: wp.array(dtype=int),
+            begins: Ints,
+            positions: Ints,
             topology: TopologyArg,
             domain_arg: DomainArg,
             quadrature: QuadratureArg,

@@ -9,15 +9,12 @@ from warp._src.fem.geometry.environments import (
     packed_grid,
 )
 from warp._src.fem.geometry.nanogrid import SparseGrid
+from warp._src.fem.types import Ints, Levels, Voxels
 
 
 @wp.kernel(enable_backward=False)
 def write_levels(
-    grid: wp.uint64,
-    voxels: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
-    is_valid: wp.array(dtype=wp.int32),
-    cell_levels: wp.array(dtype=wp.uint8),
+    grid: wp.uint64, voxels: Voxels, levels: Levels, is_valid: Ints, cell_levels: Levels
 ):
     """Levels in the order of a grid's numbers."""
     i = wp.tid()

@@ -13,7 +13,7 @@ from warp._src.fem.geometry.curved import curved_functions
 from warp._src.fem.geometry.derived import add_derived, of_gradient
 from warp._src.fem.geometry.mesh_lookup import add_bvh_lookup
 from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of, side_name
-from warp._src.fem.types import coords_type, make_free_sample, sample_type
+from warp._src.fem.types import Vectors, coords_type, make_free_sample, sample_type
 
 # Corners of sides: their differences are the axes of parameters.
 _CORNERS = {
@@ -36,7 +36,7 @@ def deformed_functions(record) -> SimpleNamespace:
 
 
 def _structs(record, base, FieldArg) -> SimpleNamespace:
-    boxes = dict.fromkeys(("box", "lowers", "uppers"), wp.array(dtype=wp.vec3))
+    boxes = dict.fromkeys(("box", "lowers", "uppers"), Vectors)
     fields = {"base": base.CellArg, "field": FieldArg, "bvh": wp.uint64, **boxes}
     CellArg = extend.struct_from_fields("DeformedCellArg", fields, module=__name__)
     fields = {"cell_arg": CellArg, "base": base.SideArg}

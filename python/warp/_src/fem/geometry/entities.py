@@ -6,15 +6,14 @@ import numpy as np
 
 import warp as wp
 from warp import extend
+from warp._src.fem.types import Ints, IntTable, Longs, Pairs
 
 _MOST = 4
 _vec4l = wp.types.vector(_MOST, wp.int64)
 
 
 @wp.func
-def _sorted_vertices(
-    cells: wp.array2d(dtype=wp.int32), corners: wp.array2d(dtype=wp.int32), cell: int, k: int
-):
+def _sorted_vertices(cells: IntTable, corners: IntTable, cell: int, k: int):
     """Vertices of the k-th entity of a cell, ascending; missing ones are 0."""
     v = _vec4l()
     n = corners.shape[1]
@@ -32,12 +31,7 @@ def _sorted_vertices(
 
 @wp.kernel(enable_backward=False)
 def _make_keys(
-    cells: wp.array2d(dtype=wp.int32),
-    corners: wp.array2d(dtype=wp.int32),
-    vertex_count: wp.int64,
-    high: wp.array(dtype=wp.int64),
-    low: wp.array(dtype=wp.int64),
-    items: wp.array(dtype=wp.int32),
+    cells: IntTable, corners: IntTable, vertex_count: wp.int64, high: Longs, low: Longs, items: Ints
 ):
     cell, k = wp.tid()
     v = _sorted_vertices(cells, corners, cell, k)
@@ -48,20 +42,13 @@ def _make_keys(
 
 
 @wp.kernel(enable_backward=False)
-def _reorder(
-    source: wp.array(dtype=wp.int64), items: wp.array(dtype=wp.int32), out: wp.array(dtype=wp.int64)
-):
+def _reorder(source: Longs, items: Ints, out: Longs):
     i = wp.tid()
     out[i] = source[items[i]]
 
 
 @wp.kernel(enable_backward=False)
-def _mark_heads(
-    high: wp.array(dtype=wp.int64),
-    low: wp.array(dtype=wp.int64),
-    items: wp.array(dtype=wp.int32),
-    heads: wp.array(dtype=wp.int32),
-):
+def _mark_heads(high: Longs, low: Longs, items: Ints, heads: Ints):
     i = wp.tid()
     is_head = i == 0
     if i > 0:
@@ -70,13 +57,7 @@ def _mark_heads(
 
 
 @wp.kernel(enable_backward=False)
-def _number(
-    heads: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.int32),
-    of_items: wp.array(dtype=wp.int32),
-    ends: wp.array(dtype=wp.vec2i),
-):
+def _number(heads: Ints, numbers: Ints, items: Ints, of_items: Ints, ends: Pairs):
     i = wp.tid()
     number = numbers[i] - 1
     item = items[i]
@@ -89,12 +70,7 @@ def _number(
 
 
 @wp.kernel(enable_backward=False)
-def _write_vertices(
-    cells: wp.array2d(dtype=wp.int32),
-    corners: wp.array2d(dtype=wp.int32),
-    ends: wp.array(dtype=wp.vec2i),
-    vertices: wp.array2d(dtype=wp.int32),
-):
+def _write_vertices(cells: IntTable, corners: IntTable, ends: Pairs, vertices: IntTable):
     """Vertices in a canonical order: ascending; of squares the smallest first, then its smaller
     neighbour, its other neighbour, the opposite vertex."""
     i = wp.tid()

@@ -6,6 +6,7 @@ import numpy as np
 
 import warp as wp
 from warp import extend
+from warp._src.fem.types import Ints, Levels, Vectors, Voxels
 
 REBUILD_INVALID_INPUT = wp.constant(wp.uint32(wp.Volume.REBUILD_INVALID_INPUT))
 
@@ -17,12 +18,7 @@ def _voxel_of(x: wp.vec3, inverse: wp.mat33, origin: wp.vec3):
 
 
 @wp.kernel(enable_backward=False)
-def _to_voxels(
-    points: wp.array(dtype=wp.vec3),
-    inverse: wp.mat33,
-    origin: wp.vec3,
-    voxels: wp.array(dtype=wp.vec3i),
-):
+def _to_voxels(points: Vectors, inverse: wp.mat33, origin: wp.vec3, voxels: Voxels):
     i = wp.tid()
     voxels[i] = _voxel_of(points[i], inverse, origin)
 
@@ -34,14 +30,7 @@ def _floor_to(x: int, alignment: int):
 
 
 @wp.kernel(enable_backward=False)
-def _bound(
-    voxels: wp.array(dtype=wp.vec3i),
-    environments: wp.array(dtype=wp.int32),
-    mask: wp.array(dtype=wp.int32),
-    widths: wp.array(dtype=wp.uint8),
-    low: wp.array(dtype=wp.int32),
-    high: wp.array(dtype=wp.int32),
-):
+def _bound(voxels: Voxels, environments: Ints, mask: Ints, widths: Levels, low: Ints, high: Ints):
     i = wp.tid()
     if mask:
         if mask[i] == 0:
@@ -57,13 +46,7 @@ def _bound(
 
 
 @wp.kernel(enable_backward=False)
-def _lay_out(
-    low: wp.array(dtype=wp.int32),
-    high: wp.array(dtype=wp.int32),
-    guard: int,
-    alignment: int,
-    offsets: wp.array(dtype=wp.vec3i),
-):
+def _lay_out(low: Ints, high: Ints, guard: int, alignment: int, offsets: Voxels):
     """Places the environments along the first axis, `guard` voxels apart; one thread."""
     start = int(0)
     for e in range(low.shape[0]):
@@ -78,13 +61,13 @@ def _lay_out(
 
 @wp.kernel(enable_backward=False)
 def _pack(
-    voxels: wp.array(dtype=wp.vec3i),
-    environments: wp.array(dtype=wp.int32),
-    mask: wp.array(dtype=wp.int32),
-    offsets: wp.array(dtype=wp.vec3i),
-    packed: wp.array(dtype=wp.vec3i),
-    is_valid: wp.array(dtype=wp.int32),
-    first_bad: wp.array(dtype=wp.int32),
+    voxels: Voxels,
+    environments: Ints,
+    mask: Ints,
+    offsets: Voxels,
+    packed: Voxels,
+    is_valid: Ints,
+    first_bad: Ints,
 ):
     i = wp.tid()
     packed[i] = wp.vec3i()
@@ -102,11 +85,7 @@ def _pack(
 
 @wp.kernel(enable_backward=False)
 def _name_cells(
-    grid: wp.uint64,
-    packed: wp.array(dtype=wp.vec3i),
-    is_valid: wp.array(dtype=wp.int32),
-    environments: wp.array(dtype=wp.int32),
-    cell_env: wp.array(dtype=wp.int32),
+    grid: wp.uint64, packed: Voxels, is_valid: Ints, environments: Ints, cell_env: Ints
 ):
     i = wp.tid()
     if is_valid[i] != 0:
@@ -116,7 +95,7 @@ def _name_cells(
 
 
 @wp.kernel(enable_backward=False)
-def _report(first_bad: wp.array(dtype=wp.int32), count: int, status: wp.array(dtype=wp.uint32)):
+def _report(first_bad: Ints, count: int, status: wp.array(dtype=wp.uint32)):
     if first_bad[0] < count:
         status[0] = status[0] | REBUILD_INVALID_INPUT
 

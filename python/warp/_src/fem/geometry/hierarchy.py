@@ -5,6 +5,7 @@ import functools
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import forget
+from warp._src.fem.types import Ints
 
 
 @functools.cache
@@ -19,7 +20,7 @@ def _groups_kernel(record):
     CellArg, environment_of = record.functions.CellArg, record.functions.cell_environment_index
 
     @wp.kernel(enable_backward=False)
-    def write_environments(arg: CellArg, groups: wp.array(dtype=wp.int32)):
+    def write_environments(arg: CellArg, groups: Ints):
         groups[wp.tid()] = environment_of(arg, wp.tid())
 
     return write_environments

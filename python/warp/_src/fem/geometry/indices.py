@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import warp as wp
 from warp import extend
+from warp._src.fem.types import Ints
 
 
 @wp.kernel(enable_backward=False)
-def _mark(mask: wp.array(dtype=wp.int32), ones: wp.array(dtype=wp.int32)):
+def _mark(mask: Ints, ones: Ints):
     i = wp.tid()
     ones[i] = wp.where(mask[i] != 0, 1, 0)
 
 
 @wp.kernel(enable_backward=False)
-def _number(
-    offsets: wp.array(dtype=wp.int32),
-    ones: wp.array(dtype=wp.int32),
-    local_to_global: wp.array(dtype=wp.int32),
-    global_to_local: wp.array(dtype=wp.int32),
-):
+def _number(offsets: Ints, ones: Ints, local_to_global: Ints, global_to_local: Ints):
     i = wp.tid()
     place = offsets[i] - 1
     chosen = ones[i] != 0 and place < local_to_global.shape[0]

@@ -4,11 +4,11 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
+from warp._src.fem.types import OUTSIDE, AnyArray, coords_type, make_free_sample, sample_type
 
 
 @wp.func
-def array_filter(data: wp.array(dtype=Any), cell: int):
+def array_filter(data: AnyArray, cell: int):
     return data[cell]
 
 
@@ -49,7 +49,7 @@ def add_lookup_forms(f: SimpleNamespace, record, make_search) -> None:
         arg: CellArg,
         x: vector,
         max_dist: real,
-        filter_array: wp.array(dtype=Any),
+        filter_array: AnyArray,
         filter_target: Any,
         environment: int,
     ):
@@ -57,11 +57,7 @@ def add_lookup_forms(f: SimpleNamespace, record, make_search) -> None:
 
     @wp.func
     def cell_lookup(
-        arg: CellArg,
-        x: vector,
-        filter_array: wp.array(dtype=Any),
-        filter_target: Any,
-        environment: int,
+        arg: CellArg, x: vector, filter_array: AnyArray, filter_target: Any, environment: int
     ):
         return filtered_search(arg, x, real(0.0), filter_array, filter_target, environment)
 
@@ -76,18 +72,12 @@ def add_lookup_forms(f: SimpleNamespace, record, make_search) -> None:
             return search(arg, x, max_dist, 0, 0, 0)
 
         @wp.func
-        def cell_lookup(
-            arg: CellArg, x: vector, filter_array: wp.array(dtype=Any), filter_target: Any
-        ):
+        def cell_lookup(arg: CellArg, x: vector, filter_array: AnyArray, filter_target: Any):
             return filtered_search(arg, x, real(0.0), filter_array, filter_target, 0)
 
         @wp.func
         def cell_lookup(
-            arg: CellArg,
-            x: vector,
-            max_dist: real,
-            filter_array: wp.array(dtype=Any),
-            filter_target: Any,
+            arg: CellArg, x: vector, max_dist: real, filter_array: AnyArray, filter_target: Any
         ):
             return filtered_search(arg, x, max_dist, filter_array, filter_target, 0)
 

@@ -13,6 +13,7 @@ from warp._src.fem.geometry.entities import make_entities
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 from warp._src.fem.geometry.shapes import VERTICES
 from warp._src.fem.geometry.sides import make_sides
+from warp._src.fem.types import Ints, IntTable
 
 
 def _functions(record):
@@ -25,9 +26,7 @@ MAKERS["mesh"] = _functions
 
 
 @wp.kernel(enable_backward=False)
-def _find_bad_vertices(
-    cells: wp.array2d(dtype=wp.int32), vertex_count: int, found: wp.array(dtype=wp.int32)
-):
+def _find_bad_vertices(cells: IntTable, vertex_count: int, found: Ints):
     cell, k = wp.tid()
     v = cells[cell, k]
     if v < 0 or v >= vertex_count:
@@ -35,11 +34,7 @@ def _find_bad_vertices(
 
 
 @wp.kernel(enable_backward=False)
-def _reorder_columns(
-    cells: wp.array2d(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-    out: wp.array2d(dtype=wp.int32),
-):
+def _reorder_columns(cells: IntTable, columns: Ints, out: IntTable):
     i, k = wp.tid()
     out[i, k] = cells[i, columns[k]]
 

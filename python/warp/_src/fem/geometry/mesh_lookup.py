@@ -8,7 +8,7 @@ import warp as wp
 from warp._src.fem.geometry.closest import inside_function, nearest_functions
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms
 from warp._src.fem.geometry.shapes import VERTICES, side_name
-from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
+from warp._src.fem.types import OUTSIDE, Vectors, coords_type, make_free_sample, sample_type
 
 
 def add_lookup(f: SimpleNamespace, record) -> None:
@@ -105,12 +105,7 @@ def bounds_kernel(record) -> wp.Kernel:
     pad = 0.0 if real is wp.float32 else 2.0**-22
 
     @wp.kernel(enable_backward=False)
-    def write_bounds(
-        arg: CellArg,
-        lowers: wp.array(dtype=wp.vec3),
-        uppers: wp.array(dtype=wp.vec3),
-        box: wp.array(dtype=wp.vec3),
-    ):
+    def write_bounds(arg: CellArg, lowers: Vectors, uppers: Vectors, box: Vectors):
         i = wp.tid()
         lower, upper = cell_bounds(arg, i)
         a, b = to_box(lower), to_box(upper)

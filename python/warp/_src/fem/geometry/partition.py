@@ -14,6 +14,7 @@ from warp._src.fem.geometry.base import (
     geometry_functions,
 )
 from warp._src.fem.geometry.indices import masked_indices
+from warp._src.fem.types import Ints
 
 
 @dataclass(frozen=True)
@@ -67,13 +68,13 @@ def _whole(record: PartitionRecord) -> SimpleNamespace:
 
 def _listed(record: PartitionRecord) -> SimpleNamespace:
     """Cells of a range or of a list; sides of a list."""
-    ints, is_range = wp.array(dtype=wp.int32), record.kind == "range"
+    is_range = record.kind == "range"
     fields = {"cell_begin": wp.int32, "cell_end": wp.int32}
     if not is_range:
-        fields = {"cells": ints, "partition_cells": ints}
+        fields = {"cells": Ints, "partition_cells": Ints}
     name = "RangeCellArg" if is_range else "ListedCellArg"
     CellArg = extend.struct_from_fields(name, fields, module=__name__)
-    fields = {"cell_arg": CellArg, "sides": ints, "boundary_sides": ints, "frontier_sides": ints}
+    fields = {"cell_arg": CellArg, "sides": Ints, "boundary_sides": Ints, "frontier_sides": Ints}
     SideArg = extend.struct_from_fields(f"{name}OfSides", fields, module=__name__)
     if is_range:
 
@@ -160,13 +161,7 @@ def _side_kernel(record: PartitionRecord) -> wp.Kernel:
     partition_index = partition.partition_cell_index
 
     @wp.kernel(enable_backward=False)
-    def mark_sides(
-        geo: SideArg,
-        cells: CellArg,
-        own: wp.array(dtype=wp.int32),
-        boundary: wp.array(dtype=wp.int32),
-        frontier: wp.array(dtype=wp.int32),
-    ):
+    def mark_sides(geo: SideArg, cells: CellArg, own: Ints, boundary: Ints, frontier: Ints):
         side = wp.tid()
         inner = inner_of(geo, side)
         outer = outer_of(geo, side)

@@ -5,10 +5,11 @@ from typing import Any
 
 import warp as wp
 from warp import extend
+from warp._src.fem.types import AnyArray, Ints, IntTable, Pairs
 
 
 @wp.func
-def _place(cells: wp.array2d(dtype=wp.int32), cell: int, vertex: int):
+def _place(cells: IntTable, cell: int, vertex: int):
     """Column of a vertex in the table of a mesh."""
     place = int(0)
     for j in range(cells.shape[1]):
@@ -19,13 +20,13 @@ def _place(cells: wp.array2d(dtype=wp.int32), cell: int, vertex: int):
 
 @wp.kernel(enable_backward=False)
 def _make_sides(
-    cells: wp.array2d(dtype=wp.int32),
-    entity_vertices: wp.array2d(dtype=wp.int32),
-    ends: wp.array(dtype=wp.vec2i),
+    cells: IntTable,
+    entity_vertices: IntTable,
+    ends: Pairs,
     per_cell: int,
-    vertices: wp.array2d(dtype=wp.int32),
-    side_cells: wp.array(dtype=wp.vec2i),
-    is_boundary: wp.array(dtype=wp.int32),
+    vertices: IntTable,
+    side_cells: Pairs,
+    is_boundary: Ints,
 ):
     i = wp.tid()
     inner = ends[i][0] // per_cell
@@ -39,20 +40,14 @@ def _make_sides(
 
 
 @wp.func
-def _swap(vertices: wp.array2d(dtype=wp.int32), i: int, a: int, b: int):
+def _swap(vertices: IntTable, i: int, a: int, b: int):
     v = vertices[i, a]
     vertices[i, a] = vertices[i, b]
     vertices[i, b] = v
 
 
 @wp.func
-def _inward(
-    positions: wp.array(dtype=Any),
-    cells: wp.array2d(dtype=wp.int32),
-    cell: int,
-    center: Any,
-    n: int,
-):
+def _inward(positions: AnyArray, cells: IntTable, cell: int, center: Any, n: int):
     """Direction from a point to the mean of a cell's vertices."""
     d = center - center
     for k in range(cells.shape[1]):
@@ -61,12 +56,7 @@ def _inward(
 
 
 @wp.kernel(enable_backward=False)
-def _orient_edges(
-    positions: wp.array(dtype=Any),
-    cells: wp.array2d(dtype=wp.int32),
-    side_cells: wp.array(dtype=wp.vec2i),
-    vertices: wp.array2d(dtype=wp.int32),
-):
+def _orient_edges(positions: AnyArray, cells: IntTable, side_cells: Pairs, vertices: IntTable):
     i = wp.tid()
     a = positions[vertices[i, 0]]
     b = positions[vertices[i, 1]]
@@ -80,10 +70,7 @@ def _orient_edges(
 
 @wp.kernel(enable_backward=False)
 def _orient_edges_of_surface(
-    positions: wp.array(dtype=Any),
-    cells: wp.array2d(dtype=wp.int32),
-    side_cells: wp.array(dtype=wp.vec2i),
-    vertices: wp.array2d(dtype=wp.int32),
+    positions: AnyArray, cells: IntTable, side_cells: Pairs, vertices: IntTable
 ):
     i = wp.tid()
     cell = side_cells[i][0]
@@ -99,12 +86,7 @@ def _orient_edges_of_surface(
 
 
 @wp.kernel(enable_backward=False)
-def _orient_faces(
-    positions: wp.array(dtype=Any),
-    cells: wp.array2d(dtype=wp.int32),
-    side_cells: wp.array(dtype=wp.vec2i),
-    vertices: wp.array2d(dtype=wp.int32),
-):
+def _orient_faces(positions: AnyArray, cells: IntTable, side_cells: Pairs, vertices: IntTable):
     i = wp.tid()
     n = vertices.shape[1]
     last = n - 1
@@ -121,12 +103,7 @@ def _orient_faces(
 
 
 @wp.kernel(enable_backward=False)
-def _place_corners(
-    cells: wp.array2d(dtype=wp.int32),
-    side_cells: wp.array(dtype=wp.vec2i),
-    vertices: wp.array2d(dtype=wp.int32),
-    corners: wp.array2d(dtype=wp.int32),
-):
+def _place_corners(cells: IntTable, side_cells: Pairs, vertices: IntTable, corners: IntTable):
     i, k = wp.tid()
     n = vertices.shape[1]
     corners[i, k] = _place(cells, side_cells[i][0], vertices[i, k])

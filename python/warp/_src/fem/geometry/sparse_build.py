@@ -6,16 +6,11 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.indices import masked_indices
 from warp._src.fem.geometry.sparse_functions import LEVEL, NO_LOWER, NO_UPPER, find_cell
+from warp._src.fem.types import Ints, IntTable, Levels, Pairs, Voxels
 
 
 @wp.kernel(enable_backward=False)
-def _write_corners(
-    grid: wp.uint64,
-    places: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
-    corners: wp.array(dtype=wp.vec3i),
-    is_cell: wp.array(dtype=wp.int32),
-):
+def _write_corners(grid: wp.uint64, places: Voxels, levels: Levels, corners: Voxels, is_cell: Ints):
     i, k = wp.tid()
     w = 1 << int(levels[i])
     corners[i * 8 + k] = places[i] + wp.vec3i(w * (k >> 2), w * ((k >> 1) & 1), w * (k & 1))
@@ -23,21 +18,14 @@ def _write_corners(
 
 
 @wp.kernel(enable_backward=False)
-def _find_vertices(
-    grid: wp.uint64, corners: wp.array(dtype=wp.vec3i), vertices: wp.array2d(dtype=wp.int32)
-):
+def _find_vertices(grid: wp.uint64, corners: Voxels, vertices: IntTable):
     i, k = wp.tid()
     p = corners[i * 8 + k]
     vertices[i, k] = wp.max(wp.volume_lookup_index(grid, p[0], p[1], p[2]), 0)
 
 
 @wp.kernel(enable_backward=False)
-def _fit_box(
-    grid: wp.uint64,
-    places: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
-    box: wp.array(dtype=wp.vec3i),
-):
+def _fit_box(grid: wp.uint64, places: Voxels, levels: Levels, box: Voxels):
     i = wp.tid()
     if i < wp.volume_voxel_count(grid):
         wp.atomic_min(box, 0, places[i])
@@ -45,12 +33,7 @@ def _fit_box(
 
 
 @wp.kernel(enable_backward=False)
-def _shift_places(
-    packed: wp.array(dtype=wp.vec3i),
-    environments: wp.array(dtype=wp.int32),
-    offsets: wp.array(dtype=wp.vec3i),
-    places: wp.array(dtype=wp.vec3i),
-):
+def _shift_places(packed: Voxels, environments: Ints, offsets: Voxels, places: Voxels):
     i = wp.tid()
     last = offsets.shape[0] - 1
     places[i] = packed[i] - offsets[wp.clamp(environments[i], 0, last)]
@@ -66,11 +49,7 @@ def _across(place: wp.vec3i, width: int, axis: int, is_upper: int):
 
 @wp.kernel(enable_backward=False)
 def _cover_sides(
-    grid: wp.uint64,
-    packed: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
-    level_count: int,
-    covered: wp.array2d(dtype=wp.int32),
+    grid: wp.uint64, packed: Voxels, levels: Levels, level_count: int, covered: IntTable
 ):
     """Adds up the fine squares of each side of a cell that finer cells touch."""
     i, k = wp.tid()
@@ -86,11 +65,11 @@ def _cover_sides(
 @wp.kernel(enable_backward=False)
 def _count_sides(
     grid: wp.uint64,
-    packed: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
+    packed: Voxels,
+    levels: Levels,
     level_count: int,
-    covered: wp.array2d(dtype=wp.int32),
-    counts: wp.array(dtype=wp.int32),
+    covered: IntTable,
+    counts: Ints,
 ):
     """Number of sides that a side of a cell makes: those to finer cells are made by these, one of
     two equal cells' by the lower; free parts of a partly covered side are squares of level 0."""
@@ -113,17 +92,17 @@ def _count_sides(
 @wp.kernel(enable_backward=False)
 def _write_sides(
     grid: wp.uint64,
-    packed: wp.array(dtype=wp.vec3i),
-    local: wp.array(dtype=wp.vec3i),
-    levels: wp.array(dtype=wp.uint8),
+    packed: Voxels,
+    local: Voxels,
+    levels: Levels,
     level_count: int,
-    covered: wp.array2d(dtype=wp.int32),
-    counts: wp.array(dtype=wp.int32),
-    ends: wp.array(dtype=wp.int32),
-    places: wp.array(dtype=wp.vec3i),
-    flags: wp.array(dtype=wp.int32),
-    cells: wp.array(dtype=wp.vec2i),
-    is_boundary: wp.array(dtype=wp.int32),
+    covered: IntTable,
+    counts: Ints,
+    ends: Ints,
+    places: Voxels,
+    flags: Ints,
+    cells: Pairs,
+    is_boundary: Ints,
 ):
     i, k = wp.tid()
     number = ends[6 * i + k] - counts[6 * i + k]

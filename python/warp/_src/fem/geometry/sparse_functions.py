@@ -8,7 +8,16 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.derived import add_listed_environments, add_listed_sides
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms, box_search
-from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample, sample_type
+from warp._src.fem.types import (
+    OUTSIDE,
+    Ints,
+    Levels,
+    Pairs,
+    Voxels,
+    coords_type,
+    make_free_sample,
+    sample_type,
+)
 
 # Bits of the flags of a side: its axis, a missing lower cell (so that the side is turned), a
 # missing upper one, its level.
@@ -16,7 +25,7 @@ AXIS, NO_LOWER, NO_UPPER, LEVEL = 3, 2, 3, 4
 
 
 @wp.func
-def find_cell(grid: wp.uint64, at: wp.vec3i, levels: wp.array(dtype=wp.uint8), level_count: int):
+def find_cell(grid: wp.uint64, at: wp.vec3i, levels: Levels, level_count: int):
     """Number of the cell of any level that has a fine voxel, -1 if there is none."""
     for level in range(level_count):
         p = wp.vec3i(
@@ -44,13 +53,12 @@ def _structs(record) -> SimpleNamespace:
     real = record.scalar
     vector, matrix = wp.types.vector(3, real), wp.types.matrix((3, 3), real)
     word = "Sparse" if real is wp.float32 else "SparseF64"
-    places, ints = wp.array(dtype=wp.vec3i), wp.array(dtype=wp.int32)
-    cell = {"grid": wp.uint64, "places": places, "cell_env": ints, "env_offsets": places}
-    cell |= {"levels": wp.array(dtype=wp.uint8), "level_count": wp.int32, "box": places}
+    cell = {"grid": wp.uint64, "places": Voxels, "cell_env": Ints, "env_offsets": Voxels}
+    cell |= {"levels": Levels, "level_count": wp.int32, "box": Voxels}
     cell |= {"transform": matrix, "inverse": matrix, "origin": vector, "volume": real}
     CellArg = extend.struct_from_fields(f"{word}CellArg", cell, module=__name__)
-    side = {"cell_arg": CellArg, "places": places, "flags": ints, "areas": vector}
-    side |= {"side_cells": wp.array(dtype=wp.vec2i), "boundary": ints}
+    side = {"cell_arg": CellArg, "places": Voxels, "flags": Ints, "areas": vector}
+    side |= {"side_cells": Pairs, "boundary": Ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
     return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
 

@@ -10,21 +10,14 @@ from warp._src.fem.assembly.incidence import find_incidence
 from warp._src.fem.geometry.base import forget
 from warp._src.fem.geometry.partition import WholeGeometryPartition
 from warp._src.fem.spaces.node_numbers import SpacePartition
-from warp._src.fem.types import NULL_NODE_INDEX
+from warp._src.fem.types import NULL_NODE_INDEX, Ints
 
 # Kinds of nodes, in their order in a partition.
 INTERIOR, FRONTIER, HALO_NEAR, HALO_FAR, EXTERIOR = range(5)
 
 
 @wp.kernel(enable_backward=False)
-def _number(
-    begins: wp.array(dtype=wp.int32),
-    group: int,
-    capacity: int,
-    nodes: wp.array(dtype=wp.int32),
-    kept: wp.array(dtype=wp.int32),
-    numbers: wp.array(dtype=wp.int32),
-):
+def _number(begins: Ints, group: int, capacity: int, nodes: Ints, kept: Ints, numbers: Ints):
     i = wp.tid()
     node = nodes[i]
     count = begins[group]
@@ -138,7 +131,7 @@ def _environment_kernel(topology, partition):
 
 
 @wp.kernel(enable_backward=False)
-def _clip(begins: wp.array(dtype=wp.int32), limit: int, offsets: wp.array(dtype=wp.int32)):
+def _clip(begins: Ints, limit: int, offsets: Ints):
     i = wp.tid()
     offsets[i] = wp.min(begins[i], limit)
 

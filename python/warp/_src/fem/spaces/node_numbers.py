@@ -11,10 +11,11 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import per_device
 from warp._src.fem.geometry.partition import WholeGeometryPartition
+from warp._src.fem.types import Ints
 
 _WholeArg = extend.struct_from_fields("WholeNodesArg", {}, module=__name__)
 _TableArg = extend.struct_from_fields(
-    "NodeNumbersArg", {"space_to_partition": wp.array(dtype=wp.int32)}, module=__name__
+    "NodeNumbersArg", {"space_to_partition": Ints}, module=__name__
 )
 
 

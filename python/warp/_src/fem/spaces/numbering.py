@@ -15,6 +15,7 @@ import numpy as np
 import warp as wp
 from warp._src.fem.cells.cell import SQUARE
 from warp._src.fem.cells.tables import table
+from warp._src.fem.types import IntTable, Pairs
 
 
 @dataclass(frozen=True)
@@ -113,12 +114,12 @@ def _turns(cell):
     corners = table(np.array(cell.faces or ((0, 0, 0, 0),)), wp.int32)
 
     @wp.func
-    def edge_turn(vertices: wp.array2d(dtype=int), element: int, edge: int):
+    def edge_turn(vertices: IntTable, element: int, edge: int):
         first = vertices[element, edge_ends[edge, 0]]
         return wp.where(first > vertices[element, edge_ends[edge, 1]], 1, 0)
 
     @wp.func
-    def triangle_turn(vertices: wp.array2d(dtype=int), element: int, face: int):
+    def triangle_turn(vertices: IntTable, element: int, face: int):
         a = vertices[element, corners[face, 0]]
         b = vertices[element, corners[face, 1]]
         c = vertices[element, corners[face, 2]]
@@ -129,7 +130,7 @@ def _turns(cell):
         return wp.where(a > b, 5, 4)
 
     @wp.func
-    def square_turn(vertices: wp.array2d(dtype=int), element: int, face: int):
+    def square_turn(vertices: IntTable, element: int, face: int):
         least = int(0)
         for v in range(1, 4):
             here = vertices[element, corners[face, v]]
@@ -154,12 +155,7 @@ def _place_of_entity(cell, layout, aligned: bool, dimension: int):
 
     @wp.func
     def place_of(
-        vertices: wp.array2d(dtype=int),
-        ends: wp.array(dtype=wp.vec2i),
-        entity: int,
-        element: int,
-        number: int,
-        place: int,
+        vertices: IntTable, ends: Pairs, entity: int, element: int, number: int, place: int
     ):
         turn = int(0)
         sign = int(1)
@@ -187,14 +183,14 @@ def numbering_kernel(cell, layout, aligned: bool):
 
     @wp.kernel(enable_backward=False)
     def number_nodes(
-        vertices: wp.array2d(dtype=int),
-        edges: wp.array2d(dtype=int),
-        faces: wp.array2d(dtype=int),
-        ends: wp.array(dtype=wp.vec2i),
+        vertices: IntTable,
+        edges: IntTable,
+        faces: IntTable,
+        ends: Pairs,
         first_edge: int,
         first_face: int,
         first_cell: int,
-        nodes: wp.array2d(dtype=int),
+        nodes: IntTable,
         signs: wp.array2d(dtype=wp.int8),
     ):
         element, k = wp.tid()

@@ -4,7 +4,7 @@ import warp as wp
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.partition import partition_functions
 from warp._src.fem.spaces.topologies import TopologyRecord, topology_functions
-from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX
+from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX, Ints, IntTable
 
 _INTERIOR, _FRONTIER, _HALO_NEAR, _HALO_FAR, _EXTERIOR = (wp.constant(k) for k in range(5))
 
@@ -21,17 +21,16 @@ def kind_kernels(topology, part):
     side_count_of, side_index_of = trace.element_node_count, trace.element_node_index
     cell_of, side_of = of_part.cell_index, of_part.side_index
     frontier_of = of_part.frontier_side_index
-    kinds_of = wp.array(dtype=wp.int32)
 
     @wp.kernel(enable_backward=False)
-    def of_cells(cell_arg: CellArg, part_arg: CellsArg, topo_arg: TopologyArg, kinds: kinds_of):
+    def of_cells(cell_arg: CellArg, part_arg: CellsArg, topo_arg: TopologyArg, kinds: Ints):
         cell = cell_of(part_arg, wp.tid())
         if cell != NULL_ELEMENT_INDEX:
             for k in range(count_of(cell_arg, topo_arg, cell)):
                 kinds[index_of(cell_arg, topo_arg, cell, k)] = _INTERIOR
 
     @wp.kernel(enable_backward=False)
-    def of_sides(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: kinds_of):
+    def of_sides(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: Ints):
         side = side_of(part_arg, wp.tid())
         if side != NULL_ELEMENT_INDEX:
             for k in range(side_count_of(side_arg, topo_arg, side)):
@@ -40,7 +39,7 @@ def kind_kernels(topology, part):
                     kinds[node] = _HALO_NEAR
 
     @wp.kernel(enable_backward=False)
-    def of_frontier(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: kinds_of):
+    def of_frontier(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: Ints):
         side = frontier_of(part_arg, wp.tid())
         if side != NULL_ELEMENT_INDEX:
             for k in range(side_count_of(side_arg, topo_arg, side)):
@@ -62,12 +61,7 @@ def environment_kernel(topology, part):
     cell_of, environment_of = of_part.cell_index, geometry.cell_environment_index
 
     @wp.kernel(enable_backward=False)
-    def of_environments(
-        cell_arg: CellArg,
-        part_arg: CellsArg,
-        topo_arg: TopologyArg,
-        groups: wp.array(dtype=wp.int32),
-    ):
+    def of_environments(cell_arg: CellArg, part_arg: CellsArg, topo_arg: TopologyArg, groups: Ints):
         cell = cell_of(part_arg, wp.tid())
         if cell != NULL_ELEMENT_INDEX:
             environment = environment_of(cell_arg, cell)
@@ -91,7 +85,7 @@ def table_kernel(domain, topology, partition):
         index_arg: IndexArg,
         topo_arg: TopologyArg,
         partition_arg: PartitionArg,
-        table: wp.array2d(dtype=wp.int32),
+        table: IntTable,
     ):
         i, k = wp.tid()
         element = element_of(index_arg, i)

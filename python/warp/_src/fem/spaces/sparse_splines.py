@@ -6,15 +6,12 @@ import warp as wp
 from warp._src.fem.cells.element import Element
 from warp._src.fem.spaces.tables import NumberedTopology, Tables
 from warp._src.fem.spaces.topologies import TopologyRecord
+from warp._src.fem.types import IntTable, Voxels
 
 
 @wp.kernel(enable_backward=False)
 def _write_places(
-    grid: wp.uint64,
-    corners: wp.array(dtype=wp.vec3i),
-    width: int,
-    places: wp.array2d(dtype=wp.vec3i),
-    mask: wp.array2d(dtype=wp.int32),
+    grid: wp.uint64, corners: Voxels, width: int, places: wp.array2d(dtype=wp.vec3i), mask: IntTable
 ):
     cell, k = wp.tid()
     pad = width // 2 - 1
@@ -24,9 +21,7 @@ def _write_places(
 
 
 @wp.kernel(enable_backward=False)
-def _find_nodes(
-    grid: wp.uint64, places: wp.array2d(dtype=wp.vec3i), nodes: wp.array2d(dtype=wp.int32)
-):
+def _find_nodes(grid: wp.uint64, places: wp.array2d(dtype=wp.vec3i), nodes: IntTable):
     cell, k = wp.tid()
     p = places[cell, k]
     nodes[cell, k] = wp.max(wp.volume_lookup_index(grid, p[0], p[1], p[2]), 0)

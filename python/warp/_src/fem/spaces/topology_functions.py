@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import geometry_functions
-from warp._src.fem.types import NULL_NODE_INDEX
+from warp._src.fem.types import NULL_NODE_INDEX, Ints, IntTable
 
 
 def topology_functions(record) -> SimpleNamespace:
@@ -83,11 +83,11 @@ def _grid(record):
 def _table(record):
     CellArg = geometry_functions(record.geometry).CellArg
     real = record.geometry.scalar
-    fields = {"nodes": wp.array2d(dtype=wp.int32)}
+    fields = {"nodes": IntTable}
     if record.is_signed:
         fields["signs"] = wp.array2d(dtype=wp.int8)
     if record.is_oriented:
-        fields["orientations"] = wp.array(dtype=wp.int32)
+        fields["orientations"] = Ints
     TopologyArg = extend.struct_from_fields("NodeTableArg", fields, module=__name__)
 
     @wp.func
@@ -120,9 +120,7 @@ def _fill_kernel(record):
     count_of, index_of = functions.element_node_count, functions.element_node_index
 
     @wp.kernel(enable_backward=False)
-    def fill_nodes(
-        element_arg: ElementArg, topo_arg: TopologyArg, nodes: wp.array2d(dtype=wp.int32)
-    ):
+    def fill_nodes(element_arg: ElementArg, topo_arg: TopologyArg, nodes: IntTable):
         element, k = wp.tid()
         number = int(NULL_NODE_INDEX)
         if k < count_of(element_arg, topo_arg, element):
