@@ -7,14 +7,23 @@ point relative to it, so that no size and no offset is lost to rounding.
 import functools
 
 import warp as wp
-from warp._src.fem.geometry.shape_functions import shape_functions
-from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES
+from warp._src.fem.geometry.shape_functions import shape_functions, side_coords_function
+from warp._src.fem.geometry.shapes import DIMENSIONS, SIDES, VERTICES
 from warp._src.fem.types import coords_type
 
 _EPSILON = {wp.float32: 2.0**-23, wp.float64: 2.0**-52}
 # Newton's method doubles the digits in each step; halved steps take more.
 _STEPS = 24
-_AROUND = ((0, 1), (1, 2), (3, 2), (0, 3))
+# Columns of the corners of each side; those of squares go around.
+_SIDES = {
+    "triangle": ((0, 1), (1, 2), (2, 0)),
+    "square": ((0, 1), (1, 2), (3, 2), (0, 3)),
+    "tet": ((0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 2, 3)),
+    "cube": (
+        *((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4)),
+        *((3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7)),
+    ),
+}
 
 
 @functools.cache
@@ -23,11 +32,43 @@ def nearest_functions(cell: str, d: int, real, affine: bool):
     distance) of the closest point of the cell."""
     if cell == "line":
         return _line(d, real)
-    if cell == "triangle":
-        return _triangle(d, real)
-    if cell == "tet":
-        return _tet(real)
-    return _box(cell, d, real, affine)
+    Corners, vector = wp.types.matrix((VERTICES[cell], d), real), wp.types.vector(d, real)
+    coordinates, boundary = _coordinates(cell, d, real, affine), _boundary(cell, d, real)
+    is_solid, is_triangle = DIMENSIONS[cell] == d, cell == "triangle"
+    if is_solid:
+        inside = inside_function(cell, d, real, affine)
+
+        @wp.func
+        def closest(p: Corners, q: vector):
+            c, is_inside = inside(p, q)
+            if is_inside:
+                return c, real(0.0)
+            return boundary(p, q)
+
+    elif is_triangle:
+        slack = real(4.0 * _EPSILON[real])
+
+        @wp.func
+        def closest(p: Corners, q: vector):
+            c = coordinates(p, q)
+            if wp.min(c) >= -slack:
+                r = q - c[1] * p[1] - c[2] * p[2]
+                return c, wp.dot(r, r)
+            return boundary(p, q)
+
+    else:
+        solve = _newton(cell, d, real, affine)
+
+        @wp.func
+        def closest(p: Corners, q: vector):
+            c, gap_sq = solve(p, q)
+            edge_coords, edge_sq = boundary(p, q)
+            is_between = wp.min(c) >= real(0.0) and wp.max(c) <= real(1.0)
+            if is_between and gap_sq >= real(0.0) and gap_sq <= edge_sq:
+                return c, gap_sq
+            return edge_coords, edge_sq
+
+    return coordinates, closest
 
 
 @functools.cache
@@ -40,8 +81,7 @@ def inside_function(cell: str, d: int, real, affine: bool):
     Corners, vector = wp.types.matrix((VERTICES[cell], d), real), wp.types.vector(d, real)
     slack, one = real(4.0 * _EPSILON[real]), real(1.0)
     if cell in ("triangle", "tet"):
-        coordinates, _ = nearest_functions(cell, d, real, affine)
-        is_tet = cell == "tet"
+        coordinates, is_tet = _coordinates(cell, d, real, affine), cell == "tet"
 
         @wp.func
         def inside(p: Corners, q: vector):
@@ -65,193 +105,127 @@ def inside_function(cell: str, d: int, real, affine: bool):
     return inside
 
 
-@functools.cache
-def _segment(d: int, real):
-    vector = wp.types.vector(d, real)
-
-    @wp.func
-    def segment(a: vector, b: vector, q: vector):
-        """Parameter and squared distance of the closest point between a and b."""
-        u = b - a
-        length_sq = wp.dot(u, u)
-        t = real(0.0)
-        if length_sq > real(0.0):
-            t = wp.clamp(wp.dot(q - a, u) / length_sq, real(0.0), real(1.0))
-        r = q - a - t * u
-        return t, wp.dot(r, r)
-
-    return segment
-
-
 def _line(d, real):
-    Corners, vector, Coords = (
-        wp.types.matrix((2, d), real),
-        wp.types.vector(d, real),
-        coords_type(real),
-    )
-    segment = _segment(d, real)
+    Corners, vector = wp.types.matrix((2, d), real), wp.types.vector(d, real)
+    Coords, zero = coords_type(real), real(0.0)
 
     @wp.func
     def coordinates(p: Corners, q: vector):
-        return Coords(wp.dot(q, p[1]) / wp.dot(p[1], p[1]), real(0.0), real(0.0))
+        return Coords(wp.dot(q, p[1]) / wp.dot(p[1], p[1]), zero, zero)
 
     @wp.func
     def closest(p: Corners, q: vector):
-        t, distance_sq = segment(vector(), p[1], q)
-        return Coords(t, real(0.0), real(0.0)), distance_sq
+        length_sq = wp.dot(p[1], p[1])
+        t = zero
+        if length_sq > zero:
+            t = wp.clamp(wp.dot(q, p[1]) / length_sq, zero, real(1.0))
+        r = q - t * p[1]
+        return Coords(t, zero, zero), wp.dot(r, r)
 
     return coordinates, closest
 
 
 @functools.cache
-def _in_plane(d: int, real):
-    vector, pair = wp.types.vector(d, real), wp.types.vector(2, real)
-    is_plane = d == 2
-
-    @wp.func
-    def in_plane(u: vector, v: vector, q: vector):
-        """Parameters (s, t) of the projection of q to the plane of u and v."""
-        if wp.static(is_plane):
-            area = u[0] * v[1] - u[1] * v[0]
-            return pair((q[0] * v[1] - q[1] * v[0]) / area, (u[0] * q[1] - u[1] * q[0]) / area)
-        else:
-            n = wp.cross(u, v)
-            area_sq = wp.dot(n, n)
-            return pair(wp.dot(wp.cross(q, v), n) / area_sq, wp.dot(wp.cross(u, q), n) / area_sq)
-
-    return in_plane
-
-
-@functools.cache
-def _triangle_closest(d: int, real):
-    """Function of (a, b, c, q): barycentric coordinates and squared distance."""
-    vector, Coords = wp.types.vector(d, real), coords_type(real)
-    segment, in_plane = _segment(d, real), _in_plane(d, real)
-    zero, one = real(0.0), real(1.0)
-    slack = real(-4.0 * _EPSILON[real])
-    is_plane = d == 2
-
-    @wp.func
-    def triangle(a: vector, b: vector, c: vector, q: vector):
-        u, v = b - a, c - a
-        st = in_plane(u, v, q - a)
-        if st[0] >= slack and st[1] >= slack and one - st[0] - st[1] >= slack:
-            distance_sq = zero
-            if wp.static(not is_plane):
-                r = q - a - st[0] * u - st[1] * v
-                distance_sq = wp.dot(r, r)
-            return Coords(one - st[0] - st[1], st[0], st[1]), distance_sq
-        t, best = segment(a, b, q)
-        coords = Coords(one - t, t, zero)
-        t, distance_sq = segment(b, c, q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(zero, one - t, t)
-        t, distance_sq = segment(c, a, q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(t, zero, one - t)
-        return coords, best
-
-    return triangle
-
-
-def _triangle(d, real):
-    Corners, vector, Coords = (
-        wp.types.matrix((3, d), real),
-        wp.types.vector(d, real),
-        coords_type(real),
-    )
-    in_plane, triangle = _in_plane(d, real), _triangle_closest(d, real)
-
-    @wp.func
-    def coordinates(p: Corners, q: vector):
-        st = in_plane(p[1], p[2], q)
-        return Coords(real(1.0) - st[0] - st[1], st[0], st[1])
-
-    @wp.func
-    def closest(p: Corners, q: vector):
-        return triangle(vector(), p[1], p[2], q)
-
-    return coordinates, closest
-
-
-def _tet(real):
-    Corners, vector, Coords = (
-        wp.types.matrix((4, 3), real),
-        wp.types.vector(3, real),
-        coords_type(real),
-    )
-    triangle = _triangle_closest(3, real)
-    zero, one = real(0.0), real(1.0)
-    slack = real(-4.0 * _EPSILON[real])
-
-    @wp.func
-    def coordinates(p: Corners, q: vector):
-        vw, wu, uv = wp.cross(p[2], p[3]), wp.cross(p[3], p[1]), wp.cross(p[1], p[2])
-        volume = wp.dot(p[1], vw)
-        return Coords(wp.dot(q, vw) / volume, wp.dot(q, wu) / volume, wp.dot(q, uv) / volume)
-
-    @wp.func
-    def closest(p: Corners, q: vector):
-        c = coordinates(p, q)
-        if wp.min(c) >= slack and one - c[0] - c[1] - c[2] >= slack:
-            return c, zero
-        o = vector()
-        b, best = triangle(o, p[1], p[2], q)
-        coords = Coords(b[1], b[2], zero)
-        b, distance_sq = triangle(o, p[2], p[3], q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(zero, b[1], b[2])
-        b, distance_sq = triangle(o, p[3], p[1], q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(b[2], zero, b[1])
-        b, distance_sq = triangle(p[1], p[2], p[3], q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = b
-        return coords, best
-
-    return coordinates, closest
-
-
-def _box(cell, d, real, affine):
-    """Inverse map and closest point of squares and cubes."""
-    Corners = wp.types.matrix((VERTICES[cell], d), real)
-    vector = wp.types.vector(d, real)
-    is_solid = DIMENSIONS[cell] == d
-    solve = _newton(cell, d, real, affine)
-    boundary = _edges(Corners, d, real) if cell == "square" else _faces(Corners, real)
-
-    @wp.func
-    def coordinates(p: Corners, q: vector):
-        c, _gap_sq = solve(p, q)
-        return c
-
-    if is_solid:
-        inside = inside_function(cell, d, real, affine)
+def _coordinates(cell, d, real, affine):
+    """Function of (corners, point): coordinates by the inverse map; of the closest point of the
+    plane of a triangle in space."""
+    Corners, vector = wp.types.matrix((VERTICES[cell], d), real), wp.types.vector(d, real)
+    Coords, is_plane, one = coords_type(real), d == 2, real(1.0)
+    if cell == "triangle":
 
         @wp.func
-        def closest(p: Corners, q: vector):
-            c, is_inside = inside(p, q)
-            if is_inside:
-                return c, real(0.0)
-            return boundary(p, q)
+        def coordinates(p: Corners, q: vector):
+            u, v = p[1], p[2]
+            if wp.static(is_plane):
+                area = u[0] * v[1] - u[1] * v[0]
+                s = (q[0] * v[1] - q[1] * v[0]) / area
+                t = (u[0] * q[1] - u[1] * q[0]) / area
+            else:
+                n = wp.cross(u, v)
+                area_sq = wp.dot(n, n)
+                s = wp.dot(wp.cross(q, v), n) / area_sq
+                t = wp.dot(wp.cross(u, q), n) / area_sq
+            return Coords(one - s - t, s, t)
+
+    elif cell == "tet":
+
+        @wp.func
+        def coordinates(p: Corners, q: vector):
+            vw, wu, uv = wp.cross(p[2], p[3]), wp.cross(p[3], p[1]), wp.cross(p[1], p[2])
+            volume = wp.dot(p[1], vw)
+            return Coords(wp.dot(q, vw) / volume, wp.dot(q, wu) / volume, wp.dot(q, uv) / volume)
 
     else:
+        solve = _newton(cell, d, real, affine)
 
         @wp.func
-        def closest(p: Corners, q: vector):
-            c, gap_sq = solve(p, q)
-            edge_coords, edge_sq = boundary(p, q)
-            is_between = wp.min(c) >= real(0.0) and wp.max(c) <= real(1.0)
-            if is_between and gap_sq >= real(0.0) and gap_sq <= edge_sq:
-                return c, gap_sq
-            return edge_coords, edge_sq
+        def coordinates(p: Corners, q: vector):
+            c, _gap_sq = solve(p, q)
+            return c
 
-    return coordinates, closest
+    return coordinates
+
+
+def _boundary(cell, d, real):
+    """Function of (corners, point): coordinates and squared distance of the closest point of the
+    sides of a cell, the first of several."""
+    side, vector, Coords = SIDES[cell], wp.types.vector(d, real), coords_type(real)
+    sides, width = _SIDES[cell], VERTICES[side]
+    count = len(sides)
+    Corners, Side = (wp.types.matrix((VERTICES[one], d), real) for one in (cell, side))
+    _, on_side = nearest_functions(side, d, real, False)
+    in_cell = side_coords_function(cell, real)
+
+    def nearer_of(columns, before):
+        """The point of a side, if it is nearer than the best one of those before."""
+        first, second, last = columns[0], columns[1], columns[-1]
+
+        @wp.func
+        def nearer(p: Corners, q: vector):
+            a = p[first]
+            corners = Side()
+            corners[1] = p[second] - a
+            if wp.static(width > 2):
+                corners[2] = p[last] - a
+            coords, distance_sq = on_side(corners, q - a)
+            coords = in_cell(first, second, last, coords)
+            if wp.static(before is not None):
+                others, best = before(p, q)
+                if best <= distance_sq:
+                    return others, best
+            return coords, distance_sq
+
+        return nearer
+
+    if width < 4:
+        return functools.reduce(lambda before, of: nearer_of(of, before), sides, None)
+
+    # Sides of cubes: one copy of the code for all.
+    @wp.func
+    def columns_of(k: int):
+        v = wp.vec4i()
+        for j in range(count):
+            if j == k:
+                v = wp.static(wp.vec4i(*sides[j]))
+        return v
+
+    @wp.func
+    def boundary(p: Corners, q: vector):
+        best = real(-1.0)
+        coords = Coords()
+        for k in range(count):
+            v = columns_of(k)
+            a = p[v[0]]
+            corners = Side()
+            for i in range(1, width):
+                corners[i] = p[v[i]] - a
+            c, distance_sq = on_side(corners, q - a)
+            if best < real(0.0) or distance_sq < best:
+                best = distance_sq
+                coords = in_cell(v[0], v[1], v[3], c)
+        return coords, best
+
+    return boundary
 
 
 def _newton(cell, d, real, affine):
@@ -345,78 +319,3 @@ def _newton_step(cell, d, real):
             return Coords(wp.dot(r, vw), wp.dot(r, wu), wp.dot(r, uv)) / wp.dot(G[0], vw)
 
     return step
-
-
-def _edges(Corners, d, real):
-    """Function of (corners, point): closest point of the four edges of a square."""
-    vector, Coords, segment = wp.types.vector(d, real), coords_type(real), _segment(d, real)
-    zero, one = real(0.0), real(1.0)
-
-    @wp.func
-    def edges(p: Corners, q: vector):
-        o = vector()
-        t, best = segment(o, p[1], q)
-        coords = Coords(t, zero, zero)
-        t, distance_sq = segment(p[1], p[2], q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(one, t, zero)
-        t, distance_sq = segment(p[3], p[2], q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(t, one, zero)
-        t, distance_sq = segment(o, p[3], q)
-        if distance_sq < best:
-            best = distance_sq
-            coords = Coords(zero, t, zero)
-        return coords, best
-
-    return edges
-
-
-def _faces(Corners, real):
-    """Function of (corners, point): closest point of the six faces of a cube."""
-    vector, Coords = wp.types.vector(3, real), coords_type(real)
-    Square = wp.types.matrix((4, 3), real)
-    _, on_square = nearest_functions("square", 3, real, False)
-    ints = wp.types.vector(4, wp.int32)
-
-    @wp.func
-    def corners_of(face: int):
-        """Columns around the face, so that coordinates run along the other axes in order."""
-        if face == 0:
-            return ints(0, 3, 7, 4)
-        if face == 1:
-            return ints(1, 2, 6, 5)
-        if face == 2:
-            return ints(0, 1, 5, 4)
-        if face == 3:
-            return ints(3, 2, 6, 7)
-        if face == 4:
-            return ints(0, 1, 2, 3)
-        return ints(4, 5, 6, 7)
-
-    @wp.func
-    def faces(p: Corners, q: vector):
-        best = real(-1.0)
-        coords = Coords()
-        for face in range(6):
-            k = corners_of(face)
-            a = p[k[0]]
-            square = Square()
-            for i in range(1, 4):
-                square[i] = p[k[i]] - a
-            c, distance_sq = on_square(square, q - a)
-            if best < real(0.0) or distance_sq < best:
-                best = distance_sq
-                side = real(face & 1)
-                axis = face >> 1
-                if axis == 0:
-                    coords = Coords(side, c[0], c[1])
-                elif axis == 1:
-                    coords = Coords(c[0], side, c[1])
-                else:
-                    coords = Coords(c[0], c[1], side)
-        return coords, best
-
-    return faces

@@ -10,9 +10,13 @@ from warp._src.fem.geometry.derived import (
     add_listed_sides,
 )
 from warp._src.fem.geometry.mesh_lookup import add_lookup
-from warp._src.fem.geometry.shape_functions import shape_functions, vertex_coords_function
+from warp._src.fem.geometry.shape_functions import (
+    shape_functions,
+    side_coords_function,
+    vertex_coords_function,
+)
 from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
-from warp._src.fem.types import OUTSIDE, coords_type, sample_type
+from warp._src.fem.types import OUTSIDE, Ints, IntTable, Pairs, Vectors, coords_type, sample_type
 
 
 def mesh_functions(record) -> SimpleNamespace:
@@ -67,7 +71,6 @@ def mesh_functions(record) -> SimpleNamespace:
     f.vector, f.cell_corners, f.side_corners = vector, cell_corners, side_corners
     f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
     f.side_position, f.side_deformation_gradient = side_position_at, side_deformation_gradient
-    f.position_in, f.gradient_in = position, gradient
     add_listed_sides(f)
     if record.environments:
         add_listed_environments(f)
@@ -80,18 +83,14 @@ def mesh_functions(record) -> SimpleNamespace:
 
 def _structs(record) -> SimpleNamespace:
     vector = wp.types.vector(record.dimension, record.scalar)
-    ints, table = wp.array(dtype=wp.int32), wp.array2d(dtype=wp.int32)
     word = f"{record.cell.capitalize()}Mesh{record.dimension}D" + (
         "" if record.scalar is wp.float32 else "_f64"
     )
-    cell = {"cells": table, "positions": wp.array(dtype=vector), "cell_env": ints}
-    cell |= {
-        "bvh": wp.uint64,
-        **dict.fromkeys(("box", "lowers", "uppers"), wp.array(dtype=wp.vec3)),
-    }
+    cell = {"cells": IntTable, "positions": wp.array(dtype=vector), "cell_env": Ints}
+    cell |= {"bvh": wp.uint64, **dict.fromkeys(("box", "lowers", "uppers"), Vectors)}
     CellArg = extend.struct_from_fields(f"{word}CellArg", cell, module=__name__)
-    side = {"cell_arg": CellArg, "side_vertices": table, "side_corners": table}
-    side |= {"side_cells": wp.array(dtype=wp.vec2i), "boundary": ints}
+    side = {"cell_arg": CellArg, "side_vertices": IntTable, "side_corners": IntTable}
+    side |= {"side_cells": Pairs, "boundary": Ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
     return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
 
@@ -105,31 +104,19 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
     real, cell = record.scalar, record.cell
     SideArg, Coords = f.SideArg, coords_type(real)
     m = VERTICES[side_name(cell)]
-    place = vertex_coords_function(cell, real)
+    place, in_cell = vertex_coords_function(cell, real), side_coords_function(cell, real)
     in_triangle, in_tet, is_square = cell == "triangle", cell == "tet", m == 4
     is_flat = DIMENSIONS[cell] == 2
     tolerance = real(1.0e-5 if real is wp.float32 else 1.0e-12)
     outside = real(OUTSIDE)
 
-    @wp.func
-    def to_cell(arg: SideArg, side: int, first: int, c: Coords):
-        a = place(arg.side_corners[side, first])
-        b = place(arg.side_corners[side, first + 1])
-        if wp.static(in_tet):
-            return c[0] * a + c[1] * b + c[2] * place(arg.side_corners[side, first + 2])
-        elif wp.static(is_square):
-            d = place(arg.side_corners[side, first + 3])
-            return a + c[0] * (b - a) + c[1] * (d - a)
-        else:
-            return a + c[0] * (b - a)
+    def in_cell_from(first):
+        @wp.func
+        def side_cell_coords(arg: SideArg, side: int, c: Coords):
+            a, b = arg.side_corners[side, first], arg.side_corners[side, first + 1]
+            return in_cell(a, b, arg.side_corners[side, wp.static(first + m - 1)], c)
 
-    @wp.func
-    def side_inner_cell_coords(arg: SideArg, side: int, c: Coords):
-        return to_cell(arg, side, 0, c)
-
-    @wp.func
-    def side_outer_cell_coords(arg: SideArg, side: int, c: Coords):
-        return to_cell(arg, side, m, c)
+        return side_cell_coords
 
     @wp.func
     def of_vertex(column: int, c: Coords):
@@ -177,7 +164,5 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
             return Coords(outside)
         return s
 
-    f.side_inner_cell_coords = side_inner_cell_coords
-    f.side_outer_cell_coords = side_outer_cell_coords
+    f.side_inner_cell_coords, f.side_outer_cell_coords = in_cell_from(0), in_cell_from(m)
     f.side_from_cell_coords = side_from_cell_coords
-    f.vertex_coords = place

@@ -147,3 +147,22 @@ def vertex_coords_function(cell: str, real) -> wp.Function:
         return c
 
     return vertex_coords
+
+
+def side_coords_function(cell: str, real) -> wp.Function:
+    """Function of kernels of (first, second and last column of the corners of a side, coordinates
+    on it): coordinates in the cell."""
+    Coords, place = coords_type(real), vertex_coords_function(cell, real)
+    in_tet, in_cube = cell == "tet", cell == "cube"
+
+    @wp.func
+    def side_coords(first: int, second: int, last: int, c: Coords):
+        a, b = place(first), place(second)
+        if wp.static(in_tet):
+            return c[0] * a + c[1] * b + c[2] * place(last)
+        elif wp.static(in_cube):
+            return a + c[0] * (b - a) + c[1] * (place(last) - a)
+        else:
+            return a + c[0] * (b - a)
+
+    return side_coords
