@@ -6,13 +6,15 @@ the projected system is (1 - P) A (1 - P) + P, (1 - P) (b - A P u) + P u.
 
 import functools
 
+import numpy as np
+
 import warp as wp
 from warp import extend
 from warp._src.fem.forms.integrand import integrand
-from warp._src.fem.linalg import array_axpy, symmetric_eigenvalues_qr
+from warp._src.fem.linalg import array_axpy, generalized_inner, symmetric_eigenvalues_qr
 from warp._src.fem.operators import normal
 from warp._src.fem.tags import Domain, Field
-from warp._src.fem.types import Sample
+from warp._src.fem.types import Ints, Sample
 from warp.sparse import bsr_assign, bsr_axpy, bsr_block_index, bsr_copy, bsr_mm, bsr_mv
 
 
@@ -22,9 +24,9 @@ def _normalize_kernel(scalar, size):
     vector = wp.types.vector(length=size, dtype=scalar)
 
     def normalize(
-        offsets: wp.array(dtype=int),
-        columns: wp.array(dtype=int),
-        counts: wp.array(dtype=int),
+        offsets: Ints,
+        columns: Ints,
+        counts: Ints,
         blocks: wp.array(dtype=block),
         values: wp.array(dtype=vector),
         has_values: int,
@@ -193,7 +195,8 @@ def dirichlet(space, where=None, value=None, fields=None, values=None, device=No
 
     device = wp.get_device(device)
     where = BoundarySides(space.geometry) if where is None else where
-    nodes = _nodes_on(space, where, device)
+    is_fixed = _nodes_on(space, where, device)
+    nodes = wp.array(np.flatnonzero(is_fixed), dtype=wp.int32, device=device)
     dtype, count = extend.canonical(space.dof_dtype), space.node_count()
     field = DiscreteField(space, dof_values=wp.zeros(count, dtype=dtype, device=device))
     if isinstance(value, Integrand):
@@ -201,11 +204,11 @@ def dirichlet(space, where=None, value=None, fields=None, values=None, device=No
 
         dest = make_restriction(field.trace(), domain=where, device=device)
         interpolate(value, dest=dest, fields=fields, values=values, device=device)
-        inputs = [_marked(nodes, count), field.dof_values]
-        wp.launch(_mask_kernel(dtype), count, inputs, device=device)
     elif value is not None:
-        inputs = [nodes, dtype(value), field.dof_values]
-        wp.launch(_fill_kernel(dtype), nodes.shape[0], inputs, device=device)
+        field.dof_values.fill_(dtype(value))
+    fixed = field.dof_values.numpy()
+    fixed[~is_fixed] = 0.0
+    field.dof_values.assign(fixed)
     size, scalar = extend.type_size(dtype), extend.type_scalar_type(dtype)
     block = scalar if size == 1 else wp.types.matrix(shape=(size, size), dtype=scalar)
     projector = bsr_zeros(count, count, block, device=device)
@@ -216,37 +219,28 @@ def dirichlet(space, where=None, value=None, fields=None, values=None, device=No
 
 
 def _nodes_on(space, where, device):
-    """Numbers of the nodes that values on a domain depend on.
+    """True for the nodes that values on a domain depend on, a NumPy array.
 
     Tangential values alone are continuous in covariant spaces, normal ones in contravariant
     spaces: edges that end on a side do not belong to it.
     """
     import warp._src.fem.operator as operators
     from warp._src.fem.fields.virtual import make_test, make_trial
-    from warp._src.fem.geometry.indices import masked_indices
 
     test = make_test(space, domain=where, device=device)
     trial = make_trial(space, domain=where)
-    form = _mass_of_vectors if extend.type_is_vector(space.dtype) else _mass
-    if extend.type_is_matrix(space.dtype):
-        form = _mass_of_matrices
+    form = _mass
     if not where.is_cells and space.record.kind != "identity":
         form = {"covariant": _tangential_mass, "contravariant": _normal_mass}[space.record.kind]
     diagonal = operators.operator(form, {"u": trial, "v": test}, device=device).diagonal()
     numbers = diagonal.numpy().reshape(diagonal.shape[0], -1).max(axis=1)
     # Basis functions of nodes elsewhere are zero up to rounding.
-    mask = (numbers > 1.0e-7 * numbers.max(initial=0.0)).astype("int32")
-    return masked_indices(wp.array(mask, dtype=int, device=device))[0]
+    return numbers > 1.0e-7 * numbers.max(initial=0.0)
 
 
 @integrand
 def _mass(s: Sample, u: Field, v: Field):
-    return u(s) * v(s)
-
-
-@integrand
-def _mass_of_vectors(s: Sample, u: Field, v: Field):
-    return wp.dot(u(s), v(s))
+    return generalized_inner(u(s), v(s))
 
 
 @integrand
@@ -259,33 +253,3 @@ def _tangential_mass(s: Sample, domain: Domain, u: Field, v: Field):
 def _normal_mass(s: Sample, domain: Domain, u: Field, v: Field):
     n = normal(domain, s)
     return wp.dot(u(s), n) * wp.dot(v(s), n)
-
-
-@integrand
-def _mass_of_matrices(s: Sample, u: Field, v: Field):
-    return wp.ddot(u(s), v(s))
-
-
-def _marked(nodes, count):
-    """1 for the nodes of a list, 0 for others."""
-    mask = wp.zeros(count, dtype=int, device=nodes.device)
-    wp.launch(_fill_kernel(wp.int32), nodes.shape[0], [nodes, 1, mask], device=nodes.device)
-    return mask
-
-
-@functools.cache
-def _mask_kernel(dtype):
-    def keep_marked(marks: wp.array(dtype=int), values: wp.array(dtype=dtype)):
-        i = wp.tid()
-        if marks[i] == 0:
-            values[i] = dtype()
-
-    return wp.kernel(keep_marked, enable_backward=False)
-
-
-@functools.cache
-def _fill_kernel(dtype):
-    def fill(nodes: wp.array(dtype=int), value: dtype, values: wp.array(dtype=dtype)):
-        values[nodes[wp.tid()]] = value
-
-    return wp.kernel(fill, enable_backward=False)

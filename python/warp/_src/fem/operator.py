@@ -11,28 +11,10 @@ from warp._src.fem.assembly.vector import as_vector, assemble_vector
 from warp._src.fem.fields.discrete import DiscreteField
 from warp._src.fem.fields.virtual import TestField, make_test
 from warp._src.fem.forms.form import Form
+from warp._src.fem.forms.tables import node_table
 from warp._src.fem.integrate import default_quadrature, domain_of
+from warp._src.fem.linalg import array_axpy
 from warp.optim.linear import LinearOperator
-
-
-@functools.cache
-def _combine_kernel(dtype):
-    scalar = extend.type_scalar_type(dtype)
-
-    def combine(
-        x: wp.array(dtype=dtype),
-        y: wp.array(dtype=dtype),
-        alpha: scalar,
-        beta: scalar,
-        z: wp.array(dtype=dtype),
-    ):
-        i = wp.tid()
-        result = alpha * x[i]
-        if beta != scalar(0.0):
-            result += beta * y[i]
-        z[i] = result
-
-    return wp.kernel(combine, enable_backward=False)
 
 
 @functools.cache
@@ -99,9 +81,13 @@ class FormOperator(LinearOperator):
             return
         product = wp.empty(rows, dtype=dtype, device=self.device)
         self._act(x, product)
-        scalar = extend.type_scalar_type(dtype)
-        inputs = [product, as_vector(y, dtype, rows), scalar(alpha), scalar(beta), target]
-        wp.launch(_combine_kernel(extend.canonical(dtype)), rows, inputs, device=self.device)
+        if beta == 0.0:
+            # Numbers of `y` do not count then, NaN neither.
+            target.zero_()
+        elif y.ptr != z.ptr:
+            wp.copy(target, as_vector(y, dtype, rows))
+        with extend.unrecorded():
+            array_axpy(product, target, alpha, beta)
 
     @functools.cached_property
     def adjoint(self) -> "FormOperator":
@@ -208,22 +194,10 @@ class _Pair:
         self.domain, self.block_dtype = test.domain, wp.float32
 
     def test_table(self, device):
-        return _node_table(self.test, self.domain, device)
+        return node_table(self.test, self.domain, device)
 
     def trial_table(self, device):
-        return _node_table(self.trial, self.domain, device)
-
-
-def _node_table(field, domain, device):
-    from warp._src.fem.forms.tables import node_table_kernel
-
-    kernel = node_table_kernel(field.nodes, domain.record)
-    count, width = domain.element_count(), field.nodes.node_count * (1 if domain.is_cells else 2)
-    table = wp.empty((count, width), dtype=wp.int32, device=device)
-    inputs = [domain.domain_arg_value(device), field.arg_value(device)]
-    inputs += [field.space_partition.node_count(), table]
-    wp.launch(kernel, count, inputs, device=device)
-    return table
+        return node_table(self.trial, self.domain, device)
 
 
 def pattern(test, trial, device=None) -> Pattern:

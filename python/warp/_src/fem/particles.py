@@ -3,8 +3,7 @@
 import functools
 
 import warp as wp
-from warp import extend
-from warp._src.fem.types import OUTSIDE, coords_type, make_free_sample
+from warp._src.fem.types import OUTSIDE, Ints, coords_type, make_free_sample
 
 
 @functools.cache
@@ -18,9 +17,9 @@ def lookup_kernel(domain, by_domain: bool, has_environments: bool) -> wp.Kernel:
     def find_cells(
         arg: DomainArg,
         positions: wp.array(dtype=vector),
-        environments: wp.array(dtype=wp.int32),
+        environments: Ints,
         max_dist: real,
-        cells: wp.array(dtype=wp.int32),
+        cells: Ints,
     ):
         p = wp.tid()
         if wp.static(has_environments):
@@ -48,7 +47,7 @@ def coordinates_kernel(domain, by_domain: bool) -> wp.Kernel:
         geo: ElementArg,
         index: IndexArg,
         positions: wp.array(dtype=vector),
-        cells: wp.array(dtype=wp.int32),
+        cells: Ints,
         coords: wp.array(dtype=Coords),
     ):
         p = wp.tid()
@@ -78,10 +77,10 @@ def order_kernel(domain, by_domain: bool, has_measures: bool, has_fractions: boo
         measures: wp.array(dtype=real),
         fractions: wp.array(dtype=real),
         coords: wp.array(dtype=Coords),
-        cells: wp.array(dtype=wp.int32),
-        offsets: wp.array(dtype=wp.int32),
-        items: wp.array(dtype=wp.int32),
-        particles: wp.array(dtype=wp.int32),
+        cells: Ints,
+        offsets: Ints,
+        items: Ints,
+        particles: Ints,
         ordered_coords: wp.array(dtype=Coords),
         ordered_weights: wp.array(dtype=real),
     ):
@@ -113,67 +112,10 @@ def order_kernel(domain, by_domain: bool, has_measures: bool, has_fractions: boo
 
 
 @wp.kernel(enable_backward=False)
-def _make_keys(
-    cells: wp.array(dtype=wp.int32),
-    cell_count: int,
-    keys: wp.array(dtype=wp.int32),
-    items: wp.array(dtype=wp.int32),
-):
-    i = wp.tid()
-    cell = cells[i]
-    # Particles outside come last.
-    keys[i] = wp.where(cell < 0 or cell >= cell_count, cell_count, cell)
-    items[i] = i
-
-
-@wp.kernel(enable_backward=False)
-def _find_offsets(keys: wp.array(dtype=wp.int32), count: int, offsets: wp.array(dtype=wp.int32)):
-    """Number of keys below that of the thread."""
-    cell = wp.tid()
-    low = int(0)
-    high = count
-    while low < high:
-        middle = (low + high) // 2
-        if keys[middle] < cell:
-            low = middle + 1
-        else:
-            high = middle
-    offsets[cell] = low
-
-
-def sort_by_cell(cells, cell_count: int):
-    """Stable order of particles by their cells.
-
-    Args:
-        cells: (n,) of int32; numbers that are no cell come last.
-        cell_count: number of cells.
-
-    Returns:
-        (offsets, items): first place of each cell and of what is outside, (cell_count + 1,), and
-        the numbers of particles in order.
-    """
-    device, n = cells.device, cells.shape[0]
-    with extend.unrecorded():
-        keys, items = (wp.empty(2 * n, dtype=wp.int32, device=device) for _ in range(2))
-        offsets = wp.empty(cell_count + 1, dtype=wp.int32, device=device)
-        wp.launch(_make_keys, n, [cells, cell_count], [keys, items], device=device)
-        wp.utils.radix_sort_pairs(keys, items, n, 0, max(cell_count, 1).bit_length())
-        wp.launch(_find_offsets, cell_count + 1, [keys, n], [offsets], device=device)
-    return offsets, items[:n]
-
-
-@wp.kernel(enable_backward=False)
-def count_particles(offsets: wp.array(dtype=wp.int32), largest: wp.array(dtype=wp.int32)):
+def count_particles(offsets: Ints, largest: Ints):
     """Largest number of particles of a cell, and the number of cells that have some."""
     cell = wp.tid()
     n = offsets[cell + 1] - offsets[cell]
     wp.atomic_max(largest, 0, n)
     if n > 0:
         wp.atomic_add(largest, 1, 1)
-
-
-@wp.kernel(enable_backward=False)
-def mark_cells(offsets: wp.array(dtype=wp.int32), mask: wp.array(dtype=wp.int32)):
-    """1 for cells with particles, else 0."""
-    cell = wp.tid()
-    mask[cell] = wp.where(offsets[cell + 1] > offsets[cell], 1, 0)

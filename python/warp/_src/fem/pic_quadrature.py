@@ -7,22 +7,21 @@ import numpy as np
 
 import warp as wp
 from warp import extend
+from warp._src.fem.assembly.incidence import find_incidence, mark_used
 from warp._src.fem.particles import (
     coordinates_kernel,
     count_particles,
     lookup_kernel,
-    mark_cells,
     order_kernel,
-    sort_by_cell,
 )
 from warp._src.fem.quadratures import MAKERS, Quadrature, QuadratureRecord
-from warp._src.fem.types import coords_type
+from warp._src.fem.types import Ints, coords_type
 
 
 def _pic(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace:
     real, by_domain = record.domain.geometry.scalar, record.detail
-    ElementArg, ints = domain.ElementArg, wp.array(dtype=wp.int32)
-    fields = {"cell_particle_offsets": ints, "cell_particle_indices": ints}
+    ElementArg = domain.ElementArg
+    fields = {"cell_particle_offsets": Ints, "cell_particle_indices": Ints}
     fields |= {"cell_particle_coords": wp.array(dtype=coords_type(real))}
     fields |= {"cell_particle_fraction": wp.array(dtype=real)}
     Arg = extend.struct_from_fields("PicArg", fields, module=__name__)
@@ -199,8 +198,11 @@ class PicQuadrature(Quadrature):
         real = domain.geometry.scalar_type
         count = domain.element_count() if self._by_domain else domain.geometry_element_count()
         cells = self.cell_indices.flatten()
-        self._cell_particle_offsets, items = sort_by_cell(cells, count)
         size = cells.shape[0]
+        with extend.unrecorded():
+            # Particles outside, whose numbers are no cells, come last.
+            order = find_incidence(cells.reshape((size, 1)), count)
+        self._cell_particle_offsets, items = order.begins, order.positions
         fraction = self.particle_fraction
         grad = self._requires_grad or any(
             array is not None and array.requires_grad
@@ -281,4 +283,4 @@ class PicQuadrature(Quadrature):
     def fill_element_mask(self, mask) -> None:
         """Sets `mask`, of int32, to 1 for cells with particles, else 0."""
         n = self._cell_particle_offsets.shape[0] - 1
-        wp.launch(mark_cells, n, [self._cell_particle_offsets], [mask], device=mask.device)
+        wp.launch(mark_used, n, [self._cell_particle_offsets, mask], device=mask.device)

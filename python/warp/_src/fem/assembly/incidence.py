@@ -9,26 +9,21 @@ from __future__ import annotations
 import dataclasses
 
 import warp as wp
+from warp._src.fem.types import Ints, IntTable
 
 
 @wp.kernel(enable_backward=False)
-def _fill_keys(
-    table: wp.array2d(dtype=int),
-    first: int,
-    unused: int,
-    keys: wp.array(dtype=int),
-    positions: wp.array(dtype=int),
-):
+def _fill_keys(table: IntTable, first: int, unused: int, keys: Ints, positions: Ints):
     e, i = wp.tid()
     node = table[first + e, i]
     at = e * table.shape[1] + i
     # Nodes that take no part go to the end of the sorted positions.
-    keys[at] = wp.where(node < 0, unused, node)
+    keys[at] = wp.where(node < 0 or node > unused, unused, node)
     positions[at] = at
 
 
 @wp.kernel(enable_backward=False)
-def _mark_begins(keys: wp.array(dtype=int), count: int, begins: wp.array(dtype=int)):
+def _mark_begins(keys: Ints, count: int, begins: Ints):
     at = wp.tid()
     key = wp.int32(-1)
     if at > 0:
@@ -57,7 +52,8 @@ def find_incidence(table, node_count: int, first: int = 0, count: int | None = N
     """Sorts the positions of a range of elements by node.
 
     Args:
-        table: int32 (elements, n), node numbers below `node_count`, negative if unused.
+        table: int32 (elements, n), node numbers; unused are negative ones and those from
+            `node_count` on.
         node_count: number of nodes.
         first, count: the elements; positions count from the first one.
     """
@@ -78,3 +74,10 @@ def find_incidence(table, node_count: int, first: int = 0, count: int | None = N
     wp.utils.radix_sort_pairs(keys, positions, size, end_bit=node_count.bit_length())
     wp.launch(_mark_begins, size + 1, [keys, size, begins], device=device)
     return Incidence(begins, positions[:size].contiguous() if device.is_cuda else positions[:size])
+
+
+@wp.kernel(enable_backward=False)
+def mark_used(begins: Ints, mask: Ints):
+    """1 for nodes that have positions, else 0."""
+    node = wp.tid()
+    mask[node] = wp.where(begins[node + 1] > begins[node], 1, 0)

@@ -13,6 +13,7 @@ from warp._src.fem.assembly.gather import add_blocks, spread_adjoint, wide_type,
 from warp._src.fem.assembly.pattern import Pattern
 from warp._src.fem.geometry.base import PerDevice
 from warp._src.fem.temporaries import borrow_temporary
+from warp._src.fem.types import Ints
 from warp.sparse import bsr_assign, bsr_axpy, bsr_compress, bsr_set_zero, bsr_zeros
 
 _CONSTRUCTIONS = ("auto", "triplets", "row_compress", "mapped", "mapped_atomic")
@@ -69,7 +70,7 @@ def _choice(options, name, choices):
     return value
 
 
-def kept_patterns(form, *fields) -> dict:
+def _kept_patterns(form, fields) -> dict:
     """The cache of a form's patterns; an empty dictionary for one that may change unseen.
 
     Patterns of whole spaces on whole static geometries are kept by the topology of the test
@@ -92,23 +93,32 @@ def kept_patterns(form, *fields) -> dict:
     return owner.setdefault("patterns", PerDevice())
 
 
-def pattern_of(form) -> Pattern:
-    """The pattern of a form: made once for partitions and a domain."""
-    rows, columns = form.test.space_partition, form.trial.space_partition
-    kept = kept_patterns(form, form.test, form.trial)
+def kept_pattern(form, fields, make):
+    """The pattern that `make` finds, given the size of a block: made once for the partitions of
+    fields and a domain, until nodes are numbered anew."""
+    kept, partitions = _kept_patterns(form, fields), [field.space_partition for field in fields]
     size = wp.types.type_size_in_bytes(form.block_dtype)
-    revisions = tuple(getattr(p.space_topology, "revision", 0) for p in (rows, columns))
-    key = (rows, columns, form.domain, form.device.alias, size)
+    revisions = tuple(getattr(p.space_topology, "revision", 0) for p in partitions)
+    key = (*partitions, form.domain, form.device.alias, size)
     found = kept.get(key)
     if found is None or found[0] != revisions:
         with extend.unrecorded():
-            tables = form.test_table(form.device), form.trial_table(form.device)
-            pattern = Pattern(*tables, rows.node_count(), columns.node_count(), size)
-        found = (revisions, pattern)
+            found = (revisions, make(size))
         # A pattern that a graph finds belongs to the graph.
         if not form.device.is_capturing:
             kept[key] = found
     return found[1]
+
+
+def pattern_of(form) -> Pattern:
+    """The pattern of a bilinear form."""
+    fields = form.test, form.trial
+
+    def make(size):
+        tables = form.test_table(form.device), form.trial_table(form.device)
+        return Pattern(*tables, *(f.space_partition.node_count() for f in fields), size)
+
+    return kept_pattern(form, fields, make)
 
 
 def _check_output(output, pattern, block) -> None:
@@ -195,7 +205,7 @@ def padded(source, output, options):
 
 
 @wp.kernel(enable_backward=False)
-def _row_sizes(offsets: wp.array(dtype=int), sizes: wp.array(dtype=int)):
+def _row_sizes(offsets: Ints, sizes: Ints):
     r = wp.tid()
     sizes[r] = offsets[r + 1] - offsets[r]
 

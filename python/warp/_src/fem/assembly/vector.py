@@ -7,7 +7,7 @@ import dataclasses
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.gather import with_scalar
-from warp._src.fem.assembly.matrix import fill, kept_patterns
+from warp._src.fem.assembly.matrix import fill, kept_pattern
 from warp._src.fem.assembly.pattern import Batch, node_batches
 from warp._src.fem.linalg import array_axpy
 
@@ -22,23 +22,14 @@ class NodePattern:
 
 
 def node_pattern_of(form) -> NodePattern:
-    """The pattern of a linear form: made once for a partition and a domain."""
-    rows = form.test.space_partition
-    kept = kept_patterns(form, form.test)
-    size = wp.types.type_size_in_bytes(form.block_dtype)
-    revision = getattr(rows.space_topology, "revision", 0)
-    key = (rows, None, form.domain, form.device.alias, size)
-    found = kept.get(key)
-    if found is None or found[0] != revision:
-        with extend.unrecorded():
-            table = form.test_table(form.device)
-            batches = node_batches(table, rows.node_count(), size)
-        pattern = NodePattern(batches, table.shape[1], rows.node_count())
-        found = (revision, pattern)
-        # A pattern that a graph finds belongs to the graph.
-        if not form.device.is_capturing:
-            kept[key] = found
-    return found[1]
+    """The pattern of a linear form."""
+    count = form.test.space_partition.node_count()
+
+    def make(size):
+        table = form.test_table(form.device)
+        return NodePattern(node_batches(table, count, size), table.shape[1], count)
+
+    return kept_pattern(form, (form.test,), make)
 
 
 def as_vector(output, block, count: int):

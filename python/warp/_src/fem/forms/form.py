@@ -11,6 +11,7 @@ from warp._src.fem.fields.base import GeometryField
 from warp._src.fem.fields.virtual import TestField, TrialField
 from warp._src.fem.forms.facts import value_types
 from warp._src.fem.forms.integrand import Integrand
+from warp._src.fem.forms.tables import node_table
 from warp._src.fem.kept import hashed, record_of
 
 
@@ -265,17 +266,8 @@ class Form:
 
     def test_table(self, device=None):
         """Numbers of the test function's nodes, (elements, nodes), -1 where there is none."""
-        return self._table("test", self.test)
+        return node_table(self.test, self.domain, self.device)
 
     def trial_table(self, device=None):
         """Numbers of the trial function's nodes, (elements, nodes), -1 where there is none."""
-        return self._table("trial", self.trial)
-
-    def _table(self, role, field):
-        kernel, width = self.plan.node_table(role)
-        count = self.domain.element_count()
-        table = wp.empty((count, width), dtype=wp.int32, device=self.device)
-        args = [self.domain.domain_arg_value(self.device), field.arg_value(self.device)]
-        args.append(field.space_partition.node_count())
-        wp.launch(kernel, count, [*args, table], device=self.device)
-        return table
+        return node_table(self.trial, self.domain, self.device)

@@ -571,16 +571,6 @@ class PointsPlan:
             )
         return [self._on_device[device]]
 
-    def node_table(self, role):
-        """Kernel that writes node numbers of elements, and the number of nodes."""
-        from warp._src.fem.forms.tables import node_table_kernel
-
-        one = getattr(self, role)
-        return (
-            node_table_kernel(one.nodes, self.record.domain),
-            one.nodes.node_count * one.halves,
-        )
-
     def terms(self, role):
         """Functions of products of the role's basis functions with coefficients."""
         return term_functions(role.nodes.values)

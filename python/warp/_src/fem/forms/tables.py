@@ -6,11 +6,11 @@ import warp as wp
 from warp._src.fem.domains import domain_functions
 from warp._src.fem.fields.nodes import locations
 from warp._src.fem.fields.spaces import node_arg_type
-from warp._src.fem.types import NULL_NODE_INDEX, sample_type
+from warp._src.fem.types import NULL_NODE_INDEX, IntTable, sample_type
 
 
 @functools.cache
-def node_table_kernel(nodes, domain):
+def _node_table_kernel(nodes, domain):
     """Kernel of (domain argument, node argument, number of nodes, table)."""
     functions = domain_functions(domain)
     Arg, DomainArg, Sample = (
@@ -35,7 +35,7 @@ def node_table_kernel(nodes, domain):
             found = partition_index(arg.partition, node)
         return wp.where(found >= 0 and found < limit, found, -1)
 
-    def node_table(domain_arg: DomainArg, arg: Arg, limit: int, table: wp.array2d(dtype=int)):
+    def node_table(domain_arg: DomainArg, arg: Arg, limit: int, table: IntTable):
         e = wp.tid()
         s = Sample()
         s.element_index = element_index(domain_arg.index, e)
@@ -53,3 +53,15 @@ def node_table_kernel(nodes, domain):
                 table[e, count + k] = number(arg, node, limit)
 
     return wp.kernel(node_table, enable_backward=False)
+
+
+def node_table(field, domain, device):
+    """Numbers in its partition of the nodes of a test or trial function, int32 (elements, n); -1
+    where there is none."""
+    kernel = _node_table_kernel(field.nodes, domain.record)
+    shape = domain.element_count(), field.nodes.node_count * (1 if domain.is_cells else 2)
+    table = wp.empty(shape, dtype=wp.int32, device=device)
+    inputs = [domain.domain_arg_value(device), field.arg_value(device)]
+    inputs += [field.space_partition.node_count(), table]
+    wp.launch(kernel, shape[0], inputs, device=device)
+    return table

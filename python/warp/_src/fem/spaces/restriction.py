@@ -6,6 +6,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import PerDevice
 from warp._src.fem.spaces.partition import make_space_partition
+from warp._src.fem.types import Ints
 
 
 @wp.struct
@@ -13,9 +14,9 @@ class NodeArg:
     """Nodes of a restriction, with their elements."""
 
     width: int
-    begins: wp.array(dtype=wp.int32)
-    positions: wp.array(dtype=wp.int32)
-    nodes: wp.array(dtype=wp.int32)
+    begins: Ints
+    positions: Ints
+    nodes: Ints
 
 
 @wp.struct
@@ -120,12 +121,13 @@ class SpaceRestriction:
     def node_partition_indices(self):
         """Partition numbers of the nodes that elements have, ascending, int32 (nodes,)."""
         if "indices" not in self._kept:
+            from warp._src.fem.assembly.incidence import mark_used
             from warp._src.fem.geometry.indices import masked_indices
 
             begins = self.incidence.begins
             mask = wp.empty(begins.shape[0] - 1, dtype=wp.int32, device=begins.device)
             with extend.unrecorded():
-                wp.launch(_mark_used, mask.shape[0], [begins, mask], device=begins.device)
+                wp.launch(mark_used, mask.shape[0], [begins, mask], device=begins.device)
             self._kept["indices"] = masked_indices(mask)[0]
         return self._kept["indices"]
 
@@ -151,12 +153,6 @@ class SpaceRestriction:
     def node_count_sync(self) -> int:
         """Number of nodes that elements have."""
         return self.node_count()
-
-
-@wp.kernel(enable_backward=False)
-def _mark_used(begins: wp.array(dtype=wp.int32), mask: wp.array(dtype=wp.int32)):
-    node = wp.tid()
-    mask[node] = wp.where(begins[node + 1] > begins[node], 1, 0)
 
 
 @functools.cache
