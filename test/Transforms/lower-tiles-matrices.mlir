@@ -28,7 +28,7 @@ func.func @factor(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
 
 #gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
 
-// Rows of 10 numbers do not begin at multiples of 16 bytes.
+// So few elements come by the registers.
 // CHECK-LABEL: func.func @other
 // CHECK-NOT: fetch
 // CHECK: warp.library_call "warp_tile_factor_f32_16"
@@ -43,6 +43,39 @@ func.func @other(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
   %l = warp.tile_cholesky %m : !warp.tile<10x10 x f32>
   %s = warp.tile_solve %l, %v : !warp.tile<10x10 x f32>, !warp.tile<10 x f32>
   warp.tile_store %s, %x[%c0] : !warp.tile<10 x f32>, !warp.array<1 x f32>,
+    (si32)
+  return
+}
+
+// -----
+
+#gpu = #warp.variant<target = <name = "sm_90">, rank = 2>
+
+// Rows of 27 numbers do not begin at multiples of 16 bytes, and 6 runs are no
+// divisor of 32 threads: such matrices are copied as well.
+// CHECK-LABEL: func.func @ragged
+// CHECK: warp.library_call "warp_tile_fetch_b32"
+// CHECK: warp.library_call "warp_tile_fetch_b32"
+// CHECK: warp.library_call "warp_tile_factor_f32_16"
+func.func @ragged(%a: !warp.array<2 x f32>, %x: !warp.array<1 x f32>)
+    attributes {warp.kernel, warp.block_threads = 32 : i64,
+                warp.variant = #gpu} {
+  %c0 = warp.constant 0 : si32
+  %m = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f32>, (si32, si32)
+    -> !warp.tile<27x27 x f32>
+  %n = warp.tile_load %a[%c0, %c0] : !warp.array<2 x f32>, (si32, si32)
+    -> !warp.tile<24x24 x f32>
+  %v = warp.tile_load %x[%c0] : !warp.array<1 x f32>, (si32)
+    -> !warp.tile<27 x f32>
+  %w = warp.tile_load %x[%c0] : !warp.array<1 x f32>, (si32)
+    -> !warp.tile<24 x f32>
+  %l = warp.tile_cholesky %m : !warp.tile<27x27 x f32>
+  %k = warp.tile_cholesky %n : !warp.tile<24x24 x f32>
+  %s = warp.tile_solve %l, %v : !warp.tile<27x27 x f32>, !warp.tile<27 x f32>
+  %t = warp.tile_solve %k, %w : !warp.tile<24x24 x f32>, !warp.tile<24 x f32>
+  warp.tile_store %s, %x[%c0] : !warp.tile<27 x f32>, !warp.array<1 x f32>,
+    (si32)
+  warp.tile_store %t, %x[%c0] : !warp.tile<24 x f32>, !warp.array<1 x f32>,
     (si32)
   return
 }

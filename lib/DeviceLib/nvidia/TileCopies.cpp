@@ -5,7 +5,7 @@
 // Copies that run while threads compute (PTX ISA, asynchronous copy): threads
 // wait for those of a group before they meet at a barrier. A tile that crosses
 // the edge of its array, or whose rows do not lie at multiples of 16 bytes, is
-// copied element by element, and is there as soon.
+// copied element by element, those of 4 and 8 bytes asynchronously as well.
 //
 //===----------------------------------------------------------------------===//
 
@@ -16,6 +16,19 @@ namespace {
 WARP_INLINE void copyChunk(u64 to, u64 from) {
   asm volatile("cp.async.cg.shared.global [%0], [%1], 16;" ::"r"(u32(to)),
                "l"(from)
+               : "memory");
+}
+
+/// Copies an element, or zero in its place, whose address is then not read.
+template <i32 size> WARP_INLINE void copyElement(u64 to, u64 from) {
+  asm volatile("cp.async.ca.shared.global [%0], [%1], %2;" ::"r"(u32(to)),
+               "l"(from), "n"(size)
+               : "memory");
+}
+template <i32 size>
+WARP_INLINE void copyElement(u64 to, u64 from, bool exists) {
+  asm volatile("cp.async.ca.shared.global [%0], [%1], %2, %3;" ::"r"(u32(to)),
+               "l"(from), "n"(size), "r"(exists ? size : 0)
                : "memory");
 }
 
@@ -81,14 +94,31 @@ WARP_INLINE void fetch(u64 to, const Window &window, const Layout &layout,
       copyChunk(place(whole), from + whole * step);
     return;
   }
+  i32 columns = window.columns, elements = window.rows * columns;
+  if constexpr (size >= 4)
+    if (window.isInside()) {
 #pragma clang loop unroll(disable)
-  for (i32 i = thread; i < window.rows * window.columns; i += threads) {
-    i32 row = u32(i) / u32(window.columns);
-    i32 column = u32(i) % u32(window.columns);
-    T value = 0;
-    if (window.has(row, column))
-      value = *global<T>(window.at(row, column));
-    *shared<T>(to + layout.at(row, column) * size) = value;
+      for (i32 i = thread; i < elements; i += threads) {
+        i32 row = u32(i) / u32(columns), column = u32(i) % u32(columns);
+        copyElement<size>(to + layout.at(row, column) * size,
+                          window.at(row, column));
+      }
+      return;
+    }
+#pragma clang loop unroll(disable)
+  for (i32 i = thread; i < elements; i += threads) {
+    i32 row = u32(i) / u32(columns), column = u32(i) % u32(columns);
+    u64 place = to + layout.at(row, column) * size;
+    bool exists = window.has(row, column);
+    if constexpr (size >= 4) {
+      copyElement<size>(place, exists ? window.at(row, column) : window.data,
+                        exists);
+    } else {
+      T value = 0;
+      if (exists)
+        value = *global<T>(window.at(row, column));
+      *shared<T>(place) = value;
+    }
   }
 }
 

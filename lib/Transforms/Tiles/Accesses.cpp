@@ -36,14 +36,12 @@ Value LoadLowering::element(TileLoadOp op, ValueRange indices) {
 }
 
 /// True if a matrix that is loaded comes by asynchronous copies: all of them
-/// are on their way at once, and pass by the registers. Each thread has one or
-/// more.
+/// are on their way at once, and pass by the registers. Rows that are no
+/// multiples of 16 bytes come element by element, still without a wait.
 bool LoadLowering::isCopied(TileLoadOp op) {
   TileType type = tileType(op.getResult());
-  int64_t runs = type.getShape().back() / 4;
   return getPitch(op.getResult()) && !op.getPicked() &&
-         type.getElementType().isF32() && type.getShape().back() % 4 == 0 &&
-         runs <= threads && threads % runs == 0 &&
+         type.getElementType().isF32() &&
          type.getNumElements() >= 4 * threads &&
          llvm::all_of(op.getOffsets(), [](Value offset) {
            return getByteSize(offset.getType()) <= 4;

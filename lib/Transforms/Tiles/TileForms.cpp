@@ -24,15 +24,18 @@ static int64_t getPitchFor(int64_t columns) {
 
 using Functions = llvm::DenseMap<Operation *, TileFunction>;
 
-/// Matrices that only functions read as such get a pitch, so that their rows
-/// and columns lie in different banks.
+/// Matrices that only functions read as such, or that are stored, get a pitch,
+/// so that their rows and columns lie in different banks.
 static void setPitches(FunctionOpInterface kernel, const Functions &functions) {
   TileBuffers buffers(kernel);
   llvm::MapVector<Value, SmallVector<Value>> byRoot;
   for (Value tile : buffers.getTiles())
     byRoot[buffers.rootOf(tile)].push_back(tile);
   auto readsAsMatrix = [&](OpOperand &use) {
-    return functions.lookup(use.getOwner()).matrix == use.getOperandNumber();
+    Operation *owner = use.getOwner();
+    if (auto store = dyn_cast<TileStoreOp>(owner))
+      return use.get() == store.getTile();
+    return functions.lookup(owner).matrix == use.getOperandNumber();
   };
   for (auto &[root, members] : byRoot) {
     bool fits = llvm::all_of(members, [&](Value tile) {
