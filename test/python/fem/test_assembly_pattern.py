@@ -6,6 +6,7 @@ import pytest
 import warp as wp
 from warp import fem
 from warp._src.fem import grids
+from warp._src.fem.assembly import incidence
 from warp._src.fem.assembly import pattern as patterns
 from warp._src.fem.assembly.gather import add_blocks, spread_adjoint
 from warp._src.fem.assembly.pattern import Pattern, batch_size, node_batches
@@ -41,6 +42,12 @@ def expected_columns(test, trial, rows):
     return [sorted(columns) for columns in found]
 
 
+@pytest.fixture(params=[0, 1 << 17], ids=["kernels", "numpy"], autouse=True)
+def few(request, monkeypatch):
+    """Sparsity is found by kernels, as of large meshes and on GPUs, and by NumPy."""
+    monkeypatch.setattr(incidence, "_FEW", request.param)
+
+
 @pytest.fixture(params=TABLES)
 def tables(request):
     return TABLES[request.param]()
@@ -55,6 +62,21 @@ def test_columns_are_the_union_of_the_elements(tables, entries, monkeypatch):
     expected = expected_columns(test, trial, rows)
     assert [found[a:b].tolist() for a, b in zip(offsets[:-1], offsets[1:], strict=True)] == expected
     assert pattern.nnz == sum(map(len, expected))
+
+
+def test_numpy_and_kernels_find_the_same_contributions(tables, monkeypatch):
+    found = []
+    for few in (0, 1 << 17):
+        monkeypatch.setattr(incidence, "_FEW", few)
+        test, trial, rows, columns = tables
+        batch = Pattern(array(test), array(trial), rows, columns).batches[0]
+        begins = batch.begins.numpy()
+        nodes = node_batches(array(test), rows)[0] if len(test) else batch
+        used = nodes.begins.numpy()
+        found.append((begins, batch.entries.numpy()[: begins[-1]]))
+        found[-1] += (used, nodes.entries.numpy()[: used[-1]])
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize("limit", [10**6, 7, 1])

@@ -193,6 +193,12 @@ class GeometryDomain(RecordFunctions):
         return self.kind == "cells"
 
     @property
+    def is_whole(self) -> bool:
+        """Elements are all cells or sides, in their order, of a geometry that is not rebuilt."""
+        is_all = isinstance(self.geometry_partition, WholeGeometryPartition)
+        return is_all and not isinstance(self, Subdomain) and not self.geometry.base.is_rebuildable
+
+    @property
     def element_kind(self) -> ElementKind:
         """Cells or sides."""
         return ElementKind.CELL if self.is_cells else ElementKind.SIDE

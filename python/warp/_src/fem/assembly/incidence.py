@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 import warp as wp
 from warp._src.fem.types import Ints, IntTable
 
@@ -48,6 +50,22 @@ class Incidence:
     positions: wp.array
 
 
+# Numbers that NumPy sorts in less time than kernels take to compile.
+_FEW = 1 << 17
+
+
+def is_small(size: int, device) -> bool:
+    """True if NumPy finds the sparsity of so many numbers."""
+    return device.is_cpu and size <= _FEW and not device.is_capturing
+
+
+def sorted_runs(keys, key_count: int, device) -> tuple:
+    """Begins of each key from 0, one more, and places in the order of the keys."""
+    places = np.argsort(keys, kind="stable")
+    begins = np.searchsorted(keys[places], np.arange(key_count + 1))
+    return tuple(wp.array(one, dtype=wp.int32, device=device) for one in (begins, places))
+
+
 def find_incidence(table, node_count: int, first: int = 0, count: int | None = None) -> Incidence:
     """Sorts the positions of a range of elements by node.
 
@@ -65,6 +83,9 @@ def find_incidence(table, node_count: int, first: int = 0, count: int | None = N
             f"expects fewer than 2^31 nodes of elements, but got {count} x {width}; "
             "integrate over subdomains"
         )
+    if is_small(size, device):
+        keys = table.numpy()[first : first + count].ravel()
+        return Incidence(*sorted_runs(np.where(keys < 0, node_count, keys), node_count, device))
     keys = wp.empty(2 * size, dtype=int, device=device)
     positions = wp.empty(2 * size, dtype=int, device=device)
     begins = wp.empty(node_count + 1, dtype=int, device=device)

@@ -82,12 +82,8 @@ def _kept_patterns(form, fields) -> dict:
     if any(getattr(record, "quadrature", None) is not None for record in records):
         return {}
     restriction = getattr(form.test, "space_restriction", None)
-    part = getattr(form.domain, "geometry_partition", None)
     is_whole = restriction is None or (
-        type(form.domain).__name__ != "Subdomain"
-        and type(part).__name__ == "WholeGeometryPartition"
-        and not part.geometry.is_rebuildable
-        and all(type(f.space_partition).__name__ == "WholeSpacePartition" for f in fields)
+        form.domain.is_whole and all(f.space_partition.record.is_whole for f in fields)
     )
     owner = vars(topologies[0]) if is_whole else restriction._kept
     return owner.setdefault("patterns", PerDevice())

@@ -6,6 +6,8 @@ pairs are neighbours and their origins keep their order. Runs of equal pairs are
 
 import dataclasses
 
+import numpy as np
+
 import warp as wp
 from warp._src.fem.types import Ints
 
@@ -105,6 +107,24 @@ def find_runs(rows, columns, origins, size, first_row, row_count) -> Rows:
     if is_captured and size:
         wp.launch(_end_runs, size + 1, [numbers, result.begins], device=device)
     return result
+
+
+def find_few_runs(tests, trials, row_count, device) -> Rows:
+    """Nonzeros of the elements of small tables, (elements, n), by NumPy."""
+    elements, test_width, trial_width = *tests.shape, trials.shape[1]
+    shape = (elements, trial_width, test_width)
+    rows, columns = (np.broadcast_to(t, shape) for t in (tests[:, None], trials[:, :, None]))
+    origins = np.arange(rows.size).reshape(elements, test_width, trial_width).transpose(0, 2, 1)
+    is_used = (rows >= 0) & (columns >= 0)
+    rows, columns, origins = (one[is_used] for one in (rows, columns, origins))
+    stride = int(columns.max(initial=0)) + 1
+    keys = rows.astype(np.int64) * stride + columns
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    begins = np.flatnonzero(np.diff(keys, prepend=-1))
+    offsets = np.searchsorted(keys[begins], np.arange(row_count + 1) * stride)
+    found = offsets, columns[order[begins]], np.append(begins, len(keys)), origins[order]
+    return Rows(*(wp.array(one, dtype=wp.int32, device=device) for one in found))
 
 
 def sort_pairs(keys, values, size: int, end: int) -> None:

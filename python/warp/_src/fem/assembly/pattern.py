@@ -14,8 +14,8 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.assembly.incidence import find_incidence
-from warp._src.fem.assembly.merge import Rows, find_runs, sort_pairs
+from warp._src.fem.assembly.incidence import find_incidence, is_small
+from warp._src.fem.assembly.merge import Rows, find_few_runs, find_runs, sort_pairs
 from warp._src.fem.types import Ints, IntTable, Longs
 
 # Bytes of the blocks of one batch of elements, and entries whose sort takes as much.
@@ -268,6 +268,9 @@ class Pattern:
     def _sorted(self, test_table, trial_table, first, count) -> Rows:
         """Rows of a range of elements."""
         device, size = self.device, count * self.width
+        if is_small(size, device):
+            tables = (table.numpy()[first : first + count] for table in (test_table, trial_table))
+            return find_few_runs(*tables, self.row_count, device)
         positions = find_incidence(trial_table, self.column_count, first, count).positions
         rows, origins = (wp.empty(2 * size, dtype=int, device=device) for _ in range(2))
         inputs = [positions, test_table, trial_table, first, self.row_count, rows, origins]

@@ -33,12 +33,6 @@ def _find_bad_vertices(cells: IntTable, vertex_count: int, found: Ints):
         wp.atomic_min(found, 0, cell * cells.shape[1] + k)
 
 
-@wp.kernel(enable_backward=False)
-def _reorder_columns(cells: IntTable, columns: Ints, out: IntTable):
-    i, k = wp.tid()
-    out[i, k] = cells[i, columns[k]]
-
-
 class MeshEntities:
     """Edges and faces of a mesh, made when they are asked for.
 
@@ -139,10 +133,15 @@ class Mesh(HasHierarchy, Geometry):
     def _check_vertices(self) -> None:
         """Raises ValueError for the first vertex that the mesh does not have."""
         cells, n = self._cells, self.vertex_count()
-        with extend.unrecorded():
-            found = wp.full(1, 2**31 - 1, dtype=wp.int32, device=cells.device)
-            wp.launch(_find_bad_vertices, cells.shape, [cells, n, found], device=cells.device)
-            first = int(found.numpy()[0])
+        if cells.device.is_cpu:
+            # NumPy takes less than the kernel would take to compile.
+            bad = (cells.numpy() < 0) | (cells.numpy() >= n)
+            first = int(bad.argmax()) if bad.any() else 2**31 - 1
+        else:
+            with extend.unrecorded():
+                found = wp.full(1, 2**31 - 1, dtype=wp.int32, device=cells.device)
+                wp.launch(_find_bad_vertices, cells.shape, [cells, n, found], device=cells.device)
+                first = int(found.numpy()[0])
         if first < 2**31 - 1:
             cell, k = divmod(first, cells.shape[1])
             vertex = int(cells[cell : cell + 1].numpy()[0, k])
@@ -230,15 +229,14 @@ class Mesh(HasHierarchy, Geometry):
     @cached_property
     def _ordered_cells(self) -> wp.array:
         """The cells in the order of the reference cell's vertices."""
-        cells, device = self._cells, self._cells.device
-        columns = np.array(self.cell.mesh_vertices, np.int32)
-        if (columns == np.arange(len(columns))).all():
+        cells, columns = self._cells, self.cell.mesh_vertices
+        if list(columns) == sorted(columns):
             return cells
         with extend.unrecorded():
-            out = wp.empty(cells.shape, dtype=wp.int32, device=device)
-            inputs = [cells, wp.array(columns, dtype=wp.int32, device=device)]
-            wp.launch(_reorder_columns, cells.shape, inputs, [out], device=device)
-        return out
+            ordered = wp.empty(cells.shape, dtype=wp.int32, device=cells.device)
+            for k, column in enumerate(columns):
+                wp.copy(ordered[:, k], cells[:, column])
+        return ordered
 
     @cached_property
     def _entities(self) -> MeshEntities:

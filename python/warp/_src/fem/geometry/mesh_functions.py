@@ -39,7 +39,8 @@ def mesh_functions(record) -> SimpleNamespace:
         corners = Corners()
         corners[0] = origin
         for k in range(1, n):
-            corners[k] = arg.positions[arg.cells[cell, k]] - origin
+            # Unrolled, so that copies of the function are found to be equal.
+            corners[k] = arg.positions[arg.cells[cell, wp.static(k)]] - origin
         return corners
 
     @wp.func
@@ -49,7 +50,7 @@ def mesh_functions(record) -> SimpleNamespace:
         corners = SideCorners()
         corners[0] = origin
         for k in range(1, m):
-            corners[k] = arg.cell_arg.positions[arg.side_vertices[side, k]] - origin
+            corners[k] = arg.cell_arg.positions[arg.side_vertices[side, wp.static(k)]] - origin
         return corners
 
     @wp.func

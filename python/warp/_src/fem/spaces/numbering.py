@@ -264,7 +264,8 @@ def number_nodes(element, entities: Entities, cells: int, device, out=None) -> t
         out: arrays of numbers and signs to fill, if they have the size.
 
     Returns:
-        Numbers (cells, n) int32, signs (cells, n) int8, and the number of nodes.
+        Numbers (cells, n) int32, signs (cells, n) int8, None if nodes are vertices, and the number
+        of nodes.
 
     Raises:
         ValueError: there are 2^31 nodes or more.
@@ -273,6 +274,13 @@ def number_nodes(element, entities: Entities, cells: int, device, out=None) -> t
     if total >= 2**31:
         raise ValueError(f"expects fewer than 2^31 nodes, but {element!r} has {total}")
     shape = (cells, element.node_count)
+    if element.layout.entities == tuple((0, k, 0) for k in range(len(element.cell.vertices))):
+        # The nodes are the vertices.
+        vertices = entities.cell_vertices.to(device)
+        if out is None or out[0].shape != shape:
+            return vertices, None, total
+        wp.copy(out[0], vertices)
+        return out[0], None, total
     if out is None or out[0].shape != shape:
         out = (wp.empty(shape, wp.int32, device), wp.empty(shape, wp.int8, device))
     nodes, signs = out
