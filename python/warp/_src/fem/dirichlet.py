@@ -195,27 +195,40 @@ def dirichlet(space, where=None, value=None, fields=None, values=None, device=No
 
     device = wp.get_device(device)
     where = BoundarySides(space.geometry) if where is None else where
-    is_fixed = _nodes_on(space, where, device)
-    nodes = wp.array(np.flatnonzero(is_fixed), dtype=wp.int32, device=device)
+    with extend.unrecorded():
+        is_fixed = _nodes_on(space, where, device)
+        nodes = wp.array(np.flatnonzero(is_fixed), dtype=wp.int32, device=device)
     dtype, count = extend.canonical(space.dof_dtype), space.node_count()
-    field = DiscreteField(space, dof_values=wp.zeros(count, dtype=dtype, device=device))
-    if isinstance(value, Integrand):
-        from warp._src.fem.interpolate import interpolate
+    fixed = wp.zeros(count, dtype=dtype, device=device)
+    if value is not None:
+        # Values may depend on positions and arrays that have gradients.
+        fixed.requires_grad = isinstance(value, Integrand) and extend.is_recording()
+        field = DiscreteField(space, dof_values=wp.zeros_like(fixed))
+        if isinstance(value, Integrand):
+            from warp._src.fem.interpolate import interpolate
 
-        dest = make_restriction(field.trace(), domain=where, device=device)
-        interpolate(value, dest=dest, fields=fields, values=values, device=device)
-    elif value is not None:
-        field.dof_values.fill_(dtype(value))
-    fixed = field.dof_values.numpy()
-    fixed[~is_fixed] = 0.0
-    field.dof_values.assign(fixed)
+            dest = make_restriction(field.trace(), domain=where, device=device)
+            interpolate(value, dest=dest, fields=fields, values=values, device=device)
+        else:
+            field.dof_values.fill_(dtype(value))
+        inputs = [nodes, field.dof_values, fixed]
+        wp.launch(_keep_kernel(dtype), nodes.shape[0], inputs, device=device)
     size, scalar = extend.type_size(dtype), extend.type_scalar_type(dtype)
     block = scalar if size == 1 else wp.types.matrix(shape=(size, size), dtype=scalar)
     projector = bsr_zeros(count, count, block, device=device)
     one = 1.0 if size == 1 else block(*[float(i == j) for i in range(size) for j in range(size)])
     ones = wp.full(nodes.shape[0], one, dtype=block, device=device)
     bsr_set_from_triplets(projector, nodes, nodes, ones)
-    return Dirichlet(nodes, field.dof_values, projector)
+    return Dirichlet(nodes, fixed, projector)
+
+
+@functools.cache
+def _keep_kernel(dtype):
+    def keep(nodes: wp.array(dtype=int), found: wp.array(dtype=dtype), kept: wp.array(dtype=dtype)):
+        node = nodes[wp.tid()]
+        kept[node] = found[node]
+
+    return wp.kernel(keep)
 
 
 def _nodes_on(space, where, device):

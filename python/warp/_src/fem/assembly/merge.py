@@ -115,7 +115,7 @@ def find_few_runs(tests, trials, row_count, device) -> Rows:
     shape = (elements, trial_width, test_width)
     rows, columns = (np.broadcast_to(t, shape) for t in (tests[:, None], trials[:, :, None]))
     origins = np.arange(rows.size).reshape(elements, test_width, trial_width).transpose(0, 2, 1)
-    is_used = (rows >= 0) & (columns >= 0)
+    is_used = (rows >= 0) & (rows < row_count) & (columns >= 0)
     rows, columns, origins = (one[is_used] for one in (rows, columns, origins))
     stride = int(columns.max(initial=0)) + 1
     keys = rows.astype(np.int64) * stride + columns

@@ -3,24 +3,11 @@
 import functools
 
 import warp as wp
+from warp import extend
 from warp._src.fem.domains import domain_functions
 from warp._src.fem.fields.nodes import locations
 from warp._src.fem.fields.spaces import node_arg_type
 from warp._src.fem.types import NULL_NODE_INDEX, IntTable, sample_type
-
-
-def node_table(field, domain, device):
-    """Numbers of a test or trial function's nodes, (elements, nodes), -1 where there is none."""
-    topology, partition = field.space.topology, field.space_partition
-    has_table = topology.record.kind == "table" and partition.record.is_whole
-    if has_table and domain.is_cells and domain.is_whole:
-        return topology.element_table(device)
-    kernel = node_table_kernel(field.nodes, domain.record)
-    count, width = domain.element_count(), field.nodes.node_count * (1 if domain.is_cells else 2)
-    table = wp.empty((count, width), dtype=wp.int32, device=device)
-    inputs = [domain.domain_arg_value(device), field.arg_value(device), partition.node_count()]
-    wp.launch(kernel, count, [*inputs, table], device=device)
-    return table
 
 
 @functools.cache
@@ -72,10 +59,15 @@ def _node_table_kernel(nodes, domain):
 def node_table(field, domain, device):
     """Numbers in its partition of the nodes of a test or trial function, int32 (elements, n); -1
     where there is none."""
+    topology, partition = field.space.topology, field.space_partition
+    has_table = topology.record.kind == "table" and partition.record.is_whole
+    if has_table and domain.is_cells and domain.is_whole:
+        return topology.element_table(device)
     kernel = _node_table_kernel(field.nodes, domain.record)
     shape = domain.element_count(), field.nodes.node_count * (1 if domain.is_cells else 2)
     table = wp.empty(shape, dtype=wp.int32, device=device)
     inputs = [domain.domain_arg_value(device), field.arg_value(device)]
-    inputs += [field.space_partition.node_count(), table]
-    wp.launch(kernel, shape[0], inputs, device=device)
+    inputs += [partition.node_count(), table]
+    with extend.unrecorded():
+        wp.launch(kernel, shape[0], inputs, device=device)
     return table
