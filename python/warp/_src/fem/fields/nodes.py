@@ -47,15 +47,17 @@ def locations(domain, half: int) -> SimpleNamespace:
     return SimpleNamespace(cell_arg=cell_arg, cell=cell, coords=coords)
 
 
-def _flat_type(dtype):
-    """The vector of the components of a matrix."""
-    return wp.types.vector(extend.type_size(dtype), extend.type_scalar_type(dtype))
+@wp.func
+def scaled(basis: Any, dof: Any):
+    """A basis function times a degree of freedom."""
+    return basis * dof
 
 
 def gradient_product_function(values):
     """A function of (gradient of a basis function, degree of freedom): their product."""
     if values.map == "identity" and extend.type_is_matrix(values.dof):
-        Flat, (rows, columns) = _flat_type(values.dof), values.dof._shape_
+        Dof, (rows, columns) = values.dof, values.dof._shape_
+        Flat = wp.types.vector(extend.type_size(Dof), extend.type_scalar_type(Dof))
 
         @wp.func
         def product(gradient: Any, dof: Any):
@@ -90,43 +92,33 @@ def memory_reference(space, values, domain, half: int, one_node: bool) -> Simple
     node_count = space.topology.functions.element_node_count
     dof_at = dof_function(space)
     Value, Gradient = values.reference_types(space.cell_dimension)
-    product = gradient_product_function(values)
 
-    if one_node:
+    def reference(Type, basis_function, product):
+        if one_node:
 
-        @wp.func
-        def value(part: Any, arg: Any, geo: Any, s: Any):
-            cells, element, place = cell_arg(geo), cell(geo, s), coords(geo, s)
-            dof = dof_at(arg, cells, element, part)
-            return weight(cells, arg.topology, element, place, part) * dof
+            @wp.func
+            def found(part: Any, arg: Any, geo: Any, s: Any):
+                cells, element, place = cell_arg(geo), cell(geo, s), coords(geo, s)
+                dof = dof_at(arg, cells, element, part)
+                return product(basis_function(cells, arg.topology, element, place, part), dof)
 
-        @wp.func
-        def gradient(part: Any, arg: Any, geo: Any, s: Any):
-            cells, element, place = cell_arg(geo), cell(geo, s), coords(geo, s)
-            dof = dof_at(arg, cells, element, part)
-            return product(weight_gradient(cells, arg.topology, element, place, part), dof)
+        else:
 
-    else:
+            @wp.func
+            def found(part: Any, arg: Any, geo: Any, s: Any):
+                cells, element, place = cell_arg(geo), cell(geo, s), coords(geo, s)
+                total = Type()
+                for k in range(node_count(cells, arg.topology, element)):
+                    dof = dof_at(arg, cells, element, k)
+                    total += product(basis_function(cells, arg.topology, element, place, k), dof)
+                return total
 
-        @wp.func
-        def value(part: Any, arg: Any, geo: Any, s: Any):
-            cells, element, place = cell_arg(geo), cell(geo, s), coords(geo, s)
-            total = Value()
-            for k in range(node_count(cells, arg.topology, element)):
-                dof = dof_at(arg, cells, element, k)
-                total += weight(cells, arg.topology, element, place, k) * dof
-            return total
+        return found
 
-        @wp.func
-        def gradient(part: Any, arg: Any, geo: Any, s: Any):
-            cells, element, place = cell_arg(geo), cell(geo, s), coords(geo, s)
-            total = Gradient()
-            for k in range(node_count(cells, arg.topology, element)):
-                dof = dof_at(arg, cells, element, k)
-                total += product(weight_gradient(cells, arg.topology, element, place, k), dof)
-            return total
-
-    return SimpleNamespace(value=value, gradient=gradient)
+    return SimpleNamespace(
+        value=reference(Value, weight, scaled),
+        gradient=reference(Gradient, weight_gradient, gradient_product_function(values)),
+    )
 
 
 @functools.cache
@@ -139,17 +131,15 @@ def signed_weights(space) -> tuple:
     if sign is None:
         return weight, weight_gradient
 
-    @wp.func
-    def signed_weight(cells: Any, topology: Any, element: int, coords: Any, node: int):
-        basis = weight(cells, topology, element, coords, node)
-        return sign(cells, topology, element, node) * basis
+    def signed(function):
+        @wp.func
+        def signed_weight(cells: Any, topology: Any, element: int, coords: Any, node: int):
+            basis = function(cells, topology, element, coords, node)
+            return sign(cells, topology, element, node) * basis
 
-    @wp.func
-    def signed_gradient(cells: Any, topology: Any, element: int, coords: Any, node: int):
-        basis = weight_gradient(cells, topology, element, coords, node)
-        return sign(cells, topology, element, node) * basis
+        return signed_weight
 
-    return signed_weight, signed_gradient
+    return signed(weight), signed(weight_gradient)
 
 
 @functools.cache

@@ -6,10 +6,28 @@ from warp import extend
 from warp._src.fem.forms.terms import MOST_LOCAL, components, dof_count, fits_thread
 
 # Numbers of a thread for coefficients at all points.
-_MOST_KEPT = 4096
+MOST_KEPT = 4096
 
 # Products of nodes and points from which sums over points are made node by node.
 _FEW_TERMS = 100
+
+# Names in texts: of basis functions, and of the node.
+_BASIS, _NODE = {"test": "a", "trial": "b"}, {"test": "i", "trial": "j"}
+
+
+def head(plan, name: str, more: str = "") -> list:
+    """First lines of a kernel of element vectors or matrices."""
+    plan.names["Block"] = plan.block_dtype
+    return [
+        f"def {name}(first: int, {plan.COMMON}{more}, blocks: wp.array(dtype=Block)):",
+        "    local = wp.tid()",
+        "    domain_element = first + local",
+    ]
+
+
+def joined(lines) -> str:
+    """Text of lines."""
+    return "\n".join(lines) + "\n"
 
 
 def stored_vector_text(plan) -> str | None:
@@ -23,14 +41,7 @@ def stored_vector_text(plan) -> str | None:
         return None
     if not all(fits_thread(count, slot.type) for _, slot in used):
         return None
-    terms = plan.terms(test)
-    names |= {"test_value": terms.value, "test_gradient": terms.gradient}
-    names["Block"] = plan.block_dtype
-    lines = [
-        f"def vector(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-    ]
+    lines = head(plan, "vector")
     by_lines = plan.lines_of("test")
     if by_lines is not None:
         lines += by_lines.memory_lines()
@@ -38,7 +49,7 @@ def stored_vector_text(plan) -> str | None:
         _coefficients(plan, test, lines)
         by_lines.store(lines)
         by_lines.after_points(lines)
-        return "\n".join(lines) + "\n"
+        return joined(lines)
     for number, slot in used:
         names[f"Slot_test_{number}"] = slot.type
         lines.append(f"    kept_{number} = wp.zeros(shape=({count},), dtype=Slot_test_{number})")
@@ -46,36 +57,25 @@ def stored_vector_text(plan) -> str | None:
     _coefficients(plan, test, lines)
     for number, _ in used:
         lines.append(f"        kept_{number}[q] = c_{number}")
-    terms = []
-    for number, slot in used:
-        word = "gradient" if slot.is_gradient else "value"
-        basis = plan._basis_call(test, slot, "q", "i").replace("geo, s, ", "geo, first_s, ")
-        terms.append(f"test_{word}({basis}, kept_{number}[q])")
     lines += [
         f"    for i in range({nodes}):",
         "        total = Block()",
         f"        for q in range({count}):",
-        f"            total += {' + '.join(terms)}",
+        f"            total += {_sum(plan, test, used, 'kept_{}[q]', 'first_s')}",
         f"        blocks[local * {nodes} + i] = total",
     ]
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def linear_text(plan) -> str:
     """Text of the kernel of element vectors."""
+    test = plan.test
+    terms = plan.terms(test)
+    plan.names |= {"test_value": terms.value, "test_gradient": terms.gradient}
     stored = stored_vector_text(plan)
     if stored is not None:
         return stored
-    test, names = plan.test, plan.names
-    terms = plan.terms(test)
-    names |= {"test_value": terms.value, "test_gradient": terms.gradient}
-    names["Block"] = plan.block_dtype
-    count = test.nodes.node_count
-    lines = [
-        f"def vector(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-    ]
+    count, lines = test.nodes.node_count, head(plan, "vector")
     # Larger vectors, as larger matrices, are summed in the array of blocks, not in the thread.
     width, is_local = count * test.halves, fits_thread(count, plan.block_dtype)
     if is_local:
@@ -93,12 +93,11 @@ def linear_text(plan) -> str:
         used = [(i, s) for i, s in test.used_slots if s.half == half]
         if used:
             lines.append(f"        for i in range({count}):")
-            terms = _sum(plan, test, used, "c", "i")
-            lines.append(f"            {memory.format(half)} += {terms}")
+            lines.append(f"            {memory.format(half)} += {_sum(plan, test, used, 'c_{}')}")
     for half in range(test.halves if is_local else 0):
         lines.append(f"    for i in range({count}):")
         lines.append(f"        blocks[local * {width} + {half * count} + i] = sum_{half}[i]")
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def _coefficients(plan, role, lines):
@@ -111,17 +110,17 @@ def _coefficients(plan, role, lines):
         lines.append(f"        c_{number} = scale * found[{place}]")
 
 
-def _sum(plan, role, used, prefix, node) -> str:
-    """The sum of the products of slots' coefficients with basis functions of a node."""
+def _sum(plan, role, used, name, sample="s") -> str:
+    """The sum of the products of slots' coefficients with basis functions of node i."""
     parts = []
     for number, slot in used:
         word = "gradient" if slot.is_gradient else "value"
-        basis = plan._basis_call(role, slot, "q", node)
-        parts.append(f"{role.role}_{word}({basis}, {prefix}_{number})")
+        basis = plan._basis_call(role, slot, "q", "i", sample)
+        parts.append(f"{role.role}_{word}({basis}, {name.format(number)})")
     return " + ".join(parts)
 
 
-def split(role, slot, subscript) -> tuple:
+def _split(role, slot, subscript) -> tuple:
     """Component of the degree of freedom, and of the basis function, of a component of a slot."""
     if role.nodes.values.map != "identity":
         return 0, subscript
@@ -133,61 +132,66 @@ def split(role, slot, subscript) -> tuple:
     return 0, subscript
 
 
+class Pair:
+    """A coefficient that is not zero: of a component of a slot of the test function and one of the
+    trial function.
+
+    Attributes:
+        ends: by role: number of the slot, and subscript of its basis functions.
+        block: row and column of the block. text: the coefficient.
+    """
+
+    def __init__(self, plan, key, text):
+        self.text, self.ends, block = text, {}, []
+        for role, number, subscript in ((plan.test, *key[:2]), (plan.trial, *key[2:])):
+            dof, basis = _split(role, role.slots[number], subscript)
+            self.ends[role.role] = number, basis
+            block.append(dof)
+        self.block = tuple(block)
+
+    def is_gradient(self, role) -> bool:
+        """True if the slot of a role is a gradient."""
+        return role.slots[self.ends[role.role][0]].is_gradient
+
+
 def stored_text(plan) -> str | None:
     """Text of the kernel of element matrices whose coefficients at all points are kept in memory
     of the thread, so that sums over points stay in registers; None if it does not apply."""
-    test, trial = plan.test, plan.trial
-    count, rows, columns = (
-        plan.record.quadrature.points,
-        *(role.nodes.node_count for role in (test, trial)),
-    )
+    test, trial, count = plan.test, plan.trial, plan.record.quadrature.points
+    rows, columns = (role.nodes.node_count for role in (test, trial))
     if count is None or test.halves != 1 or plan.structure.coefficients is None:
         return None
     if not all(role.basis(plan.record.rule).is_tabulated for role in (test, trial)):
         return None
     found = {k: one for k, one in plan.structure.coefficients.items() if not one.is_zero}
     kept = len({one.number for one in found.values()})
-    groups = {split_row(plan, key) for key in found}
-    if (kept + len(groups)) * count > _MOST_KEPT or count > MOST_LOCAL or not found:
+    pairs = [Pair(plan, key, "") for key in found]
+    groups = {(one.ends["test"], one.block) for one in pairs}
+    if (kept + len(groups)) * count > MOST_KEPT or count > MOST_LOCAL or not found:
         return None
     lines, pairs = kept_coefficients(plan, count)
     for one in pairs:
         one.text = f"kept_{one.text}[q]"
     lines.append(f"    for j in range({columns}):")
     lines.append(f"        for q in range({count}):")
-    sums = _columns(plan, pairs, lines)
-    for place, text in enumerate(sums.values()):
+    sums = contracted(plan, pairs, trial, lines, "            ", "first_s")
+    for place, (key, text) in enumerate(sums.items()):
         lines.insert(3, f"    rows_{place} = wp.zeros(shape=({count},), dtype=Real)")
         lines.append(f"            rows_{place}[q] = {text}")
+        sums[key] = f"rows_{place}[q]"
     lines.append(f"        for i in range({'j + 1' if plan.is_symmetric else rows}):")
     lines.append("            block = Block()")
     lines.append(f"            for q in range({count}):")
-    for number in sorted({key[0] for key in sums}):
-        call = plan._basis_call(test, test.slots[number], "q", "i")
-        lines.append(f"                a_{number} = {call}")
-    entries: dict = {}
-    for place, (number, basis, row, column) in enumerate(sums):
-        text = f"a_{number}{basis} * rows_{place}[q]"
-        entries.setdefault((row, column), []).append(text)
-    block = block_text(plan, {key: " + ".join(terms) for key, terms in entries.items()})
+    block = entries(plan, sums, test, lines, "                ", "first_s")
     lines.append(f"                block += {block}")
     store_block(plan, lines, "            ", f"local * {rows * columns}", columns)
-    end = lines.index(f"    for j in range({columns}):")
-    lines[end:] = [
-        line.replace("domain_arg.geo, s, ", "domain_arg.geo, first_s, ") for line in lines[end:]
-    ]
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def kept_coefficients(plan, count) -> tuple:
     """First lines of a kernel of element matrices, whose arrays `kept_...` have the coefficients at
     all points, and the coefficients."""
-    plan.names["Block"] = plan.block_dtype
-    lines = [
-        f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-    ]
+    lines = head(plan, "matrix")
     plan._loop(lines)
     pairs = add_coefficients(plan, lines, "        ")
     for text in dict.fromkeys(one.text for one in pairs):
@@ -196,30 +200,17 @@ def kept_coefficients(plan, count) -> tuple:
     return lines, pairs
 
 
-def split_row(plan, key) -> tuple:
-    """The row of a coefficient among products with basis functions of the trial function."""
-    row_dof, row_basis = split(plan.test, plan.test.slots[key[0]], key[1])
-    column_dof, _ = split(plan.trial, plan.trial.slots[key[2]], key[3])
-    return key[0], row_basis, row_dof, column_dof
-
-
 def bilinear_text(plan) -> str:
     """Text of the kernel of element matrices."""
     stored = stored_text(plan)
     if stored is not None:
         return stored
-    test, trial, names = plan.test, plan.trial, plan.names
-    names["Block"] = plan.block_dtype
+    test, trial = plan.test, plan.trial
     rows, columns = test.nodes.node_count, trial.nodes.node_count
     height, width = rows * test.halves, columns * trial.halves
     size = height * width * dof_count(test.nodes.dof_dtype) * dof_count(trial.nodes.dof_dtype)
     is_local = size <= MOST_LOCAL
-    lines = [
-        f"def matrix(first: int, {plan.COMMON}, blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-        f"    base = local * {height * width}",
-    ]
+    lines = [*head(plan, "matrix"), f"    base = local * {height * width}"]
     if is_local:
         lines.append(f"    sums = wp.zeros(shape=({height * width},), dtype=Block)")
     else:
@@ -227,35 +218,23 @@ def bilinear_text(plan) -> str:
     plan._loop(lines)
     pairs = add_coefficients(plan, lines, "        ")
     for half in range(trial.halves):
-        mine = [one for one in pairs if one.column.half == half]
-        if mine:
-            lines.append(f"        for j in range({columns}):")
-            sums = _columns(plan, mine, lines)
-            for other in range(test.halves):
-                _entries(plan, sums, other, half, is_local, lines)
+        mine = [one for one in pairs if trial.slots[one.ends["trial"][0]].half == half]
+        if not mine:
+            continue
+        lines.append(f"        for j in range({columns}):")
+        sums = contracted(plan, mine, trial, lines, "            ")
+        for other in range(test.halves):
+            of_half = {k: text for k, text in sums.items() if test.slots[k[0]].half == other}
+            if of_half:
+                lines.append(f"            for i in range({rows}):")
+                block = entries(plan, of_half, test, lines, "                ")
+                target = f"({other * rows} + i) * {width} + {half * columns} + j"
+                memory = f"sums[{target}]" if is_local else f"blocks[base + {target}]"
+                lines.append(f"                {memory} += {block}")
     if is_local:
         lines.append(f"    for i in range({height * width}):")
         lines.append("        blocks[base + i] = sums[i]")
-    return "\n".join(lines) + "\n"
-
-
-class Pair:
-    """A coefficient that is not zero: of a component of a slot of the test function and one of the
-    trial function.
-
-    Attributes:
-        row, column: slots. row_number, column_number: their numbers. row_basis, column_basis:
-            subscripts of basis functions. row_dof, column_dof: components of the block.
-        text: the coefficient.
-    """
-
-    def __init__(self, plan, key, text):
-        self.row_number, row_subscript, self.column_number, column_subscript = key
-        self.row = plan.test.slots[self.row_number]
-        self.column = plan.trial.slots[self.column_number]
-        self.row_dof, self.row_basis = split(plan.test, self.row, row_subscript)
-        self.column_dof, self.column_basis = split(plan.trial, self.column, column_subscript)
-        self.text = text
+    return joined(lines)
 
 
 def add_coefficients(plan, lines, indent) -> list[Pair]:
@@ -287,35 +266,49 @@ def add_coefficients(plan, lines, indent) -> list[Pair]:
     return pairs
 
 
-def _columns(plan, pairs, lines) -> dict:
-    """Adds the products with the basis functions of node j: a number for each component of a slot
-    of the test function and of the block's columns."""
-    indent = "            "
-    for number in sorted({one.column_number for one in pairs}):
-        slot = plan.trial.slots[number]
-        lines.append(f"{indent}b_{number} = {plan._basis_call(plan.trial, slot, 'q', 'j')}")
+def _bases(plan, role, numbers, lines, indent, sample):
+    """Adds basis functions of the node of a role, for slots of these numbers."""
+    name, node = _BASIS[role.role], _NODE[role.role]
+    for number in sorted(set(numbers)):
+        call = plan._basis_call(role, role.slots[number], "q", node, sample)
+        lines.append(f"{indent}{name}_{number} = {call}")
+
+
+def contracted(plan, pairs, role, lines, indent, sample="s") -> dict:
+    """Adds the products of coefficients with the basis functions of a role's node; gives their
+    names by the slot of the other role, the subscript of its basis, and the entry of the block."""
+    other = "test" if role.role == "trial" else "trial"
+    _bases(plan, role, (one.ends[role.role][0] for one in pairs), lines, indent, sample)
     groups: dict = {}
     for one in pairs:
-        key = one.row_number, one.row_basis, one.row_dof, one.column_dof
-        groups.setdefault(key, []).append(one)
-    for place, (key, ones) in enumerate(groups.items()):
-        terms = [f"{one.text} * b_{one.column_number}{one.column_basis}" for one in ones]
+        number, basis = one.ends[role.role]
+        term = f"{one.text} * {_BASIS[role.role]}_{number}{basis}"
+        groups.setdefault((*one.ends[other], one.block), []).append(term)
+    for place, (key, terms) in enumerate(groups.items()):
         lines.append(f"{indent}r_{place} = {' + '.join(terms)}")
         groups[key] = f"r_{place}"
     return groups
 
 
-def block_text(plan, entries) -> str:
-    """A block from the texts of its entries, by row and column."""
-    rows, columns = plan.test.nodes.dof_dtype, plan.trial.nodes.dof_dtype
-    if plan.block_dtype is plan.record.scalar:
-        return entries[0, 0]
-    texts = [
-        entries.get((i, j), "Real(0.0)")
-        for i in range(dof_count(rows))
-        for j in range(dof_count(columns))
-    ]
-    return f"Block({', '.join(texts)})"
+def entries(plan, sums, role, lines, indent, sample="s") -> str:
+    """Adds the basis functions of a role's node; gives the block of the products with `sums`, which
+    `contracted` gave for the other role."""
+    _bases(plan, role, (number for number, _, _ in sums), lines, indent, sample)
+    name = _BASIS[role.role]
+    return block_text(plan, ((b, f"{name}_{n}{basis} * {t}") for (n, basis, b), t in sums.items()))
+
+
+def block_text(plan, terms) -> str:
+    """A block from the texts of terms of its entries: pairs of (row, column) and the text."""
+    texts: dict = {}
+    for place, text in terms:
+        texts.setdefault(place, []).append(text)
+    if not texts:
+        return "Block()"
+    rows, columns = (dof_count(role.nodes.dof_dtype) for role in (plan.test, plan.trial))
+    zero = ["Real(0.0)"]
+    made = [" + ".join(texts.get((i, j), zero)) for i in range(rows) for j in range(columns)]
+    return made[0] if plan.block_dtype is plan.record.scalar else f"Block({', '.join(made)})"
 
 
 def store_block(plan, lines, indent, base, columns):
@@ -330,24 +323,3 @@ def store_block(plan, lines, indent, base, columns):
         turned = "block" if is_scalar else "other"
         lines.append(f"{indent}blocks[{base} + j * {columns} + i] = {turned}")
     lines.append(f"{indent}blocks[{base} + i * {columns} + j] = block")
-
-
-def _entries(plan, groups, test_half, trial_half, is_local, lines):
-    """Adds the entries of column j of one pair of halves."""
-    test, trial = plan.test, plan.trial
-    rows, columns = test.nodes.node_count, trial.nodes.node_count
-    width, indent = columns * trial.halves, "                "
-    mine = {key: text for key, text in groups.items() if test.slots[key[0]].half == test_half}
-    if not mine:
-        return
-    lines.append(f"            for i in range({rows}):")
-    for number in sorted({key[0] for key in mine}):
-        call = plan._basis_call(test, test.slots[number], "q", "i")
-        lines.append(f"{indent}a_{number} = {call}")
-    entries: dict = {}
-    for (number, basis, row, column), text in mine.items():
-        entries.setdefault((row, column), []).append(f"a_{number}{basis} * {text}")
-    block = block_text(plan, {key: " + ".join(terms) for key, terms in entries.items()})
-    target = f"({test_half * rows} + i) * {width} + {trial_half * columns} + j"
-    memory = f"sums[{target}]" if is_local else f"blocks[base + {target}]"
-    lines.append(f"{indent}{memory} += {block}")

@@ -10,14 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from warp import extend
-from warp._src.fem.forms.element_kernels import block_text, kept_coefficients, store_block
+from warp._src.fem.forms.element_kernels import (
+    MOST_KEPT,
+    block_text,
+    joined,
+    kept_coefficients,
+    store_block,
+)
 from warp._src.fem.forms.tensor import line_tables
 
 # Nodes of a line from which it pays.
 _FEWEST = {2: 5, 3: 3}
-
-# Numbers of a thread for coefficients at all points, and for sums over points of the first axis.
-_MOST_KEPT = 4096
 
 
 class _Axes:
@@ -68,20 +71,20 @@ def factored_text(plan) -> str | None:
         return None
     found = {k: one for k, one in plan.structure.coefficients.items() if not one.is_zero}
     kept, count = len({one.number for one in found.values()}), axes.q**axes.d
-    if not found or (kept * axes.q + len(found)) * axes.q ** (axes.d - 1) > _MOST_KEPT:
+    if not found or (kept * axes.q + len(found)) * axes.q ** (axes.d - 1) > MOST_KEPT:
         return None
     lines, pairs = kept_coefficients(plan, count)
     state: dict = {}
     for one in pairs:
-        along = tuple(
-            int(basis[1:-1]) if slot.is_gradient else None
-            for slot, basis in ((one.row, one.row_basis), (one.column, one.column_basis))
+        along = (
+            int(one.ends[role.role][1][1:-1]) if one.is_gradient(role) else None
+            for role in (plan.test, plan.trial)
         )
-        state.setdefault((one.row_dof, one.column_dof, *along), []).append(
+        state.setdefault((*one.block, *along), []).append(
             [f"kept_{one.text}[{q}]" for q in range(count)]
         )
     _nest(plan, axes, lines, state)
-    return "\n".join(lines) + "\n"
+    return joined(lines)
 
 
 def _nest(plan, axes, lines, state):
@@ -102,9 +105,8 @@ def _nest(plan, axes, lines, state):
         for axis in range(1, axes.d):
             number = f"({number}) * {count} + {name}_{axis}"
         lines.append(f"{indent}{name} = {number}")
-    lines.append(
-        f"{indent}block = {block_text(plan, {key[:2]: s[0][0] for key, s in state.items()})}"
-    )
+    block = block_text(plan, ((key[:2], sums[0][0]) for key, sums in state.items()))
+    lines.append(f"{indent}block = {block}")
     rows, columns = axes.rows**axes.d, axes.columns**axes.d
     store_block(plan, lines, indent, f"local * {rows * columns}", columns)
 

@@ -45,11 +45,7 @@ class JacobianPlan(PairsPlan):
     def _sample(self, trial) -> str:
         """The sample of row i."""
         if self.space is None:
-            args = "domain_arg.geo, quadrature, domain_element, element, i"
-            return (
-                f"Sample(element, point_coords({args}), point_index({args}), "
-                f"point_weight({args}), wp.vec2i(-1, -1), {trial})"
-            )
+            return self.sample("i", trial=trial)
         return (
             "Sample(element, node_coords(domain_arg.geo, topology, element, i), "
             "node_index(domain_arg.geo, topology, element, i), Real(1.0), wp.vec2i(-1, -1), "

@@ -11,7 +11,13 @@ import functools
 
 import numpy as np
 
-from warp._src.fem.forms.element_kernels import add_coefficients, block_text, store_block
+from warp._src.fem.forms.element_kernels import (
+    add_coefficients,
+    block_text,
+    head,
+    joined,
+    store_block,
+)
 
 # Products of the sizes of elements up to which reference tensors are kept.
 _MOST_ENTRIES = 1 << 17
@@ -69,30 +75,24 @@ def _component(element, rule, is_gradient, subscript):
 
 def literal_text(plan) -> tuple:
     """Text of the kernel of element matrices, and the reference tensors, (tensors, entries)."""
-    test, trial, names = plan.test, plan.trial, plan.names
-    names["Block"] = plan.block_dtype
+    test, trial = plan.test, plan.trial
     rows, columns = test.nodes.node_count, trial.nodes.node_count
-    lines = [
-        f"def literal(first: int, {plan.COMMON}, tensors: wp.array2d(dtype=Real), "
-        "blocks: wp.array(dtype=Block)):",
-        "    local = wp.tid()",
-        "    domain_element = first + local",
-    ]
+    lines = head(plan, "literal", ", tensors: wp.array2d(dtype=Real)")
     plan.first_sample(lines)
     lines += ["    scale = measure(domain_arg.geo, s)", f"    points = {plan.zero_points()}"]
     pairs = add_coefficients(plan, lines, "    ")
     tensors: list = []
-    entries: dict = {}
+    terms: list = []
     for one in pairs:
-        parts = (one.row.is_gradient, one.row_basis, one.column.is_gradient, one.column_basis)
+        ends = ((one.is_gradient(role), one.ends[role.role][1]) for role in (test, trial))
+        parts = tuple(part for end in ends for part in end)
         found = reference_tensor(
             test.nodes.element, trial.nodes.element, plan.record.rule, parts
         ).reshape(-1)
         index = next((i for i, t in enumerate(tensors) if np.array_equal(t, found)), len(tensors))
         if index == len(tensors):
             tensors.append(found)
-        key = one.row_dof, one.column_dof
-        entries.setdefault(key, []).append(f"{one.text} * t_{index}")
+        terms.append((one.block, f"{one.text} * t_{index}"))
     size = rows * columns
     start = "i, " if plan.is_symmetric else ""
     indent = "            "
@@ -100,16 +100,14 @@ def literal_text(plan) -> tuple:
     lines.append(f"        for j in range({start}{columns}):")
     for i in range(len(tensors)):
         lines.append(f"{indent}t_{i} = tensors[{i}, i * {columns} + j]")
-    block = "Block()" if not entries else block_text(
-        plan, {key: " + ".join(terms) for key, terms in entries.items()}
-    )  # fmt: skip
+    block = block_text(plan, terms)
     turn = _signs(plan)
     if turn:
         block = f"{turn} * ({block})"
     lines.append(f"{indent}block = {block}")
     store_block(plan, lines, indent, f"local * {size}", columns)
     made = np.array(tensors) if tensors else np.zeros((1, size))
-    return "\n".join(lines) + "\n", made
+    return joined(lines), made
 
 
 def _signs(plan) -> str:

@@ -77,11 +77,7 @@ class PairsPlan(PointsPlan):
     def _sum(self, lines, indent, trial, columns):
         """Adds the sum over components and points of one block."""
         rows = dof_count(self.test.nodes.dof_dtype)
-        args = "domain_arg.geo, quadrature, domain_element, element, q"
-        count = self.record.quadrature.points
-        if count is None:
-            count = "point_count(domain_arg.geo, quadrature, domain_element, element)"
-        points = "i, i + 1" if self.is_nodal else count
+        points = "i, i + 1" if self.is_nodal else self.point_count
         is_scalar = rows * columns == 1 and self.block_dtype is self.record.scalar
         place = "" if is_scalar else "[a, b]" if self.trial is not None else "[a]"
         lines += [
@@ -90,8 +86,7 @@ class PairsPlan(PointsPlan):
             f"{indent}    for b in range({columns}):",
             f"{indent}        total = Real(0.0)",
             f"{indent}        for q in range({points}):",
-            f"{indent}            s = Sample(element, point_coords({args}), point_index({args}), "
-            f"point_weight({args}), wp.vec2i(i, a), {trial})",
+            f"{indent}            s = {self.sample('q', 'wp.vec2i(i, a)', trial)}",
             f"{indent}            total += measure(domain_arg.geo, s) * s.qp_weight * "
             "form(s, domain_arg, fields, values, ())",
             f"{indent}        block{place} = total",

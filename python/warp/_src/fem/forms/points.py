@@ -297,12 +297,12 @@ class PointsPlan:
             setattr(tables, f"t{i}", table_value(basis, device))
         return tables
 
-    def _basis_call(self, role, slot, q, k) -> str:
+    def _basis_call(self, role, slot, q, k, sample="s") -> str:
         """A basis function, or its gradient, at point q for node k of a half."""
         number = self.bases.index(role.basis(self.record.rule, slot.half))
         word = "gradient" if slot.is_gradient else "value"
         owner = {"test": "test_", "trial": "trial_"}.get(role.role, role.name)
-        args = f"tables.t{number}, fields.{owner}.topology, domain_arg.geo, s, {q}, {k}"
+        args = f"tables.t{number}, fields.{owner}.topology, domain_arg.geo, {sample}, {q}, {k}"
         return f"{word}_{number}({args})"
 
     # Discrete fields at a point.
@@ -347,7 +347,7 @@ class PointsPlan:
         """Sums the slots of discrete fields at the point."""
         tuples = []
         for name, role in self.discrete.items():
-            functions = point_functions(role.nodes.values, self.record.scalar)
+            functions = point_functions(role.nodes.values)
             self.names[f"of_value_{name}"] = functions.value
             self.names[f"of_gradient_{name}"] = functions.gradient
             self._slots(role)
@@ -371,15 +371,27 @@ class PointsPlan:
             tuples.append(self._slots(role))
         lines.append(f"        points = ({''.join(f'{one}, ' for one in tuples)})")
 
+    _NO_DOF = "wp.vec2i(-1, -1)"
+
+    @staticmethod
+    def sample(q, test=_NO_DOF, trial=_NO_DOF) -> str:
+        """The sample at point q of an element, with degrees of freedom."""
+        args = f"domain_arg.geo, quadrature, domain_element, element, {q}"
+        return (
+            f"Sample(element, point_coords({args}), point_index({args}), point_weight({args}), "
+            f"{test}, {trial})"
+        )
+
+    @property
+    def point_count(self):
+        """Number of points of an element."""
+        count = self.record.quadrature.points
+        at = "domain_arg.geo, quadrature, domain_element, element"
+        return f"point_count({at})" if count is None else count
+
     def _loop(self, lines):
         """Element, sample and the loop over points."""
-        coords = "point_coords(domain_arg.geo, quadrature, domain_element, element, q)"
-        index = "point_index(domain_arg.geo, quadrature, domain_element, element, q)"
-        weight = "point_weight(domain_arg.geo, quadrature, domain_element, element, q)"
-        count = self.record.quadrature.points
-        if count is None:
-            count = "point_count(domain_arg.geo, quadrature, domain_element, element)"
-        mark = f"wp.vec2i(q, {MARK})"
+        count, mark = self.point_count, f"wp.vec2i(q, {MARK})"
         lines.append("    element = element_index(domain_arg.index, domain_element)")
         if self.record.domain.has_gaps:
             count = self.skip_gap(lines, "    ", count)
@@ -390,7 +402,7 @@ class PointsPlan:
         self._gather(lines)
         lines += [
             f"    for q in range({count}):",
-            f"        s = Sample(element, {coords}, {index}, {weight}, {mark}, {mark})",
+            f"        s = {self.sample('q', mark, mark)}",
             "        scale = measure(domain_arg.geo, s) * s.qp_weight",
         ]
         self._points(lines)
@@ -404,11 +416,10 @@ class PointsPlan:
 
     def first_sample(self, lines):
         """The sample at the first point of the element."""
-        args = "domain_arg.geo, quadrature, domain_element, element, 0"
+        mark = f"wp.vec2i(0, {MARK})"
         lines += [
             "    element = wp.max(element_index(domain_arg.index, domain_element), 0)",
-            f"    s = Sample(element, point_coords({args}), point_index({args}), "
-            f"point_weight({args}), wp.vec2i(0, {MARK}), wp.vec2i(0, {MARK}))",
+            f"    s = {self.sample(0, mark, mark)}",
         ]
 
     COMMON = (

@@ -8,7 +8,13 @@ keeps its sums in registers.
 
 from __future__ import annotations
 
-from warp._src.fem.forms.element_kernels import add_coefficients, block_text, store_block
+from warp._src.fem.forms.element_kernels import (
+    add_coefficients,
+    contracted,
+    entries,
+    joined,
+    store_block,
+)
 from warp._src.fem.forms.terms import dof_count
 
 # Pairs of nodes of an element from which rows are threads.
@@ -43,42 +49,13 @@ def rows_text(plan) -> tuple | None:
         *(f"    entry_{k} = Block()" for k in range(width)),
     ]
     plan._loop(lines)
-    groups = _row_sums(plan, lines)
+    pairs = add_coefficients(plan, lines, "        ")
+    sums = contracted(plan, pairs, test, lines, "        ")
     for k in range(width):
         # Nodes behind the last one stand for it, and are not stored.
         lines.append(f"        j = wp.min(start + {k}, {columns - 1})")
-        lines.append(f"        entry_{k} += {_entry(plan, lines, groups)}")
+        lines.append(f"        entry_{k} += {entries(plan, sums, trial, lines, ' ' * 8)}")
     for k in range(width):
         lines += [f"    j = start + {k}", "    if j < end:", f"        block = entry_{k}"]
         store_block(plan, lines, "        ", f"local * {rows * columns}", columns)
-    return "\n".join(lines) + "\n", (rows, parts)
-
-
-def _row_sums(plan, lines) -> dict:
-    """Adds the products of coefficients with the basis functions of node i; gives their names by
-    the slot of the trial function, the component of its basis, and those of the block."""
-    groups: dict = {}
-    for one in add_coefficients(plan, lines, "        "):
-        key = one.column_number, one.column_basis, one.row_dof, one.column_dof
-        groups.setdefault(key, []).append(one)
-    for number in sorted({one.row_number for ones in groups.values() for one in ones}):
-        call = plan._basis_call(plan.test, plan.test.slots[number], "q", "i")
-        lines.append(f"        a_{number} = {call}")
-    for place, (key, ones) in enumerate(groups.items()):
-        terms = [f"{one.text} * a_{one.row_number}{one.row_basis}" for one in ones]
-        lines.append(f"        r_{place} = {' + '.join(terms)}")
-        groups[key] = f"r_{place}"
-    return groups
-
-
-def _entry(plan, lines, groups) -> str:
-    """Adds the basis functions of node j; gives the text of the block."""
-    for number in sorted({key[0] for key in groups}):
-        call = plan._basis_call(plan.trial, plan.trial.slots[number], "q", "j")
-        lines.append(f"        b_{number} = {call}")
-    entries: dict = {}
-    for (number, basis, row, column), text in groups.items():
-        entries.setdefault((row, column), []).append(f"{text} * b_{number}{basis}")
-    if not entries:
-        return "Block()"
-    return block_text(plan, {key: " + ".join(terms) for key, terms in entries.items()})
+    return joined(lines), (rows, parts)

@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 from warp import extend
+from warp._src.fem.fields.nodes import gradient_product_function, scaled
 
 # Most numbers of an array in the memory of a thread.
 MOST_LOCAL = 1024
@@ -31,6 +32,21 @@ def fits_thread(count: int, dtype) -> bool:
     return count * dof_count(dtype) <= MOST_LOCAL
 
 
+@wp.func
+def _dot(basis: Any, coefficient: Any):
+    return wp.dot(basis, coefficient)
+
+
+@wp.func
+def _ddot(basis: Any, coefficient: Any):
+    return wp.ddot(basis, coefficient)
+
+
+@wp.func
+def _times(basis: Any, coefficient: Any):
+    return coefficient * basis
+
+
 @functools.cache
 def term_functions(values) -> SimpleNamespace:
     """Functions of (basis function, coefficient), for the value and the gradient of a field.
@@ -38,24 +54,12 @@ def term_functions(values) -> SimpleNamespace:
     They give the derivative of the form by a degree of freedom.
     """
     if values.map != "identity":
-
-        @wp.func
-        def of_value(basis: Any, coefficient: Any):
-            return wp.dot(basis, coefficient)
-
-        @wp.func
-        def of_gradient(basis: Any, coefficient: Any):
-            return wp.ddot(basis, coefficient)
-
-    elif extend.type_is_matrix(values.dof):
+        return SimpleNamespace(value=_dot, gradient=_ddot)
+    if extend.type_is_matrix(values.dof):
         Dof, (rows, columns) = values.dof, values.dof._shape_
 
         @wp.func
-        def of_value(basis: Any, coefficient: Any):
-            return basis * coefficient
-
-        @wp.func
-        def of_gradient(basis: Any, coefficient: Any):
+        def of_matrix(basis: Any, coefficient: Any):
             flat = coefficient * basis
             dof = Dof()
             for i in range(rows):
@@ -63,37 +67,12 @@ def term_functions(values) -> SimpleNamespace:
                     dof[i, j] = flat[i * columns + j]
             return dof
 
-    elif extend.type_is_vector(values.dof):
-
-        @wp.func
-        def of_value(basis: Any, coefficient: Any):
-            return basis * coefficient
-
-        @wp.func
-        def of_gradient(basis: Any, coefficient: Any):
-            return coefficient * basis
-
-    else:
-
-        @wp.func
-        def of_value(basis: Any, coefficient: Any):
-            return basis * coefficient
-
-        @wp.func
-        def of_gradient(basis: Any, coefficient: Any):
-            return wp.dot(basis, coefficient)
-
-    return SimpleNamespace(value=of_value, gradient=of_gradient)
+        return SimpleNamespace(value=scaled, gradient=of_matrix)
+    gradient = _times if extend.type_is_vector(values.dof) else _dot
+    return SimpleNamespace(value=scaled, gradient=gradient)
 
 
 @functools.cache
-def point_functions(values, real) -> SimpleNamespace:
+def point_functions(values) -> SimpleNamespace:
     """Functions of (basis function, degree of freedom): their product, of value and gradient."""
-
-    @wp.func
-    def of_value(basis: Any, dof: Any):
-        return basis * dof
-
-    from warp._src.fem.fields.nodes import gradient_product_function
-
-    return SimpleNamespace(value=of_value, gradient=gradient_product_function(values))
+    return SimpleNamespace(value=scaled, gradient=gradient_product_function(values))

@@ -24,21 +24,15 @@ class ValuesPlan(PointsPlan):
     def at_points(self, dtype, has_result):
         """Kernel over elements that writes the value at each point of the quadrature."""
         self.names |= {"Out": dtype or wp.float32}
-        count = self.record.quadrature.points
-        if count is None:
-            count = "point_count(domain_arg.geo, quadrature, domain_element, element)"
-        args = "domain_arg.geo, quadrature, domain_element, element, q"
         lines = [
             f"def values_at_points({self.COMMON}, result: wp.array(dtype=Out)):",
             "    domain_element = wp.tid()",
             "    element = element_index(domain_arg.index, domain_element)",
             "    if element >= 0:",
-            f"        for q in range({count}):",
-            f"            index = point_index({args})",
-            f"            s = Sample(element, point_coords({args}), index, point_weight({args}), "
-            "wp.vec2i(-1, -1), wp.vec2i(-1, -1))",
+            f"        for q in range({self.point_count}):",
+            f"            s = {self.sample('q')}",
         ]
-        lines.append(self._store("            ", "index", has_result))
+        lines.append(self._store("            ", "s.qp_index", has_result))
         return self._kernel("\n".join(lines) + "\n")
 
     @functools.cache  # noqa: B019
