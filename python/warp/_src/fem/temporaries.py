@@ -40,13 +40,7 @@ class _Pool:
 
     def lend(self, shape, dtype):
         """An array over a free block, or over a new one if none is large enough."""
-        size = (
-            extend.type_size(dtype)
-            * wp.types.type_size_in_bytes(extend.type_scalar_type(dtype))
-            * math.prod(shape)
-            if not extend.type_is_struct(dtype)
-            else (wp.types.type_size_in_bytes(dtype) * math.prod(shape))
-        )
+        size = wp.types.type_size_in_bytes(dtype) * math.prod(shape)
         at = bisect.bisect_left(self._sizes, size)
         # A block of more than twice the size is left for arrays that need it.
         if at < len(self._sizes) and self._sizes[at] <= 2 * size + 4096:

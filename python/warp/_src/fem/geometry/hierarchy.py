@@ -9,13 +9,6 @@ from warp._src.fem.types import Ints
 
 
 @functools.cache
-def _bounds_kernel(record):
-    from warp._src.fem.geometry.mesh_lookup import bounds_kernel
-
-    return bounds_kernel(record)
-
-
-@functools.cache
 def _groups_kernel(record):
     CellArg, environment_of = record.functions.CellArg, record.functions.cell_environment_index
 
@@ -73,11 +66,13 @@ class CellHierarchy:
                 bvh.refit()
 
     def _write(self, device, lowers, uppers, box) -> None:
+        from warp._src.fem.geometry.mesh_lookup import bounds_kernel
+
         geometry = self._geometry
         box[0:1].fill_(wp.vec3(float("inf")))
         box[1:2].fill_(wp.vec3(float("-inf")))
         inputs, outputs = [geometry.cell_arg_value(device)], [lowers, uppers, box]
-        kernel = _bounds_kernel(geometry.record)
+        kernel = bounds_kernel(geometry.record)
         wp.launch(kernel, geometry.cell_count(), inputs, outputs, device=device)
 
     def groups(self, device):

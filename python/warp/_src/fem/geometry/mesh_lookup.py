@@ -95,6 +95,7 @@ def _to_box(d: int, real) -> wp.Function:
     return to_box
 
 
+@functools.cache
 def bounds_kernel(record) -> wp.Kernel:
     """Kernel that writes the boxes of cells, and the box of all.
 

@@ -19,11 +19,11 @@ from warp._src.fem.geometry.environments import (
 )
 from warp._src.fem.geometry.mesh import MeshEntities
 from warp._src.fem.geometry.sparse_build import (
-    find_vertices,
     fit_box,
     make_sides,
+    node_numbers,
+    node_places,
     shift_places,
-    write_corners,
 )
 
 
@@ -106,7 +106,7 @@ class SparseGrid(Geometry):
                 wp.copy(self._packed, voxels, count=n)
         shift_places(self._packed, self._cell_env, self._env_offsets, self._places)
         fit_box(grid, self._packed, self._levels, self._box)
-        corners, mask = write_corners(grid, self._packed, self._levels)
+        corners, mask = node_places(grid, self._packed, self._levels)
         if self.is_rebuildable and self._node_grid is not None:
             self._node_grid.rebuild(corners, point_mask=mask)
         else:
@@ -133,7 +133,7 @@ class SparseGrid(Geometry):
 
     @cached_property
     def _entities(self) -> SparseEntities:
-        vertices = find_vertices(self._node_grid, self._corners)
+        vertices = node_numbers(self._node_grid, self._corners)
         return SparseEntities(self.vertex_count(), vertices, self.cell)
 
     @cached_property

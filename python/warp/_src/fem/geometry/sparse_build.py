@@ -10,18 +10,28 @@ from warp._src.fem.types import Ints, IntTable, Levels, Pairs, Voxels
 
 
 @wp.kernel(enable_backward=False)
-def _write_corners(grid: wp.uint64, places: Voxels, levels: Levels, corners: Voxels, is_cell: Ints):
+def _write_places(
+    grid: wp.uint64,
+    cells: Voxels,
+    levels: Levels,
+    width: int,
+    pad: int,
+    places: Voxels,
+    is_cell: Ints,
+):
     i, k = wp.tid()
-    w = 1 << int(levels[i])
-    corners[i * 8 + k] = places[i] + wp.vec3i(w * (k >> 2), w * ((k >> 1) & 1), w * (k & 1))
-    is_cell[i * 8 + k] = wp.where(i < wp.volume_voxel_count(grid), 1, 0)
+    size = 1 << int(levels[i])
+    offset = wp.vec3i(k // (width * width), (k // width) % width, k % width) - wp.vec3i(pad)
+    at = i * width * width * width + k
+    places[at] = cells[i] + size * offset
+    is_cell[at] = wp.where(i < wp.volume_voxel_count(grid), 1, 0)
 
 
 @wp.kernel(enable_backward=False)
-def _find_vertices(grid: wp.uint64, corners: Voxels, vertices: IntTable):
-    i, k = wp.tid()
-    p = corners[i * 8 + k]
-    vertices[i, k] = wp.max(wp.volume_lookup_index(grid, p[0], p[1], p[2]), 0)
+def _find_numbers(grid: wp.uint64, places: Voxels, numbers: Ints):
+    i = wp.tid()
+    p = places[i]
+    numbers[i] = wp.max(wp.volume_lookup_index(grid, p[0], p[1], p[2]), 0)
 
 
 @wp.kernel(enable_backward=False)
@@ -163,25 +173,27 @@ class SparseSides:
     boundary: wp.array
 
 
-def write_corners(grid, places, levels) -> tuple:
-    """Corners of all cells in fine voxels, in the order of a cube's vertices, and a mask of
-    those of cells that exist."""
-    device, n = places.device, places.shape[0]
+def node_places(grid, cells, levels, width: int = 2, pad: int = 0) -> tuple:
+    """Places of the nodes of all cells in fine voxels, `width` along each axis of which `pad` come
+    before the cell, in the order of a cube's vertices; and a mask of those of cells that exist."""
+    device, shape = cells.device, (cells.shape[0], width**3)
     with extend.unrecorded():
-        corners = wp.empty(8 * n, dtype=wp.vec3i, device=device)
-        mask = wp.empty(8 * n, dtype=wp.int32, device=device)
-        inputs = [grid.id, places, levels]
-        wp.launch(_write_corners, (n, 8), inputs, [corners, mask], device=device)
-    return corners, mask
+        places = wp.empty(shape[0] * shape[1], dtype=wp.vec3i, device=device)
+        mask = wp.empty(shape[0] * shape[1], dtype=wp.int32, device=device)
+        inputs = [grid.id, cells, levels, width, pad]
+        wp.launch(_write_places, shape, inputs, [places, mask], device=device)
+    return places, mask
 
 
-def find_vertices(node_grid, corners):
-    """(cells, 8) of int32: numbers in `node_grid` of the corners of cells."""
-    n, device = corners.shape[0] // 8, corners.device
+def node_numbers(node_grid, places, count: int = 8, out=None):
+    """(cells, count) of int32: numbers in `node_grid` of the nodes of cells."""
+    device = places.device
     with extend.unrecorded():
-        vertices = wp.empty((n, 8), dtype=wp.int32, device=device)
-        wp.launch(_find_vertices, (n, 8), [node_grid.id, corners], [vertices], device=device)
-    return vertices
+        if out is None:
+            out = wp.empty((places.shape[0] // count, count), dtype=wp.int32, device=device)
+        inputs = [node_grid.id, places]
+        wp.launch(_find_numbers, places.shape, inputs, [out.flatten()], device=device)
+    return out
 
 
 def fit_box(grid, places, levels, box) -> None:

@@ -42,21 +42,9 @@ class BasisRecord:
         and its gradient by parameters, `outer_weight` and `outer_weight_gradient` the ones on the
         other side of a side; `node_coords(..., node)` and `node_weight(..., node)`.
         """
-        return _functions(self)
+        from warp._src.fem.spaces.basis_functions import basis_functions
 
-
-@functools.cache
-def _functions(record):
-    from warp._src.fem.spaces.basis_functions import basis_functions
-
-    return basis_functions(record)
-
-
-@functools.cache
-def _positions_kernel(record):
-    from warp._src.fem.spaces.basis_functions import positions_kernel
-
-    return positions_kernel(record)
+        return basis_functions(self)
 
 
 class BasisSpace:
@@ -146,7 +134,9 @@ class BasisSpace:
                 f"'out' expects shape {shape} and type {extend.type_repr(vector)}, but got "
                 f"{out.shape} and {extend.type_repr(out.dtype)}"
             )
-        kernel, device = _positions_kernel(self.record), out.device
+        from warp._src.fem.spaces.basis_functions import positions_kernel
+
+        kernel, device = positions_kernel(self.record), out.device
         inputs = [geometry.cell_arg_value(device), self.topology.topo_arg_value(device), out]
         with extend.unrecorded():
             wp.launch(kernel, geometry.cell_count(), inputs, device=device)

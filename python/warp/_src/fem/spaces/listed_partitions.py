@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import functools
-
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.incidence import find_incidence
 from warp._src.fem.geometry.base import forget
 from warp._src.fem.geometry.partition import WholeGeometryPartition
 from warp._src.fem.spaces.node_numbers import SpacePartition
+from warp._src.fem.spaces.partition_kernels import environment_kernel, kind_kernels
 from warp._src.fem.types import NULL_NODE_INDEX, Ints
 
 # Kinds of nodes, in their order in a partition.
@@ -106,7 +105,7 @@ class NodePartition(ListedPartition):
         topology, part = self.space_topology, self.geo_partition
         kinds = wp.full(topology.node_count(), EXTERIOR, dtype=wp.int32, device=device)
         geometry, arg = topology.geometry, topology.topo_arg_value(device)
-        of_cells, of_sides, of_frontier = _kind_kernels(topology.record, part.record)
+        of_cells, of_sides, of_frontier = kind_kernels(topology.record, part.record)
         inputs = [geometry.cell_arg_value(device), part.cell_arg_value(device), arg, kinds]
         wp.launch(of_cells, part.cell_count(), inputs, device=device)
         if self._with_halo:
@@ -114,20 +113,6 @@ class NodePartition(ListedPartition):
             wp.launch(of_sides, part.side_count(), inputs, device=device)
             wp.launch(of_frontier, part.frontier_side_count(), inputs, device=device)
         return kinds, 5, EXTERIOR
-
-
-@functools.cache
-def _kind_kernels(topology, partition):
-    from warp._src.fem.spaces.partition_kernels import kind_kernels
-
-    return kind_kernels(topology, partition)
-
-
-@functools.cache
-def _environment_kernel(topology, partition):
-    from warp._src.fem.spaces.partition_kernels import environment_kernel
-
-    return environment_kernel(topology, partition)
 
 
 @wp.kernel(enable_backward=False)
@@ -153,7 +138,7 @@ class EnvironmentSpacePartition(ListedPartition):
         geometry = topology.geometry
         count = geometry.environment_count()
         groups = wp.full(topology.node_count(), count, dtype=wp.int32, device=device)
-        kernel = _environment_kernel(topology.record, part.record)
+        kernel = environment_kernel(topology.record, part.record)
         inputs = [
             geometry.cell_arg_value(device),
             part.cell_arg_value(device),

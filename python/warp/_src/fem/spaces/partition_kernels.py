@@ -1,5 +1,7 @@
 """Kernels of partitions and restrictions: kinds, environments and numbers of the nodes of cells."""
 
+import functools
+
 import warp as wp
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.partition import partition_functions
@@ -9,6 +11,7 @@ from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX, Ints, IntTa
 _INTERIOR, _FRONTIER, _HALO_NEAR, _HALO_FAR, _EXTERIOR = (wp.constant(k) for k in range(5))
 
 
+@functools.cache
 def kind_kernels(topology, part):
     """Kernels over the cells, the sides and the frontier of a partition that mark their nodes."""
     geometry, of_part = geometry_functions(topology.geometry), partition_functions(part)
@@ -52,6 +55,7 @@ def kind_kernels(topology, part):
     return of_cells, of_sides, of_frontier
 
 
+@functools.cache
 def environment_kernel(topology, part):
     """A kernel over cells that gives nodes the least environment of their cells."""
     geometry, of_part = geometry_functions(topology.geometry), partition_functions(part)
@@ -71,6 +75,7 @@ def environment_kernel(topology, part):
     return of_environments
 
 
+@functools.cache
 def table_kernel(domain, topology, partition):
     """A kernel over elements and nodes that writes partition numbers, or -1."""
     of_domain, of_topology = domain.functions, topology.functions

@@ -1,11 +1,10 @@
 """Space restrictions - the nodes of a space that the elements of a domain have."""
 
-import functools
-
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import PerDevice
 from warp._src.fem.spaces.partition import make_space_partition
+from warp._src.fem.spaces.partition_kernels import table_kernel
 from warp._src.fem.types import Ints
 
 
@@ -86,7 +85,7 @@ class SpaceRestriction:
         domain, topology, partition = self.domain, self.space_topology, self.space_partition
         shape = (domain.element_count(), topology.nodes_per_element)
         table = wp.empty(shape, dtype=wp.int32, device=device)
-        kernel = _table_kernel(domain.record, topology.record, partition.record)
+        kernel = table_kernel(domain.record, topology.record, partition.record)
         inputs = [
             domain.element_arg_value(device),
             domain.element_index_arg_value(device),
@@ -153,13 +152,6 @@ class SpaceRestriction:
     def node_count_sync(self) -> int:
         """Number of nodes that elements have."""
         return self.node_count()
-
-
-@functools.cache
-def _table_kernel(domain, topology, partition):
-    from warp._src.fem.spaces.partition_kernels import table_kernel
-
-    return table_kernel(domain, topology, partition)
 
 
 def make_space_restriction(
