@@ -15,29 +15,12 @@ from warp._src.fem.geometry.partition import (
     WholeGeometryPartition,
     partition_functions,
 )
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import ElementKind, Ints
 
-_OF_CELLS = {
-    **{f"element_{name}": f"cell_{name}" for name in ("position", "measure", "normal")},
-    **{f"element_{name}": f"cell_{name}" for name in ("measure_ratio", "deformation_gradient")},
-    **{f"element_{name}": f"cell_{name}" for name in ("closest_point", "coordinates", "lookup")},
-    "element_inverse_deformation_gradient": "cell_inverse_deformation_gradient",
-    "element_environment_index": "cell_environment_index",
-}
-_OF_SIDES = {
-    **{name: of.replace("cell_", "side_") for name, of in _OF_CELLS.items() if "lookup" not in of},
-    **{f"element_{name}": f"side_{name}" for name in ("inner_cell_index", "outer_cell_index")},
-    **{f"element_{name}": f"side_{name}" for name in ("inner_cell_coords", "outer_cell_coords")},
-    "element_inner_inverse_deformation_gradient": "side_inner_inverse_deformation_gradient",
-    "element_outer_inverse_deformation_gradient": "side_outer_inverse_deformation_gradient",
-    "cell_to_element_coords": "side_from_cell_coords",
-}
-_INDICES = {
-    "cells": "cell_index",
-    "sides": "side_index",
-    "boundary": "boundary_side_index",
-    "frontier": "frontier_side_index",
-}
+# Words of numbers and counts of elements by kind of domain.
+_WORDS = {"cells": "cell", "sides": "side"}
+_WORDS |= {"boundary": "boundary_side", "frontier": "frontier_side"}
 
 
 @dataclass(frozen=True)
@@ -80,14 +63,17 @@ def domain_functions(record: DomainRecord) -> SimpleNamespace:
     """
     geometry = geometry_functions(record.geometry)
     partition = partition_functions(record.partition)
-    f = SimpleNamespace()
-    for name, of in (_OF_CELLS if record.is_cells else _OF_SIDES).items():
-        if hasattr(geometry, of):
-            setattr(f, name, getattr(geometry, of))
-            setattr(f, name.removeprefix("element_"), getattr(geometry, of))
+    f = Functions()
+    kind = "cell_" if record.is_cells else "side_"
+    for name, of in vars(geometry).items():
+        if name.startswith(kind):
+            setattr(f, name.replace(kind, "element_", 1), of)
+            setattr(f, name.removeprefix(kind), of)
+    if not record.is_cells:
+        f.cell_to_element_coords = geometry.side_from_cell_coords
     f.ElementArg = geometry.CellArg if record.is_cells else geometry.SideArg
     f.ElementIndexArg = partition.CellArg if record.is_cells else partition.SideArg
-    f.element_index = getattr(partition, _INDICES[record.kind])
+    f.element_index = getattr(partition, f"{_WORDS[record.kind]}_index")
     f.element_partition_index = partition.partition_cell_index
     if record.is_subset:
         _select(f)
@@ -105,16 +91,15 @@ def _select(f: SimpleNamespace) -> None:
     fields = {"domain_arg": Whole, "element_indices": Ints}
     IndexArg = extend.struct_from_fields("SubdomainIndexArg", fields, module=__name__)
 
-    @wp.func
+    @f.add
     def element_index(arg: IndexArg, index: int):
         return whole_index(arg.domain_arg, arg.element_indices[index])
 
-    @wp.func
+    @f.add
     def element_partition_index(arg: IndexArg, element: int):
         return whole_partition_index(arg.domain_arg, element)
 
-    f.ElementIndexArg, f.element_index = IndexArg, element_index
-    f.element_partition_index = element_partition_index
+    f.ElementIndexArg = IndexArg
 
 
 def _add_cells(f, record, geometry, partition) -> None:
@@ -122,7 +107,7 @@ def _add_cells(f, record, geometry, partition) -> None:
     DomainArg = f.DomainArg
     if record.is_cells:
 
-        @wp.func
+        @f.add
         def domain_cell_arg(arg: DomainArg):
             return arg
 
@@ -133,14 +118,13 @@ def _add_cells(f, record, geometry, partition) -> None:
         )
         is_subset = record.is_subset
 
-        @wp.func
+        @f.add
         def domain_cell_arg(arg: DomainArg):
             if wp.static(is_subset):
                 return CellsArg(to_cell(arg.geo), index_to_cell(arg.index.domain_arg))
             else:
                 return CellsArg(to_cell(arg.geo), index_to_cell(arg.index))
 
-    f.domain_cell_arg = domain_cell_arg
     if record.is_cells and hasattr(geometry, "make_filtered_cell_lookup"):
         from warp._src.fem.geometry.lookup_forms import add_partition_lookup
 
@@ -217,28 +201,35 @@ class GeometryDomain(RecordFunctions):
         """Dimension of the elements."""
         return self.geometry.dimension - (0 if self.is_cells else 1)
 
+    def element_count(self) -> int:
+        """Number of elements."""
+        return getattr(self.geometry_partition, f"{_WORDS[self.kind]}_count")()
+
     def geometry_element_count(self) -> int:
-        """Number of such elements in the geometry."""
-        return self.geometry.cell_count() if self.is_cells else self.geometry.side_count()
+        """Number of such elements in the geometry; a whole geometry has no frontier."""
+        if self.kind == "frontier":
+            raise RuntimeError("frontier sides are those of a partition, the geometry has none")
+        return getattr(self.geometry, f"{_WORDS[self.kind]}_count")()
+
+    @property
+    def _word(self) -> str:
+        return "cell" if self.is_cells else "side"
 
     def element_arg_value(self, device=None):
         """Argument of the functions of elements."""
-        geometry = self.geometry
-        return (geometry.cell_arg_value if self.is_cells else geometry.side_arg_value)(device)
+        return getattr(self.geometry, f"{self._word}_arg_value")(device)
 
     def fill_element_arg(self, arg, device) -> None:
         """Fills an argument of the functions of elements."""
-        (self.geometry.fill_cell_arg if self.is_cells else self.geometry.fill_side_arg)(arg, device)
+        getattr(self.geometry, f"fill_{self._word}_arg")(arg, device)
 
     def element_index_arg_value(self, device=None):
         """Argument of `element_index`."""
-        partition = self.geometry_partition
-        return (partition.cell_arg_value if self.is_cells else partition.side_arg_value)(device)
+        return getattr(self.geometry_partition, f"{self._word}_arg_value")(device)
 
     def fill_element_index_arg(self, arg, device) -> None:
         """Fills an argument of `element_index`."""
-        partition = self.geometry_partition
-        (partition.fill_cell_arg if self.is_cells else partition.fill_side_arg)(arg, device)
+        getattr(self.geometry_partition, f"fill_{self._word}_arg")(arg, device)
 
     def domain_arg_value(self, device=None):
         """Both arguments in one."""
@@ -261,10 +252,6 @@ class Cells(GeometryDomain):
 
     kind = "cells"
 
-    def element_count(self) -> int:
-        """Number of elements."""
-        return self.geometry_partition.cell_count()
-
     def cell_domain(self) -> "GeometryDomain":
         """The domain itself."""
         return self
@@ -275,37 +262,17 @@ class Sides(GeometryDomain):
 
     kind = "sides"
 
-    def element_count(self) -> int:
-        """Number of elements."""
-        return self.geometry_partition.side_count()
-
 
 class BoundarySides(Sides):
     """Sides with one cell."""
 
     kind = "boundary"
 
-    def element_count(self) -> int:
-        """Number of elements."""
-        return self.geometry_partition.boundary_side_count()
-
-    def geometry_element_count(self) -> int:
-        """Number of such sides in the geometry."""
-        return self.geometry.boundary_side_count()
-
 
 class FrontierSides(Sides):
     """Sides between a partition and others."""
 
     kind = "frontier"
-
-    def element_count(self) -> int:
-        """Number of elements."""
-        return self.geometry_partition.frontier_side_count()
-
-    def geometry_element_count(self) -> int:
-        """Raises: a whole geometry has no frontier."""
-        raise RuntimeError("frontier sides are those of a partition, the geometry has none")
 
 
 def _check_indices(indices, count) -> None:
@@ -383,10 +350,6 @@ class Subdomain(GeometryDomain):
     def element_count(self) -> int:
         """Number of elements."""
         return self._element_indices.shape[0]
-
-    def geometry_element_count(self) -> int:
-        """Number of such elements in the geometry."""
-        return self._domain.geometry_element_count()
 
     @per_device
     def element_index_arg_value(self, device):

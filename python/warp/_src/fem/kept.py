@@ -1,6 +1,20 @@
-"""Records that are asked for often - hashes and records that are worked out once."""
+"""Records and functions of kernels - worked out once, and found by name."""
 
 from __future__ import annotations
+
+from types import SimpleNamespace
+
+import warp as wp
+
+
+class Functions(SimpleNamespace):
+    """Structs and functions of kernels by name."""
+
+    def add(self, function):
+        """Decorates a function of kernels, as `wp.func` does, that is found under its name."""
+        made = wp.func(function)
+        setattr(self, function.__name__, made)
+        return made
 
 
 def hashed(cls):

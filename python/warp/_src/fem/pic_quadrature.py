@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.assembly.incidence import find_incidence, mark_used
+from warp._src.fem.kept import Functions
 from warp._src.fem.particles import (
     coordinates_kernel,
     count_particles,
@@ -33,36 +34,31 @@ def _pic(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace:
         else:
             return arg.cell_particle_offsets[element]
 
-    @wp.func
+    made = Functions(Arg=Arg)
+
+    @made.add
     def point_count(elements: ElementArg, arg: Arg, domain_element: int, element: int):
         return first(arg, domain_element + 1, element + 1) - first(arg, domain_element, element)
 
-    @wp.func
+    @made.add
     def point_coords(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
         return arg.cell_particle_coords[first(arg, domain_element, element) + k]
 
-    @wp.func
+    @made.add
     def point_weight(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
         return arg.cell_particle_fraction[first(arg, domain_element, element) + k]
 
-    @wp.func
+    @made.add
     def point_index(elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int):
         return arg.cell_particle_indices[first(arg, domain_element, element) + k]
 
-    @wp.func
+    @made.add
     def point_evaluation_index(
         elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int
     ):
         return first(arg, domain_element, element) + k
 
-    return SimpleNamespace(
-        Arg=Arg,
-        point_count=point_count,
-        point_coords=point_coords,
-        point_weight=point_weight,
-        point_index=point_index,
-        point_evaluation_index=point_evaluation_index,
-    )
+    return made
 
 
 MAKERS["pic"] = _pic
@@ -229,14 +225,9 @@ class PicQuadrature(Quadrature):
 
     def fill_arg(self, arg, device) -> None:
         """Fills an argument of the functions of points."""
-        arg.cell_particle_offsets, arg.cell_particle_indices = (
-            self._cell_particle_offsets.to(device),
-            self._cell_particle_indices.to(device),
-        )
-        arg.cell_particle_coords, arg.cell_particle_fraction = (
-            self._cell_particle_coords.to(device),
-            self._cell_particle_fraction.to(device),
-        )
+        for name in ("offsets", "indices", "coords", "fraction"):
+            array = getattr(self, f"_cell_particle_{name}")
+            setattr(arg, f"cell_particle_{name}", array.to(device))
 
     def total_point_count(self) -> int:
         """Number of particles."""

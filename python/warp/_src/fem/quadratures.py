@@ -10,6 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
 from warp._src.fem.geometry.base import RecordFunctions, per_device
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import OUTSIDE, coords_type
 
 
@@ -254,19 +255,19 @@ def _nodal(record: QuadratureRecord, domain: SimpleNamespace) -> SimpleNamespace
 def _same_count(ElementArg, Arg, n: int) -> SimpleNamespace:
     """Functions of quadratures with n points in each element."""
 
-    @wp.func
+    made = Functions(Arg=Arg)
+
+    @made.add
     def point_count(elements: ElementArg, arg: Arg, domain_element: int, element: int):
         return n
 
-    @wp.func
+    @made.add
     def point_evaluation_index(
         elements: ElementArg, arg: Arg, domain_element: int, element: int, k: int
     ):
         return n * domain_element + k
 
-    return SimpleNamespace(
-        Arg=Arg, point_count=point_count, point_evaluation_index=point_evaluation_index
-    )
+    return made
 
 
 class ExplicitQuadrature(Quadrature):

@@ -9,6 +9,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.domains import DomainRecord, domain_functions
 from warp._src.fem.fields.nodes import locations, signed_weights
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import make_free_sample
 
 
@@ -28,7 +29,9 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
     def first_count(arg: Any, geo: Any, s: Any):
         return count_of(cell_arg(geo), arg.topology, cell(geo, s))
 
-    @wp.func
+    made = Functions()
+
+    @made.add
     def node_count(part: Any, arg: Any, geo: Any, s: Any):
         found = first_count(arg, geo, s)
         if wp.static(not is_cells):
@@ -49,12 +52,12 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
                 local = node - first
             return owner, local
 
-    @wp.func
+    @made.add
     def node_index(part: Any, arg: Any, geo: Any, s: Any, node: int):
         owner, local = split(arg, geo, s, node)
         return index_of(cell_arg(geo), arg.topology, owner, local)
 
-    @wp.func
+    @made.add
     def at_node(part: Any, arg: Any, geo: Any, s: Any, node: int):
         owner, local = split(arg, geo, s, node)
         place = place_of(cell_arg(geo), arg.topology, owner, local)
@@ -63,7 +66,7 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
         else:
             return make_free_sample(s.element_index, from_cell(geo, s.element_index, owner, place))
 
-    @wp.func
+    @made.add
     def node_partition_index(part: Any, arg: Any, geo: Any, node: int):
         return partition_index(arg.partition, node)
 
@@ -86,16 +89,11 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
 
         return node_weight
 
-    return SimpleNamespace(
-        node_count=node_count,
-        node_index=node_index,
-        at_node=at_node,
-        node_partition_index=node_partition_index,
-        node_inner_weight=weight_of(0, weight),
-        node_outer_weight=weight_of(1, weight),
-        node_inner_weight_gradient=weight_of(0, weight_gradient, _to_space(domain, 0)),
-        node_outer_weight_gradient=weight_of(1, weight_gradient, _to_space(domain, 1)),
-    )
+    made.node_inner_weight = weight_of(0, weight)
+    made.node_outer_weight = weight_of(1, weight)
+    made.node_inner_weight_gradient = weight_of(0, weight_gradient, _to_space(domain, 0))
+    made.node_outer_weight_gradient = weight_of(1, weight_gradient, _to_space(domain, 1))
+    return made
 
 
 def _to_space(domain, half):

@@ -13,6 +13,7 @@ from warp._src.fem.geometry.curved import curved_functions
 from warp._src.fem.geometry.derived import add_derived, of_gradient
 from warp._src.fem.geometry.mesh_lookup import add_bvh_lookup
 from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of, side_name
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import Vectors, coords_type, make_free_sample, sample_type
 
 # Corners of sides: their differences are the axes of parameters.
@@ -41,7 +42,7 @@ def _structs(record, base, FieldArg) -> SimpleNamespace:
     CellArg = extend.struct_from_fields("DeformedCellArg", fields, module=__name__)
     fields = {"cell_arg": CellArg, "base": base.SideArg}
     SideArg = extend.struct_from_fields("DeformedSideArg", fields, module=__name__)
-    return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=base.SideIndexArg)
+    return Functions(CellArg=CellArg, SideArg=SideArg, SideIndexArg=base.SideIndexArg)
 
 
 def _add_positions(f, base, record, description, is_relative) -> None:
@@ -54,14 +55,14 @@ def _add_positions(f, base, record, description, is_relative) -> None:
     by_reference = by_reference and kinds.map == "identity" and kinds.mapper is None
     reference = description.reference()[0].gradient if by_reference else None
 
-    @wp.func
+    @f.add
     def cell_position(arg: CellArg, s: Sample):
         x = value(0, arg.field, arg.base, s)
         if wp.static(is_relative):
             x += position(arg.base, s)
         return x
 
-    @wp.func
+    @f.add
     def cell_deformation_gradient(arg: CellArg, s: Sample):
         if wp.static(by_reference):
             F = reference(0, arg.field, arg.base, s)
@@ -74,8 +75,6 @@ def _add_positions(f, base, record, description, is_relative) -> None:
                 return F + slope(0, arg.field, arg.base, s) * F
             else:
                 return slope(0, arg.field, arg.base, s) * F
-
-    f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
 
 
 # Functions that do not depend on positions: of an element, and of an element and coordinates.
@@ -142,7 +141,7 @@ def _add_sides(f, record) -> None:
             p[i] = d[i + shift]
         return p
 
-    @wp.func
+    @f.add
     def side_deformation_gradient(arg: SideArg, s: Sample):
         side = s.element_index
         inside = inner_coords(arg, side, s.element_coords)
@@ -152,13 +151,12 @@ def _add_sides(f, record) -> None:
         else:
             return wp.matrix_from_cols(F * axis(arg, side, b), F * axis(arg, side, c))
 
-    f.side_deformation_gradient = side_deformation_gradient
     normal_of = of_gradient(k - 1, k)[1]
     if k != record.dimension or normal_of is None:
         return
     zero, inside_of = real(0.0), params(real(1.0 / (k + 1)))
 
-    @wp.func
+    @f.add
     def side_normal(arg: SideArg, s: Sample):
         """Normal out of the inner cell, which positions may mirror."""
         side = s.element_index
@@ -179,8 +177,6 @@ def _add_sides(f, record) -> None:
             across = wp.matrix_from_cols(axis(arg, side, b), axis(arg, side, c))
             turn *= wp.dot(normal_of(across), away)
             return normal_of(F * across) * wp.where(turn < zero, real(-1.0), real(1.0))
-
-    f.side_normal = side_normal
 
 
 def _add_lookup(f, record, degree: int) -> None:

@@ -178,20 +178,17 @@ def add_listed_sides(f: SimpleNamespace) -> None:
     them."""
     SideArg = f.SideArg
 
-    @wp.func
+    @f.add
     def side_inner_cell_index(arg: SideArg, side: int):
         return wp.where(side < 0, -1, arg.side_cells[wp.max(side, 0)][0])
 
-    @wp.func
+    @f.add
     def side_outer_cell_index(arg: SideArg, side: int):
         return wp.where(side < 0, -1, arg.side_cells[wp.max(side, 0)][1])
 
-    @wp.func
+    @f.add
     def boundary_side_index(arg: SideArg, boundary_side: int):
         return arg.boundary[boundary_side]
-
-    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
-    f.boundary_side_index = boundary_side_index
 
 
 @wp.func

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.derived import add_environments
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import NULL_ELEMENT_INDEX, coords_type, sample_type
 
 
@@ -18,34 +19,34 @@ def _structs(d: int, real) -> SimpleNamespace:
     # A side across `axis`: the position along the axis, then along the other axes in turn.
     at = {"axis": wp.int32, "origin": counts}
     Side = extend.struct_from_fields(f"Grid{d}DSide", at, module=__name__)
-    return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg, Side=Side)
+    return Functions(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg, Side=Side)
 
 
 def _numbering(f: SimpleNamespace, d: int) -> None:
     """Adds the numbers of cells along the axes, and turns between axes of space and of a side."""
     counts = wp.types.vector(d, wp.int32)
 
-    @wp.func
+    @f.add
     def cells_of(res: counts):
         n = res[0]
         for k in range(1, d):
             n *= res[k]
         return n
 
-    @wp.func
+    @f.add
     def sides_of(arg: f.SideArg):
         n = arg.axis_offsets[d - 1] + d * arg.cell_count
         res = arg.cell_arg.res
         return n + arg.cell_count // res[d - 1]
 
-    @wp.func
+    @f.add
     def cell_number(res: counts, at: counts):
         n = at[0]
         for k in range(1, d):
             n = n * res[k] + at[k]
         return n
 
-    @wp.func
+    @f.add
     def cell_at(res: counts, cell: int):
         at = counts()
         rest = cell
@@ -55,8 +56,6 @@ def _numbering(f: SimpleNamespace, d: int) -> None:
             rest = rest // res[axis]
         at[0] = rest
         return at
-
-    f.cells_of, f.sides_of, f.cell_number, f.cell_at = cells_of, sides_of, cell_number, cell_at
 
 
 def grid_functions(record) -> SimpleNamespace:
@@ -98,7 +97,7 @@ def _add_cells(f: SimpleNamespace, record) -> None:
     cells_of, cell_at = f.cells_of, f.cell_at
     Coords = coords_type(real)
 
-    @wp.func
+    @f.add
     def grid_cell(arg: CellArg, cell: int):
         """Numbers of a cell along the axes."""
         local = cell
@@ -106,7 +105,7 @@ def _add_cells(f: SimpleNamespace, record) -> None:
             local = cell % cells_of(arg.res)
         return cell_at(arg.res, local)
 
-    @wp.func
+    @f.add
     def cell_position(arg: CellArg, s: Sample):
         at = grid_cell(arg, s.element_index)
         x = vector()
@@ -114,26 +113,26 @@ def _add_cells(f: SimpleNamespace, record) -> None:
             x[k] = arg.origin[k] + (real(at[k]) + s.element_coords[k]) * arg.cell_size[k]
         return x
 
-    @wp.func
+    @f.add
     def cell_deformation_gradient(arg: CellArg, s: Sample):
         return wp.diag(arg.cell_size)
 
-    @wp.func
+    @f.add
     def cell_inverse_deformation_gradient(arg: CellArg, s: Sample):
         return wp.diag(wp.cw_div(vector(real(1.0)), arg.cell_size))
 
-    @wp.func
+    @f.add
     def cell_measure(arg: CellArg, s: Sample):
         size = arg.cell_size[0]
         for k in range(1, d):
             size *= arg.cell_size[k]
         return size
 
-    @wp.func
+    @f.add
     def cell_normal(arg: CellArg, s: Sample):
         return vector(real(0.0))
 
-    @wp.func
+    @f.add
     def cell_coordinates(arg: CellArg, cell: int, x: vector):
         at = grid_cell(arg, cell)
         coords = Coords()
@@ -141,7 +140,7 @@ def _add_cells(f: SimpleNamespace, record) -> None:
             coords[k] = (x[k] - arg.origin[k]) / arg.cell_size[k] - real(at[k])
         return coords
 
-    @wp.func
+    @f.add
     def cell_closest_point(arg: CellArg, cell: int, x: vector):
         coords = cell_coordinates(arg, cell, x)
         distance_sq = real(0.0)
@@ -151,9 +150,3 @@ def _add_cells(f: SimpleNamespace, record) -> None:
             distance_sq += gap * gap
             coords[k] = inside
         return coords, distance_sq
-
-    f.grid_cell, f.cell_position = grid_cell, cell_position
-    f.cell_deformation_gradient = cell_deformation_gradient
-    f.cell_inverse_deformation_gradient = cell_inverse_deformation_gradient
-    f.cell_measure, f.cell_normal = cell_measure, cell_normal
-    f.cell_coordinates, f.cell_closest_point = cell_coordinates, cell_closest_point

@@ -23,7 +23,7 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
     SideArg, Side, sides_of = f.SideArg, f.Side, f.sides_of
     cell_at, cell_number = f.cell_at, f.cell_number
 
-    @wp.func
+    @f.add
     def across(axis: int, at: Any):
         """Turns components along the axes of space so that `axis` comes first."""
         turned = type(at)()
@@ -31,7 +31,7 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
             turned[k] = at[(axis + k) % d]
         return turned
 
-    @wp.func
+    @f.add
     def along(axis: int, at: Any):
         """Inverse of `across`."""
         turned = type(at)()
@@ -54,7 +54,7 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
             axis += wp.where(number >= arg.axis_offsets[k], 1, 0)
         return axis
 
-    @wp.func
+    @f.add
     def grid_side(arg: SideArg, side: int):
         """Axis and position of a side."""
         res = arg.cell_arg.res
@@ -69,7 +69,7 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
         layer = number - arg.axis_offsets[axis]
         return Side(axis, boundary_origin(res, axis, res[axis], layer))
 
-    @wp.func
+    @f.add
     def side_number(arg: SideArg, side: Side):
         res = arg.cell_arg.res
         axis = side.axis
@@ -80,7 +80,7 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
             return d * arg.cell_count + arg.axis_offsets[axis] + layer
         return axis * arg.cell_count + cell_number(res, along(axis, side.origin))
 
-    @wp.func
+    @f.add
     def boundary_side_index(arg: SideArg, boundary_side: int):
         """Number of a side of the boundary; lower and upper sides alternate."""
         sides = sides_of(arg)
@@ -94,16 +94,13 @@ def _add_numbers_of_sides(f: SimpleNamespace, record) -> None:
         origin = boundary_origin(res, axis, altitude, number - arg.axis_offsets[axis])
         return copy * sides + side_number(arg, Side(axis, origin))
 
-    f.across, f.along, f.grid_side, f.side_number = across, along, grid_side, side_number
-    f.boundary_side_index = boundary_side_index
-
 
 def _add_positions(f: SimpleNamespace, record) -> None:
     d, real = record.dimension, record.scalar
     vector, SideArg, Side, Sample = wp.types.vector(d, real), f.SideArg, f.Side, sample_type(real)
     grid_side, along, Coords = f.grid_side, f.along, coords_type(real)
 
-    @wp.func
+    @f.add
     def is_flipped(side: Side):
         """The first coordinate runs against its axis, for normals from inner to outer cell."""
         if wp.static(d == 2):
@@ -111,7 +108,7 @@ def _add_positions(f: SimpleNamespace, record) -> None:
         else:
             return side.origin[0] == 0
 
-    @wp.func
+    @f.add
     def in_layer(side: Side, coords: Coords):
         """Coordinates of a side along the axes across it; first, place for the axis."""
         first = wp.where(is_flipped(side), real(1.0) - coords[0], coords[0])
@@ -120,13 +117,13 @@ def _add_positions(f: SimpleNamespace, record) -> None:
         else:
             return vector(real(0.0), first, coords[1])
 
-    @wp.func
+    @f.add
     def side_position(arg: SideArg, s: Sample):
         side = grid_side(arg, s.element_index)
         at = along(side.axis, vector(side.origin) + in_layer(side, s.element_coords))
         return arg.cell_arg.origin + wp.cw_mul(at, arg.cell_arg.cell_size)
 
-    @wp.func
+    @f.add
     def side_deformation_gradient(arg: SideArg, s: Sample):
         side = grid_side(arg, s.element_index)
         size = arg.cell_arg.cell_size
@@ -141,7 +138,7 @@ def _add_positions(f: SimpleNamespace, record) -> None:
                 wp.cw_mul(along(side.axis, first), size), wp.cw_mul(along(side.axis, second), size)
             )
 
-    @wp.func
+    @f.add
     def side_measure(arg: SideArg, s: Sample):
         axis = grid_side(arg, s.element_index).axis
         size = arg.cell_arg.cell_size[(axis + 1) % d]
@@ -149,21 +146,16 @@ def _add_positions(f: SimpleNamespace, record) -> None:
             size *= arg.cell_arg.cell_size[(axis + 2) % d]
         return size
 
-    @wp.func
+    @f.add
     def side_measure_ratio(arg: SideArg, s: Sample):
         return real(1.0) / arg.cell_arg.cell_size[grid_side(arg, s.element_index).axis]
 
-    @wp.func
+    @f.add
     def side_normal(arg: SideArg, s: Sample):
         side = grid_side(arg, s.element_index)
         normal = vector()
         normal[side.axis] = wp.where(side.origin[0] == 0, real(-1.0), real(1.0))
         return normal
-
-    f.in_layer, f.is_flipped = in_layer, is_flipped
-    f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
-    f.side_measure, f.side_measure_ratio = side_measure, side_measure_ratio
-    f.side_normal = side_normal
 
 
 def _add_cells(f: SimpleNamespace, record) -> None:
@@ -183,13 +175,13 @@ def _add_cells(f: SimpleNamespace, record) -> None:
             cell += (side_index // sides_of(arg)) * arg.cell_count
         return cell
 
-    @wp.func
+    @f.add
     def side_inner_cell_index(arg: SideArg, side_index: int):
         if side_index < 0:
             return -1
         return cell_beside(arg, side_index, wp.max(grid_side(arg, side_index).origin[0] - 1, 0))
 
-    @wp.func
+    @f.add
     def side_outer_cell_index(arg: SideArg, side_index: int):
         if side_index < 0:
             return -1
@@ -207,20 +199,16 @@ def _add_cells(f: SimpleNamespace, record) -> None:
             inside[k] = at[k]
         return inside
 
-    @wp.func
+    @f.add
     def side_inner_cell_coords(arg: SideArg, side_index: int, coords: Coords):
         side = grid_side(arg, side_index)
         return coords_beside(side, wp.where(side.origin[0] == 0, real(0.0), real(1.0)), coords)
 
-    @wp.func
+    @f.add
     def side_outer_cell_coords(arg: SideArg, side_index: int, coords: Coords):
         side = grid_side(arg, side_index)
         is_last = side.origin[0] == arg.cell_arg.res[side.axis]
         return coords_beside(side, wp.where(is_last, real(1.0), real(0.0)), coords)
-
-    f.side_inner_cell_index, f.side_outer_cell_index = side_inner_cell_index, side_outer_cell_index
-    f.side_inner_cell_coords = side_inner_cell_coords
-    f.side_outer_cell_coords = side_outer_cell_coords
 
 
 def _add_coordinates(f: SimpleNamespace, record) -> None:
@@ -240,7 +228,7 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
             coords[1] = at[d - 1]
         return coords
 
-    @wp.func
+    @f.add
     def side_from_cell_coords(arg: SideArg, side_index: int, cell: int, coords: Coords):
         """Coordinates on a side of a point of a cell, OUTSIDE if it is not on the side."""
         outside = Coords(real(OUTSIDE))
@@ -261,14 +249,14 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
             return outside
         return of_layer(side, local)
 
-    @wp.func
+    @f.add
     def side_coordinates(arg: SideArg, side_index: int, x: vector):
         side = grid_side(arg, side_index)
         cells = arg.cell_arg
         at = across(side.axis, wp.cw_div(x - cells.origin, cells.cell_size))
         return of_layer(side, at - vector(side.origin))
 
-    @wp.func
+    @f.add
     def side_closest_point(arg: SideArg, side_index: int, x: vector):
         side = grid_side(arg, side_index)
         size = across(side.axis, arg.cell_arg.cell_size)
@@ -282,6 +270,3 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
             distance_sq += gap * gap
             local[k] = inside
         return of_layer(side, local), distance_sq
-
-    f.side_from_cell_coords, f.side_coordinates = side_from_cell_coords, side_coordinates
-    f.side_closest_point = side_closest_point

@@ -16,6 +16,7 @@ from warp._src.fem.geometry.shape_functions import (
     vertex_coords_function,
 )
 from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import OUTSIDE, Ints, IntTable, Pairs, Vectors, coords_type, sample_type
 
 
@@ -32,7 +33,7 @@ def mesh_functions(record) -> SimpleNamespace:
     n, m = VERTICES[record.cell], VERTICES[side_name(record.cell)]
     Corners, SideCorners = (wp.types.matrix((k, record.dimension), real) for k in (n, m))
 
-    @wp.func
+    @f.add
     def cell_corners(arg: CellArg, cell: int):
         """Vertices of a cell, relative to the first, which is the first row."""
         origin = arg.positions[arg.cells[cell, 0]]
@@ -43,7 +44,7 @@ def mesh_functions(record) -> SimpleNamespace:
             corners[k] = arg.positions[arg.cells[cell, wp.static(k)]] - origin
         return corners
 
-    @wp.func
+    @f.add
     def side_corners(arg: SideArg, side: int):
         """Vertices of a side, relative to the first, which is the first row."""
         origin = arg.cell_arg.positions[arg.side_vertices[side, 0]]
@@ -53,11 +54,11 @@ def mesh_functions(record) -> SimpleNamespace:
             corners[k] = arg.cell_arg.positions[arg.side_vertices[side, wp.static(k)]] - origin
         return corners
 
-    @wp.func
+    @f.add
     def cell_position(arg: CellArg, s: Sample):
         return position(cell_corners(arg, s.element_index), s.element_coords)
 
-    @wp.func
+    @f.add
     def cell_deformation_gradient(arg: CellArg, s: Sample):
         return gradient(cell_corners(arg, s.element_index), s.element_coords)
 
@@ -65,13 +66,12 @@ def mesh_functions(record) -> SimpleNamespace:
     def side_position_at(arg: SideArg, s: Sample):
         return side_position(side_corners(arg, s.element_index), s.element_coords)
 
-    @wp.func
+    @f.add
     def side_deformation_gradient(arg: SideArg, s: Sample):
         return side_gradient(side_corners(arg, s.element_index), s.element_coords)
 
-    f.vector, f.cell_corners, f.side_corners = vector, cell_corners, side_corners
-    f.cell_position, f.cell_deformation_gradient = cell_position, cell_deformation_gradient
-    f.side_position, f.side_deformation_gradient = side_position_at, side_deformation_gradient
+    f.vector = vector
+    f.side_position = side_position_at
     add_listed_sides(f)
     if record.environments:
         add_listed_environments(f)
@@ -93,7 +93,7 @@ def _structs(record) -> SimpleNamespace:
     side = {"cell_arg": CellArg, "side_vertices": IntTable, "side_corners": IntTable}
     side |= {"side_cells": Pairs, "boundary": Ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
-    return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
+    return Functions(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
 
 
 def _add_coordinates(f: SimpleNamespace, record) -> None:
@@ -129,7 +129,7 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
                 return real(1.0) - c[0] - c[1] - c[2]
             return c[column - 1]
 
-    @wp.func
+    @f.add
     def side_from_cell_coords(arg: SideArg, side: int, cell_index: int, c: Coords):
         """Coordinates on a side of a point of a cell, OUTSIDE if it is not on the side."""
         if side < 0 or cell_index < 0:
@@ -166,4 +166,3 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
         return s
 
     f.side_inner_cell_coords, f.side_outer_cell_coords = in_cell_from(0), in_cell_from(m)
-    f.side_from_cell_coords = side_from_cell_coords

@@ -14,6 +14,7 @@ from warp._src.fem.geometry.base import (
     geometry_functions,
 )
 from warp._src.fem.geometry.indices import masked_indices
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import Ints
 
 
@@ -54,7 +55,7 @@ def partition_functions(record: PartitionRecord) -> SimpleNamespace:
 
 def _whole(record: PartitionRecord) -> SimpleNamespace:
     geometry = geometry_functions(record.geometry)
-    return SimpleNamespace(
+    return Functions(
         CellArg=_WholeCellArg,
         SideArg=geometry.SideIndexArg,
         cell_index=same_index,
@@ -76,55 +77,47 @@ def _listed(record: PartitionRecord) -> SimpleNamespace:
     CellArg = extend.struct_from_fields(name, fields, module=__name__)
     fields = {"cell_arg": CellArg, "sides": Ints, "boundary_sides": Ints, "frontier_sides": Ints}
     SideArg = extend.struct_from_fields(f"{name}OfSides", fields, module=__name__)
+    made = Functions(CellArg=CellArg, SideArg=SideArg)
     if is_range:
 
-        @wp.func
+        @made.add
         def cell_index(arg: CellArg, index: int):
             return arg.cell_begin + index
 
-        @wp.func
+        @made.add
         def partition_cell_index(arg: CellArg, cell: int):
             inside = cell >= arg.cell_begin and cell < arg.cell_end
             return wp.where(inside, cell - arg.cell_begin, -1)
 
     else:
 
-        @wp.func
+        @made.add
         def cell_index(arg: CellArg, index: int):
             return arg.cells[index]
 
-        @wp.func
+        @made.add
         def partition_cell_index(arg: CellArg, cell: int):
             if cell < 0:
                 return -1
             return arg.partition_cells[cell]
 
-    @wp.func
+    @made.add
     def side_index(arg: SideArg, index: int):
         return arg.sides[index]
 
-    @wp.func
+    @made.add
     def boundary_side_index(arg: SideArg, index: int):
         return arg.boundary_sides[index]
 
-    @wp.func
+    @made.add
     def frontier_side_index(arg: SideArg, index: int):
         return arg.frontier_sides[index]
 
-    @wp.func
+    @made.add
     def side_to_cell_arg(arg: SideArg):
         return arg.cell_arg
 
-    return SimpleNamespace(
-        CellArg=CellArg,
-        SideArg=SideArg,
-        cell_index=cell_index,
-        partition_cell_index=partition_cell_index,
-        side_index=side_index,
-        boundary_side_index=boundary_side_index,
-        frontier_side_index=frontier_side_index,
-        side_to_cell_arg=side_to_cell_arg,
-    )
+    return made
 
 
 _ActiveCellArg = extend.struct_from_fields("ActiveCellArg", {"grid": wp.uint64}, module=__name__)
@@ -140,11 +133,11 @@ def _active(record: PartitionRecord) -> SimpleNamespace:
     made = _whole(record)
     SideArg = made.SideArg
 
-    @wp.func
+    @made.add
     def side_to_cell_arg(arg: SideArg):
         return _ActiveCellArg(arg.cell_arg.grid)
 
-    made.CellArg, made.side_to_cell_arg = _ActiveCellArg, side_to_cell_arg
+    made.CellArg = _ActiveCellArg
     made.cell_index = made.partition_cell_index = _active_cell
     return made
 

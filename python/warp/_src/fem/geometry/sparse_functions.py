@@ -8,6 +8,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.derived import add_listed_environments, add_listed_sides
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms, box_search
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import (
     OUTSIDE,
     Ints,
@@ -60,7 +61,7 @@ def _structs(record) -> SimpleNamespace:
     side = {"cell_arg": CellArg, "places": Voxels, "flags": Ints, "areas": vector}
     side |= {"side_cells": Pairs, "boundary": Ints}
     SideArg = extend.struct_from_fields(f"{word}SideArg", side, module=__name__)
-    return SimpleNamespace(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
+    return Functions(CellArg=CellArg, SideArg=SideArg, SideIndexArg=SideArg)
 
 
 def _add_places(f: SimpleNamespace, record) -> None:
@@ -68,7 +69,7 @@ def _add_places(f: SimpleNamespace, record) -> None:
     CellArg, is_adaptive = f.CellArg, record.kind == "adaptive"
     SideArg = f.SideArg
 
-    @wp.func
+    @f.add
     def cell_width(arg: CellArg, cell: int):
         """Fine voxels along an edge of a cell."""
         if wp.static(is_adaptive):
@@ -76,7 +77,7 @@ def _add_places(f: SimpleNamespace, record) -> None:
         else:
             return 1
 
-    @wp.func
+    @f.add
     def side_width(arg: SideArg, side: int):
         """Fine voxels along an edge of a side."""
         if wp.static(is_adaptive):
@@ -84,7 +85,7 @@ def _add_places(f: SimpleNamespace, record) -> None:
         else:
             return 1
 
-    @wp.func
+    @f.add
     def cell_at(arg: CellArg, p: wp.vec3i):
         """Cell that has a voxel, of the grid that holds all environments."""
         if wp.static(is_adaptive):
@@ -92,7 +93,6 @@ def _add_places(f: SimpleNamespace, record) -> None:
         else:
             return wp.volume_lookup_index(arg.grid, p[0], p[1], p[2])
 
-    f.cell_width, f.side_width, f.cell_at = cell_width, side_width, cell_at
     add_listed_environments(f)
     add_listed_sides(f)
 
@@ -108,50 +108,44 @@ def _add_cells(f: SimpleNamespace, record) -> None:
     half = vector(0.5, 0.5, 0.5)
     zero, one = vector(), vector(1.0, 1.0, 1.0)
 
-    @wp.func
+    @f.add
     def cell_position(arg: CellArg, s: Sample):
         at = s.element_coords * real(width(arg, s.element_index)) - half
         return arg.transform * (vector(arg.places[s.element_index]) + at) + arg.origin
 
-    @wp.func
+    @f.add
     def cell_deformation_gradient(arg: CellArg, s: Sample):
         return arg.transform * real(width(arg, s.element_index))
 
-    @wp.func
+    @f.add
     def cell_inverse_deformation_gradient(arg: CellArg, s: Sample):
         return arg.inverse / real(width(arg, s.element_index))
 
-    @wp.func
+    @f.add
     def cell_measure(arg: CellArg, s: Sample):
         w = real(width(arg, s.element_index))
         return arg.volume * (w * w * w)
 
-    @wp.func
+    @f.add
     def cell_normal(arg: CellArg, s: Sample):
         return zero
 
-    @wp.func
+    @f.add
     def voxel_position(arg: CellArg, x: vector):
         """Position in fine voxels, from the lower corner of voxel 0."""
         return arg.inverse * (x - arg.origin) + half
 
-    @wp.func
+    @f.add
     def cell_coordinates(arg: CellArg, cell: int, x: vector):
         local = voxel_position(arg, x) - vector(arg.places[cell])
         return local / real(width(arg, cell))
 
-    @wp.func
+    @f.add
     def cell_closest_point(arg: CellArg, cell: int, x: vector):
         coords = cell_coordinates(arg, cell, x)
         inside = wp.min(wp.max(coords, zero), one)
         gap = arg.transform * ((coords - inside) * real(width(arg, cell)))
         return inside, wp.dot(gap, gap)
-
-    f.cell_position, f.cell_measure, f.cell_normal = cell_position, cell_measure, cell_normal
-    f.cell_deformation_gradient = cell_deformation_gradient
-    f.cell_inverse_deformation_gradient = cell_inverse_deformation_gradient
-    f.voxel_position = voxel_position
-    f.cell_coordinates, f.cell_closest_point = cell_coordinates, cell_closest_point
 
 
 def _add_sides(f: SimpleNamespace, record) -> None:
@@ -160,7 +154,7 @@ def _add_sides(f: SimpleNamespace, record) -> None:
     vector, Coords, width = wp.types.vector(3, real), coords_type(real), f.side_width
     half = vector(0.5, 0.5, 0.5)
 
-    @wp.func
+    @f.add
     def along(flags: int, altitude: real, s: Coords):
         """Coordinates along the axes of a point of a side."""
         axis = flags & AXIS
@@ -171,14 +165,14 @@ def _add_sides(f: SimpleNamespace, record) -> None:
         at[(axis + 2 - flip) % 3] = s[1]
         return at
 
-    @wp.func
+    @f.add
     def across(flags: int, at: Coords):
         """Coordinates on a side by those along the axes."""
         axis = flags & AXIS
         flip = (flags >> NO_LOWER) & 1
         return Coords(at[(axis + 1 + flip) % 3], at[(axis + 2 - flip) % 3], real(0.0))
 
-    @wp.func
+    @f.add
     def side_position(arg: SideArg, s: Sample):
         side = s.element_index
         at = along(arg.flags[side], real(0.0), s.element_coords) * real(width(arg, side)) - half
@@ -188,26 +182,22 @@ def _add_sides(f: SimpleNamespace, record) -> None:
     def tangent(arg: SideArg, side: int, s: Coords):
         return arg.cell_arg.transform * along(arg.flags[side], real(0.0), s)
 
-    @wp.func
+    @f.add
     def side_deformation_gradient(arg: SideArg, s: Sample):
         side = s.element_index
         u = tangent(arg, side, Coords(real(1.0), real(0.0), real(0.0)))
         v = tangent(arg, side, Coords(real(0.0), real(1.0), real(0.0)))
         return wp.matrix_from_cols(u, v) * real(width(arg, side))
 
-    @wp.func
+    @f.add
     def side_measure(arg: SideArg, s: Sample):
         w = real(width(arg, s.element_index))
         return arg.areas[arg.flags[s.element_index] & AXIS] * (w * w)
 
-    @wp.func
+    @f.add
     def side_measure_ratio(arg: SideArg, s: Sample):
         w = real(width(arg, s.element_index))
         return arg.areas[arg.flags[s.element_index] & AXIS] / (arg.cell_arg.volume * w)
-
-    f.along, f.across = along, across
-    f.side_position, f.side_deformation_gradient = side_position, side_deformation_gradient
-    f.side_measure, f.side_measure_ratio = side_measure, side_measure_ratio
 
 
 def _add_side_coordinates(f: SimpleNamespace, record) -> None:
@@ -224,15 +214,15 @@ def _add_side_coordinates(f: SimpleNamespace, record) -> None:
         at += vector(arg.places[side] - arg.cell_arg.places[cell])
         return at / real(cell_width(arg.cell_arg, cell))
 
-    @wp.func
+    @f.add
     def side_inner_cell_coords(arg: SideArg, side: int, s: Coords):
         return in_cell(arg, side, arg.side_cells[side][0], s)
 
-    @wp.func
+    @f.add
     def side_outer_cell_coords(arg: SideArg, side: int, s: Coords):
         return in_cell(arg, side, arg.side_cells[side][1], s)
 
-    @wp.func
+    @f.add
     def side_from_cell_coords(arg: SideArg, side: int, cell: int, c: Coords):
         """Coordinates on a side of a point of a cell, OUTSIDE if it is not on the side."""
         if side < 0 or cell < 0:
@@ -247,12 +237,12 @@ def _add_side_coordinates(f: SimpleNamespace, record) -> None:
             return Coords(outside)
         return across(arg.flags[side], at)
 
-    @wp.func
+    @f.add
     def side_coordinates(arg: SideArg, side: int, x: vector):
         at = voxel_position(arg.cell_arg, x) - vector(arg.places[side])
         return across(arg.flags[side], at / real(side_width(arg, side)))
 
-    @wp.func
+    @f.add
     def side_closest_point(arg: SideArg, side: int, x: vector):
         width = real(side_width(arg, side))
         at = (voxel_position(arg.cell_arg, x) - vector(arg.places[side])) / width
@@ -260,11 +250,6 @@ def _add_side_coordinates(f: SimpleNamespace, record) -> None:
         inside[arg.flags[side] & AXIS] = real(0.0)
         gap = arg.cell_arg.transform * ((at - inside) * width)
         return across(arg.flags[side], inside), wp.dot(gap, gap)
-
-    f.side_inner_cell_coords = side_inner_cell_coords
-    f.side_outer_cell_coords = side_outer_cell_coords
-    f.side_from_cell_coords = side_from_cell_coords
-    f.side_coordinates, f.side_closest_point = side_coordinates, side_closest_point
 
 
 def _add_lookup(f: SimpleNamespace, record) -> None:

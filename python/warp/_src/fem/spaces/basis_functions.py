@@ -1,14 +1,17 @@
 """Functions of kernels of bases - basis functions of a cell or on both sides of a side, and the
 kernel of positions of nodes."""
 
+import functools
 from types import SimpleNamespace
 
 import warp as wp
 from warp._src.fem.cells.functions import element_functions
 from warp._src.fem.geometry.base import geometry_functions
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import coords_type, make_free_sample
 
 
+@functools.cache
 def basis_functions(record) -> SimpleNamespace:
     """Functions of kernels of a basis, see `BasisRecord`."""
     if record.topology.kind == "trace":
@@ -44,21 +47,19 @@ def _of_element(record):
     )
     weight, weight_gradient = (_in_cell(getattr(functions, n), topology, real) for n in names)
 
-    @wp.func
+    made = Functions(
+        weight=weight, weight_gradient=weight_gradient, trace_weight=functions.trace_weight
+    )
+
+    @made.add
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         return coords_of(node)
 
-    @wp.func
+    @made.add
     def node_weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         return weight_of(node)
 
-    return SimpleNamespace(
-        weight=weight,
-        weight_gradient=weight_gradient,
-        node_coords=node_coords,
-        node_weight=node_weight,
-        trace_weight=functions.trace_weight,
-    )
+    return made
 
 
 def _in_cell(function, topology, real):
@@ -97,7 +98,7 @@ def _trace(record):
         "": (of_topology.inner_cell_index, geometry.side_inner_cell_coords),
         "outer_": (of_topology.outer_cell_index, geometry.side_outer_cell_coords),
     }
-    made = SimpleNamespace()
+    made = Functions()
     for prefix, (cell_of, to_coords) in sides.items():
         for name, dtype in (("weight", value_type), ("weight_gradient", gradient_type)):
             of_cell = getattr(base, prefix + name)
@@ -114,7 +115,7 @@ def _trace(record):
             )
             setattr(made, prefix + name, _on_side(*parts))
 
-    @wp.func
+    @made.add
     def node_coords(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         if wp.static(is_constant):
             # The only node of a cell counts as one of each side.
@@ -124,7 +125,7 @@ def _trace(record):
             coords = coords_of(to_cell(side_arg), topo_arg, cell, place)
             return from_cell(side_arg, side, cell, coords)
 
-    @wp.func
+    @made.add
     def node_weight(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         if wp.static(trace_weight_of is None):
             return real(0.0)
@@ -132,7 +133,6 @@ def _trace(record):
             _cell, place = find(side_arg, topo_arg, side, node)
             return trace_weight_of(place)
 
-    made.node_coords, made.node_weight = node_coords, node_weight
     return made
 
 
@@ -149,6 +149,7 @@ def _on_side(SideArg, TopologyArg, Coords, cell_of, to_coords, to_cell, of_cell,
     return side_weight
 
 
+@functools.cache
 def positions_kernel(record):
     """A kernel over cells that writes the positions of their nodes; all cells of a node agree."""
     geometry = geometry_functions(record.topology.geometry)

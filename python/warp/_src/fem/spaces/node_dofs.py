@@ -9,6 +9,7 @@ import warp as wp
 from warp._src.fem.cells.moments import interpolation_weights
 from warp._src.fem.cells.tables import table
 from warp._src.fem.geometry.base import geometry_functions
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import coords_type, make_free_sample
 
 
@@ -90,12 +91,14 @@ def _on_sides(record):
     )
     Value = wp.types.vector(length=space.dimension, dtype=space.scalar)
 
-    @wp.func
+    made = Functions()
+
+    @made.add
     def dof_point_count(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         cell, place = find(side_arg, topo_arg, side, node)
         return count_of(to_cell(side_arg), topo_arg, cell, place)
 
-    @wp.func
+    @made.add
     def dof_point_coords(
         side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int, point: int
     ):
@@ -103,13 +106,11 @@ def _on_sides(record):
         coords = coords_of(to_cell(side_arg), topo_arg, cell, place, point)
         return from_cell(side_arg, side, cell, coords)
 
-    @wp.func
+    @made.add
     def dof_part(
         side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int, point: int, value: Value
     ):
         cell, place = find(side_arg, topo_arg, side, node)
         return part_of(to_cell(side_arg), topo_arg, cell, place, point, value)
 
-    return SimpleNamespace(
-        dof_point_count=dof_point_count, dof_point_coords=dof_point_coords, dof_part=dof_part
-    )
+    return made

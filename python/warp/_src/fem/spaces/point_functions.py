@@ -8,6 +8,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.partition import partition_functions
+from warp._src.fem.kept import Functions
 from warp._src.fem.spaces.topology_functions import add_constants
 from warp._src.fem.types import NULL_NODE_INDEX, coords_type, make_free_sample
 
@@ -53,7 +54,9 @@ def point_functions(record) -> SimpleNamespace:
     if points.is_unique:
         index_of = quadrature.point_evaluation_index
 
-    @wp.func
+    made = Functions(TopologyArg=TopologyArg, place_of=place_of)
+
+    @made.add
     def element_node_count(cell_arg: CellArg, topo_arg: TopologyArg, element: int):
         place = place_of(topo_arg.part, element)
         count = int(0)
@@ -61,7 +64,7 @@ def point_functions(record) -> SimpleNamespace:
             count = wp.min(most, count_of(cell_arg, topo_arg.quadrature, place, element))
         return count
 
-    @wp.func
+    @made.add
     def element_node_index(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         number = int(NULL_NODE_INDEX)
         if node < element_node_count(cell_arg, topo_arg, element):
@@ -69,12 +72,6 @@ def point_functions(record) -> SimpleNamespace:
             number = index_of(cell_arg, topo_arg.quadrature, place, element, node)
         return number
 
-    made = SimpleNamespace(
-        TopologyArg=TopologyArg,
-        element_node_count=element_node_count,
-        element_node_index=element_node_index,
-        place_of=place_of,
-    )
     add_constants(made, record, CellArg)
     return made
 
@@ -147,9 +144,9 @@ def point_basis_functions(record) -> SimpleNamespace:
     value = None if is_dirac else _radial(points.value, points.values, TopologyArg, real)
     gradient = _radial(points.gradient, points.values, TopologyArg, real) if has_gradient else None
 
-    count_of = topology.element_node_count
+    count_of, made = topology.element_node_count, Functions()
 
-    @wp.func
+    @made.add
     def node_coords(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         coords = Coords(real(0.0))
         if node < count_of(cell_arg, topo_arg, element):
@@ -157,7 +154,7 @@ def point_basis_functions(record) -> SimpleNamespace:
             coords = coords_of(cell_arg, topo_arg.quadrature, place, element, node)
         return coords
 
-    @wp.func
+    @made.add
     def node_weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         weight = real(0.0)
         if node < count_of(cell_arg, topo_arg, element):
@@ -165,7 +162,7 @@ def point_basis_functions(record) -> SimpleNamespace:
             weight = weight_of(cell_arg, topo_arg.quadrature, place, element, node)
         return weight
 
-    @wp.func
+    @made.add
     def weight(cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int):
         made = real(0.0)
         if node < count_of(cell_arg, topo_arg, element):
@@ -179,7 +176,7 @@ def point_basis_functions(record) -> SimpleNamespace:
                 made = real(value(distance, index, topo_arg))
         return made
 
-    @wp.func
+    @made.add
     def weight_gradient(
         cell_arg: CellArg, topo_arg: TopologyArg, element: int, coords: Coords, node: int
     ):
@@ -194,11 +191,5 @@ def point_basis_functions(record) -> SimpleNamespace:
                 made = real(gradient(distance, index, topo_arg)) * change
         return made
 
-    return SimpleNamespace(
-        weight=weight,
-        weight_gradient=weight_gradient,
-        outer_weight=weight,
-        outer_weight_gradient=weight_gradient,
-        node_coords=node_coords,
-        node_weight=node_weight,
-    )
+    made.outer_weight, made.outer_weight_gradient = weight, weight_gradient
+    return made

@@ -1,14 +1,13 @@
 """Functions of kernels of topologies - nodes of cells by arithmetic or from tables."""
 
-from types import SimpleNamespace
-
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import geometry_functions
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import NULL_NODE_INDEX, Ints, IntTable
 
 
-def topology_functions(record) -> SimpleNamespace:
+def topology_functions(record) -> Functions:
     """The struct and the functions of a topology of cells."""
     made = {"discontinuous": _discontinuous, "grid": _grid, "table": _table}[record.kind](record)
     add_constants(made, record, geometry_functions(record.geometry).CellArg)
@@ -40,11 +39,13 @@ def _discontinuous(record):
     TopologyArg = extend.struct_from_fields("CellNodesArg", {}, module=__name__)
     count = record.nodes
 
-    @wp.func
+    made = Functions(TopologyArg=TopologyArg)
+
+    @made.add
     def element_node_index(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         return element * count + node
 
-    return SimpleNamespace(TopologyArg=TopologyArg, element_node_index=element_node_index)
+    return made
 
 
 def _grid(record):
@@ -55,7 +56,9 @@ def _grid(record):
     TopologyArg = extend.struct_from_fields(f"Grid{dimension}DNodesArg", fields, module=__name__)
     step, width, several = record.step, record.width, record.geometry.environments
 
-    @wp.func
+    made = Functions(TopologyArg=TopologyArg)
+
+    @made.add
     def element_node_index(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         cell = element
         number = int(0)
@@ -77,7 +80,7 @@ def _grid(record):
             number += (along * step + inside) * topo_arg.strides[axis]
         return number
 
-    return SimpleNamespace(TopologyArg=TopologyArg, element_node_index=element_node_index)
+    return made
 
 
 def _table(record):
@@ -90,25 +93,24 @@ def _table(record):
         fields["orientations"] = Ints
     TopologyArg = extend.struct_from_fields("NodeTableArg", fields, module=__name__)
 
-    @wp.func
+    made = Functions(TopologyArg=TopologyArg)
+
+    @made.add
     def element_node_index(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
         return topo_arg.nodes[element, node]
 
-    made = SimpleNamespace(TopologyArg=TopologyArg, element_node_index=element_node_index)
     if record.is_signed:
 
-        @wp.func
+        @made.add
         def element_node_sign(cell_arg: CellArg, topo_arg: TopologyArg, element: int, node: int):
             return real(topo_arg.signs[element, node])
 
-        made.element_node_sign = element_node_sign
     if record.is_oriented:
 
-        @wp.func
+        @made.add
         def element_orientation(cell_arg: CellArg, topo_arg: TopologyArg, element: int):
             return topo_arg.orientations[element]
 
-        made.element_orientation = element_orientation
     return made
 
 

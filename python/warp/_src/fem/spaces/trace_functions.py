@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp._src.fem.geometry.base import geometry_functions
+from warp._src.fem.kept import Functions
 from warp._src.fem.spaces.topology_functions import add_constants
 from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX
 
@@ -17,21 +18,23 @@ def trace_functions(record) -> SimpleNamespace:
     TopologyArg, count_of = base.TopologyArg, base.element_node_count
     index_of, sign_of = base.element_node_index, base.element_node_sign
 
+    made = Functions(TopologyArg=TopologyArg, element_node_sign=None, cell=base)
+
     @wp.func
     def inner_count(side_arg: SideArg, topo_arg: TopologyArg, side: int):
         return count_of(to_cell(side_arg), topo_arg, inner_of(side_arg, side))
 
-    @wp.func
+    @made.add
     def side_neighbor_node_counts(side_arg: SideArg, topo_arg: TopologyArg, side: int):
         outer = count_of(to_cell(side_arg), topo_arg, outer_of(side_arg, side))
         return inner_count(side_arg, topo_arg, side), outer
 
-    @wp.func
+    @made.add
     def element_node_count(side_arg: SideArg, topo_arg: TopologyArg, side: int):
         inner, outer = side_neighbor_node_counts(side_arg, topo_arg, side)
         return inner + outer
 
-    @wp.func
+    @made.add
     def inner_cell_index(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         cell = inner_of(side_arg, side)
         place = node
@@ -40,7 +43,7 @@ def trace_functions(record) -> SimpleNamespace:
             place = NULL_NODE_INDEX
         return cell, place
 
-    @wp.func
+    @made.add
     def outer_cell_index(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         count = inner_count(side_arg, topo_arg, side)
         cell = outer_of(side_arg, side)
@@ -50,7 +53,7 @@ def trace_functions(record) -> SimpleNamespace:
             place = NULL_NODE_INDEX
         return cell, place
 
-    @wp.func
+    @made.add
     def neighbor_cell_index(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         count = inner_count(side_arg, topo_arg, side)
         cell = inner_of(side_arg, side)
@@ -60,26 +63,17 @@ def trace_functions(record) -> SimpleNamespace:
             place = node - count
         return cell, place
 
-    @wp.func
+    @made.add
     def element_node_index(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
         cell, place = neighbor_cell_index(side_arg, topo_arg, side, node)
         return index_of(to_cell(side_arg), topo_arg, cell, place)
 
-    @wp.func
-    def element_node_sign(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
-        cell, place = neighbor_cell_index(side_arg, topo_arg, side, node)
-        return sign_of(to_cell(side_arg), topo_arg, cell, place)
+    if sign_of is not None:
 
-    made = SimpleNamespace(
-        TopologyArg=TopologyArg,
-        element_node_count=element_node_count,
-        element_node_index=element_node_index,
-        element_node_sign=None if sign_of is None else element_node_sign,
-        side_neighbor_node_counts=side_neighbor_node_counts,
-        inner_cell_index=inner_cell_index,
-        outer_cell_index=outer_cell_index,
-        neighbor_cell_index=neighbor_cell_index,
-        cell=base,
-    )
+        @made.add
+        def element_node_sign(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
+            cell, place = neighbor_cell_index(side_arg, topo_arg, side, node)
+            return sign_of(to_cell(side_arg), topo_arg, cell, place)
+
     add_constants(made, record, SideArg)
     return made
