@@ -14,10 +14,10 @@ using namespace warp;
 
 using GraphLaunches = OrderedGraphs;
 
-// A kernel may start while its only predecessor ends, also one that it was not
-// recorded behind; with several predecessors it comes after their ends.
-TEST_F(GraphLaunches, StartKernelsEarlyBehindOne) {
-  Additions add;
+// A kernel may start while its predecessors end, also those that it was not
+// recorded behind: it waits for all of them in its first instruction.
+TEST_F(GraphLaunches, StartKernelsEarly) {
+  RealAdditions add;
   auto fill = [&](Capture &) {
     // Launches of equal extents would be one.
     add.launch(0, 1, 64);
@@ -32,7 +32,15 @@ TEST_F(GraphLaunches, StartKernelsEarlyBehindOne) {
   // 0 -> 2, 1 -> 3; 2 and 3 -> 4.
   EXPECT_EQ(graph->schedule()->edges, 4u);
   EXPECT_EQ(graph->schedule()->nodes[4].before.size(), 2u);
-  EXPECT_EQ(early(), 2);
+  EXPECT_EQ(early(), 4);
+  for (unsigned order = 0; order < 12; ++order) {
+    setOrder(order);
+    for (int place = 0; place < 5; ++place)
+      add.first(place) = float(1 << place);
+    graph->launch();
+    // 16 + (1 + 4) + (1 + 2 + 8).
+    ASSERT_EQ(add.first(4), 32) << "order " << order;
+  }
 }
 
 // A graph that the driver refuses gets the edges of its recording back, of
