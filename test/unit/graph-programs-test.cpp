@@ -37,8 +37,8 @@ struct Arrays {
   }
 };
 
-/// Random copies and fills of parts of the arrays, in bodies of branches and on
-/// other streams, too.
+/// Random copies and fills of parts of the arrays, in bodies of branches and
+/// loops and on other streams, too.
 class Program {
 public:
   Program(unsigned seed, Arrays &arrays) : random(seed), arrays(arrays) {}
@@ -86,15 +86,26 @@ private:
   void branch(Capture *capture) {
     int value = below(random, 2);
     bool negated = below(random, 2), runs = (value != 0) != negated;
+    bool isLoop = below(random, 2);
     int *flag = Arrays::numbers(arrays.flag);
     fillMemory(flag, 0, &value, 4, 1);
-    if (capture)
-      capture->beginBody(capture->addCondition(flag, negated), false);
+    Capture::Condition condition = 0;
+    if (capture) {
+      condition = capture->addCondition(flag, negated);
+      capture->beginBody(condition, isLoop);
+    }
     for (int i = 0; i < 4; ++i)
       if (std::function<void()> call = makeCall(); capture || runs)
         call();
-    if (capture)
-      capture->endBody();
+    if (!capture)
+      return;
+    // A loop has one turn at most.
+    int last = negated;
+    if (isLoop) {
+      fillMemory(flag, 0, &last, 4, 1);
+      capture->updateCondition(condition, flag, negated);
+    }
+    capture->endBody();
   }
   void fork() {
     Stream &side = *sides.emplace_back(std::make_unique<Stream>(0));

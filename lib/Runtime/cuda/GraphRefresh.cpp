@@ -56,7 +56,7 @@ void ProvisionalNodes::exchange(GraphHandle graph, const Functions &functions) {
       break;
     }
     case nodeConditional:
-      exchange(bodyOf(node), functions);
+      exchange(conditionalOf(node).body, functions);
       break;
     case nodeGraph: {
       GraphHandle child = nullptr;
