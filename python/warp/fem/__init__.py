@@ -11,9 +11,9 @@ import typing as _typing
 # Names by the module that defines them, below `warp._src.fem`.
 _SOURCES = {
     "adaptivity": "adaptive_nanogrid_from_field adaptive_nanogrid_from_hierarchy",
+    "cells.cell": "Element",
     "cells.element": "ElementBasis",
     "cells.polynomial": "Polynomial",
-    "cells.prototypes": "Element",
     "forms.variation": "derivative",
     "dirichlet": "dirichlet normalize_dirichlet_projector project_linear_system "
     "project_system_matrix project_system_rhs",
@@ -54,11 +54,11 @@ _SOURCES = {
     "spaces.shapes": "ShapeFunction make_element_shape_function",
     "spaces.space": "FunctionSpace",
     "spaces.topology": "SpaceTopology make_element_based_space_topology",
-    "tags": "Domain Field",
     "temporaries": "Temporary TemporaryStore borrow_temporary borrow_temporary_like "
     "set_default_temporary_store",
-    "types": "Coords Coords_f64 ElementIndex ElementKind NULL_ELEMENT_INDEX NULL_NODE_INDEX "
-    "NULL_QP_INDEX NodeIndex OUTSIDE QuadraturePointIndex Sample Sample_f64 make_free_sample",
+    "types": "Coords Coords_f64 Domain ElementIndex ElementKind Field NULL_ELEMENT_INDEX "
+    "NULL_NODE_INDEX NULL_QP_INDEX NodeIndex OUTSIDE QuadraturePointIndex Sample Sample_f64 "
+    "make_free_sample",
 }
 _MODULES = ("cache", "field", "geometry", "linalg", "polynomial", "space", "utils")
 _WHERE = {name: module for module, names in _SOURCES.items() for name in names.split()}

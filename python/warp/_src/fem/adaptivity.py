@@ -184,8 +184,7 @@ def _refinement_integrand():
     """Integrand that says how far each cell has to be divided."""
     from warp._src.fem.forms.integrand import integrand
     from warp._src.fem.operators import lookup
-    from warp._src.fem.tags import Domain, Field
-    from warp._src.fem.types import Sample
+    from warp._src.fem.types import Domain, Field, Sample
 
     @integrand
     def count_refinement(

@@ -13,8 +13,7 @@ from warp import extend
 from warp._src.fem.forms.integrand import integrand
 from warp._src.fem.linalg import array_axpy, generalized_inner, symmetric_eigenvalues_qr
 from warp._src.fem.operators import normal
-from warp._src.fem.tags import Domain, Field
-from warp._src.fem.types import Ints, Sample
+from warp._src.fem.types import Domain, Field, Ints, Sample
 from warp.sparse import bsr_assign, bsr_axpy, bsr_block_index, bsr_copy, bsr_mm, bsr_mv
 
 

@@ -1,6 +1,5 @@
 """Domains - sets of elements over which forms are integrated: cells, sides, selections."""
 
-import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -8,14 +7,13 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import RecordFunctions, geometry_functions, per_device
+from warp._src.fem.geometry.base import RecordFunctions, per_device
 from warp._src.fem.geometry.partition import (
     GeometryPartition,
     PartitionRecord,
     WholeGeometryPartition,
-    partition_functions,
 )
-from warp._src.fem.kept import Functions
+from warp._src.fem.kept import Functions, Record
 from warp._src.fem.types import ElementKind, Ints
 
 # Words of numbers and counts of elements by kind of domain.
@@ -24,7 +22,7 @@ _WORDS |= {"boundary": "boundary_side", "frontier": "frontier_side"}
 
 
 @dataclass(frozen=True)
-class DomainRecord:
+class DomainRecord(Record):
     """Facts of a domain that its functions of kernels depend on.
 
     `kind` is cells, sides, boundary or frontier; `is_subset` says that a table selects elements.
@@ -49,20 +47,17 @@ class DomainRecord:
         """Numbers of elements may be -1: lists of a fixed size, and rebuildable grids."""
         return self.partition.kind in ("list", "active")
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return domain_functions(self)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the structs and functions of kernels of a domain.
+
+        They have one set of names for cells and for sides: `element_position`, and `position`.
+        """
+        return _domain_functions(self)
 
 
-@functools.cache
-def domain_functions(record: DomainRecord) -> SimpleNamespace:
-    """Structs and functions of kernels of a domain: made once per record.
-
-    They have one set of names for cells and for sides: `element_position`, and `position`.
-    """
-    geometry = geometry_functions(record.geometry)
-    partition = partition_functions(record.partition)
+def _domain_functions(record: DomainRecord) -> SimpleNamespace:
+    geometry = record.geometry.functions
+    partition = record.partition.functions
     f = Functions()
     kind = "cell_" if record.is_cells else "side_"
     for name, of in vars(geometry).items():
@@ -112,7 +107,7 @@ def _add_cells(f, record, geometry, partition) -> None:
             return arg
 
     else:
-        cells = domain_functions(DomainRecord("cells", record.partition))
+        cells = DomainRecord("cells", record.partition).functions
         CellsArg, to_cell, index_to_cell = (
             *(cells.DomainArg, geometry.side_to_cell_arg, partition.side_to_cell_arg),
         )
@@ -146,11 +141,6 @@ class GeometryDomain(RecordFunctions):
         """Facts that functions of kernels depend on."""
         return DomainRecord(self.kind, self.geometry_partition.record)
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return domain_functions(self.record)
-
     def __getattr__(self, name):
         if name in ("element_lookup", "element_partition_lookup"):
             return getattr(self.functions, name, None)
@@ -167,9 +157,6 @@ class GeometryDomain(RecordFunctions):
     def name(self) -> str:
         """Partition and kind in one word."""
         return f"{self.geometry_partition.name}_{type(self).__name__}"
-
-    def __str__(self) -> str:
-        return self.name
 
     @property
     def is_cells(self) -> bool:

@@ -62,14 +62,8 @@ def integrate(
         raise ValueError(
             f"'assembly' expects 'dispatch', 'generic', 'nodal' or None, but got {assembly!r}"
         )
-    fields = dict(fields or {})
-    domain = domain_of(domain, quadrature, fields)
-    given = integrand, domain, quadrature, fields, values, device, kernel_options, assembly
-    if quadrature is None:
-        quadrature = default_quadrature(Form(*given))
-        given = *given[:2], quadrature, *given[3:]
-    form = Form(*given)
-    geometry = domain.geometry
+    form = form_of(integrand, domain, quadrature, fields, values, device, kernel_options, assembly)
+    geometry = form.domain.geometry
     if geometry.record.kind in _CHECKED and "_is_checked" not in vars(geometry):
         from warp._src.fem.geometry.check import warn_of_bad_cells
 
@@ -81,7 +75,7 @@ def integrate(
     if form.trial is None:
         return _linear(form, accumulate_dtype, output_dtype, output, add, temporary_store)
     if assembly == "nodal":
-        from warp._src.fem.assembly.nodal import assemble_diagonal
+        from warp._src.fem.assembly.vector import assemble_diagonal
 
         return assemble_diagonal(form, output, output_dtype, accumulate_dtype, add)
     from warp._src.fem.assembly.matrix import assemble_matrix
@@ -97,7 +91,16 @@ def integrate(
     )
 
 
-def domain_of(domain, quadrature, fields):
+def form_of(integrand, domain, quadrature, fields, *more) -> Form:
+    """A form with its arguments, whose domain and quadrature may be left out."""
+    fields = dict(fields or {})
+    domain = _domain_of(domain, quadrature, fields)
+    if quadrature is None:
+        quadrature = _default_quadrature(Form(integrand, domain, None, fields, *more))
+    return Form(integrand, domain, quadrature, fields, *more)
+
+
+def _domain_of(domain, quadrature, fields):
     """The elements to integrate over."""
     from warp._src.fem.domains import GeometryDomain
     from warp._src.fem.fields.base import GeometryField
@@ -131,7 +134,7 @@ def domain_of(domain, quadrature, fields):
     return given[0]
 
 
-def default_quadrature(form):
+def _default_quadrature(form):
     """The rule for a form without one: exact for the product of its fields, and for the integrand
     where that is a polynomial in reference coordinates, or is one in each half of a cell."""
     from warp._src.fem.quadratures import RegularQuadrature

@@ -10,8 +10,7 @@ from warp._src.fem.fields.discrete import DiscreteField, FieldRestriction
 from warp._src.fem.forms.form import Form
 from warp._src.fem.forms.integrand import integrand as make_integrand
 from warp._src.fem.quadratures import Quadrature
-from warp._src.fem.tags import Field
-from warp._src.fem.types import Sample
+from warp._src.fem.types import Field, Sample
 
 _REDUCTIONS = ("weighted_average", "mean", "sum", "max", "min", "first")
 

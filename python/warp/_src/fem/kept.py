@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+import re
 from types import SimpleNamespace
 
 import warp as wp
+from warp import extend
 
 
 class Functions(SimpleNamespace):
@@ -15,6 +18,31 @@ class Functions(SimpleNamespace):
         made = wp.func(function)
         setattr(self, function.__name__, made)
         return made
+
+
+def function_of_text(text: str, names: dict, module: str):
+    """A function of Python from text, which knows those of the names that are in it."""
+    words = set(re.findall(r"\w+", text))
+    known = {name: value for name, value in names.items() if name in words}
+    return extend.function_from_text(text, known, module=module)
+
+
+class Record:
+    """Base of records, frozen dataclasses, that functions of kernels depend on."""
+
+    @property
+    def functions(self) -> SimpleNamespace:
+        """Structs and functions of kernels: made once for equal records."""
+        return _functions(self)
+
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the structs and functions of kernels."""
+        raise NotImplementedError
+
+
+@functools.cache
+def _functions(record):
+    return record.make_functions()
 
 
 def hashed(cls):

@@ -12,7 +12,7 @@ from warp._src.fem.fields.discrete import DiscreteField
 from warp._src.fem.fields.virtual import TestField, make_test
 from warp._src.fem.forms.form import Form
 from warp._src.fem.forms.tables import node_table
-from warp._src.fem.integrate import default_quadrature, domain_of
+from warp._src.fem.integrate import form_of
 from warp._src.fem.linalg import array_axpy
 from warp.optim.linear import LinearOperator
 
@@ -172,12 +172,7 @@ def operator(
         >>> round(float(A.apply(ones).numpy().sum()), 6)
         1.0
     """
-    fields = dict(fields)
-    domain = domain_of(domain, quadrature, fields)
-    given = integrand, domain, quadrature, fields, values, device, kernel_options
-    if quadrature is None:
-        given = *given[:2], default_quadrature(Form(*given)), *given[3:]
-    form = Form(*given)
+    form = form_of(integrand, domain, quadrature, fields, values, device, kernel_options)
     if form.test is None or form.trial is None:
         raise ValueError(
             f"'operator' expects a test and a trial function, but '{integrand.name}' got "

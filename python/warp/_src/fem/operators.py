@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from warp import extend
-from warp._src.fem.algebra import skew_part, symmetric_part
 from warp._src.fem.forms.integrand import integrand
-from warp._src.fem.tags import Domain, Field
-from warp._src.fem.types import Sample, make_free_sample
+from warp._src.fem.linalg import skew_part, symmetric_part
+from warp._src.fem.types import Domain, Field, Sample, make_free_sample
 
 Operator = extend.Operator
 

@@ -1,6 +1,5 @@
 """Quadratures - points and weights in the elements of a domain."""
 
-import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 
@@ -8,14 +7,14 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.domains import DomainRecord
 from warp._src.fem.geometry.base import RecordFunctions, per_device
-from warp._src.fem.kept import Functions
+from warp._src.fem.kept import Functions, Record
 from warp._src.fem.types import OUTSIDE, coords_type
 
 
 @dataclass(frozen=True)
-class QuadratureRecord:
+class QuadratureRecord(Record):
     """Facts of a quadrature that its functions of kernels depend on.
 
     `kind` names the maker of functions, `rule` is the rule if all elements share one, `points`
@@ -28,19 +27,12 @@ class QuadratureRecord:
     points: int | None = None
     detail: object = None
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return quadrature_functions(self)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the structs and functions of kernels of a quadrature."""
+        return MAKERS[self.kind](self, self.domain.functions)
 
 
 MAKERS: dict = {}
-
-
-@functools.cache
-def quadrature_functions(record: QuadratureRecord) -> SimpleNamespace:
-    """Structs and functions of kernels of a quadrature: made once per record."""
-    return MAKERS[record.kind](record, domain_functions(record.domain))
 
 
 class Quadrature(RecordFunctions):
@@ -84,9 +76,6 @@ class Quadrature(RecordFunctions):
     def name(self) -> str:
         """Class and domain in one word."""
         return f"{type(self).__name__}_{self.domain.name}"
-
-    def __str__(self) -> str:
-        return self.name
 
     @per_device
     def arg_value(self, device):

@@ -1,4 +1,4 @@
-"""Types of arguments of kernels - samples, which are evaluation points, and arrays by name."""
+"""Types of arguments of kernels - samples, which are evaluation points, arrays, fields, domains."""
 
 from __future__ import annotations
 
@@ -84,3 +84,26 @@ def make_free_sample(element_index: int, element_coords: wp.vec3d):
     return Sample_f64(
         element_index, element_coords, -1, wp.float64(0.0), wp.vec2i(-1, -1), wp.vec2i(-1, -1)
     )
+
+
+class Field:
+    """Annotation of a parameter that takes a field; base of all fields."""
+
+    # Parameters with this annotation take records alone.
+    is_open = True
+
+    @staticmethod
+    def fits(native) -> bool:
+        """A value of a type of the compiler is no field."""
+        return False
+
+
+class Domain:
+    """Annotation of a parameter that takes a domain; base of all domains."""
+
+    is_open = True
+
+    @staticmethod
+    def fits(native) -> bool:
+        """A value of a type of the compiler is no domain."""
+        return False

@@ -142,3 +142,13 @@ def cell(name: str) -> Cell:
         if one.name == name:
             return one
     raise ValueError(f"no cell is named {name!r}; there are {', '.join(c.name for c in CELLS)}")
+
+
+class Element:
+    """Reference cells by kind."""
+
+    LINE_SEGMENT = LINE
+    SQUARE = SQUARE
+    CUBE = CUBE
+    TRIANGLE = TRIANGLE
+    TETRAHEDRON = TET

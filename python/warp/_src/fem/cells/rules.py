@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import functools
 import itertools
+import os
 from dataclasses import dataclass
 
 import numpy as np
 
 from warp._src.fem.cells.cell import POINT, TET, TRIANGLE, Cell
 from warp._src.fem.cells.polynomial import Polynomial, gauss_jacobi, rule_1d
-from warp._src.fem.cells.stored import stored
 
 
 @dataclass(frozen=True)
@@ -156,3 +156,11 @@ def _collapsed(dimension, order, family):
         largest = parameters[beyond].argmax(axis=1)
         parameters[beyond, largest] = np.nextafter(parameters[beyond, largest], 0.0)
     return parameters, weights
+
+
+@functools.cache
+def stored() -> dict:
+    """Arrays by name, such as "rule triangle 5": (q, d + 1) parameters and weights of points."""
+    path = os.path.join(os.path.dirname(__file__), "elements.npz")
+    with np.load(path) as tables:
+        return {name: tables[name] for name in tables.files}

@@ -12,12 +12,11 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.domains import DomainRecord
 from warp._src.fem.fields.curvature import curved_gradient, needs_curvature
 from warp._src.fem.geometry.derived import of_gradient
 from warp._src.fem.geometry.shapes import DIMENSIONS
-from warp._src.fem.tags import Field
-from warp._src.fem.types import make_free_sample
+from warp._src.fem.types import Field, make_free_sample
 
 # The sample's degrees of freedom say that it is a point whose values are known.
 MARK = -7
@@ -146,7 +145,7 @@ def unchanged(x: Any):
 
 def inverse_map(domain, half):
     """A function of (argument of elements, sample): reference coordinates by position."""
-    functions = domain_functions(domain)
+    functions = domain.functions
     if domain.is_cells:
         return functions.inverse_deformation_gradient
     side = "outer" if half else "inner"
@@ -156,10 +155,10 @@ def inverse_map(domain, half):
 def forward_map(domain, half):
     """A function of (argument of elements, sample): position by reference coordinates."""
     if domain.is_cells:
-        return domain_functions(domain).deformation_gradient
+        return domain.functions.deformation_gradient
     from warp._src.fem.fields.nodes import locations
 
-    at, cells = locations(domain, half), domain_functions(domain_like(domain, "cells"))
+    at, cells = locations(domain, half), domain_like(domain, "cells").functions
     cell_arg, cell, coords = at.cell_arg, at.cell, at.coords
     gradient = cells.deformation_gradient
 

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import domain_functions
 from warp._src.fem.fields.base import FieldDescription, GeometryField
+from warp._src.fem.kept import function_of_text
 from warp._src.fem.types import sample_type
 
 # `typing.Any` under a name that texts use.
@@ -64,7 +64,7 @@ def implicit_functions(description) -> SimpleNamespace:
 
 
 def _names(description, **more) -> dict:
-    functions = domain_functions(description.domain)
+    functions = description.domain.functions
     return {"position": functions.element_position, "Any": _ANY, "wp": wp, **more}
 
 
@@ -74,8 +74,7 @@ def _arguments(description) -> str:
 
 
 def _function(text, names):
-    known = {name: value for name, value in names.items() if name in text}
-    return wp.func(extend.function_from_text(text, known, module=__name__))
+    return wp.func(function_of_text(text, names, __name__))
 
 
 def _call(description, function):
@@ -119,7 +118,7 @@ def _divergence(gradient):
 @functools.cache
 def implicit_dtype(description):
     """Type of the values."""
-    functions = domain_functions(description.domain)
+    functions = description.domain.functions
     names = _names(
         description,
         Geo=functions.ElementArg,
@@ -128,9 +127,7 @@ def implicit_dtype(description):
         evaluate=_call(description, description.function),
     )
     text = "def probe(arg: Values, geo: Geo, s: Sample):\n    result = evaluate(0, arg, geo, s)\n"
-    known = {name: value for name, value in names.items() if name in text}
-    function = extend.function_from_text(text, known, module=__name__)
-    return extend.type_of_local(function, "result")
+    return extend.type_of_local(function_of_text(text, names, __name__), "result")
 
 
 @functools.cache

@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.domains import DomainRecord
 from warp._src.fem.fields.nodes import locations, signed_weights
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import make_free_sample
@@ -23,7 +23,7 @@ def discrete_node_functions(nodes, domain) -> SimpleNamespace:
     place_of, partition_index = nodes.functions.node_coords, nodes.partition_node_index
     weight, weight_gradient = signed_weights(nodes)
     is_cells = domain.is_cells
-    from_cell = None if is_cells else domain_functions(domain).cell_to_element_coords
+    from_cell = None if is_cells else domain.functions.cell_to_element_coords
 
     @wp.func
     def first_count(arg: Any, geo: Any, s: Any):

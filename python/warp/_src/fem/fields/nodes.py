@@ -9,8 +9,6 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import domain_functions
-from warp._src.fem.geometry.base import geometry_functions
 
 
 @functools.cache
@@ -32,7 +30,7 @@ def locations(domain, half: int) -> SimpleNamespace:
 
     else:
         side = "outer" if half else "inner"
-        functions, geometry = domain_functions(domain), geometry_functions(domain.geometry)
+        functions, geometry = domain.functions, domain.geometry.functions
         index, place = (getattr(functions, f"element_{side}_cell_{w}") for w in ("index", "coords"))
         cell_arg = geometry.side_to_cell_arg
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord, domain_functions
+from warp._src.fem.domains import DomainRecord
 from warp._src.fem.fields.base import FieldDescription, GeometryField
 from warp._src.fem.fields.uniform import UniformField
 from warp._src.fem.geometry.shapes import DIMENSIONS
@@ -61,7 +61,7 @@ def nonconforming_functions(description) -> SimpleNamespace:
 
 
 def _at_position(description, of_field, of_background):
-    own, other = domain_functions(description.domain), domain_functions(description.cells)
+    own, other = description.domain.functions, description.cells.functions
     position, lookup, place = own.element_position, other.lookup, other.element_position
     gradient, environment_of = own.element_deformation_gradient, own.element_environment_index
     real = description.domain.geometry.scalar

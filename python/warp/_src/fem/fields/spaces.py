@@ -3,10 +3,11 @@
 import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.fields.base import NodesDescription, References, Values
+from warp._src.fem.fields.base import MARK, NodesDescription, References, Values
 from warp._src.fem.fields.nodes import memory_reference
 from warp._src.fem.forms.facts import note_operation
 from warp._src.fem.kept import hashed
@@ -160,8 +161,6 @@ class PointDescription(NodesDescription):
 
     def reference(self, one_node=False):
         """Functions of reference values."""
-        from warp._src.fem.fields.slots import slot_reference
-
         if one_node:
             return self.base.reference(True)
         other = None if self.base is None else self.base.reference()
@@ -189,3 +188,50 @@ class NodeOperatorError(TypeError):
 
     def __init__(self, role):
         super().__init__(f"operators of nodes of a {role} function need assembly='generic'")
+
+
+def slot_reference(description, half, other) -> SimpleNamespace:
+    """Functions of (slots, argument, geometry, sample): a slot.
+
+    Slots are value and gradient, on sides those of the outer cell, too.
+
+    Args:
+        description: of the field, with `moves`.
+        other: functions at other samples; None for zero.
+    """
+    first = 0 if description.domain.is_cells else 2 * half
+    second = first + 1
+    moves = description.moves
+    elsewhere = None if other is None else other[half]
+    return SimpleNamespace(
+        value=_slot(first, moves, elsewhere and elsewhere.value),
+        gradient=_slot(second, moves, elsewhere and elsewhere.gradient),
+    )
+
+
+def _slot(position, moves, elsewhere):
+    if not moves:
+
+        @wp.func
+        def slot(part: Any, arg: Any, geo: Any, s: Any):
+            return part[position]
+
+    elif elsewhere is None:
+
+        @wp.func
+        def slot(part: Any, arg: Any, geo: Any, s: Any):
+            value = part[position]
+            if s.test_dof[1] != MARK:
+                value = type(value)()
+            return value
+
+    else:
+
+        @wp.func
+        def slot(part: Any, arg: Any, geo: Any, s: Any):
+            value = part[position]
+            if s.test_dof[1] != MARK:
+                value = elsewhere(0, arg, geo, s)
+            return value
+
+    return slot

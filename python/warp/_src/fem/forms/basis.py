@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.fields.nodes import locations, signed_weights
-from warp._src.fem.kept import hashed
+from warp._src.fem.kept import Record, hashed
 
 
 @hashed
 @dataclass(frozen=True)
-class Basis:
+class Basis(Record):
     """Basis functions of a space at the points of a plan.
 
     rule: points that all elements share, or None; domain: record; half: 1 for the outer cell.
@@ -42,10 +42,9 @@ class Basis:
             return real, vector
         return vector, wp.types.matrix((dimension, dimension), real)
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Functions of kernels."""
-        return basis_functions(self)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes functions of (table, topology argument, geometry argument, sample, point, node)."""
+        return _basis_functions(self)
 
 
 @functools.cache
@@ -70,9 +69,7 @@ def table_value(basis: Basis, device):
     return table
 
 
-@functools.cache
-def basis_functions(basis: Basis) -> SimpleNamespace:
-    """Functions of (table, topology argument, geometry argument, sample, point, node)."""
+def _basis_functions(basis: Basis) -> SimpleNamespace:
     Table, sign = table_type(basis), basis.nodes.topology.functions.element_node_sign
     if basis.is_tabulated and sign is None:
 

@@ -4,8 +4,8 @@ import dataclasses
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord, domain_functions
-from warp._src.fem.tags import Domain
+from warp._src.fem.domains import DomainRecord
+from warp._src.fem.types import Domain
 
 # Operators whose function takes the domain's index argument, too.
 _OF_INDEX = ("element_index", "element_partition_index")
@@ -21,7 +21,7 @@ class DomainDescription(extend.Description, Domain):
     def operation(self, name, count):
         if name == "scalar_type":
             return extend.Static(self.record.geometry.scalar)
-        functions = domain_functions(self.record)
+        functions = self.record.functions
         if name == "cells":
             cells = DomainRecord("cells", self.record.partition)
             return extend.Recast(DomainDescription(cells), functions.domain_cell_arg)

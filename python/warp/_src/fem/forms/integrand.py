@@ -6,8 +6,7 @@ import typing
 
 import warp as wp
 from warp import extend
-from warp._src.fem.tags import Domain, Field
-from warp._src.fem.types import Sample, Sample_f64
+from warp._src.fem.types import Domain, Field, Sample, Sample_f64
 
 # Samples have the scalar type of the geometry; `fem.Sample` stands for both.
 AnySample = typing.TypeVar("AnySample", Sample, Sample_f64)

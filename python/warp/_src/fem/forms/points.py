@@ -27,6 +27,7 @@ from warp._src.fem.forms.terms import (
     point_functions,
     term_functions,
 )
+from warp._src.fem.kept import function_of_text
 from warp._src.fem.types import sample_type
 
 
@@ -179,21 +180,11 @@ class PointsPlan:
 
     def _function(self, text):
         """A function of kernels from text."""
-        return wp.func(extend.function_from_text(text, self._names_in(text), module=__name__))
-
-    def _names_in(self, text) -> dict:
-        import re
-
-        words = set(re.findall(r"\w+", text))
-        return {name: value for name, value in self.names.items() if name in words}
+        return wp.func(function_of_text(text, self.names, __name__))
 
     def _kernel(self, text):
-        options = dict(self.record.options)
-        function = extend.function_from_text(text, self._names_in(text), module=__name__)
-        known = {
-            key: options[key] for key in ("enable_backward", "launch_bounds") if key in options
-        }
-        return wp.kernel(function, **known)
+        known = {k: v for k, v in self.record.options if k in ("enable_backward", "launch_bounds")}
+        return wp.kernel(function_of_text(text, self.names, __name__), **known)
 
     def _discover(self):
         """Finds the slots that the form depends on, and the type of its result."""
@@ -249,7 +240,7 @@ class PointsPlan:
             f"domain_arg, fields, values, {self.zero_points()})\n"
             f"    {'result = 0' * (not returns)}\n"
         )
-        function = extend.function_from_text(text, self._names_in(text), module=__name__)
+        function = function_of_text(text, self.names, __name__)
         with facts.recorded_operations() as operations:
             try:
                 result = extend.type_of_local(function, "result")

@@ -13,6 +13,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.forms.flow import UNKNOWN, Flow, FlowAnalysis
 from warp._src.fem.forms.terms import components
+from warp._src.fem.kept import function_of_text
 
 _SAMPLE = ("element", *("coords",) * 3, "point", "weight", *("dof",) * 4)
 
@@ -172,11 +173,8 @@ def _probe(plan):
     if plan.test is None and plan.result is not record.scalar:
         raise NotImplementedError
     lines.append(f"    out[{len(keys)}] = {form}")
-    kernel = wp.kernel(
-        extend.function_from_text("\n".join(lines) + "\n", plan._names_in("\n".join(lines)),
-                                  module=__name__),
-        enable_backward=False,
-    )  # fmt: skip
+    function = function_of_text("\n".join(lines) + "\n", plan.names, __name__)
+    kernel = wp.kernel(function, enable_backward=False)
     return kernel.ir("thread", device="cpu"), arguments, keys
 
 

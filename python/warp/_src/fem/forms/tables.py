@@ -4,7 +4,6 @@ import functools
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import domain_functions
 from warp._src.fem.fields.nodes import locations
 from warp._src.fem.fields.spaces import node_arg_type
 from warp._src.fem.types import NULL_NODE_INDEX, IntTable, sample_type
@@ -13,7 +12,7 @@ from warp._src.fem.types import NULL_NODE_INDEX, IntTable, sample_type
 @functools.cache
 def _node_table_kernel(nodes, domain):
     """Kernel of (domain argument, node argument, number of nodes, table)."""
-    functions = domain_functions(domain)
+    functions = domain.functions
     Arg, DomainArg, Sample = (
         node_arg_type(nodes),
         functions.DomainArg,

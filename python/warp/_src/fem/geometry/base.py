@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import warp as wp
-from warp._src.fem.geometry.derived import element_measure, element_normal
+from warp._src.fem.geometry.derived import add_derived, element_measure, element_normal
+from warp._src.fem.kept import Record
 from warp._src.fem.types import coords_type, sample_type
 
 
@@ -42,7 +43,7 @@ def forget(owner, *names: str) -> None:
 
 
 @dataclass(frozen=True)
-class GeometryRecord:
+class GeometryRecord(Record):
     """Facts of a geometry that its functions of kernels depend on.
 
     `kind` names the maker of functions, `cell` is the reference cell by name, `affine` says that
@@ -57,29 +58,24 @@ class GeometryRecord:
     environments: bool = False
     base: object = None
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        return geometry_functions(self)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the structs and functions of kernels of a geometry."""
+        functions = MAKERS[self.kind](self)
+        add_derived(self, functions)
+        return functions
 
 
 # Makers of functions of kernels by kind of geometry; modules of geometries add theirs.
 MAKERS: dict = {}
 
 
-@functools.cache
-def geometry_functions(record: GeometryRecord) -> SimpleNamespace:
-    """The structs and functions of kernels of a geometry: made once per record."""
-    from warp._src.fem.geometry.derived import add_derived
-
-    functions = MAKERS[record.kind](record)
-    add_derived(record, functions)
-    return functions
-
-
 class RecordFunctions:
     """Base of objects whose functions of kernels are attributes: those of their `record`."""
 
     record: typing.Any
+
+    def __str__(self) -> str:
+        return self.name
 
     @property
     def functions(self) -> SimpleNamespace:
@@ -187,9 +183,6 @@ class Geometry(ElementArguments):
         """Class, environments and scalar type in one word."""
         name = type(self).__name__ + ("_env" if self.environment_count() > 1 else "")
         return name if self.scalar_type is wp.float32 else f"{name}_f64"
-
-    def __str__(self) -> str:
-        return self.name
 
     def environment_count(self) -> int:
         """Number of topologically independent copies of space."""

@@ -8,7 +8,6 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.geometry.curved import curved_functions
 from warp._src.fem.geometry.derived import add_derived, of_gradient
 from warp._src.fem.geometry.mesh_lookup import add_bvh_lookup
@@ -27,7 +26,7 @@ _CORNERS = {
 def deformed_functions(record) -> SimpleNamespace:
     """The functions of kernels of a deformed geometry."""
     base_record, description, FieldArg, is_relative = record.base
-    base = geometry_functions(base_record)
+    base = base_record.functions
     f = _structs(record, base, FieldArg)
     _add_positions(f, base, record, description, is_relative)
     _add_places(f, base)

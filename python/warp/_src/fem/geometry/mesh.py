@@ -9,10 +9,9 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget
-from warp._src.fem.geometry.entities import make_entities
+from warp._src.fem.geometry.entities import make_entities, make_sides
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 from warp._src.fem.geometry.shapes import VERTICES
-from warp._src.fem.geometry.sides import make_sides
 from warp._src.fem.types import Ints, IntTable
 
 

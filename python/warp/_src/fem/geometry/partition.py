@@ -11,24 +11,22 @@ from warp._src.fem.geometry.base import (
     ElementArguments,
     GeometryRecord,
     forget,
-    geometry_functions,
 )
 from warp._src.fem.geometry.indices import masked_indices
-from warp._src.fem.kept import Functions
+from warp._src.fem.kept import Functions, Record
 from warp._src.fem.types import Ints
 
 
 @dataclass(frozen=True)
-class PartitionRecord:
+class PartitionRecord(Record):
     """Facts of a partition that its functions of kernels depend on."""
 
     kind: str
     geometry: GeometryRecord
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return partition_functions(self)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the structs and functions of kernels of a partition."""
+        return _MAKERS[self.kind](self)
 
 
 @wp.func
@@ -44,17 +42,8 @@ def whole_cell_arg(side_arg: Any):
     return _WholeCellArg()
 
 
-_MAKERS: dict = {}
-
-
-@functools.cache
-def partition_functions(record: PartitionRecord) -> SimpleNamespace:
-    """Structs and functions of kernels of a partition: made once per record."""
-    return _MAKERS[record.kind](record)
-
-
 def _whole(record: PartitionRecord) -> SimpleNamespace:
-    geometry = geometry_functions(record.geometry)
+    geometry = record.geometry.functions
     return Functions(
         CellArg=_WholeCellArg,
         SideArg=geometry.SideIndexArg,
@@ -142,13 +131,13 @@ def _active(record: PartitionRecord) -> SimpleNamespace:
     return made
 
 
-_MAKERS.update(whole=_whole, active=_active, range=_listed, list=_listed)
+_MAKERS = {"whole": _whole, "active": _active, "range": _listed, "list": _listed}
 
 
 @functools.cache
 def _side_kernel(record: PartitionRecord) -> wp.Kernel:
     """Kernel that marks the sides of a partition: its own, of the boundary, of the frontier."""
-    geometry, partition = geometry_functions(record.geometry), partition_functions(record)
+    geometry, partition = record.geometry.functions, record.functions
     SideArg, CellArg = geometry.SideArg, partition.CellArg
     inner_of, outer_of = geometry.side_inner_cell_index, geometry.side_outer_cell_index
     partition_index = partition.partition_cell_index
@@ -179,9 +168,6 @@ class GeometryPartition(ElementArguments):
     def name(self) -> str:
         """Geometry and kind in one word."""
         return f"{self.geometry.name}_{type(self).__name__}"
-
-    def __str__(self) -> str:
-        return self.name
 
 
 class WholeGeometryPartition(GeometryPartition):

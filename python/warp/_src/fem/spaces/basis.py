@@ -10,11 +10,12 @@ import warp as wp
 from warp import extend
 from warp._src.fem.cells.cell import Cell, cell
 from warp._src.fem.cells.element import Element
+from warp._src.fem.kept import Record
 from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 
 
 @dataclass(frozen=True)
-class BasisRecord:
+class BasisRecord(Record):
     """Facts of a basis that its functions of kernels depend on.
 
     Attributes:
@@ -34,9 +35,8 @@ class BasisRecord:
             {"tet": "tetrahedron"}.get(self.topology.geometry.cell, self.topology.geometry.cell)
         )
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Functions of kernels, all of (element argument, topology argument, element, ...).
+    def make_functions(self) -> SimpleNamespace:
+        """Makes functions of kernels, all of (element argument, topology argument, element, ...).
 
         `weight(..., coords, node)` and `weight_gradient(..., coords, node)` are a basis function
         and its gradient by parameters, `outer_weight` and `outer_weight_gradient` the ones on the

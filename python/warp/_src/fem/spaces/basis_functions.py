@@ -6,12 +6,10 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp._src.fem.cells.functions import element_functions
-from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import coords_type, make_free_sample
 
 
-@functools.cache
 def basis_functions(record) -> SimpleNamespace:
     """Functions of kernels of a basis, see `BasisRecord`."""
     if record.topology.kind == "trace":
@@ -37,7 +35,7 @@ def value_types(record) -> tuple:
 def _of_element(record):
     topology, element = record.topology, record.element
     real = topology.geometry.scalar
-    CellArg = geometry_functions(topology.geometry).CellArg
+    CellArg = topology.geometry.functions.CellArg
     of_topology = topology.functions
     TopologyArg = of_topology.TopologyArg
     functions = element_functions(element, real)
@@ -64,7 +62,7 @@ def _of_element(record):
 
 def _in_cell(function, topology, real):
     """A basis function or its gradient in a cell; some depend on the order of its vertices."""
-    CellArg = geometry_functions(topology.geometry).CellArg
+    CellArg = topology.geometry.functions.CellArg
     TopologyArg, Coords = topology.functions.TopologyArg, coords_type(real)
     orientation_of, is_oriented = topology.functions.element_orientation, topology.is_oriented
 
@@ -83,7 +81,7 @@ def _trace(record):
     one, and `outer_weight` the other way round."""
     topology = record.topology
     base = record.base.functions
-    geometry = geometry_functions(topology.geometry)
+    geometry = topology.geometry.functions
     real, SideArg = topology.geometry.scalar, geometry.SideArg
     of_topology = topology.functions
     TopologyArg, find = of_topology.TopologyArg, of_topology.neighbor_cell_index
@@ -152,7 +150,7 @@ def _on_side(SideArg, TopologyArg, Coords, cell_of, to_coords, to_cell, of_cell,
 @functools.cache
 def positions_kernel(record):
     """A kernel over cells that writes the positions of their nodes; all cells of a node agree."""
-    geometry = geometry_functions(record.topology.geometry)
+    geometry = record.topology.geometry.functions
     CellArg, position_of = geometry.CellArg, geometry.cell_position
     topology, basis = record.topology.functions, record.functions
     TopologyArg, count_of = topology.TopologyArg, topology.element_node_count

@@ -8,7 +8,6 @@ import numpy as np
 import warp as wp
 from warp._src.fem.cells.moments import interpolation_weights
 from warp._src.fem.cells.tables import table
-from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import coords_type, make_free_sample
 
@@ -25,7 +24,7 @@ def dof_functions(record) -> SimpleNamespace:
     if record.topology.kind == "trace":
         return _on_sides(record)
     topology, element, real = record.topology, record.element, record.topology.geometry.scalar
-    geometry = geometry_functions(topology.geometry)
+    geometry = topology.geometry.functions
     functions, CellArg = topology.functions, geometry.CellArg
     TopologyArg, sign_of = functions.TopologyArg, functions.element_node_sign
     orientation_of, dimension = functions.element_orientation, element.cell.dimension
@@ -79,7 +78,7 @@ def dof_functions(record) -> SimpleNamespace:
 
 def _on_sides(record):
     """The functions of the nodes' cells: points of a node on a side are on it."""
-    geometry = geometry_functions(record.topology.geometry)
+    geometry = record.topology.geometry.functions
     SideArg, to_cell = geometry.SideArg, geometry.side_to_cell_arg
     from_cell, functions = geometry.side_from_cell_coords, record.topology.functions
     find, TopologyArg = functions.neighbor_cell_index, functions.TopologyArg

@@ -1,6 +1,5 @@
 """Numbers of nodes in a part of a space - the base of partitions, and the whole."""
 
-import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
@@ -11,6 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import per_device
 from warp._src.fem.geometry.partition import WholeGeometryPartition
+from warp._src.fem.kept import Record
 from warp._src.fem.types import Ints
 
 _WholeArg = extend.struct_from_fields("WholeNodesArg", {}, module=__name__)
@@ -30,23 +30,17 @@ def _listed_node(arg: _TableArg, node: int):
 
 
 @dataclass(frozen=True)
-class SpacePartitionRecord:
+class SpacePartitionRecord(Record):
     """Facts of a partition that its functions of kernels depend on: `is_whole`."""
 
     is_whole: bool
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """The struct `PartitionArg` and `partition_node_index(arg, node)`: a node's number in the
-        partition, or `NULL_NODE_INDEX`."""
-        return _functions(self)
-
-
-@functools.cache
-def _functions(record):
-    if record.is_whole:
-        return SimpleNamespace(PartitionArg=_WholeArg, partition_node_index=_same_node)
-    return SimpleNamespace(PartitionArg=_TableArg, partition_node_index=_listed_node)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the struct `PartitionArg` and `partition_node_index(arg, node)`: a node's number in
+        the partition, or `NULL_NODE_INDEX`."""
+        if self.is_whole:
+            return SimpleNamespace(PartitionArg=_WholeArg, partition_node_index=_same_node)
+        return SimpleNamespace(PartitionArg=_TableArg, partition_node_index=_listed_node)
 
 
 class SpacePartition:

@@ -79,12 +79,13 @@ def grid_entities(res, device) -> Entities:
     corners = itertools.product((0, 1), repeat=dimension)
     vertices = [numbers(0, range(dimension), shape, corner) for corner in corners]
     offsets = [(0, *ends) for ends in itertools.product((0, 1), repeat=dimension - 1)]
-    edges, edge_count = family(edge_sizes, offsets)
-    faces, face_count = [], 0
     if dimension == 3:
+        edges, edge_count = family(edge_sizes, offsets)
         faces, face_count = family(face_sizes, [(0, 0, 0), (1, 0, 0)])
     else:
-        edges, edge_count = _square_edges(places, res)
+        # Edges of a plane grid have the numbers of its sides: by normal.
+        edges, edge_count = family(face_sizes, [(0, 0), (1, 0)])
+        edges, faces, face_count = edges[2:] + edges[:2], [], 0
 
     def array(columns):
         if not columns:
@@ -93,18 +94,6 @@ def grid_entities(res, device) -> Entities:
 
     arrays = [array(columns) for columns in (vertices, edges, faces)]
     return Entities(*arrays, math.prod(shape), edge_count, face_count, aligned=True)
-
-
-def _square_edges(places, res):
-    """Edges of a plane grid with the numbers of its sides: by normal, the place along it first."""
-    columns, first = [], {}
-    first[1], first[0] = 0, (res[0] + 1) * res[1]
-    x, y = places[:, 0], places[:, 1]
-    for end in (0, 1):
-        columns.append(first[0] + (y + end) * res[0] + x)
-    for end in (0, 1):
-        columns.append(first[1] + (x + end) * res[1] + y)
-    return columns, first[0] + (res[1] + 1) * res[0]
 
 
 @functools.cache

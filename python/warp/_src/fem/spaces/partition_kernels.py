@@ -3,9 +3,7 @@
 import functools
 
 import warp as wp
-from warp._src.fem.geometry.base import geometry_functions
-from warp._src.fem.geometry.partition import partition_functions
-from warp._src.fem.spaces.topologies import TopologyRecord, topology_functions
+from warp._src.fem.spaces.topologies import TopologyRecord
 from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX, Ints, IntTable
 
 _INTERIOR, _FRONTIER, _HALO_NEAR, _HALO_FAR, _EXTERIOR = (wp.constant(k) for k in range(5))
@@ -14,13 +12,13 @@ _INTERIOR, _FRONTIER, _HALO_NEAR, _HALO_FAR, _EXTERIOR = (wp.constant(k) for k i
 @functools.cache
 def kind_kernels(topology, part):
     """Kernels over the cells, the sides and the frontier of a partition that mark their nodes."""
-    geometry, of_part = geometry_functions(topology.geometry), partition_functions(part)
+    geometry, of_part = topology.geometry.functions, part.functions
     CellArg, SideArg = geometry.CellArg, geometry.SideArg
     CellsArg, SidesArg = of_part.CellArg, of_part.SideArg
     functions, TopologyArg = topology.functions, topology.functions.TopologyArg
     count_of, index_of = functions.element_node_count, functions.element_node_index
     trace = TopologyRecord("trace", topology.geometry, 2 * topology.nodes, base=topology)
-    trace = topology_functions(trace)
+    trace = trace.functions
     side_count_of, side_index_of = trace.element_node_count, trace.element_node_index
     cell_of, side_of = of_part.cell_index, of_part.side_index
     frontier_of = of_part.frontier_side_index
@@ -58,7 +56,7 @@ def kind_kernels(topology, part):
 @functools.cache
 def environment_kernel(topology, part):
     """A kernel over cells that gives nodes the least environment of their cells."""
-    geometry, of_part = geometry_functions(topology.geometry), partition_functions(part)
+    geometry, of_part = topology.geometry.functions, part.functions
     CellArg, CellsArg = geometry.CellArg, of_part.CellArg
     functions, TopologyArg = topology.functions, topology.functions.TopologyArg
     count_of, index_of = functions.element_node_count, functions.element_node_index

@@ -6,8 +6,6 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import geometry_functions
-from warp._src.fem.geometry.partition import partition_functions
 from warp._src.fem.kept import Functions
 from warp._src.fem.spaces.topology_functions import add_constants
 from warp._src.fem.types import NULL_NODE_INDEX, coords_type, make_free_sample
@@ -44,8 +42,8 @@ def point_functions(record) -> SimpleNamespace:
     """The struct and the functions of a topology of points, see `topology_functions`."""
     points = record.quadrature
     quadrature = points.quadrature.functions
-    part = partition_functions(points.quadrature.domain.partition)
-    CellArg = geometry_functions(record.geometry).CellArg
+    part = points.quadrature.domain.partition.functions
+    CellArg = record.geometry.functions.CellArg
     values = extend.struct_from_fields("RadialValues", dict(points.values), module=__name__)
     fields = {"quadrature": quadrature.Arg, "part": part.CellArg, "values": values}
     TopologyArg = extend.struct_from_fields("PointNodesArg", fields, module=__name__)
@@ -133,7 +131,7 @@ def point_basis_functions(record) -> SimpleNamespace:
     """Functions of kernels of a basis of points, see `BasisRecord`."""
     points, topology = record.topology.quadrature, record.topology.functions
     real, cell = record.topology.geometry.scalar, record.cell
-    geometry = geometry_functions(record.topology.geometry)
+    geometry = record.topology.geometry.functions
     quadrature, place_of = points.quadrature.functions, topology.place_of
     CellArg, TopologyArg, Coords = geometry.CellArg, topology.TopologyArg, coords_type(real)
     coords_of, index_of = quadrature.point_coords, quadrature.point_index

@@ -7,13 +7,13 @@ inverse transposed deformation gradient, or by the gradient over its determinant
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
 from warp._src.fem.cells.element import Element
+from warp._src.fem.kept import Record
 from warp._src.fem.spaces.basis import BasisRecord, BasisSpace
 from warp._src.fem.spaces.mappers import DofMapper, IdentityMapper, MapperRecord
 from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
@@ -21,7 +21,7 @@ from warp._src.fem.types import ElementKind
 
 
 @dataclass(frozen=True)
-class SpaceRecord:
+class SpaceRecord(Record):
     """Facts of a space that its functions of kernels depend on.
 
     Attributes:
@@ -52,18 +52,12 @@ class SpaceRecord:
         """The finite element; None if nodes are points."""
         return self.basis.element
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Functions of kernels: those of the basis, and `to_value(dof)` and `to_dof(value)`, which
-        are None if both are the same."""
-        return _functions(self)
-
-
-@functools.cache
-def _functions(record):
-    made = SimpleNamespace(**vars(record.basis.functions))
-    made.to_value, made.to_dof = record.mapper.functions if record.mapper else (None, None)
-    return made
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the functions of kernels of the basis, with `to_value(dof)` and `to_dof(value)`,
+        which are None if both are the same."""
+        made = SimpleNamespace(**vars(self.basis.functions))
+        made.to_value, made.to_dof = self.mapper.functions if self.mapper else (None, None)
+        return made
 
 
 class FunctionSpace:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 import warp as wp
@@ -120,7 +122,48 @@ class TableTopology(NumberedTopology):
             nodes = wp.array(moved, dtype=wp.int32, device=device)
         orientations = None
         if self.record.is_oriented:
-            from warp._src.fem.spaces.orientations import cell_orientations
+            from warp._src.fem.spaces.tables import cell_orientations
 
             orientations = cell_orientations(base, device)
         return Tables(nodes, signs, orientations), count * environments
+
+
+def cell_orientations(base, device):
+    """For each cell of a mesh of simplices the place of the ranks of its vertices among all
+    permutations in lexicographic order, int32 (cells,)."""
+    cells = base.entities(device).cells.numpy()
+    ranks = np.argsort(np.argsort(cells, axis=1), axis=1)
+    size = cells.shape[1]
+    codes = ranks @ size ** np.arange(size)
+    orders = np.array(list(itertools.permutations(range(size))))
+    places = np.zeros(size**size, np.int32)
+    places[orders @ size ** np.arange(size)] = np.arange(len(orders), dtype=np.int32)
+    return wp.array(places[codes], dtype=wp.int32, device=device)
+
+
+class SparseSplineTopology(NumberedTopology):
+    """Nodes of B-splines on a sparse grid of one level: its vertices and the ones around them."""
+
+    def __init__(self, geometry, element: Element):
+        if geometry.base.record.kind != "nanogrid":
+            raise ValueError(f"B-splines need cells of one size, but got {geometry.name!r}")
+        record = TopologyRecord("table", geometry.record, element.node_count)
+        super().__init__(geometry, record, element)
+        self._node_grid = None
+
+    def _source(self, device):
+        return self.geometry.base.entities(device)
+
+    def _number(self, source, device, old):
+        from warp._src.fem.geometry.sparse_build import node_numbers, node_places
+
+        base, width = self.geometry.base, 2 * (self.element.degree // 2) + 2
+        places, mask = node_places(
+            base.cell_grid, base._packed, base._levels, width, self.element.degree // 2
+        )
+        if base.is_rebuildable and self._node_grid is not None:
+            self._node_grid.rebuild(places, point_mask=mask)
+        else:
+            self._node_grid = base._make_node_grid(places, mask, width**3)
+        nodes = node_numbers(self._node_grid, places, width**3, old and old.nodes)
+        return Tables(nodes), self._node_grid.get_voxel_count()

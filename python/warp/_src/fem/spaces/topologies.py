@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass
 from types import SimpleNamespace
 
 from warp._src.fem.cells.element import Element
 from warp._src.fem.geometry.base import RecordFunctions, per_device
+from warp._src.fem.kept import Record
 
 
 @dataclass(frozen=True)
-class TopologyRecord:
+class TopologyRecord(Record):
     """Facts of a topology that its functions of kernels depend on.
 
     Attributes:
@@ -35,28 +35,22 @@ class TopologyRecord:
     base: TopologyRecord | None = None
     quadrature: object = None
 
-    @property
-    def functions(self) -> SimpleNamespace:
-        """Structs and functions of kernels."""
-        return topology_functions(self)
+    def make_functions(self) -> SimpleNamespace:
+        """Makes the struct `TopologyArg` and the functions of kernels of a topology.
 
-
-@functools.cache
-def topology_functions(record: TopologyRecord) -> SimpleNamespace:
-    """The struct `TopologyArg` and the functions of kernels of a topology, made once per record.
-
-    All take (element argument, topology argument, element, ...): `element_node_count`,
-    `element_node_index(..., node)`, `element_node_sign(..., node)`, which is None if no node has a
-    sign, and `element_orientation`. Traces also have `inner_cell_index`, `outer_cell_index` and
-    `neighbor_cell_index` (..., node): the cell that has the node, and its number there.
-    """
-    if record.kind == "trace":
-        from warp._src.fem.spaces.trace_functions import trace_functions as make
-    elif record.kind == "points":
-        from warp._src.fem.spaces.point_functions import point_functions as make
-    else:
-        from warp._src.fem.spaces.topology_functions import topology_functions as make
-    return make(record)
+        All take (element argument, topology argument, element, ...): `element_node_count`,
+        `element_node_index(..., node)`, `element_node_sign(..., node)`, which is None if no node
+        has a sign, and `element_orientation`. Traces also have `inner_cell_index`,
+        `outer_cell_index` and `neighbor_cell_index` (..., node): the cell that has the node, and
+        its number there.
+        """
+        if self.kind == "trace":
+            from warp._src.fem.spaces.trace_functions import trace_functions as make
+        elif self.kind == "points":
+            from warp._src.fem.spaces.point_functions import point_functions as make
+        else:
+            from warp._src.fem.spaces.topology_functions import topology_functions as make
+        return make(self)
 
 
 class SpaceTopology(RecordFunctions):
@@ -109,9 +103,6 @@ class SpaceTopology(RecordFunctions):
         element = self.element
         word = f"{element.basis.value}{element.degree}" if element else self.record.kind
         return f"{self.geometry.name}_{kind}{word}"
-
-    def __str__(self) -> str:
-        return self.name
 
     def node_count(self) -> int:
         """Number of nodes."""

@@ -6,8 +6,7 @@ import numpy as np
 
 from warp._src.fem.cells.element import Element, ElementBasis
 from warp._src.fem.cells.polynomial import is_closed
-from warp._src.fem.spaces.sparse_splines import SparseSplineTopology
-from warp._src.fem.spaces.tables import TableTopology
+from warp._src.fem.spaces.tables import SparseSplineTopology, TableTopology
 from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 
 

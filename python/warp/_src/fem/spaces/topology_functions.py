@@ -2,7 +2,6 @@
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import NULL_NODE_INDEX, Ints, IntTable
 
@@ -10,7 +9,7 @@ from warp._src.fem.types import NULL_NODE_INDEX, Ints, IntTable
 def topology_functions(record) -> Functions:
     """The struct and the functions of a topology of cells."""
     made = {"discontinuous": _discontinuous, "grid": _grid, "table": _table}[record.kind](record)
-    add_constants(made, record, geometry_functions(record.geometry).CellArg)
+    add_constants(made, record, record.geometry.functions.CellArg)
     return made
 
 
@@ -35,7 +34,7 @@ def add_constants(made, record, ElementArg) -> None:
 
 
 def _discontinuous(record):
-    CellArg = geometry_functions(record.geometry).CellArg
+    CellArg = record.geometry.functions.CellArg
     TopologyArg = extend.struct_from_fields("CellNodesArg", {}, module=__name__)
     count = record.nodes
 
@@ -49,7 +48,7 @@ def _discontinuous(record):
 
 
 def _grid(record):
-    CellArg = geometry_functions(record.geometry).CellArg
+    CellArg = record.geometry.functions.CellArg
     dimension = 2 if record.geometry.cell == "square" else 3
     counts = wp.types.vector(length=dimension, dtype=wp.int32)
     fields = {"res": counts, "strides": counts, "cells": wp.int32, "nodes": wp.int32}
@@ -84,7 +83,7 @@ def _grid(record):
 
 
 def _table(record):
-    CellArg = geometry_functions(record.geometry).CellArg
+    CellArg = record.geometry.functions.CellArg
     real = record.geometry.scalar
     fields = {"nodes": IntTable}
     if record.is_signed:
@@ -115,7 +114,7 @@ def _table(record):
 
 
 def _fill_kernel(record):
-    ElementArg = geometry_functions(record.geometry)
+    ElementArg = record.geometry.functions
     ElementArg = ElementArg.SideArg if record.kind == "trace" else ElementArg.CellArg
     functions = record.functions
     TopologyArg = functions.TopologyArg

@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import warp as wp
-from warp._src.fem.geometry.base import geometry_functions
 from warp._src.fem.kept import Functions
 from warp._src.fem.spaces.topology_functions import add_constants
 from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX
@@ -11,7 +10,7 @@ from warp._src.fem.types import NULL_ELEMENT_INDEX, NULL_NODE_INDEX
 
 def trace_functions(record) -> SimpleNamespace:
     """The struct and the functions of a topology of sides."""
-    geometry = geometry_functions(record.geometry)
+    geometry = record.geometry.functions
     SideArg, to_cell = geometry.SideArg, geometry.side_to_cell_arg
     inner_of, outer_of = geometry.side_inner_cell_index, geometry.side_outer_cell_index
     base = record.base.functions
