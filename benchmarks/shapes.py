@@ -65,9 +65,9 @@ class Package:
         )
 
     def ask(self, name):
-        """Run a case, and keep the best of its times."""
+        """Run a case, and keep the best of its times; what this turn found."""
         if "error" in self.results.get(name, {}):
-            return
+            return self.results[name]
         if self.process is None:
             self.start()
         self.process.stdin.write(name + "\n")
@@ -83,6 +83,7 @@ class Package:
         for key in TIMES:
             if key in known and key in found:
                 known[key] = min(known[key], found[key])
+        return found
 
     def arrays(self, name):
         """The result of the case."""
