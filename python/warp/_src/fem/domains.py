@@ -43,6 +43,11 @@ class DomainRecord(Record):
         return self.kind == "cells"
 
     @property
+    def cells(self) -> "DomainRecord":
+        """Record of the cells of the same partition."""
+        return DomainRecord("cells", self.partition)
+
+    @property
     def has_gaps(self) -> bool:
         """Numbers of elements may be -1: lists of a fixed size, and rebuildable grids."""
         return self.partition.kind in ("list", "active")
@@ -107,7 +112,7 @@ def _add_cells(f, record, geometry, partition) -> None:
             return arg
 
     else:
-        cells = DomainRecord("cells", record.partition).functions
+        cells = record.cells.functions
         CellsArg, to_cell, index_to_cell = (
             *(cells.DomainArg, geometry.side_to_cell_arg, partition.side_to_cell_arg),
         )

@@ -1,6 +1,7 @@
 """Matrix-free operators - action, adjoint and diagonal of a bilinear form without its matrix."""
 
 import functools
+from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
@@ -9,7 +10,7 @@ from warp._src.fem.assembly.matrix import pattern_of
 from warp._src.fem.assembly.pattern import Pattern, node_batches
 from warp._src.fem.assembly.vector import as_vector, assemble_vector
 from warp._src.fem.fields.discrete import DiscreteField
-from warp._src.fem.fields.virtual import TestField, make_test
+from warp._src.fem.fields.virtual import make_test
 from warp._src.fem.forms.form import Form
 from warp._src.fem.forms.tables import node_table
 from warp._src.fem.integrate import form_of
@@ -181,20 +182,6 @@ def operator(
     return FormOperator(form, accumulate_dtype, temporary_store)
 
 
-class _Pair:
-    """Test and trial function as a pattern needs them."""
-
-    def __init__(self, test: TestField, trial, device):
-        self.test, self.trial, self.device = test, trial, wp.get_device(device)
-        self.domain, self.block_dtype = test.domain, wp.float32
-
-    def test_table(self, device):
-        return node_table(self.test, self.domain, device)
-
-    def trial_table(self, device):
-        return node_table(self.trial, self.domain, device)
-
-
 def pattern(test, trial, device=None) -> Pattern:
     """The sparsity of all bilinear forms of a test and a trial function, from their tables alone.
 
@@ -213,4 +200,9 @@ def pattern(test, trial, device=None) -> Pattern:
             f"expects functions on one domain, but the test function is on '{test.domain.name}', "
             f"the trial function on '{trial.domain.name}'"
         )
-    return pattern_of(_Pair(test, trial, device))
+    device, domain = wp.get_device(device), test.domain
+    form = SimpleNamespace(test=test, trial=trial, domain=domain, device=device)
+    form.block_dtype = wp.float32
+    form.test_table = functools.partial(node_table, test, domain)
+    form.trial_table = functools.partial(node_table, trial, domain)
+    return pattern_of(form)

@@ -12,7 +12,6 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord
 from warp._src.fem.fields.curvature import curved_gradient, needs_curvature
 from warp._src.fem.geometry.derived import of_gradient
 from warp._src.fem.geometry.shapes import DIMENSIONS
@@ -158,7 +157,7 @@ def forward_map(domain, half):
         return domain.functions.deformation_gradient
     from warp._src.fem.fields.nodes import locations
 
-    at, cells = locations(domain, half), domain_like(domain, "cells").functions
+    at, cells = locations(domain, half), domain.cells.functions
     cell_arg, cell, coords = at.cell_arg, at.cell, at.coords
     gradient = cells.deformation_gradient
 
@@ -387,8 +386,3 @@ class GeometryField(Field):
 
 
 FieldLike = GeometryField
-
-
-def domain_like(record: DomainRecord, kind: str) -> DomainRecord:
-    """The record of cells or sides of the same partition."""
-    return DomainRecord(kind, record.partition)

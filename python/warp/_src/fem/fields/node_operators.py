@@ -7,7 +7,6 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.domains import DomainRecord
 from warp._src.fem.fields.nodes import locations, signed_weights
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import make_free_sample
@@ -111,8 +110,7 @@ def _to_space(domain, half):
 
 def cells_of(description):
     """The record of a trace's field in cells."""
-    cells = DomainRecord("cells", description.domain.partition)
-    found = replace(description, domain=cells)
+    found = replace(description, domain=description.domain.cells)
     if description.domain.is_cells:
         return extend.Recast(found)
     return extend.Recast(found, _parts_function(locations(description.domain, 0).cell_arg))

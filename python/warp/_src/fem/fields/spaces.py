@@ -169,7 +169,7 @@ class PointDescription(NodesDescription):
     def node_functions(self):
         """Operators of nodes, of discrete fields alone."""
         if self.base is None:
-            raise NodeOperatorError(self.role)
+            raise TypeError(f"operators of nodes of a {self.role} function need assembly='generic'")
         return self.base.node_functions()
 
     def in_cells(self):
@@ -181,13 +181,6 @@ class PointDescription(NodesDescription):
     def __str__(self):
         role = f"{self.role} function" if self.base is None else "discrete field"
         return f"{role} of {self.nodes} ({self.domain.kind})"
-
-
-class NodeOperatorError(TypeError):
-    """An operator of nodes is applied to a test or trial function."""
-
-    def __init__(self, role):
-        super().__init__(f"operators of nodes of a {role} function need assembly='generic'")
 
 
 def slot_reference(description, half, other) -> SimpleNamespace:

@@ -23,8 +23,7 @@ class DomainDescription(extend.Description, Domain):
             return extend.Static(self.record.geometry.scalar)
         functions = self.record.functions
         if name == "cells":
-            cells = DomainRecord("cells", self.record.partition)
-            return extend.Recast(DomainDescription(cells), functions.domain_cell_arg)
+            return extend.Recast(DomainDescription(self.record.cells), functions.domain_cell_arg)
         name = "position" if name == "()" else name
         short = name.removeprefix("element_")
         found = getattr(functions, f"element_{short}", None) or getattr(functions, name, None)

@@ -174,14 +174,14 @@ class Form:
     def plan(self):
         """Kernels of the form."""
         from warp._src.fem.forms.pairs import PairsPlan
-        from warp._src.fem.forms.points import NodeOperatorsError, points_plan
+        from warp._src.fem.forms.points import NodeOperatorsError, PointsPlan
 
         if self.test is not None and self.assembly == "nodal":
             return PairsPlan.of(self.record, True)
         if self.test is not None and self.assembly == "generic":
             return PairsPlan.of(self.record)
         try:
-            return points_plan(self.record)
+            return PointsPlan.of(self.record)
         except NodeOperatorsError:
             if self.assembly == "dispatch":
                 raise ValueError(
@@ -193,10 +193,10 @@ class Form:
     @property
     def degree(self):
         """Polynomial degree of the integrand in reference coordinates, None if not known."""
-        from warp._src.fem.forms.points import NodeOperatorsError, points_plan
+        from warp._src.fem.forms.points import NodeOperatorsError, PointsPlan
 
         try:
-            return points_plan(self.record).structure.degree
+            return PointsPlan.of(self.record).structure.degree
         except NodeOperatorsError:
             return None
 

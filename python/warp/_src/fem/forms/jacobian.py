@@ -23,12 +23,6 @@ class JacobianPlan(PairsPlan):
         self.space = space
         super().__init__(record)
 
-    @staticmethod
-    @functools.cache
-    def of(record, space=None):
-        """The plan of a form's record."""
-        return JacobianPlan(record, space)
-
     @property
     def row_type(self):
         """Type of a row's values."""

@@ -27,12 +27,6 @@ class PairsPlan(PointsPlan):
         self.is_nodal = is_nodal
         super().__init__(record)
 
-    @staticmethod
-    @functools.cache
-    def of(record, is_nodal=False):
-        """The plan of a form's record."""
-        return PairsPlan(record, is_nodal)
-
     def _virtual(self, role):
         """The record of a test or trial function in the text of the form."""
         self.names[f"FIELD_{role.name}"] = NodeDescription(

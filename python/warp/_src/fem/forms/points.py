@@ -35,12 +35,6 @@ class NodeOperatorsError(Exception):
     """The form applies operators of nodes to its test or trial function."""
 
 
-@functools.cache
-def points_plan(record):
-    """The plan of a form's record."""
-    return PointsPlan(record)
-
-
 def _parameters(names_types) -> str:
     return "".join(f"{name}: {kind}, " for name, kind in names_types)
 
@@ -54,6 +48,12 @@ class PointsPlan:
     """
 
     has_slots = True
+
+    @classmethod
+    @functools.cache
+    def of(cls, record, *more):
+        """The plan of a form's record."""
+        return cls(record, *more)
 
     def __init__(self, record):
         self.record = record
@@ -213,7 +213,7 @@ class PointsPlan:
         """The plan of the form without points, which has the facts that do not depend on them."""
         if self.record.quadrature is None or not self.has_slots:
             return None
-        return points_plan(dataclasses.replace(self.record, quadrature=None, rule=None))
+        return PointsPlan.of(dataclasses.replace(self.record, quadrature=None, rule=None))
 
     def _remembered(self) -> tuple:
         """As `_probed`, of another process if the kernel cache has it."""

@@ -14,12 +14,6 @@ class ValuesPlan(PointsPlan):
 
     has_slots = False
 
-    @staticmethod
-    @functools.cache
-    def of(record):
-        """The plan of a form's record."""
-        return ValuesPlan(record)
-
     @functools.cache  # noqa: B019 - plans live as long as the program
     def at_points(self, dtype, has_result):
         """Kernel over elements that writes the value at each point of the quadrature."""

@@ -7,24 +7,9 @@ from warp import extend
 from warp._src.fem.geometry.environments import (
     merged_environments,
     packed_grid,
+    write_cells,
 )
 from warp._src.fem.geometry.nanogrid import SparseGrid
-from warp._src.fem.types import Ints, Levels, Voxels
-
-
-@wp.kernel(enable_backward=False)
-def write_levels(
-    grid: wp.uint64, voxels: Voxels, levels: Levels, is_valid: Ints, cell_levels: Levels
-):
-    """Levels in the order of a grid's numbers."""
-    i = wp.tid()
-    if is_valid:
-        if is_valid[i] == 0:
-            return
-    p = voxels[i]
-    cell = wp.volume_lookup_index(grid, p[0], p[1], p[2])
-    if cell >= 0:
-        cell_levels[cell] = levels[i]
 
 
 class AdaptiveNanogrid(SparseGrid):
@@ -147,8 +132,6 @@ class AdaptiveNanogrid(SparseGrid):
 
 def levels_of_cells(grid, voxels, levels, is_valid=None) -> wp.array:
     """Levels, given per voxel, in the order of a grid's cells; voxels with mask 0 do not count."""
-    with extend.unrecorded():
-        out = wp.zeros(grid.get_voxel_count(), dtype=wp.uint8, device=grid.device)
-        inputs = [grid.id, voxels, levels, is_valid]
-        wp.launch(write_levels, voxels.shape, inputs, [out], device=grid.device)
+    out = wp.zeros(grid.get_voxel_count(), dtype=wp.uint8, device=grid.device)
+    write_cells(grid, voxels, is_valid, levels, out)
     return out

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp._src.fem.geometry.derived import add_derived, element_measure, element_normal
+from warp._src.fem.geometry.shapes import SIDES, cell_of
 from warp._src.fem.kept import Record
 from warp._src.fem.types import coords_type, sample_type
 
@@ -154,16 +155,12 @@ class Geometry(ElementArguments):
     @property
     def cell(self):
         """Reference cell."""
-        from warp._src.fem.geometry.shapes import cell_of
-
         return cell_of(self.record.cell)
 
     @property
     def side_cell(self):
         """Reference cell of the sides."""
-        from warp._src.fem.geometry.shapes import cell_of, side_name
-
-        return cell_of(side_name(self.record.cell))
+        return cell_of(SIDES[self.record.cell])
 
     def reference_cell(self):
         """Reference cell."""

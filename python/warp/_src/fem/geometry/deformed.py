@@ -6,16 +6,10 @@ import warp as wp
 from warp import extend
 from warp._src.fem.domains import Cells
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
+from warp._src.fem.geometry.deformed_functions import deformed_functions
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
 
-
-def _functions(record):
-    from warp._src.fem.geometry.deformed_functions import deformed_functions
-
-    return deformed_functions(record)
-
-
-MAKERS["deformed"] = _functions
+MAKERS["deformed"] = deformed_functions
 
 
 _OF_BASE = ("res", "strides", "positions", "cell_vertices", "cell_count", "vertex_count")

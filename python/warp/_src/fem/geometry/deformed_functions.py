@@ -11,7 +11,7 @@ from warp import extend
 from warp._src.fem.geometry.curved import curved_functions
 from warp._src.fem.geometry.derived import add_derived, of_gradient
 from warp._src.fem.geometry.mesh_lookup import add_bvh_lookup
-from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of, side_name
+from warp._src.fem.geometry.shapes import DIMENSIONS, SIDES, cell_of
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import Vectors, coords_type, make_free_sample, sample_type
 
@@ -123,7 +123,7 @@ def _add_sides(f, record) -> None:
     """Adds positions of sides by those of the inner cell."""
     real, cell = record.scalar, record.cell
     SideArg, Sample, Coords = f.SideArg, sample_type(real), coords_type(real)
-    corners = [Coords(*corner) for corner in _CORNERS[side_name(cell)]]
+    corners = [Coords(*corner) for corner in _CORNERS[SIDES[cell]]]
     a, b, c = corners[0], corners[1], corners[-1]
     is_curve, shift = len(corners) == 2, 1 if cell == "triangle" else 0
     k = DIMENSIONS[cell]
@@ -179,7 +179,7 @@ def _add_sides(f, record) -> None:
 
 
 def _add_lookup(f, record, degree: int) -> None:
-    real, d, cell, side = record.scalar, record.dimension, record.cell, side_name(record.cell)
+    real, d, cell, side = record.scalar, record.dimension, record.cell, SIDES[record.cell]
     add_derived(record, f)
 
     def of_kind(kind):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-from warp._src.fem.geometry.shapes import DIMENSIONS, MEASURES, side_name
+from warp._src.fem.geometry.shapes import DIMENSIONS, MEASURES, SIDES
 from warp._src.fem.types import make_free_sample, sample_type
 
 
@@ -272,7 +272,7 @@ def add_derived(record, f: SimpleNamespace) -> None:
     _add(f, _of_element(f, "cell", CellArg, Sample, record.cell, dimension, real))
     _add(f, _samples_of_cells(f, Sample))
     _add(f, _by_cells(f, Sample))
-    _add(f, _of_element(f, "side", f.SideArg, Sample, side_name(record.cell), dimension, real))
+    _add(f, _of_element(f, "side", f.SideArg, Sample, SIDES[record.cell], dimension, real))
     _add(f, _measure_ratio(f, Sample))
 
 

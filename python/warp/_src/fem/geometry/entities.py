@@ -202,33 +202,28 @@ def _inward(positions: AnyArray, cells: IntTable, cell: int, center: Any, n: int
     return d / center.dtype(n)
 
 
+@wp.func
+def _aside(along: wp.types.vector(2, wp.Scalar), u: Any, v: Any):
+    """Normal of an edge in the plane of a cell, whose sides u and v begin at its first vertex."""
+    return type(along)(along[1], -along[0])
+
+
+@wp.func
+def _aside(along: wp.types.vector(3, wp.Scalar), u: Any, v: Any):
+    """Normal of an edge in the plane of a cell, whose sides u and v begin at its first vertex."""
+    return wp.cross(along, wp.cross(u, v))
+
+
 @wp.kernel(enable_backward=False)
 def _orient_edges(positions: AnyArray, cells: IntTable, side_cells: Pairs, vertices: IntTable):
     i = wp.tid()
+    cell, last = side_cells[i][0], cells.shape[1] - 1
     a = positions[vertices[i, 0]]
-    b = positions[vertices[i, 1]]
-    half = a.dtype(0.5)
-    inward = _inward(positions, cells, side_cells[i][0], a + (b - a) * half, cells.shape[1])
-    along = b - a
-    # The normal (t_y, -t_x) points inward.
-    if along[1] * inward[0] - along[0] * inward[1] > a.dtype(0.0):
-        _swap(vertices, i, 0, 1)
-
-
-@wp.kernel(enable_backward=False)
-def _orient_edges_of_surface(
-    positions: AnyArray, cells: IntTable, side_cells: Pairs, vertices: IntTable
-):
-    i = wp.tid()
-    cell = side_cells[i][0]
-    a = positions[vertices[i, 0]]
-    b = positions[vertices[i, 1]]
-    half = a.dtype(0.5)
-    inward = _inward(positions, cells, cell, a + (b - a) * half, cells.shape[1])
+    along = positions[vertices[i, 1]] - a
+    inward = _inward(positions, cells, cell, a + along * a.dtype(0.5), cells.shape[1])
     p = positions[cells[cell, 0]]
-    last = cells.shape[1] - 1
-    normal = wp.cross(positions[cells[cell, 1]] - p, positions[cells[cell, last]] - p)
-    if wp.dot(wp.cross(b - a, normal), inward) > a.dtype(0.0):
+    u, v = positions[cells[cell, 1]] - p, positions[cells[cell, last]] - p
+    if wp.dot(_aside(along, u, v), inward) > a.dtype(0.0):
         _swap(vertices, i, 0, 1)
 
 
@@ -292,9 +287,7 @@ def make_sides(entities, cells, positions) -> SideTables:
         inputs = [cells, entities.vertices, entities.ends, per_cell]
         outputs = [vertices, side_cells, is_boundary]
         wp.launch(_make_sides, count, inputs, outputs, device=device)
-        on_surface = positions.dtype._length_ == 3
-        kernel = _orient_edges_of_surface if on_surface else _orient_edges
-        kernel = _orient_faces if width > 2 else kernel
+        kernel = _orient_faces if width > 2 else _orient_edges
         wp.launch(kernel, count, [positions, cells, side_cells, vertices], device=device)
         inputs = [cells, side_cells, vertices]
         wp.launch(_place_corners, (count, width), inputs, [corners], device=device)

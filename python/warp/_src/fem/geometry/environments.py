@@ -6,7 +6,7 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.types import Ints, Levels, Vectors, Voxels
+from warp._src.fem.types import AnyArray, Ints, Levels, Vectors, Voxels
 
 REBUILD_INVALID_INPUT = wp.constant(wp.uint32(wp.Volume.REBUILD_INVALID_INPUT))
 
@@ -84,14 +84,24 @@ def _pack(
 
 
 @wp.kernel(enable_backward=False)
-def _name_cells(
-    grid: wp.uint64, packed: Voxels, is_valid: Ints, environments: Ints, cell_env: Ints
+def _write_cells(
+    grid: wp.uint64, voxels: Voxels, is_valid: Ints, values: AnyArray, of_cells: AnyArray
 ):
     i = wp.tid()
-    if is_valid[i] != 0:
-        cell = wp.volume_lookup_index(grid, packed[i][0], packed[i][1], packed[i][2])
-        if cell >= 0:
-            cell_env[cell] = environments[i]
+    if is_valid:
+        if is_valid[i] == 0:
+            return
+    p = voxels[i]
+    cell = wp.volume_lookup_index(grid, p[0], p[1], p[2])
+    if cell >= 0:
+        of_cells[cell] = values[i]
+
+
+def write_cells(grid, voxels, is_valid, values, of_cells) -> None:
+    """Writes values of voxels in the order of a grid's cells; those of mask 0 do not count."""
+    inputs = [grid.id, voxels, is_valid, values]
+    with extend.unrecorded():
+        wp.launch(_write_cells, voxels.shape, inputs, [of_cells], device=grid.device)
 
 
 @wp.kernel(enable_backward=False)
@@ -197,9 +207,7 @@ class EnvironmentVoxels:
 
     def name_cells(self, grid, cell_env) -> None:
         """Writes the environments of the cells of a grid of the packed voxels."""
-        inputs = [grid.id, self.packed, self.is_valid, self.environments]
-        with extend.unrecorded():
-            wp.launch(_name_cells, self.packed.shape, inputs, [cell_env], device=self.device)
+        write_cells(grid, self.packed, self.is_valid, self.environments, cell_env)
 
 
 def merged_environments(parts, device=None) -> tuple:

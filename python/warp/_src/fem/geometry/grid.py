@@ -8,15 +8,9 @@ import numpy as np
 
 import warp as wp
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
+from warp._src.fem.geometry.grid_functions import grid_functions
 
-
-def _functions(record):
-    from warp._src.fem.geometry.grid_functions import grid_functions
-
-    return grid_functions(record)
-
-
-MAKERS.update(Grid2D=_functions, Grid3D=_functions)
+MAKERS.update(Grid2D=grid_functions, Grid3D=grid_functions)
 
 
 def _extents(name: str, values, default, dimension: int) -> np.ndarray:

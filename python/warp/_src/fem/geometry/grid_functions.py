@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.derived import add_environments
+from warp._src.fem.geometry.grid_lookup import add_lookup
+from warp._src.fem.geometry.grid_sides import add_sides
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import NULL_ELEMENT_INDEX, coords_type, sample_type
 
@@ -60,9 +62,6 @@ def _numbering(f: SimpleNamespace, d: int) -> None:
 
 def grid_functions(record) -> SimpleNamespace:
     """The functions of kernels of a grid."""
-    from warp._src.fem.geometry.grid_lookup import add_lookup
-    from warp._src.fem.geometry.grid_sides import add_sides
-
     d, real = record.dimension, record.scalar
     f = _structs(d, real)
     _numbering(f, d)

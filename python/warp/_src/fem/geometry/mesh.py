@@ -11,17 +11,11 @@ from warp import extend
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget
 from warp._src.fem.geometry.entities import make_entities, make_sides
 from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
+from warp._src.fem.geometry.mesh_functions import mesh_functions
 from warp._src.fem.geometry.shapes import VERTICES
 from warp._src.fem.types import Ints, IntTable
 
-
-def _functions(record):
-    from warp._src.fem.geometry.mesh_functions import mesh_functions
-
-    return mesh_functions(record)
-
-
-MAKERS["mesh"] = _functions
+MAKERS["mesh"] = mesh_functions
 
 
 @wp.kernel(enable_backward=False)

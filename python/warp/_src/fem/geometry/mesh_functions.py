@@ -15,7 +15,7 @@ from warp._src.fem.geometry.shape_functions import (
     side_coords_function,
     vertex_coords_function,
 )
-from warp._src.fem.geometry.shapes import DIMENSIONS, VERTICES, side_name
+from warp._src.fem.geometry.shapes import DIMENSIONS, SIDES, VERTICES
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import OUTSIDE, Ints, IntTable, Pairs, Vectors, coords_type, sample_type
 
@@ -27,10 +27,10 @@ def mesh_functions(record) -> SimpleNamespace:
     Sample = sample_type(real)
     position, gradient = shape_functions(record.cell, record.dimension, real, record.affine)
     side_position, side_gradient = shape_functions(
-        side_name(record.cell), record.dimension, real, False
+        SIDES[record.cell], record.dimension, real, False
     )
     CellArg, SideArg = f.CellArg, f.SideArg
-    n, m = VERTICES[record.cell], VERTICES[side_name(record.cell)]
+    n, m = VERTICES[record.cell], VERTICES[SIDES[record.cell]]
     Corners, SideCorners = (wp.types.matrix((k, record.dimension), real) for k in (n, m))
 
     @f.add
@@ -104,7 +104,7 @@ def _add_coordinates(f: SimpleNamespace, record) -> None:
     """
     real, cell = record.scalar, record.cell
     SideArg, Coords = f.SideArg, coords_type(real)
-    m = VERTICES[side_name(cell)]
+    m = VERTICES[SIDES[cell]]
     place, in_cell = vertex_coords_function(cell, real), side_coords_function(cell, real)
     in_triangle, in_tet, is_square = cell == "triangle", cell == "tet", m == 4
     is_flat = DIMENSIONS[cell] == 2

@@ -7,7 +7,7 @@ from typing import Any
 import warp as wp
 from warp._src.fem.geometry.closest import inside_function, nearest_functions
 from warp._src.fem.geometry.lookup_forms import add_lookup_forms
-from warp._src.fem.geometry.shapes import VERTICES, side_name
+from warp._src.fem.geometry.shapes import SIDES, VERTICES
 from warp._src.fem.types import OUTSIDE, Vectors, coords_type, make_free_sample, sample_type
 
 
@@ -21,7 +21,7 @@ def add_lookup(f: SimpleNamespace, record) -> None:
 
 def add_closest(f: SimpleNamespace, record) -> None:
     """Adds `cell_coordinates`, `cell_closest_point`, and those of sides."""
-    d, real, side = record.dimension, record.scalar, side_name(record.cell)
+    d, real, side = record.dimension, record.scalar, SIDES[record.cell]
     f.cell_coordinates, f.cell_closest_point = _of_element(
         f.CellArg, f.cell_corners, nearest_functions(record.cell, d, real, record.affine), d, real
     )

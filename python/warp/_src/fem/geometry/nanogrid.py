@@ -25,15 +25,9 @@ from warp._src.fem.geometry.sparse_build import (
     node_places,
     shift_places,
 )
+from warp._src.fem.geometry.sparse_functions import sparse_functions
 
-
-def _functions(record):
-    from warp._src.fem.geometry.sparse_functions import sparse_functions
-
-    return sparse_functions(record)
-
-
-MAKERS.update(nanogrid=_functions, adaptive=_functions)
+MAKERS.update(nanogrid=sparse_functions, adaptive=sparse_functions)
 
 
 class SparseEntities(MeshEntities):

@@ -8,11 +8,6 @@ DIMENSIONS = {"point": 0, "line": 1, "triangle": 2, "square": 2, "tet": 3, "cube
 VERTICES = {"point": 1, "line": 2, "triangle": 3, "square": 4, "tet": 4, "cube": 8}
 
 
-def side_name(cell: str) -> str:
-    """Reference cell of the sides of a cell."""
-    return SIDES[cell]
-
-
 def cell_of(name: str):
     """The record of a reference cell."""
     from warp._src.fem.cells import cell as cells

@@ -8,8 +8,9 @@ from types import SimpleNamespace
 
 import warp as wp
 from warp import extend
-from warp._src.fem.cells.cell import Cell, cell
+from warp._src.fem.cells.cell import Cell
 from warp._src.fem.cells.element import Element
+from warp._src.fem.geometry.shapes import cell_of
 from warp._src.fem.kept import Record
 from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 
@@ -31,9 +32,7 @@ class BasisRecord(Record):
     @property
     def cell(self) -> Cell:
         """Reference cell of the geometry."""
-        return cell(
-            {"tet": "tetrahedron"}.get(self.topology.geometry.cell, self.topology.geometry.cell)
-        )
+        return cell_of(self.topology.geometry.cell)
 
     def make_functions(self) -> SimpleNamespace:
         """Makes functions of kernels, all of (element argument, topology argument, element, ...).

@@ -48,16 +48,6 @@ class MapperRecord:
         """(dof to value, value to dof), or None if they are the same."""
         return None if self.kind == "identity" else mapper_functions(self)
 
-    @property
-    def dof_to_value(self):
-        """Function of kernels from components to a value."""
-        return (self.functions or (_same, _same))[0]
-
-    @property
-    def value_to_dof(self):
-        """Function of kernels from a value to components."""
-        return (self.functions or (_same, _same))[1]
-
 
 def _beside(size):
     """Tensors with entries beside the diagonal: yz, xz, xy."""
@@ -152,12 +142,12 @@ class DofMapper:
     @property
     def dof_to_value(self):
         """Function of kernels from components to a value."""
-        return self.record.dof_to_value
+        return (self.record.functions or (_same, _same))[0]
 
     @property
     def value_to_dof(self):
         """Function of kernels from a value to components."""
-        return self.record.value_to_dof
+        return (self.record.functions or (_same, _same))[1]
 
     def __eq__(self, other) -> bool:
         return isinstance(other, DofMapper) and self.record == other.record
@@ -190,6 +180,9 @@ def _tensor_type(dtype):
     return dtype
 
 
+_WAYS = ("dof_to_value", "value_to_dof")
+
+
 class _SymmetricFunctions(type):
     """Functions of kernels as attributes, for float32 and float64: `value_to_dof_3d`,
     `dof_to_value_2d_voigt` and so on."""
@@ -198,12 +191,12 @@ class _SymmetricFunctions(type):
         words = name.split("_")
         way, mapping = "_".join(words[:3]), Mapping.VOIGT if "voigt" in words else Mapping.DB16
         sizes = [size for size in (2, 3) if f"{size}d" in words[3:4]]
-        if way not in ("dof_to_value", "value_to_dof") or not sizes:
+        if way not in _WAYS or not sizes:
             raise AttributeError(f"type object {cls.__name__!r} has no attribute {name!r}")
         found = None
         for real in (wp.float32, wp.float64):
             dtype = wp.types.matrix(shape=(sizes[0], sizes[0]), dtype=real)
-            one = getattr(MapperRecord("symmetric", dtype, mapping), way)
+            one = mapper_functions(MapperRecord("symmetric", dtype, mapping))[_WAYS.index(way)]
             if found is None:
                 found = wp.Function(one.func, key=name)
             else:

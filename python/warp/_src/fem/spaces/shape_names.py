@@ -20,30 +20,6 @@ class _CellShapeFunction(ShapeFunction):
         super().__init__(make_element(self.cell, degree, self.basis, family), scalar_type)
 
 
-class SquareShapeFunction(_CellShapeFunction):
-    """Shape functions of squares."""
-
-    cell = cells.SQUARE
-
-
-class CubeShapeFunction(_CellShapeFunction):
-    """Shape functions of cubes."""
-
-    cell = cells.CUBE
-
-
-class TriangleShapeFunction(_CellShapeFunction):
-    """Shape functions of triangles."""
-
-    cell = cells.TRIANGLE
-
-
-class TetrahedronShapeFunction(_CellShapeFunction):
-    """Shape functions of tetrahedra."""
-
-    cell = cells.TET
-
-
 _LAGRANGE = {
     "Square": "SquareBipolynomial",
     "Cube": "CubeTripolynomial",
@@ -59,17 +35,19 @@ _OTHERS = {
 }
 
 
-def _make(name, base, basis):
-    text = f"{basis.name.replace('_', ' ').title()} shape functions of a {base.cell}."
-    return type(name, (base,), {"basis": basis, "__doc__": text, "__module__": __name__})
+def _make(name: str, base, text: str, **more):
+    """Adds a class to the module; gives it."""
+    made = type(name, (base,), {"__doc__": text, "__module__": __name__, **more})
+    return globals().setdefault(name, made)
 
 
 for _word, _name in _LAGRANGE.items():
-    _base = globals()[f"{_word}ShapeFunction"]
-    globals()[f"{_name}ShapeFunctions"] = _make(
-        f"{_name}ShapeFunctions", _base, ElementBasis.LAGRANGE
+    _cell = cells.cell(_word.lower())
+    _base = _make(
+        f"{_word}ShapeFunction", _CellShapeFunction, f"Shape functions of a {_cell}.", cell=_cell
     )
-    for _family, _basis in _OTHERS.items():
+    for _family, _basis in {_name: ElementBasis.LAGRANGE, **_OTHERS}.items():
         if _word in ("Square", "Cube") or _family not in ("Serendipity", "BSpline"):
-            _full = f"{_word}{_family}ShapeFunctions"
-            globals()[_full] = _make(_full, _base, _basis)
+            _text = f"{_basis.name.replace('_', ' ').title()} shape functions of a {_cell}."
+            _full = f"{'' if _family == _name else _word}{_family}ShapeFunctions"
+            _make(_full, _base, _text, basis=_basis)
