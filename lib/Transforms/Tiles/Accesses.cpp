@@ -5,7 +5,11 @@
 //===----------------------------------------------------------------------===//
 
 #include "Accumulators.h"
+#include "KernelFunction.h"
 #include "Models.h"
+#include "Transforms/Launch/UnrollLoop.h"
+
+#include "mlir/Dialect/SCF/IR/SCF.h"
 
 using namespace mlir;
 
@@ -22,6 +26,10 @@ struct LoadLowering : TileLowering {
   Value element(TileLoadOp op, ValueRange indices);
   bool isCopied(TileLoadOp op);
   void copyMatrix(TileLoadOp op);
+  void keepLoaded(TileLoadOp op);
+
+private:
+  void keepRounds(TileLoadOp op, Value first, int64_t rounds);
 };
 
 } // namespace
@@ -77,6 +85,52 @@ void LoadLowering::copyMatrix(TileLoadOp op) {
   callLibrary("warp_tile_await_groups", {}, {number(0)});
 }
 
+/// Elements from `first` on that are as far apart as there are threads. All are
+/// on their way before the first is stored.
+void LoadLowering::keepRounds(TileLoadOp op, Value first, int64_t rounds) {
+  ArrayRef<int64_t> shape = tileType(op.getResult()).getShape();
+  SmallVector<std::pair<Values, Value>> loaded;
+  for (int64_t round = 0; round < rounds; ++round) {
+    Values indices = unravel(add(first, number(round * threads)), shape);
+    Value value = element(op, indices);
+    loaded.push_back({std::move(indices), value});
+  }
+  for (auto &[indices, value] : loaded)
+    store(op.getResult(), indices, value);
+}
+
+/// Loads a tile to memory by way of the registers of a GPU's threads. LLVM
+/// would not load an element before it has stored the one before it, if loads
+/// are under a condition or the trips differ between threads.
+void LoadLowering::keepLoaded(TileLoadOp op) {
+  constexpr int64_t inFlight = 8;
+  int64_t count = tileType(op.getResult()).getNumElements(),
+          rounds = count / threads, left = count % threads;
+  if (rounds < 2 || threads == 1 || touchesDistributed(op) ||
+      !getTarget(kernel).isSimt())
+    return keep(op);
+  int64_t each = std::min(rounds, inFlight), groups = rounds / each;
+  // Each thread comes by once.
+  elements(op, {threads}, [&](ValueRange) {
+    if (groups == 1) {
+      keepRounds(op, thread, each);
+    } else {
+      loop(groups, [&](Value group) {
+        Value first = add(mul(group, number(each * threads)), thread);
+        keepRounds(op, first, each);
+      });
+      setRolled(cast<scf::ForOp>(*std::prev(b.getInsertionPoint())));
+    }
+    int64_t done = groups * each;
+    if (done < rounds)
+      keepRounds(op, add(thread, number(done * threads)), rounds - done);
+    if (left != 0)
+      ifHolds(less(thread, number(left)), [&] {
+        keepRounds(op, add(thread, number(rounds * threads)), 1);
+      });
+  });
+}
+
 //===----------------------------------------------------------------------===//
 // Stores
 //===----------------------------------------------------------------------===//
@@ -109,7 +163,7 @@ struct LoadModel : TileModel<LoadModel, TileLoadOp> {
   void lower(Operation *op, TileLowering &lowering) const {
     LoadLowering own(lowering.state);
     auto load = cast<TileLoadOp>(op);
-    own.isCopied(load) ? own.copyMatrix(load) : own.keep(load);
+    own.isCopied(load) ? own.copyMatrix(load) : own.keepLoaded(load);
   }
   LogicalResult adjoint(Operation *op, autodiff::TileReverse &reverse) const {
     auto load = cast<TileLoadOp>(op);

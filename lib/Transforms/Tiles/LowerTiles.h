@@ -149,6 +149,8 @@ public:
   void loop(int64_t end, llvm::function_ref<void(Value)> body);
   /// Over all indices of a shape, shared by the threads of the block.
   Values share(llvm::ArrayRef<int64_t> shape, ValueRange sums, Body body);
+  Values shareLeft(llvm::ArrayRef<int64_t> shape, int64_t first,
+                   ValueRange sums, Body body);
   void share(llvm::ArrayRef<int64_t> shape,
              llvm::function_ref<void(ValueRange)> body);
   /// The same for an operation: twice if accesses are tested, with the tests

@@ -187,6 +187,24 @@ Values TileLowering::nest(ArrayRef<int64_t> shape, Values &indices,
   return made;
 }
 
+/// The elements from `first` on, fewer than there are threads.
+Values TileLowering::shareLeft(ArrayRef<int64_t> shape, int64_t first,
+                               ValueRange sums, Body body) {
+  int64_t left = ShapedType::getNumElements(shape) - first;
+  auto branch =
+      scf::IfOp::create(b, loc, sums.getTypes(), less(thread, number(left)),
+                        /*withElseRegion=*/!sums.empty());
+  OpBuilder::InsertionGuard guard(b);
+  b.setInsertionPointToStart(branch.thenBlock());
+  Values next = body(unravel(add(thread, number(first)), shape), sums);
+  if (sums.empty())
+    return {};
+  scf::YieldOp::create(b, loc, next);
+  b.setInsertionPointToStart(branch.elseBlock());
+  scf::YieldOp::create(b, loc, sums);
+  return branch.getResults();
+}
+
 Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
                            Body body) {
   Values indices;
@@ -195,7 +213,9 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
   int64_t count = 1;
   for (int64_t extent : shape)
     count *= extent;
-  if (count % threads != 0)
+  int64_t rounds = count / threads, left = count % threads;
+  bool isSimt = getTarget(kernel).isSimt();
+  if (left != 0 && (rounds <= 1 || state.isDistributed || !isSimt))
     return loop(thread, number(count), number(threads), sums,
                 [&](Value e, ValueRange sums) {
                   return body(unravel(e, shape), sums);
@@ -205,14 +225,15 @@ Values TileLowering::share(ArrayRef<int64_t> shape, ValueRange sums,
     Value e = add(mul(number, this->number(threads)), thread);
     return body(unravel(e, shape), sums);
   };
-  int64_t rounds = count / threads;
   if (rounds > 1 && !state.isDistributed) {
+    // As many rounds as are known can have copies, whose loads do not wait for
+    // each other; the first threads take what is left.
     Values next = loop(number(0), number(rounds), number(1), sums, treat);
     // Memory is busy as long as many elements are on their way to each thread.
     constexpr int64_t copies = 8;
-    if (!sums.empty() && rounds > copies && getTarget(kernel).isSimt())
+    if (!sums.empty() && rounds > copies && isSimt)
       setCopies(next[0].getDefiningOp<scf::ForOp>(), copies);
-    return next;
+    return left == 0 ? next : shareLeft(shape, rounds * threads, next, body);
   }
   // Registers have no numbers.
   Values next(sums);
