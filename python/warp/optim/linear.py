@@ -1,6 +1,7 @@
 """Solvers of linear systems: iterative ones, also of operators made by hand, and direct ones."""
 
 from warp._src.optim.linear.bicgstab import BiCGSTAB as BiCGSTAB
+from warp._src.optim.linear.chebyshev import Chebyshev as Chebyshev
 from warp._src.optim.linear.conjugate import CG as CG
 from warp._src.optim.linear.conjugate import CR as CR
 from warp._src.optim.linear.direct import DirectSolver as DirectSolver

@@ -40,10 +40,13 @@ def pytest_runtestloop(session):
     """Starts the checks beside the other tests of this folder, which wait most of the time."""
     if session.config.option.collectonly or hasattr(session.config, "workerinput"):
         return
-    calls = [
-        item.callspec for item in session.items if "found" in getattr(item, "fixturenames", ())
-    ]
-    engines = {one.params["engine"] for one in calls}
+    # Tests of other folders may have a fixture of this name, too.
+    folder = Path(__file__).parent
+    engines = {
+        item.callspec.params["engine"]
+        for item in session.items
+        if item.path.parent == folder and "found" in getattr(item, "fixturenames", ())
+    }
     # The first compiles for the others.
     for engine in ("none", "mpi", "torch"):
         if engine in engines and not launcher.missing(engine):

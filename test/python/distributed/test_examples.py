@@ -11,6 +11,7 @@ FOLDER = Path(__file__).resolve().parents[3] / "examples" / "distributed"
 SMALL = {
     "cylinder": ["--width", "60", "--height", "24", "--steps", "40"],
     "poisson": ["--size", "24"],
+    "multigrid": ["--size", "20"],
     "heat_control": ["--size", "16", "--steps", "6", "--iterations", "4"],
     "discs": ["--count", "150", "--steps", "20"],
     "flood": ["--across", "8"],
@@ -37,9 +38,27 @@ def test_on_ranks_and_alone(tmp_path, name):
     if name in ("poisson", "heat_control"):
         # The same numbers on any number of ranks.
         assert on_ranks.partition(":")[2] == alone.partition(":")[2]
+    if name == "multigrid":
+        _check_multigrid(alone)
+        _check_multigrid(on_ranks)
     if name == "discs":
         restart = ["--restart", tmp_path / "discs", "--steps", "5"]
         assert "150 discs" in run("none", 1, name, tmp_path, *restart)
+
+
+def _check_multigrid(line):
+    """Each preconditioner that is there takes fewer iterations than none, to the same solution."""
+    found = {}
+    for part in line.partition(": ")[2].split("; "):
+        name, count, *_, error = part.split()
+        found[name] = int(count)
+        assert float(error) < 1e-5, line
+    assert "Chebyshev" in found
+    # Libraries that are not installed are not there.
+    wanted = {"PyAMG": "pyamg", "PETSc": "petsc4py"}
+    for name, module in wanted.items():
+        assert (name in found) == (importlib.util.find_spec(module) is not None), line
+    assert all(count < found["none"] for name, count in found.items() if name != "none"), line
 
 
 @pytest.mark.parametrize("name", ["policy", "jax_rollout", "ray_sweep"])

@@ -23,6 +23,7 @@ SAME_BITS = (
     "exact_sums",
     "products_and_solvers",
     "fused_solver",
+    "polynomials",
     "matrix_free",
     "discs",
     "fixed_capacities",

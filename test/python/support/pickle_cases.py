@@ -75,6 +75,11 @@ def fsai(matrix):
 
 
 @case
+def chebyshev(matrix):
+    return linear.Chebyshev(matrix)
+
+
+@case
 def factors(matrix):
     return linear.ldlt(matrix)
 

@@ -96,6 +96,7 @@ class LinearOperator(operators.LinearOperator):
     Attributes:
         comm: ranks that have a part each.
         rows: of the whole operator.
+        first: the first row of this rank, in the order of ranks.
     """
 
     def __init__(self, A, rows=None, comm=None):
@@ -111,7 +112,14 @@ class LinearOperator(operators.LinearOperator):
             shape, matvec, dtype = own.shape, own.matvec, own.dtype
             self.comm = resolve(comm)
         super().__init__(shape, dtype, self.comm.device, matvec)
-        self.rows = int(self.comm.check_sum([shape[0]])[0]) if rows is None else int(rows)
+        counts = np.zeros(self.comm.size, np.int64)
+        counts[self.comm.rank] = shape[0]
+        counts = self.comm.check_sum(counts)
+        self.rows = int(counts.sum()) if rows is None else int(rows)
+        self.first = int(counts[: self.comm.rank].sum())
+        if isinstance(A, Matrix):
+            # Preconditioners ask for it.
+            self.diagonal = A.diagonal
 
     def make_dots(self, offsets, length, scalar, columns, result_type):
         """Inner products over all ranks."""
@@ -170,6 +178,34 @@ class Matrix:
         kind = self.scalar if block == (1, 1) else wp.types.vector(block[1], self.scalar)
         self.x = graph.zeros(kind)
         self.kind = kind
+
+    def csr(self):
+        """Own rows as NumPy arrays, to hand them to other libraries.
+
+        Returns:
+            Offsets of rows, columns by local numbers of the graph, and values; columns of a row
+            rise.
+        """
+        rows, columns, values = [], [], []
+        for part in self.parts:
+            count = part.nnz_sync()
+            rows.append(np.repeat(np.arange(self.graph.owned), np.diff(part.offsets.numpy())))
+            columns.append(part.columns.numpy()[:count])
+            values.append(part.values.numpy()[:count])
+        row, column, value = (np.concatenate(one) for one in (rows, columns, values))
+        order = np.lexsort((column, row))
+        offsets = np.r_[0, np.cumsum(np.bincount(row, minlength=self.graph.owned))]
+        return offsets.astype(np.int32), column[order], value[order]
+
+    def diagonal(self):
+        """The numbers on the diagonal of own rows."""
+        offsets, columns, values = self.csr()
+        row = np.repeat(np.arange(self.graph.owned), np.diff(offsets))
+        blocks = np.zeros((self.graph.owned, *self.block), values.dtype)
+        here = columns == row + self.graph.first
+        blocks[row[here]] = values[here].reshape(-1, *self.block)
+        numbers = np.ascontiguousarray(np.diagonal(blocks, axis1=1, axis2=2)).reshape(-1)
+        return wp.array(numbers, dtype=self.scalar, device=self.graph.comm.device)
 
     def matvec(self, x, y, z, alpha, beta) -> None:
         """Sets `z` to `alpha * A x + beta * y`, vectors of own values."""

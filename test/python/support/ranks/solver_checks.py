@@ -7,7 +7,7 @@ import numpy as np
 
 import warp as wp
 import warp.distributed as wd
-from warp.optim.linear import LinearOperator, bicgstab, cg, gmres
+from warp.optim.linear import Chebyshev, LinearOperator, bicgstab, cg, gmres, preconditioner
 
 ROWS, COLUMNS = 24, 16
 
@@ -83,6 +83,39 @@ def products_and_solvers(comm):
     finally:
         wp.config.deterministic = before
     return found
+
+
+def polynomials(comm):
+    """Chebyshev preconditioners: interval, iterations and solution have the same bits."""
+    rows, columns, values, dense = stiff_system()
+    right = dense @ np.random.default_rng(9).standard_normal(len(dense))
+    before = wp.config.deterministic
+    wp.config.deterministic = "run_to_run"
+    try:
+        graph = wd.Graph(rows, columns, by="rows", comm=comm)
+        A = wd.LinearOperator(wd.Matrix(graph, rows, columns, values, dtype=wp.float64))
+        mine = graph.numbers[graph.first :][: graph.owned]
+        b = wp.array(right[mine], dtype=wp.float64)
+        done, solutions = {}, {}
+        for name in ("diag", "chebyshev"):
+            x, M = wp.zeros_like(b), preconditioner(A, name)
+            done[name], error, atol = cg(A, b, x, M=M, tol=1e-9, check_every=1)
+            assert error <= atol, (name, error, atol)
+            solutions[name] = graph.gather(_padded(graph, x))
+            assert np.linalg.norm(dense @ solutions[name] - right) < 2e-9 * np.linalg.norm(right)
+        assert done["chebyshev"] < done["diag"], done
+        root = np.sqrt(np.diag(dense))
+        ends = np.linalg.eigvalsh(dense / root[:, None] / root)
+        assert ends[-1] < M.bounds[1] < 1.2 * ends[-1]
+        negative = wd.Matrix(graph, rows, columns, -values, dtype=wp.float64)
+        text = f"not positive in {len(dense)} rows"
+        checking.fails(lambda: Chebyshev(wd.LinearOperator(negative)), text, "pass `-A`")
+        shifted = values - np.where(rows == columns, 0.9 * values, 0.0)
+        odd = wd.Matrix(graph, rows, columns, shifted, dtype=wp.float64)
+        checking.fails(lambda: Chebyshev(wd.LinearOperator(odd)), "<p, A p> = -")
+        return [*done.values(), *M.bounds, *(checking.digest(one) for one in solutions.values())]
+    finally:
+        wp.config.deterministic = before
 
 
 def stiff_system():
@@ -227,4 +260,11 @@ def bad_graphs(comm):
     checking.fails(lambda: wd.bsr_mv(1, wp.zeros(3)), "int")
 
 
-CHECKS = [graph_operations, products_and_solvers, fused_solver, matrix_free, bad_graphs]
+CHECKS = [
+    graph_operations,
+    products_and_solvers,
+    fused_solver,
+    polynomials,
+    matrix_free,
+    bad_graphs,
+]

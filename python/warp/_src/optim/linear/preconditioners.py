@@ -3,6 +3,7 @@
 import functools
 
 import warp as wp
+from warp._src.optim.linear.chebyshev import Chebyshev
 from warp._src.optim.linear.fsai import FSAI
 from warp._src.optim.linear.operators import (
     LinearOperator,
@@ -160,6 +161,9 @@ def _diagonal(A):
     Raises:
         ValueError: it is no matrix whose diagonal is known.
     """
+    if hasattr(A, "diagonal"):
+        # A part of a matrix over several ranks.
+        return blocks_of(A.diagonal())
     if isinstance(A, LinearOperator) and A.matrix is not None:
         A = A.matrix
     if isinstance(A, BsrMatrix):
@@ -230,7 +234,7 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
             absolute values; "block_jacobi_direct", "block_jacobi_sequential" and
             "block_jacobi_tile": the inverses of the blocks on the diagonal, for the last two of
             symmetric positive definite ones, and the identity for any other; "fsai": see `FSAI`;
-            "id": None.
+            "chebyshev": see `Chebyshev`; "id": None.
 
     Raises:
         TypeError: "fsai" of numbers of another type.
@@ -247,4 +251,6 @@ def preconditioner(A, ptype: str = "diag") -> LinearOperator | None:
             return _block_jacobi(A, ptype)
     if ptype == "fsai":
         return FSAI(A.matrix if isinstance(A, LinearOperator) else A)
+    if ptype == "chebyshev":
+        return Chebyshev(A)
     raise ValueError(f"Unsupported preconditioner type '{ptype}'")
