@@ -19,6 +19,10 @@ class Functions(SimpleNamespace):
         setattr(self, function.__name__, made)
         return made
 
+    def add_missing(self, function):
+        """As `add`, unless there is a function of that name, which is the result then."""
+        return vars(self).get(function.__name__) or self.add(function)
+
 
 def function_of_text(text: str, names: dict, module: str):
     """A function of Python from text, which knows those of the names that are in it."""

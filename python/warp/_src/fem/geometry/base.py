@@ -27,6 +27,8 @@ def per_device(method):
     @functools.wraps(method)
     def kept(self, device=None):
         device = wp.get_device(device)
+        if not getattr(self, "_keeps_arguments", True):
+            return method(self, device)
         values = self.__dict__.setdefault("_per_device", PerDevice())
         key = (method.__name__, device.alias)
         if key not in values:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import warp as wp
 from warp import extend
 from warp._src.fem.domains import Cells
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
 from warp._src.fem.geometry.deformed_functions import deformed_functions
-from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
+from warp._src.fem.geometry.hierarchy import HasHierarchy
 
 MAKERS["deformed"] = deformed_functions
 
@@ -28,6 +27,9 @@ class DeformedGeometry(HasHierarchy, Geometry):
         ValueError: the field's values are no vectors of the geometry's dimension, or have no
             gradient.
     """
+
+    # Arguments hold the values of the field, which can be another array at any time.
+    _keeps_arguments = False
 
     def __init__(self, field, relative: bool = True, build_bvh: bool = False):
         base, dtype = field.geometry.base, field.dtype
@@ -59,14 +61,13 @@ class DeformedGeometry(HasHierarchy, Geometry):
             environments=base.record.environments,
             base=(base.record, description, field.ArgType, self.relative),
         )
-        self._hierarchy = CellHierarchy(self)
         if build_bvh:
             self.build_bvh(getattr(getattr(field, "dof_values", None), "device", None))
 
     def __reduce__(self):
         # The record describes the field by types that only this process has.
         made = type(self), (self.field, self.relative)
-        return *made, {"_hierarchy": self._hierarchy}
+        return *made, {"_hierarchies": self._built}
 
     @property
     def base(self) -> Geometry:
@@ -97,20 +98,6 @@ class DeformedGeometry(HasHierarchy, Geometry):
         """Edges and faces of the base."""
         return self._base.entities(device)
 
-    # Arguments hold the field's values, which can be another array at any time.
-
-    def cell_arg_value(self, device=None):
-        """Argument of the functions of cells."""
-        arg = self.CellArg()
-        self.fill_cell_arg(arg, wp.get_device(device))
-        return arg
-
-    def side_arg_value(self, device=None):
-        """Argument of the functions of sides."""
-        arg = self.SideArg()
-        self.fill_side_arg(arg, wp.get_device(device))
-        return arg
-
     def side_index_arg_value(self, device=None):
         """Argument of `boundary_side_index`."""
         return self._base.side_index_arg_value(device)
@@ -123,7 +110,7 @@ class DeformedGeometry(HasHierarchy, Geometry):
         """Fills an argument of the functions of cells."""
         arg.base = self._base.cell_arg_value(device)
         arg.field = self.field.arg_value(device)
-        self._hierarchy.fill(arg, device)
+        self._fill_hierarchy(arg, device)
 
     def fill_side_arg(self, arg, device) -> None:
         """Fills an argument of the functions of sides."""

@@ -1,10 +1,10 @@
 """Derived functions of geometries: measures, normals, inverse gradients, quantities of sides."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 from warp._src.fem.geometry.shapes import DIMENSIONS, MEASURES, SIDES
+from warp._src.fem.kept import Functions
 from warp._src.fem.types import make_free_sample, sample_type
 
 
@@ -103,9 +103,9 @@ def of_gradient(cell_dimension: int, dimension: int):
     return surface_stretch, surface_normal, surface_inverse
 
 
-def _of_element(functions, kind: str, Arg, Sample, cell: str, dimension: int, real) -> dict:
-    """Measure, normal and inverse gradient of cells or of sides."""
-    gradient = getattr(functions, f"{kind}_deformation_gradient")
+def _add_of_element(f: Functions, kind, Arg, Sample, cell: str, dimension: int, real) -> None:
+    """Adds measure, normal and inverse gradient of cells or of sides."""
+    gradient = getattr(f, f"{kind}_deformation_gradient")
     stretch_of, normal_of, inverse_of = of_gradient(DIMENSIONS[cell], dimension)
     reference_measure = real(MEASURES[cell])
 
@@ -117,20 +117,14 @@ def _of_element(functions, kind: str, Arg, Sample, cell: str, dimension: int, re
     def inverse_deformation_gradient(arg: Arg, s: Sample):
         return inverse_of(gradient(arg, s))
 
-    made = {
+    @wp.func
+    def normal(arg: Arg, s: Sample):
+        return normal_of(gradient(arg, s))
+
+    for one in (measure, inverse_deformation_gradient, normal):
         # Edges of surfaces have no normal.
-        f"{kind}_normal": None,
-        f"{kind}_measure": measure,
-        f"{kind}_inverse_deformation_gradient": inverse_deformation_gradient,
-    }
-    if normal_of is not None:
-
-        @wp.func
-        def normal(arg: Arg, s: Sample):
-            return normal_of(gradient(arg, s))
-
-        made[f"{kind}_normal"] = normal
-    return made
+        found = None if one is normal and normal_of is None else one
+        vars(f).setdefault(f"{kind}_{one.key}", found)
 
 
 @wp.func
@@ -138,7 +132,7 @@ def _only_environment(arg: Any, element: int):
     return 0
 
 
-def add_listed_environments(f: SimpleNamespace) -> None:
+def add_listed_environments(f: Functions) -> None:
     """Adds environments of cells and sides, where `cell_env` lists them for the cells."""
     CellArg, SideArg = f.CellArg, f.SideArg
 
@@ -155,7 +149,7 @@ def add_listed_environments(f: SimpleNamespace) -> None:
     add_environments(f, environment_of_cell, environment_of_side)
 
 
-def add_environments(f: SimpleNamespace, of_cell=_only_environment, of_side=_only_environment):
+def add_environments(f: Functions, of_cell=_only_environment, of_side=_only_environment):
     """Adds environments of cells and sides, by number or at a sample."""
     for name, Arg, of in (("cell", f.CellArg, of_cell), ("side", f.SideArg, of_side)):
         setattr(f, f"{name}_environment_index", _by_sample(Arg, of))
@@ -173,7 +167,7 @@ def _by_sample(Arg, of_element) -> wp.Function:
     return environment_index
 
 
-def add_listed_sides(f: SimpleNamespace) -> None:
+def add_listed_sides(f: Functions) -> None:
     """Adds the cells of sides, and sides of the boundary, where `side_cells` and `boundary` list
     them."""
     SideArg = f.SideArg
@@ -197,86 +191,57 @@ def cell_arg_of(side_arg: Any):
     return side_arg.cell_arg
 
 
-def _samples_of_cells(f: SimpleNamespace, Sample) -> dict:
-    """Samples in the cells on both sides of a side."""
+def _add_by_cells(f: Functions, Sample) -> None:
+    """Adds the samples in the cells on both sides of a side, and quantities of those."""
     SideArg = f.SideArg
     inner_cell, inner_coords = f.side_inner_cell_index, f.side_inner_cell_coords
     outer_cell, outer_coords = f.side_outer_cell_index, f.side_outer_cell_coords
+    inverse, position = f.cell_inverse_deformation_gradient, f.cell_position
 
-    @wp.func
-    def inner_sample(arg: SideArg, s: Sample):
+    @f.add_missing
+    def side_inner_sample(arg: SideArg, s: Sample):
         coords = inner_coords(arg, s.element_index, s.element_coords)
         return make_free_sample(inner_cell(arg, s.element_index), coords)
 
-    @wp.func
-    def outer_sample(arg: SideArg, s: Sample):
+    @f.add_missing
+    def side_outer_sample(arg: SideArg, s: Sample):
         coords = outer_coords(arg, s.element_index, s.element_coords)
         return make_free_sample(outer_cell(arg, s.element_index), coords)
 
-    return {"side_inner_sample": inner_sample, "side_outer_sample": outer_sample}
-
-
-def _by_cells(f: SimpleNamespace, Sample) -> dict:
-    """Quantities of sides that are those of the cells on both."""
-    SideArg = f.SideArg
-    inner_sample, outer_sample = f.side_inner_sample, f.side_outer_sample
-    inverse, position = f.cell_inverse_deformation_gradient, f.cell_position
-
-    @wp.func
+    @f.add_missing
     def side_inner_inverse_deformation_gradient(arg: SideArg, s: Sample):
-        return inverse(arg.cell_arg, inner_sample(arg, s))
+        return inverse(arg.cell_arg, side_inner_sample(arg, s))
 
-    @wp.func
+    @f.add_missing
     def side_outer_inverse_deformation_gradient(arg: SideArg, s: Sample):
-        return inverse(arg.cell_arg, outer_sample(arg, s))
+        return inverse(arg.cell_arg, side_outer_sample(arg, s))
 
-    @wp.func
+    @f.add_missing
     def side_position(arg: SideArg, s: Sample):
-        return position(arg.cell_arg, inner_sample(arg, s))
-
-    return {
-        "side_inner_inverse_deformation_gradient": side_inner_inverse_deformation_gradient,
-        "side_outer_inverse_deformation_gradient": side_outer_inverse_deformation_gradient,
-        "side_position": side_position,
-    }
+        return position(arg.cell_arg, side_inner_sample(arg, s))
 
 
-def _measure_ratio(f: SimpleNamespace, Sample) -> dict:
-    SideArg = f.SideArg
+def add_derived(record, f: Functions) -> None:
+    """Adds the functions that follow from others, where a geometry has none of its own."""
+    real, dimension = record.scalar, record.dimension
+    Sample = sample_type(real)
+    CellArg, SideArg = f.CellArg, f.SideArg
+
+    @f.add_missing
+    def cell_measure_ratio(arg: CellArg, s: Sample):
+        return real(1.0)
+
+    f.side_to_cell_arg = cell_arg_of
+    if not hasattr(f, "cell_environment_index"):
+        add_environments(f)
+    _add_of_element(f, "cell", CellArg, Sample, record.cell, dimension, real)
+    _add_by_cells(f, Sample)
+    _add_of_element(f, "side", SideArg, Sample, SIDES[record.cell], dimension, real)
     inner_sample, outer_sample = f.side_inner_sample, f.side_outer_sample
     cell_measure, side_measure = f.cell_measure, f.side_measure
 
-    @wp.func
+    @f.add_missing
     def side_measure_ratio(arg: SideArg, s: Sample):
         inner = cell_measure(arg.cell_arg, inner_sample(arg, s))
         outer = cell_measure(arg.cell_arg, outer_sample(arg, s))
         return side_measure(arg, s) / wp.min(inner, outer)
-
-    return {"side_measure_ratio": side_measure_ratio}
-
-
-def add_derived(record, f: SimpleNamespace) -> None:
-    """Adds the functions that follow from others, where a geometry has none of its own."""
-    real, dimension = record.scalar, record.dimension
-    Sample = sample_type(real)
-    CellArg = f.CellArg
-
-    @wp.func
-    def cell_measure_ratio(arg: CellArg, s: Sample):
-        return real(1.0)
-
-    _add(f, {"cell_measure_ratio": cell_measure_ratio})
-    f.side_to_cell_arg = cell_arg_of
-    if not hasattr(f, "cell_environment_index"):
-        add_environments(f)
-    _add(f, _of_element(f, "cell", CellArg, Sample, record.cell, dimension, real))
-    _add(f, _samples_of_cells(f, Sample))
-    _add(f, _by_cells(f, Sample))
-    _add(f, _of_element(f, "side", f.SideArg, Sample, SIDES[record.cell], dimension, real))
-    _add(f, _measure_ratio(f, Sample))
-
-
-def _add(functions: SimpleNamespace, made: dict) -> None:
-    for name, value in made.items():
-        if not hasattr(functions, name):
-            setattr(functions, name, value)

@@ -128,10 +128,6 @@ def _add_cells(f: SimpleNamespace, record) -> None:
         return size
 
     @f.add
-    def cell_normal(arg: CellArg, s: Sample):
-        return vector(real(0.0))
-
-    @f.add
     def cell_coordinates(arg: CellArg, cell: int, x: vector):
         at = grid_cell(arg, cell)
         coords = Coords()

@@ -10,7 +10,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget
 from warp._src.fem.geometry.entities import make_entities, make_sides
-from warp._src.fem.geometry.hierarchy import CellHierarchy, HasHierarchy
+from warp._src.fem.geometry.hierarchy import HasHierarchy
 from warp._src.fem.geometry.mesh_functions import mesh_functions
 from warp._src.fem.geometry.shapes import VERTICES
 from warp._src.fem.types import Ints, IntTable
@@ -119,7 +119,6 @@ class Mesh(HasHierarchy, Geometry):
             affine or self._shape in ("triangle", "tet"),
             self._environments > 1,
         )
-        self._hierarchy = CellHierarchy(self)
         if build_bvh:
             self.build_bvh(positions.device)
 
@@ -249,7 +248,7 @@ class Mesh(HasHierarchy, Geometry):
         arg.positions = self._positions.to(device)
         if self._cell_env is not None:
             arg.cell_env = self._cell_env.to(device)
-        self._hierarchy.fill(arg, device)
+        self._fill_hierarchy(arg, device)
 
     def fill_side_arg(self, arg, device) -> None:
         """Fills an argument of the functions of sides."""

@@ -206,12 +206,6 @@ class WholeGeometryPartition(GeometryPartition):
         """Number of sides between this and other partitions."""
         return 0
 
-    def cell_arg_value(self, device=None):
-        """Argument of the functions of cells."""
-        arg = self.CellArg()
-        self.fill_cell_arg(arg, device)
-        return arg
-
     def fill_cell_arg(self, arg, device) -> None:
         """Fills an argument of the functions of cells."""
         if self._grid:

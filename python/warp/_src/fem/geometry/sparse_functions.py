@@ -127,10 +127,6 @@ def _add_cells(f: SimpleNamespace, record) -> None:
         return arg.volume * (w * w * w)
 
     @f.add
-    def cell_normal(arg: CellArg, s: Sample):
-        return zero
-
-    @f.add
     def voxel_position(arg: CellArg, x: vector):
         """Position in fine voxels, from the lower corner of voxel 0."""
         return arg.inverse * (x - arg.origin) + half

@@ -20,8 +20,7 @@ def kind_kernels(topology, part):
     trace = TopologyRecord("trace", topology.geometry, 2 * topology.nodes, base=topology)
     trace = trace.functions
     side_count_of, side_index_of = trace.element_node_count, trace.element_node_index
-    cell_of, side_of = of_part.cell_index, of_part.side_index
-    frontier_of = of_part.frontier_side_index
+    cell_of = of_part.cell_index
 
     @wp.kernel(enable_backward=False)
     def of_cells(cell_arg: CellArg, part_arg: CellsArg, topo_arg: TopologyArg, kinds: Ints):
@@ -30,27 +29,22 @@ def kind_kernels(topology, part):
             for k in range(count_of(cell_arg, topo_arg, cell)):
                 kinds[index_of(cell_arg, topo_arg, cell, k)] = _INTERIOR
 
-    @wp.kernel(enable_backward=False)
-    def of_sides(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: Ints):
-        side = side_of(part_arg, wp.tid())
-        if side != NULL_ELEMENT_INDEX:
-            for k in range(side_count_of(side_arg, topo_arg, side)):
-                node = side_index_of(side_arg, topo_arg, side, k)
-                if kinds[node] == _EXTERIOR:
-                    kinds[node] = _HALO_NEAR
+    def of_sides(side_of, halo, own):
+        @wp.kernel(enable_backward=False)
+        def mark_sides(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: Ints):
+            side = side_of(part_arg, wp.tid())
+            if side != NULL_ELEMENT_INDEX:
+                for k in range(side_count_of(side_arg, topo_arg, side)):
+                    node = side_index_of(side_arg, topo_arg, side, k)
+                    if kinds[node] == _EXTERIOR:
+                        kinds[node] = halo
+                    elif kinds[node] == _INTERIOR:
+                        kinds[node] = own
 
-    @wp.kernel(enable_backward=False)
-    def of_frontier(side_arg: SideArg, part_arg: SidesArg, topo_arg: TopologyArg, kinds: Ints):
-        side = frontier_of(part_arg, wp.tid())
-        if side != NULL_ELEMENT_INDEX:
-            for k in range(side_count_of(side_arg, topo_arg, side)):
-                node = side_index_of(side_arg, topo_arg, side, k)
-                if kinds[node] == _EXTERIOR:
-                    kinds[node] = _HALO_FAR
-                elif kinds[node] == _INTERIOR:
-                    kinds[node] = _FRONTIER
+        return mark_sides
 
-    return of_cells, of_sides, of_frontier
+    frontier = of_sides(of_part.frontier_side_index, _HALO_FAR, _FRONTIER)
+    return of_cells, of_sides(of_part.side_index, _HALO_NEAR, _INTERIOR), frontier
 
 
 @functools.cache

@@ -25,11 +25,8 @@ class PointTopology(SpaceTopology):
             return self._quadrature.evaluation_point_count()
         return self._quadrature.total_point_count()
 
-    def topo_arg_value(self, device=None):
-        """Argument of the functions of kernels; points may change from one use to the next."""
-        arg = self.TopologyArg()
-        self.fill_topo_arg(arg, wp.get_device(device))
-        return arg
+    # Points may change from one use to the next.
+    _keeps_arguments = False
 
     def fill_topo_arg(self, arg, device) -> None:
         """Fills an argument of the functions of kernels."""
