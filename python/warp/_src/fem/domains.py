@@ -238,6 +238,10 @@ class GeometryDomain(RecordFunctions):
         """The domain of the cells."""
         return Cells(self.geometry_partition)
 
+    def side_domain(self) -> "GeometryDomain":
+        """The domain of all sides."""
+        return Sides(self.geometry_partition)
+
 
 class Cells(GeometryDomain):
     """All cells of a geometry or of a partition."""

@@ -224,10 +224,8 @@ class ImplicitField(GeometryField):
 
     def trace(self):
         """The field on sides."""
-        from warp._src.fem.domains import Sides
-
         values = {name: getattr(self._arg, name) for name in self._names}
         function, grad, div = self._functions
-        domain = Sides(self.domain.geometry_partition)
+        domain = self.domain.side_domain()
         grad = True if self._derives else grad
         return ImplicitField(domain, function, values, grad, div, self._degree)

@@ -172,9 +172,7 @@ class NonconformingField(GeometryField):
 
     def trace(self):
         """The field on sides."""
-        from warp._src.fem.domains import Sides
-
-        domain = Sides(self.domain.geometry_partition)
+        domain = self.domain.side_domain()
         return NonconformingField(domain, self.field, self.background.trace())
 
 

@@ -111,6 +111,4 @@ class UniformField(GeometryField):
 
     def trace(self):
         """The field on sides."""
-        from warp._src.fem.domains import Sides
-
-        return UniformField(Sides(self.domain.geometry_partition), self._value)
+        return UniformField(self.domain.side_domain(), self._value)

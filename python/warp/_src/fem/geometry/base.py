@@ -72,6 +72,17 @@ class GeometryRecord(Record):
 MAKERS: dict = {}
 
 
+def checked_scalar(scalar_type) -> type:
+    """The scalar type of a geometry.
+
+    Raises:
+        ValueError: it is neither float32 nor float64.
+    """
+    if scalar_type not in (wp.float32, wp.float64):
+        raise ValueError(f"'scalar_type' expects wp.float32 or wp.float64, but got {scalar_type!r}")
+    return scalar_type
+
+
 class RecordFunctions:
     """Base of objects whose functions of kernels are attributes: those of their `record`."""
 

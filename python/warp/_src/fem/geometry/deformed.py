@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from warp import extend
 from warp._src.fem.domains import Cells
-from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
+from warp._src.fem.geometry.base import MAKERS, Geometry
 from warp._src.fem.geometry.deformed_functions import deformed_functions
 from warp._src.fem.geometry.hierarchy import HasHierarchy
 
@@ -52,15 +54,8 @@ class DeformedGeometry(HasHierarchy, Geometry):
             )
         self.field, self.relative, self._base = field, bool(relative), base
         description = field.bind(Cells(base).record)
-        self.record = GeometryRecord(
-            "deformed",
-            base.record.cell,
-            base.dimension,
-            base.scalar_type,
-            affine=False,
-            environments=base.record.environments,
-            base=(base.record, description, field.ArgType, self.relative),
-        )
+        made = (base.record, description, field.ArgType, self.relative)
+        self.record = replace(base.record, kind="deformed", affine=False, base=made)
         if build_bvh:
             self.build_bvh(getattr(getattr(field, "dof_values", None), "device", None))
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 import warp as wp
-from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, checked_scalar
 from warp._src.fem.geometry.grid_functions import grid_functions
 
 MAKERS.update(Grid2D=grid_functions, Grid3D=grid_functions)
@@ -48,13 +48,9 @@ class _Grid(Geometry):
         self.res = wp.types.vector(d, wp.int32)(*(int(n) for n in res))
         if min(self.res) < 1:
             raise ValueError(f"'res' expects at least 1 cell per axis, but got {tuple(self.res)}")
-        if scalar_type not in (wp.float32, wp.float64):
-            raise ValueError(
-                f"'scalar_type' expects wp.float32 or wp.float64, but got {scalar_type!r}"
-            )
         if env_count < 1:
             raise ValueError(f"'env_count' expects at least 1, but got {env_count}")
-        vector = wp.types.vector(d, scalar_type)
+        vector = wp.types.vector(d, checked_scalar(scalar_type))
         # Bounds count as rounded, so that the size of a cell is that between them.
         self.bounds_lo = vector(*_extents("bounds_lo", bounds_lo, 0.0, d))
         self.bounds_hi = vector(*_extents("bounds_hi", bounds_hi, 1.0, d))

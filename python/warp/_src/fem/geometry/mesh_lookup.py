@@ -20,49 +20,31 @@ def add_lookup(f: SimpleNamespace, record) -> None:
 
 
 def add_closest(f: SimpleNamespace, record) -> None:
-    """Adds `cell_coordinates`, `cell_closest_point`, and those of sides."""
-    d, real, side = record.dimension, record.scalar, SIDES[record.cell]
-    f.cell_coordinates, f.cell_closest_point = _of_element(
-        f.CellArg, f.cell_corners, nearest_functions(record.cell, d, real, record.affine), d, real
-    )
-    f.side_coordinates, f.side_closest_point = _of_element(
-        f.SideArg, f.side_corners, nearest_functions(side, d, real, False), d, real
-    )
-    f.cell_contains = None
-    inside_in = inside_function(record.cell, d, real, record.affine)
-    if inside_in is not None:
-        CellArg, corners_of, vector = f.CellArg, f.cell_corners, wp.types.vector(d, real)
+    """Adds `cell_coordinates`, `cell_closest_point`, `cell_contains`, and those of sides."""
+    d, real = record.dimension, record.scalar
+    vector = wp.types.vector(d, real)
+
+    def of_element(Arg, corners_of, function):
+        """A function of corners and a position relative to the first, as one of an element."""
 
         @wp.func
-        def cell_contains(arg: CellArg, cell: int, x: vector):
-            """Coordinates, and True if the point is in the cell, up to rounding."""
-            corners = corners_of(arg, cell)
+        def of_position(arg: Arg, element: int, x: vector):
+            corners = corners_of(arg, element)
             q = x - corners[0]
             corners[0] = vector()
-            return inside_in(corners, q)
+            return function(corners, q)
 
-        f.cell_contains = cell_contains
+        return of_position
 
-
-def _of_element(Arg, corners_of, nearest, d, real):
-    vector = wp.types.vector(d, real)
-    coordinates_in, closest_in = nearest
-
-    @wp.func
-    def coordinates(arg: Arg, element: int, x: vector):
-        corners = corners_of(arg, element)
-        q = x - corners[0]
-        corners[0] = vector()
-        return coordinates_in(corners, q)
-
-    @wp.func
-    def closest_point(arg: Arg, element: int, x: vector):
-        corners = corners_of(arg, element)
-        q = x - corners[0]
-        corners[0] = vector()
-        return closest_in(corners, q)
-
-    return coordinates, closest_point
+    cell, side = (record.cell, d, real, record.affine), (SIDES[record.cell], d, real, False)
+    f.cell_coordinates, f.cell_closest_point = (
+        of_element(f.CellArg, f.cell_corners, one) for one in nearest_functions(*cell)
+    )
+    f.side_coordinates, f.side_closest_point = (
+        of_element(f.SideArg, f.side_corners, one) for one in nearest_functions(*side)
+    )
+    inside = inside_function(*cell)
+    f.cell_contains = inside and of_element(f.CellArg, f.cell_corners, inside)
 
 
 def _bounds(f: SimpleNamespace, d: int, real, n: int) -> wp.Function:

@@ -8,7 +8,7 @@ import numpy as np
 
 import warp as wp
 from warp import extend
-from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, forget
+from warp._src.fem.geometry.base import MAKERS, Geometry, GeometryRecord, checked_scalar, forget
 from warp._src.fem.geometry.environments import (
     EnvironmentVoxels,
     checked_numbers,
@@ -44,10 +44,6 @@ class SparseGrid(Geometry):
 
     def _set_up(self, grid, levels, count, scalar_type, cell_env, env_offsets) -> None:
         device = grid.device
-        if scalar_type not in (wp.float32, wp.float64):
-            raise ValueError(
-                f"'scalar_type' expects wp.float32 or wp.float64, but got {scalar_type!r}"
-            )
         self._grid, self._levels, self._count = grid, levels, count
         self._packed = wp.zeros(count, dtype=wp.vec3i, device=device)
         self._places = wp.zeros(count, dtype=wp.vec3i, device=device)
@@ -63,7 +59,7 @@ class SparseGrid(Geometry):
                 f"'cell_env' expects {count} elements, one per cell, but got {cell_env.shape[0]}"
             )
         self._cell_env = cell_env.to(device)
-        self._set_transform(scalar_type)
+        self._set_transform(checked_scalar(scalar_type))
         self.record = GeometryRecord(
             self._kind, "cube", 3, scalar_type, environments=self._environments > 1
         )

@@ -7,7 +7,7 @@ inverse transposed deformation gradient, or by the gradient over its determinant
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import warp as wp
@@ -175,16 +175,7 @@ class FunctionSpace:
         if self.topology.is_trace:
             return self
         basis = self.basis.trace()
-        record = self.record
-        record = SpaceRecord(
-            basis.record,
-            record.kind,
-            record.dtype,
-            record.dof_dtype,
-            record.degree,
-            record.mapper,
-            cell_space=record,
-        )
+        record = replace(self.record, basis=basis.record, cell_space=self.record)
         made = object.__new__(type(self))
         FunctionSpace.__init__(made, basis, record)
         made.dof_mapper, made._cell_space = self.dof_mapper, self
