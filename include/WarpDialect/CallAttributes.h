@@ -16,6 +16,9 @@ namespace warp::attr {
 /// On the kernel: scalar operations beyond which large functions with several
 /// calls stay functions; without it all calls are inlined.
 constexpr llvm::StringLiteral inlineBudget = "warp.inline_budget";
+/// On the kernel: functions that update elements atomically, or print, may
+/// stay, too, as each thread does so by itself.
+constexpr llvm::StringLiteral keepsUpdates = "warp.keeps_updates";
 /// On a function that stays; on the kernel, or entry, that calls some.
 constexpr llvm::StringLiteral kept = "warp.kept";
 constexpr llvm::StringLiteral keepsCalls = "warp.keeps_calls";

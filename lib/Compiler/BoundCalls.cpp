@@ -43,6 +43,8 @@ struct Function {
   /// Operations of its own, and with copies of all that it calls.
   double own = 0, whole = 0;
   warp::CallNode node;
+  /// Calls of it.
+  unsigned uses = 0;
   /// It is a function of the target if it is large.
   bool mayStay = false;
   /// Calls, which are gone once they are inlined, with what they call.
@@ -117,6 +119,7 @@ void BoundCalls::count(func::FuncOp function, Functions &functions,
   for (auto [call, callee] : found.calls) {
     count(callee, functions, symbols);
     found.whole += functions[callee].whole;
+    ++functions[callee].uses;
   }
   open.erase(function);
   functions[function] = std::move(found);
@@ -171,7 +174,8 @@ bool BoundCalls::chooseKept(Functions &functions) {
       continue;
     auto budget = op->getAttrOfType<IntegerAttr>(warp::attr::inlineBudget);
     if (budget)
-      kept = warp::chooseKeptCalls(nodes, double(budget.getInt()));
+      kept = warp::chooseKeptCalls(nodes, double(budget.getInt()),
+                                   op->hasAttr(warp::attr::keepsUpdates));
     break;
   }
   if (!kept)
@@ -218,7 +222,10 @@ LogicalResult BoundCalls::inlineInto(func::FuncOp caller, Functions &functions,
                              &callee.getBody())))
       call.erase();
   }
-  if (failed(runPipeline(pm, caller)))
+  // A part of one caller is simplified there; a kernel, by the passes behind
+  // this one.
+  bool isCopied = function.uses > 1 || all;
+  if (isCopied && failed(runPipeline(pm, caller)))
     return failure();
   if (least > 0)
     settle(caller, function.mayStay);

@@ -176,7 +176,8 @@ static constexpr int64_t gpuBudget = 3000, cpuBudget = 12000;
 /// a kernel, so these have all calls inlined.
 static void setBudget(ModuleOp module, const CompileOptions &options) {
   bool inlinesAll = options.debug || options.deterministic;
-  int64_t budget = getTarget(options).isSimt() ? gpuBudget : cpuBudget;
+  bool gpu = getTarget(options).isSimt();
+  int64_t budget = gpu ? gpuBudget : cpuBudget;
   mlir::Builder b(module.getContext());
   for (auto function : module.getOps<FunctionOpInterface>()) {
     if (!function->hasAttr(kernelAttrName))
@@ -185,6 +186,8 @@ static void setBudget(ModuleOp module, const CompileOptions &options) {
       function->removeAttr(attr::inlineBudget);
     else if (!function->hasAttr(attr::inlineBudget))
       function->setAttr(attr::inlineBudget, b.getI64IntegerAttr(budget));
+    if (gpu && !inlinesAll)
+      function->setAttr(attr::keepsUpdates, b.getUnitAttr());
   }
 }
 

@@ -46,17 +46,32 @@ static bool hasPlainSignature(func::FuncOp function) {
          });
 }
 
+/// True if threads make an update one by one anyway: others are combined over
+/// threads where a kernel keeps no calls. Assemblers combine those of integers.
+static bool isByThread(Operation *op) {
+  if (isa<warp::AtomicCasOp>(op))
+    return true;
+  auto update = dyn_cast<warp::AtomicOp>(op);
+  return update &&
+         (!update.getOld().use_empty() ||
+          isa<IntegerType>(warp::getElementScalar(update.getOld().getType())));
+}
+
 /// True if an operation needs nothing but its operands, wherever it stands:
 /// neither the thread's index, nor other threads, nor the kernel's parameter
-/// block, nor a plan for all updates of the kernel.
-static bool isPlain(Operation *op) {
+/// block. Updates are planned for all of a kernel, unless a function may make
+/// some, and print, by itself.
+static bool isPlain(Operation *op, bool mayUpdate) {
   if (auto access = dyn_cast<warp::AccessOp>(op))
-    return isa<warp::LoadOp, warp::StoreOp>(op) && !access.isUpdate();
+    return access.isUpdate() ? mayUpdate && isByThread(op)
+                             : isa<warp::LoadOp, warp::StoreOp>(op);
+  if (isa<warp::PrintfOp>(op))
+    return mayUpdate;
   if (auto call = dyn_cast<warp::LibraryCallOp>(op))
     return call.getNumResults() != 0 && isMemoryEffectFree(op) &&
            warp::findLibraryFunction(call.getCallee());
-  if (isa<warp::TidOp, warp::GradOp, warp::BarrierOp, warp::PrintfOp,
-          warp::AssertOp, warp::CheckIndexOp, warp::PointerOp, warp::AddressOp,
+  if (isa<warp::TidOp, warp::GradOp, warp::BarrierOp, warp::AssertOp,
+          warp::CheckIndexOp, warp::PointerOp, warp::AddressOp,
           warp::TileAccessOp>(op))
     return false;
   auto isTile = [](Type type) { return isa<warp::TileType>(type); };
@@ -68,11 +83,12 @@ static bool isPlain(Operation *op) {
          (op->getNumRegions() == 0 && isMemoryEffectFree(op));
 }
 
-static bool mayStay(func::FuncOp function) {
-  if (function->hasAttr(warp::kernelAttrName) || !hasPlainSignature(function))
+static bool hasPlainBody(func::FuncOp function, bool mayUpdate) {
+  if (function->hasAttr(warp::kernelAttrName))
     return false;
-  WalkResult result = function.getBody().walk([](Operation *op) {
-    return isPlain(op) ? WalkResult::advance() : WalkResult::interrupt();
+  WalkResult result = function.getBody().walk([&](Operation *op) {
+    return isPlain(op, mayUpdate) ? WalkResult::advance()
+                                  : WalkResult::interrupt();
   });
   return !result.wasInterrupted();
 }
@@ -106,8 +122,8 @@ Choice::Choice(ArrayRef<CallNode> nodes, ArrayRef<bool> may, double least)
   }
 }
 
-std::optional<warp::KeptCalls> warp::chooseKeptCalls(ArrayRef<CallNode> nodes,
-                                                     double budget) {
+std::optional<warp::KeptCalls>
+warp::chooseKeptCalls(ArrayRef<CallNode> nodes, double budget, bool mayUpdate) {
   SmallVector<bool> none(nodes.size());
   if (Choice(nodes, none, 0).total <= budget)
     return std::nullopt;
@@ -118,12 +134,13 @@ std::optional<warp::KeptCalls> warp::chooseKeptCalls(ArrayRef<CallNode> nodes,
     for (unsigned callee : node.callees)
       ++calls[callee];
     isPlain.push_back(
-        mayStay(node.function) &&
+        hasPlainBody(node.function, mayUpdate) &&
         llvm::all_of(node.callees, [&](unsigned i) { return isPlain[i]; }));
   }
   KeptCalls kept;
-  for (auto [plain, count] : llvm::zip_equal(isPlain, calls))
-    kept.mayStay.push_back(plain && count > 1);
+  for (auto [node, plain, count] : llvm::zip_equal(nodes, isPlain, calls))
+    kept.mayStay.push_back(plain && count > 1 &&
+                           hasPlainSignature(node.function));
   kept.least = budget / 2;
   while (kept.least > KeptCalls::shortest &&
          Choice(nodes, kept.mayStay, kept.least).total > budget)

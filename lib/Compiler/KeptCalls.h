@@ -44,8 +44,9 @@ struct KeptCalls {
 /// The choice for a kernel, which comes last; none within its budget. The
 /// largest functions stay, until the code has no more scalar operations than
 /// the budget, or all that may stay do.
+/// mayUpdate: also functions that update elements atomically or print.
 std::optional<KeptCalls> chooseKeptCalls(llvm::ArrayRef<CallNode> nodes,
-                                         double budget);
+                                         double budget, bool mayUpdate);
 
 } // namespace warp
 

@@ -213,7 +213,8 @@ void warp::markKeptDerivatives(ModuleOp module) {
     return;
   auto budget = kernel->getAttrOfType<IntegerAttr>(attr::inlineBudget);
   std::optional<KeptCalls> kept = chooseKeptCalls(
-      graph.nodes, budget ? double(budget.getInt()) : usualBudget);
+      graph.nodes, budget ? double(budget.getInt()) : usualBudget,
+      /*mayUpdate=*/false);
   if (!kept)
     return;
   llvm::StringMap<SmallVector<func::CallOp>> calls = findCalls(module);

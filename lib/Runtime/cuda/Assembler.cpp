@@ -293,8 +293,10 @@ std::optional<AssembledProgram> warp::assembleApart(std::string_view ptx,
   std::vector<const char *> arguments{found.file.c_str(), arch.c_str(),
                                       "/proc/self/fd/3", "-o",
                                       "/proc/self/fd/4"};
+  // The functions of a program by several threads.
   if (isQuick)
-    arguments.push_back("--Ofast-compile=min");
+    arguments.insert(arguments.end(),
+                     {"--Ofast-compile=min", "--split-compile=4"});
   if (run(std::move(arguments), {input.number, output.number}, /*printed=*/-1))
     made.binary = readAll(output.number);
   if (isAbandoned())
