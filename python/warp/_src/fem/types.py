@@ -86,24 +86,20 @@ def make_free_sample(element_index: int, element_coords: wp.vec3d):
     )
 
 
-class Field:
+class _Tag:
+    """Base of annotations of parameters that take records alone."""
+
+    is_open = True
+
+    @staticmethod
+    def fits(native) -> bool:
+        """A value of a type of the compiler is no record."""
+        return False
+
+
+class Field(_Tag):
     """Annotation of a parameter that takes a field; base of all fields."""
 
-    # Parameters with this annotation take records alone.
-    is_open = True
 
-    @staticmethod
-    def fits(native) -> bool:
-        """A value of a type of the compiler is no field."""
-        return False
-
-
-class Domain:
+class Domain(_Tag):
     """Annotation of a parameter that takes a domain; base of all domains."""
-
-    is_open = True
-
-    @staticmethod
-    def fits(native) -> bool:
-        """A value of a type of the compiler is no domain."""
-        return False

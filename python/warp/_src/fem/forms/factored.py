@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from warp import extend
 from warp._src.fem.forms.element_kernels import (
     MOST_KEPT,
     block_text,
@@ -17,7 +16,7 @@ from warp._src.fem.forms.element_kernels import (
     kept_coefficients,
     store_block,
 )
-from warp._src.fem.forms.tensor import line_tables
+from warp._src.fem.forms.tensor import role_tables
 
 # Nodes of a line from which it pays.
 _FEWEST = {2: 5, 3: 3}
@@ -47,17 +46,12 @@ class _Axes:
 
 
 def _axes(plan) -> _Axes | None:
-    test, trial, rule = plan.test, plan.trial, plan.record.rule
+    test = plan.test
     if test.halves != 1 or plan.structure.coefficients is None:
         return None
-    found = []
-    for role in (test, trial):
-        tables = line_tables(role.nodes.element, rule)
-        if tables is None or role.nodes.topology.functions.element_node_sign is not None:
-            return None
-        if extend.type_is_matrix(role.nodes.dof_dtype) or role.nodes.space.mapper is not None:
-            return None
-        found.append(tables)
+    found = [role_tables(role, plan.record.rule) for role in (test, plan.trial)]
+    if None in found:
+        return None
     few = _FEWEST[test.nodes.element.cell.dimension]
     if min(tables[0].shape[1] for tables in found) < few:
         return None

@@ -56,9 +56,8 @@ class Lines:
             used, or None.
     """
 
-    def __init__(self, plan, role):
-        self.plan, self.role = plan, role
-        self.table, self.slopes = line_tables(role.nodes.element, plan.record.rule)
+    def __init__(self, plan, role, table, slopes):
+        self.plan, self.role, self.table, self.slopes = plan, role, table, slopes
         self.d = role.nodes.element.cell.dimension
         self.q, self.n = self.table.shape
         used = dict(role.used_slots)
@@ -201,15 +200,21 @@ class Lines:
         return made
 
 
-def lines_of(plan, role) -> Lines | None:
-    """The contractions of a role; None if its basis is no product, or a small one."""
-    element = role.nodes.element
-    tables = line_tables(element, plan.record.rule) if role.halves == 1 else None
-    if tables is None or element.node_count < _FEWEST_NODES[element.cell.dimension]:
-        return None
-    if role.nodes.topology.functions.element_node_sign is not None or not role.used_slots:
+def role_tables(role, rule):
+    """Tables of a line of a role's basis, see `line_tables`; None if it is no product of numbers
+    that are the same in all cells."""
+    tables = line_tables(role.nodes.element, rule) if role.halves == 1 else None
+    if tables is None or role.nodes.topology.functions.element_node_sign is not None:
         return None
     if extend.type_is_matrix(role.nodes.dof_dtype) or role.nodes.space.mapper is not None:
         return None
-    lines = Lines(plan, role)
-    return lines if lines.memory <= MOST_LOCAL else None
+    return tables
+
+
+def lines_of(plan, role) -> Lines | None:
+    """The contractions of a role; None if its basis is no product, or a small one."""
+    tables, element = role_tables(role, plan.record.rule), role.nodes.element
+    if tables is None or element.node_count < _FEWEST_NODES[element.cell.dimension]:
+        return None
+    lines = Lines(plan, role, *tables)
+    return lines if role.used_slots and lines.memory <= MOST_LOCAL else None

@@ -54,12 +54,7 @@ def add_lookup(f: SimpleNamespace, record) -> None:
 
         @wp.func
         def nearest(
-            arg: CellArg,
-            x: vector,
-            max_dist: real,
-            filter_data: Any,
-            filter_target: Any,
-            environment: int,
+            arg: CellArg, x: vector, max_dist: real, data: Any, target: Any, environment: int
         ):
             if not wp.dot(x, x) >= real(0.0):
                 return make_free_sample(-1, Coords(real(OUTSIDE)))
@@ -69,7 +64,7 @@ def add_lookup(f: SimpleNamespace, record) -> None:
                 coords, _distance_sq = closest_point(arg, cell, x)
                 return make_free_sample(cell, coords)
             else:
-                return search_around(arg, x, max_dist, filter_data, filter_target, environment)
+                return search_around(arg, x, max_dist, data, target, environment)
 
         return nearest
 

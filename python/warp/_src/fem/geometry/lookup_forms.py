@@ -136,14 +136,7 @@ def box_search(f: SimpleNamespace, d: int, real, size_of, place_of, chosen) -> w
     CellArg, is_space, half = f.CellArg, d == 3, real(0.5)
 
     @wp.func
-    def search(
-        arg: CellArg,
-        x: vector,
-        max_dist: real,
-        filter_data: Any,
-        filter_target: Any,
-        environment: int,
-    ):
+    def search(arg: CellArg, x: vector, max_dist: real, data: Any, target: Any, environment: int):
         size = size_of(arg)
         smallest = wp.min(size)
         best_cell = int(-1)
@@ -167,7 +160,7 @@ def box_search(f: SimpleNamespace, d: int, real, size_of, place_of, chosen) -> w
                         at[1] = j
                         if wp.static(is_space):
                             at[d - 1] = lower[d - 1] + layer
-                        cell = chosen(arg, at, filter_data, filter_target, environment)
+                        cell = chosen(arg, at, data, target, environment)
                         if cell >= 0:
                             coords, distance_sq = closest(arg, cell, x)
                             if distance_sq < best_sq or (

@@ -65,6 +65,26 @@ class MeshEntities:
     face_vertices = property(lambda self: self.faces.vertices if self.faces else None)
 
 
+class HasEntities:
+    """Numbers of entities of geometries with tables: `_entities` of edges and faces, `_sides`."""
+
+    def edge_count(self) -> int:
+        """Number of edges."""
+        return self._entities.edge_count
+
+    def side_count(self) -> int:
+        """Number of sides."""
+        return self._sides.cells.shape[0]
+
+    def boundary_side_count(self) -> int:
+        """Number of sides with one cell."""
+        return self._sides.boundary.shape[0]
+
+    def entities(self, device=None) -> MeshEntities:
+        """Vertices of cells, edges and faces, on the device of the geometry."""
+        return self._entities
+
+
 def _checked_cells(name: str, cells, width: int) -> wp.array:
     if not extend.is_array(cells):
         raise TypeError(f"'{name}' expects an array, but got {extend.shown(cells)}")
@@ -96,7 +116,7 @@ def _checked_positions(positions, cells, dimensions: tuple) -> None:
         )
 
 
-class Mesh(HasHierarchy, Geometry):
+class Mesh(HasHierarchy, HasEntities, Geometry):
     """Base of meshes: a table of vertices of cells, and positions of vertices."""
 
     _shape = ""
@@ -205,14 +225,6 @@ class Mesh(HasHierarchy, Geometry):
         """Number of sides."""
         return self._entities.sides.count
 
-    def boundary_side_count(self) -> int:
-        """Number of sides with one cell."""
-        return self._sides.boundary.shape[0]
-
-    def edge_count(self) -> int:
-        """Number of edges."""
-        return self._entities.edge_count
-
     @property
     def cell_vertices(self) -> wp.array:
         """(cells, n) of int32: the vertices of each cell, as the mesh was given."""
@@ -237,10 +249,6 @@ class Mesh(HasHierarchy, Geometry):
     @cached_property
     def _sides(self):
         return make_sides(self._entities.sides, self._cells, self._positions)
-
-    def entities(self, device=None) -> MeshEntities:
-        """Edges and faces, on the device of the mesh."""
-        return self._entities
 
     def fill_cell_arg(self, arg, device) -> None:
         """Fills an argument of the functions of cells."""

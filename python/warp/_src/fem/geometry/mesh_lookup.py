@@ -114,17 +114,10 @@ def add_bvh_lookup(f: SimpleNamespace, record) -> None:
 
         @wp.func
         def search(
-            arg: CellArg,
-            x: vector,
-            max_dist: real,
-            filter_data: Any,
-            filter_target: Any,
-            environment: int,
+            arg: CellArg, x: vector, max_dist: real, data: Any, target: Any, environment: int
         ):
             none = Coords(real(OUTSIDE))
-            return nearest(
-                arg, x, filter_data, filter_target, environment, -1, none, real(0.0), real(0.0)
-            )
+            return nearest(arg, x, data, target, environment, -1, none, real(0.0), real(0.0))
 
         return search
 
@@ -165,9 +158,7 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
     pad = wp.float32(0.0 if real is wp.float32 else 2.0**-22)
 
     @wp.func
-    def find_around(
-        arg: CellArg, x: vector, filter_data: Any, filter_target: Any, reach: wp.vec3, root: int
-    ):
+    def find_around(arg: CellArg, x: vector, data: Any, target: Any, reach: wp.vec3, root: int):
         """The lowest cell that contains the point."""
         center = to_box(x)
         best_cell = int(-1)
@@ -179,7 +170,7 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
                 coords, is_inside = contains(arg, cell, x)
                 if wp.static(is_filtered):
                     if is_inside:
-                        is_inside = filter_func(filter_data, cell) == filter_target
+                        is_inside = filter_func(data, cell) == target
                 if is_inside:
                     best_cell = cell
                     best_coords = coords
@@ -189,8 +180,8 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
     def nearest(
         arg: CellArg,
         x: vector,
-        filter_data: Any,
-        filter_target: Any,
+        data: Any,
+        target: Any,
         environment: int,
         first_cell: int,
         first_coords: Coords,
@@ -212,7 +203,7 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
         center = to_box(x)
         error = pad * wp.max(wp.abs(center))
         if wp.static(is_solid):
-            found, coords = find_around(arg, x, filter_data, filter_target, wp.vec3(error), root)
+            found, coords = find_around(arg, x, data, target, wp.vec3(error), root)
             if found >= 0:
                 return make_free_sample(found, coords)
         gap = wp.length(wp.max(wp.max(arg.box[0] - center, center - arg.box[1]), wp.vec3()))
@@ -232,7 +223,7 @@ def _search_from(f: SimpleNamespace, record, filter_func) -> wp.Function:
                 is_near = best_cell < 0 or real(box_gap) * real(box_gap) <= best_sq
                 if wp.static(is_filtered):
                     if is_near:
-                        is_near = filter_func(filter_data, cell) == filter_target
+                        is_near = filter_func(data, cell) == target
                 if is_near:
                     coords, distance_sq = closest(arg, cell, x)
                     nearer = distance_sq < best_sq or (distance_sq == best_sq and cell < best_cell)

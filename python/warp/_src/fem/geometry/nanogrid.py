@@ -17,7 +17,7 @@ from warp._src.fem.geometry.environments import (
     packed_grid,
     transform_of,
 )
-from warp._src.fem.geometry.mesh import MeshEntities
+from warp._src.fem.geometry.mesh import HasEntities, MeshEntities
 from warp._src.fem.geometry.sparse_build import (
     fit_box,
     make_sides,
@@ -36,7 +36,7 @@ class SparseEntities(MeshEntities):
     aligned = True
 
 
-class SparseGrid(Geometry):
+class SparseGrid(HasEntities, Geometry):
     """Base of sparse grids: cells at the voxels of a volume, with vertices in another one."""
 
     _kind = "nanogrid"
@@ -130,10 +130,6 @@ class SparseGrid(Geometry):
     def _sides(self):
         return make_sides(self._grid, self._packed, self._places, self._levels, self.level_count)
 
-    def entities(self, device=None) -> SparseEntities:
-        """Vertices of cells, edges and faces."""
-        return self._entities
-
     @property
     def cell_grid(self) -> wp.Volume:
         """Volume of the cells."""
@@ -161,18 +157,6 @@ class SparseGrid(Geometry):
     def vertex_count(self) -> int:
         """Number of vertices; of a rebuildable grid the room for them."""
         return self._node_grid.get_voxel_count()
-
-    def side_count(self) -> int:
-        """Number of sides."""
-        return self._sides.places.shape[0]
-
-    def boundary_side_count(self) -> int:
-        """Number of sides with one cell."""
-        return self._sides.boundary.shape[0]
-
-    def edge_count(self) -> int:
-        """Number of edges."""
-        return self._entities.edge_count
 
     def fill_cell_arg(self, arg, device) -> None:
         """Fills an argument of the functions of cells."""

@@ -4,77 +4,46 @@ import warp as wp
 from warp._src.fem.geometry.shapes import VERTICES
 from warp._src.fem.types import coords_type
 
+# Coordinates and the columns of the corners that they lead to, of cells with a constant gradient.
+_AXES = {
+    "line": ((0, 1),),
+    "triangle": ((1, 1), (2, 2)),
+    "tet": ((0, 1), (1, 2), (2, 3)),
+    "square": ((0, 1), (1, 3)),
+    "cube": ((0, 1), (1, 3), (2, 4)),
+}
+
 
 def shape_functions(cell: str, d: int, real, affine: bool):
     """Position and gradient by (corners, coordinates): the first corner, then differences."""
     vector, Coords = wp.types.vector(d, real), coords_type(real)
-    if cell == "line":
-        return _line(wp.types.matrix((2, d), real), Coords)
-    if cell in ("triangle", "tet"):
-        return _simplex(cell, wp.types.matrix((VERTICES[cell], d), real), Coords)
     Corners = wp.types.matrix((VERTICES[cell], d), real)
-    if affine:
-        return _parallel(cell, Corners, Coords)
+    if affine or cell not in ("square", "cube"):
+        return _affine(_AXES[cell], Corners, Coords)
     return (_square if cell == "square" else _cube)(Corners, Coords, real, vector)
 
 
-def _line(Corners, Coords):
-    @wp.func
-    def position(p: Corners, c: Coords):
-        return p[0] + c[0] * p[1]
+def _affine(axes, Corners, Coords):
+    """Simplices, parallelograms and parallelepipeds: neighbours of the first vertex say all."""
+    count, ((i, a), (j, b), (k, c)) = len(axes), (*axes, *axes[:1] * 2)[:3]
 
     @wp.func
-    def gradient(p: Corners, c: Coords):
-        return p[1]
+    def position(p: Corners, x: Coords):
+        at = p[0] + x[i] * p[a]
+        if wp.static(count > 1):
+            at += x[j] * p[b]
+        if wp.static(count > 2):
+            at += x[k] * p[c]
+        return at
 
-    return position, gradient
-
-
-def _simplex(cell, Corners, Coords):
-    if cell == "triangle":
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[1] * p[1] + c[2] * p[2]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[2])
-
-    else:
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[0] * p[1] + c[1] * p[2] + c[2] * p[3]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[2], p[3])
-
-    return position, gradient
-
-
-def _parallel(cell, Corners, Coords):
-    """Parallelograms and parallelepipeds: the neighbours of the first vertex say all."""
-    if cell == "square":
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[0] * p[1] + c[1] * p[3]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[3])
-
-    else:
-
-        @wp.func
-        def position(p: Corners, c: Coords):
-            return p[0] + c[0] * p[1] + c[1] * p[3] + c[2] * p[4]
-
-        @wp.func
-        def gradient(p: Corners, c: Coords):
-            return wp.matrix_from_cols(p[1], p[3], p[4])
+    @wp.func
+    def gradient(p: Corners, x: Coords):
+        if wp.static(count == 1):
+            return p[a]
+        elif wp.static(count == 2):
+            return wp.matrix_from_cols(p[a], p[b])
+        else:
+            return wp.matrix_from_cols(p[a], p[b], p[c])
 
     return position, gradient
 

@@ -292,23 +292,18 @@ def _add_lookup(f: SimpleNamespace, record) -> None:
 
         @wp.func
         def search(
-            arg: CellArg,
-            x: vector,
-            max_dist: real,
-            filter_data: Any,
-            filter_target: Any,
-            environment: int,
+            arg: CellArg, x: vector, max_dist: real, data: Any, target: Any, environment: int
         ):
             u = voxel_position(arg, x)
             is_inside = environment >= 0 and environment < arg.env_offsets.shape[0]
             if not is_inside or not wp.dot(u, u) >= real(0.0):
                 return make_free_sample(-1, Coords(real(OUTSIDE)))
             place = voxel_of(u) + arg.env_offsets[environment]
-            cell = chosen(arg, place, filter_data, filter_target, environment)
+            cell = chosen(arg, place, data, target, environment)
             if cell >= 0:
                 coords, _distance_sq = closest(arg, cell, x)
                 return make_free_sample(cell, coords)
-            return search_around(arg, x, max_dist, filter_data, filter_target, environment)
+            return search_around(arg, x, max_dist, data, target, environment)
 
         return search
 

@@ -46,8 +46,8 @@ class BasisRecord(Record):
         return basis_functions(self)
 
 
-class BasisSpace:
-    """Basis functions on a geometry, before values have a type.
+class SpaceOfTopology:
+    """Base of spaces and of their bases.
 
     Attributes:
         topology: numbers of the nodes.
@@ -55,11 +55,9 @@ class BasisSpace:
         ORDER: polynomial degree.
     """
 
-    record: BasisRecord
+    topology: SpaceTopology
+    record: Record
     ORDER = 0
-
-    def __init__(self, topology: SpaceTopology, record: BasisRecord):
-        self.topology, self.record = topology, record
 
     @property
     def functions(self) -> SimpleNamespace:
@@ -80,6 +78,27 @@ class BasisSpace:
     def degree(self) -> int:
         """Polynomial degree."""
         return self.ORDER
+
+    def __str__(self) -> str:
+        return self.name
+
+    def node_count(self) -> int:
+        """Number of nodes."""
+        return self.topology.node_count()
+
+    def __hash__(self) -> int:
+        return hash(self.record)
+
+
+class BasisSpace(SpaceOfTopology):
+    """Basis functions on a geometry, before values have a type.
+
+    Attributes:
+        topology, record, ORDER: as of `SpaceOfTopology`.
+    """
+
+    def __init__(self, topology: SpaceTopology, record: BasisRecord):
+        self.topology, self.record = topology, record
 
     @property
     def value(self):
@@ -106,13 +125,6 @@ class BasisSpace:
     def name(self) -> str:
         """Name of the topology."""
         return self.topology.name
-
-    def __str__(self) -> str:
-        return self.name
-
-    def node_count(self) -> int:
-        """Number of nodes."""
-        return self.topology.node_count()
 
     def node_positions(self, out=None):
         """Positions of the nodes.
@@ -150,8 +162,7 @@ class BasisSpace:
             return NotImplemented
         return self.topology == other.topology and self.record == other.record
 
-    def __hash__(self) -> int:
-        return hash(self.record)
+    __hash__ = SpaceOfTopology.__hash__
 
 
 class ShapeBasisSpace(BasisSpace):

@@ -97,21 +97,25 @@ def _trace(record):
         "outer_": (of_topology.outer_cell_index, geometry.side_outer_cell_coords),
     }
     made = Functions()
-    for prefix, (cell_of, to_coords) in sides.items():
+
+    def on_side(of_cell, cell_of, to_coords, dtype):
+        @wp.func
+        def side_weight(
+            side_arg: SideArg, topo_arg: TopologyArg, side: int, coords: Coords, node: int
+        ):
+            cell, place = cell_of(side_arg, topo_arg, side, node)
+            value = dtype(real(0.0))
+            if cell >= 0:
+                inside = to_coords(side_arg, side, coords)
+                value = of_cell(to_cell(side_arg), topo_arg, cell, inside, place)
+            return value
+
+        return side_weight
+
+    for prefix, places in sides.items():
         for name, dtype in (("weight", value_type), ("weight_gradient", gradient_type)):
-            of_cell = getattr(base, prefix + name)
-            parts = (
-                SideArg,
-                TopologyArg,
-                Coords,
-                cell_of,
-                to_coords,
-                to_cell,
-                of_cell,
-                dtype,
-                real,
-            )
-            setattr(made, prefix + name, _on_side(*parts))
+            made_of = on_side(getattr(base, prefix + name), *places, dtype)
+            setattr(made, prefix + name, made_of)
 
     @made.add
     def node_coords(side_arg: SideArg, topo_arg: TopologyArg, side: int, node: int):
@@ -132,19 +136,6 @@ def _trace(record):
             return trace_weight_of(place)
 
     return made
-
-
-def _on_side(SideArg, TopologyArg, Coords, cell_of, to_coords, to_cell, of_cell, dtype, real):
-    @wp.func
-    def side_weight(side_arg: SideArg, topo_arg: TopologyArg, side: int, coords: Coords, node: int):
-        cell, place = cell_of(side_arg, topo_arg, side, node)
-        value = dtype(real(0.0))
-        if cell >= 0:
-            inside = to_coords(side_arg, side, coords)
-            value = of_cell(to_cell(side_arg), topo_arg, cell, inside, place)
-        return value
-
-    return side_weight
 
 
 @functools.cache

@@ -14,7 +14,7 @@ import warp as wp
 from warp import extend
 from warp._src.fem.cells.element import Element
 from warp._src.fem.kept import Record
-from warp._src.fem.spaces.basis import BasisRecord, BasisSpace
+from warp._src.fem.spaces.basis import BasisRecord, BasisSpace, SpaceOfTopology
 from warp._src.fem.spaces.mappers import DofMapper, IdentityMapper, MapperRecord
 from warp._src.fem.spaces.topologies import SpaceTopology, TopologyRecord
 from warp._src.fem.types import ElementKind
@@ -60,18 +60,16 @@ class SpaceRecord(Record):
         return made
 
 
-class FunctionSpace:
+class FunctionSpace(SpaceOfTopology):
     """Functions on a geometry.
 
     Attributes:
         basis: basis functions.
         dtype: type of values.
         dof_dtype: type of the components of a node.
-        record: facts that functions of kernels depend on.
-        ORDER: polynomial degree.
+        topology, record, ORDER: as of `SpaceOfTopology`.
     """
 
-    record: SpaceRecord
     dof_mapper: DofMapper | None = None
 
     def __init__(self, basis: BasisSpace, record: SpaceRecord):
@@ -86,34 +84,14 @@ class FunctionSpace:
         raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
 
     @property
-    def functions(self) -> SimpleNamespace:
-        """Functions of kernels."""
-        return self.record.functions
-
-    @property
     def topology(self) -> SpaceTopology:
         """Numbers of the nodes."""
         return self.basis.topology
 
     @property
-    def geometry(self):
-        """The geometry."""
-        return self.basis.geometry
-
-    @property
-    def element(self) -> Element | None:
-        """The finite element; None if nodes are points."""
-        return self.record.element
-
-    @property
     def mapper(self) -> MapperRecord | None:
         """Record of the mapper from components to values; None if they are the same."""
         return self.record.mapper
-
-    @property
-    def degree(self) -> int:
-        """Polynomial degree."""
-        return self.ORDER
 
     @property
     def dimension(self) -> int:
@@ -145,13 +123,6 @@ class FunctionSpace:
     def name(self) -> str:
         """Names of the basis and of the type of values in one word."""
         return f"{self.basis.name}_{extend.type_repr(self.dtype)}"
-
-    def __str__(self) -> str:
-        return self.name
-
-    def node_count(self) -> int:
-        """Number of nodes."""
-        return self.topology.node_count()
 
     def node_positions(self, out=None):
         """Positions of the nodes, see `BasisSpace.node_positions`."""
@@ -200,8 +171,7 @@ class FunctionSpace:
             return NotImplemented
         return self.basis == other.basis and self.record == other.record
 
-    def __hash__(self) -> int:
-        return hash(self.record)
+    __hash__ = SpaceOfTopology.__hash__
 
 
 class CollocatedFunctionSpace(FunctionSpace):
