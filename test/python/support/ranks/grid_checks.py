@@ -3,11 +3,14 @@
 import itertools
 import mmap
 import os
+import traceback
 import types
 
 import checking
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import warp as wp
 import warp.distributed as wd
@@ -187,25 +190,77 @@ def halo_of_any_type(comm):
         assert np.array_equal(found, values), (field, found, values)
 
 
-def random_partitions(comm):
-    """Random extents, widths and ranks, against the whole array."""
-    rng = np.random.default_rng(3)
-    for _ in range(8):
-        ndim = int(rng.integers(1, 4))
-        shape = tuple(int(n) for n in rng.integers(4 * comm.size, 4 * comm.size + 5, ndim))
-        if ndim == 3:
-            shape = tuple(4 + n % 5 for n in shape[:2]) + (4 * comm.size,)
-        width = int(rng.integers(1, 3))
-        blocks = wd.Blocks(shape, width, bool(rng.integers(2)), comm=comm)
-        data = rng.random(shape)
-        field = blocks.zeros(wp.float64)
-        blocks.scatter(data, field)
+# Random grids: for each axis extent, width and whether it is periodic; a type and a leading axis.
+_KINDS = (wp.float64, wp.float16, wp.int8, wp.vec3, wp.mat22)
+_AXES = st.tuples(st.integers(1, 13), st.integers(1, 3), st.booleans())
+_GRIDS = st.tuples(
+    *(st.lists(_AXES, min_size=1, max_size=4), st.sampled_from(range(len(_KINDS)))),
+    *(st.sampled_from((None, 2)), st.booleans()),
+)
+
+
+def _try_grid(comm, grid):
+    """An error, or True if the grid was refused with one line; None if ghosts are right."""
+    try:
+        return _tried_grid(comm, *grid)
+    except Exception:
+        return traceback.format_exc()[-900:]
+
+
+def _tried_grid(comm, axes, kind, items, overlaps):
+    shape, width, periodic = zip(*axes, strict=True)
+    # Arrays have four axes at most.
+    items = items if len(axes) < 4 else None
+    try:
+        blocks = wd.Blocks(shape, width, periodic, comm=comm)
+    except wd.DistributedValueError as problem:
+        return True if "\n" not in str(problem) else str(problem)
+    field = blocks.zeros(_KINDS[kind], items)
+    lead = () if items is None else (items,)
+    inner = field.numpy().shape[field.ndim :]
+    rng = np.random.default_rng(len(axes))
+    data = rng.integers(-99, 99, (*lead, *shape, *inner)).astype(field.numpy().dtype)
+    blocks.scatter(data, field)
+    if overlaps:
+        blocks.overlap(field).__enter__().__exit__(None)
+    else:
         blocks.halo(field)
-        padded = np.pad(data, width, mode="wrap" if blocks.periodic[0] else "constant")
-        part = padded[tuple(slice(o, o + n) for o, n in zip(blocks.offset, blocks.local))]
-        assert np.array_equal(field.numpy(), part)
-        whole = blocks.gather(field)
-        assert comm.rank or np.array_equal(whole, data)
+    padded, first = data, len(lead)
+    for axis, (w, wraps) in enumerate(zip(width, periodic, strict=True)):
+        around = [(0, 0)] * data.ndim
+        around[first + axis] = (w, w)
+        padded = np.pad(padded, around, mode="wrap" if wraps else "constant")
+    part = [slice(o, o + n) for o, n in zip(blocks.offset, blocks.local, strict=True)]
+    if not np.array_equal(field.numpy(), padded[(*(slice(None),) * first, *part)]):
+        return f"rank {comm.rank}: ghosts of {shape}, {width}, {periodic} are wrong"
+    whole = blocks.gather(field)
+    return None if comm.rank or np.array_equal(whole, data) else "the gathered array is another"
+
+
+def random_partitions(comm):
+    """Random grids against the whole array: ghosts are right, or all ranks refuse the grid.
+
+    Rank 0 draws and shrinks for all.
+    """
+    refused = []
+
+    @settings(max_examples=30, deadline=None, derandomize=True, database=None)
+    @given(_GRIDS)
+    def check(grid):
+        comm.broadcast_object(grid)
+        found = comm.gather_objects(_try_grid(comm, grid))
+        assert found == [None] * comm.size or found == [True] * comm.size, found
+        refused.append(found[0])
+
+    if comm.rank == 0:
+        try:
+            check()
+        finally:
+            comm.broadcast_object(None)
+        assert refused.count(None) > 8, refused
+    else:
+        while (grid := comm.broadcast_object(None)) is not None:
+            comm.gather_objects(_try_grid(comm, grid))
 
 
 def push_and_halo(comm):
