@@ -32,6 +32,10 @@ public:
   /// WARP_NUM_THREADS when that is set.
   static int size();
 
+  /// CPUs that control groups of the process and their parents pay for; INT_MAX
+  /// without a quota.
+  static int quota();
+
   /// The number of the calling thread in the loop whose body it runs, below
   /// `size()` and different for threads that run the body at the same time; 0
   /// for a caller, and outside of loops.

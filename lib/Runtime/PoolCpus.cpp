@@ -79,6 +79,10 @@ int warp::quotaOfControlGroups(const std::string &groups,
   return least;
 }
 
+int warp::quotaOfOwnGroups() {
+  return quotaOfControlGroups("/proc/self/cgroup", "/sys/fs/cgroup");
+}
+
 /// Threads that a variable asks for: the first number of `4` or `4,2`; 0
 /// without one.
 static size_t threadsFrom(const char *variable) {
@@ -100,8 +104,7 @@ std::vector<int> warp::choosePoolCpus() {
   }
   if (cpus.empty())
     cpus.push_back(-1);
-  size_t wanted = std::min<size_t>(
-      cpus.size(), quotaOfControlGroups("/proc/self/cgroup", "/sys/fs/cgroup"));
+  size_t wanted = std::min<size_t>(cpus.size(), quotaOfOwnGroups());
   if (size_t number = threadsFrom("WARP_NUM_THREADS"))
     wanted = number;
   else if (size_t number = threadsFrom("OMP_NUM_THREADS"))

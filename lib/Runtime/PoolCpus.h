@@ -20,6 +20,9 @@ std::vector<int> choosePoolCpus();
 /// groups are mounted.
 int quotaOfControlGroups(const std::string &groups, const std::string &root);
 
+/// The same for the groups of this process.
+int quotaOfOwnGroups();
+
 } // namespace warp
 
 #endif // WARP_LIB_RUNTIME_POOLCPUS_H

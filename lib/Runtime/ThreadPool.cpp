@@ -133,6 +133,8 @@ static Pool &getPool() {
 
 int ThreadPool::size() { return getPool().size(); }
 
+int ThreadPool::quota() { return quotaOfOwnGroups(); }
+
 int ThreadPool::worker() { return std::max(numberInLoop, 0); }
 
 void ThreadPool::runTogether(int threads, Body body, void *context) {

@@ -323,6 +323,8 @@ void python::bindDevices(py::module_ &m) {
         "Compare lanes of a CPU with scalar code once they have run for a "
         "while, in kernels that are compiled from now on.");
   m.def("num_threads", &ThreadPool::size, "Threads that CPU launches use.");
+  m.def("cpu_quota", &ThreadPool::quota,
+        "CPUs that control groups pay for, a large number without a quota.");
   bindStreams(m);
   bindCache(m);
 }

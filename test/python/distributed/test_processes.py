@@ -66,6 +66,29 @@ def test_threads_of_launchers(variables, threads):
     assert done.stdout.strip() == str(threads), done.stdout + done.stderr
 
 
+@pytest.mark.parametrize(
+    ("ranks", "shares"),
+    [
+        # CPUs of the host are divided, and not those that a launcher has bound ranks to.
+        ([("a", 8, 999, "0::/")] * 4, [2] * 4),
+        ([("a", {0, 1}, 999, "0::/"), ("a", {2, 3}, 999, "0::/")], [2, 2]),
+        ([("a", 3, 999, "0::/")] * 4, [1] * 4),
+        # So is a quota, over the ranks of its group.
+        ([("a", 64, 6, "0::/job")] * 3, [2] * 3),
+        ([("a", 64, 6, "0::/one"), ("a", 64, 4, "0::/two")], [6, 4]),
+        ([("a", 64, 1, "0::/job")] * 2, [1, 1]),
+        # Ranks of other hosts have theirs.
+        ([("a", 8, 4, "0::/"), ("b", 8, 4, "0::/")], [4, 4]),
+    ],
+)
+def test_threads_of_ranks(ranks, shares):
+    facts = [
+        (host, set(range(cpus)) if isinstance(cpus, int) else cpus, quota, groups)
+        for host, cpus, quota, groups in ranks
+    ]
+    assert [start._share_of(rank, facts) for rank in range(len(facts))] == shares
+
+
 def test_the_package_is_imported_by_nobody():
     code = "import warp, sys; print([m for m in sys.modules if 'distributed' in m])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
@@ -129,6 +152,23 @@ def test_libraries_that_are_not_there(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     ends = np.arange(9), np.arange(9)[::-1]
     assert graphs.owners_of(*ends, 9, 3, "metis").tolist() == [0] * 3 + [1] * 3 + [2] * 3
+
+
+def test_metis_cuts_fewer_edges():
+    """Parts of equal sizes, with fewer edges between them than rows or a curve have."""
+    pytest.importorskip("pymetis")
+    n, ranks = 24, 5
+    number = np.arange(n * n).reshape(n, n)
+    a = np.concatenate([number[1:].ravel(), number[:, 1:].ravel()])
+    b = np.concatenate([number[:-1].ravel(), number[:, :-1].ravel()])
+    points = np.stack(np.unravel_index(np.arange(n * n), (n, n)), 1)
+    cut = {}
+    for by in ("rows", "hilbert", "metis"):
+        owners = graphs.owners_of(np.r_[a, b], np.r_[b, a], n * n, ranks, by, points)
+        counts = np.bincount(owners, minlength=ranks)
+        assert counts.max() <= 1.05 * n * n / ranks
+        cut[by] = (owners[a] != owners[b]).sum()
+    assert cut["metis"] < min(cut["rows"], cut["hilbert"]), cut
 
 
 def test_a_handle_opens_the_array_itself_where_it_was_made(device):

@@ -9,7 +9,7 @@ import sys
 import threading
 
 import warp as wp
-from warp import config
+from warp import _native, config
 from warp._src import errors
 from warp._src.distributed import failures
 from warp._src.distributed.communicator import Communicator, set_current
@@ -179,7 +179,30 @@ def _share_cpus(comm) -> None:
     """Threads for each rank of the host, where nothing says how many."""
     if any(os.environ.get(name) for name in ("WARP_NUM_THREADS", "OMP_NUM_THREADS")):
         return
-    share = max((os.cpu_count() or 1) // max(comm.local_size, 1), 1)
-    available = len(os.sched_getaffinity(0))
-    if share < available:
+    own = os.sched_getaffinity(0)
+    facts = os.uname().nodename, own, _native.cpu_quota(), _control_groups()
+    share = _share_of(comm.rank, comm.gather_objects(facts))
+    if share < len(own):
         config.num_threads = share
+
+
+def _control_groups() -> str:
+    try:
+        with open("/proc/self/cgroup") as file:
+            return file.read()
+    except OSError:
+        return ""
+
+
+def _share_of(rank, facts) -> int:
+    """The CPUs of a rank: its part of those of the host, and of a quota.
+
+    Args:
+        facts: of each rank the host, its CPUs, those that its control groups pay for, and these.
+    """
+    host, own, quota, groups = facts[rank]
+    near = [one for one in facts if one[0] == host]
+    # A launcher may have bound each rank to CPUs of its own, or given it a group of its own.
+    cpus = len(set().union(*(one[1] for one in near))) // len(near)
+    paid = quota // sum(one[3] == groups for one in near)
+    return max(min(len(own), cpus, paid), 1)
