@@ -14,10 +14,12 @@ from fractions import Fraction
 from hashlib import blake2b
 
 _NAME = re.compile(r"%[\w$.-]+(?:#\d+)?")
+_CARRIED = re.compile(r"(%[\w$.-]+) = (%[\w$.-]+(?:#\d+)?)")
 _RESULTS = re.compile(r"^((?:%[\w$.-]+(?::\d+)?(?:, )?)+) = (.*)$")
 _PASSING = frozenset(("arith.extf", "arith.truncf"))
-# Joins of a loop until its carried values are stable; each adds to finite sets.
-_MOST_ROUNDS = 40
+# Joins of a loop until its carried values are stable; each adds to finite sets. A degree that
+# grows so many times in a row is not known.
+_MOST_ROUNDS, _MOST_GROWTH = 40, 8
 UNKNOWN = 10**6
 PRIME = 2**61 - 1
 
@@ -110,6 +112,15 @@ def _chosen(condition, first, second):
     return Flow(made.on | condition.on, False, made.vanishes, degree, number)
 
 
+def _placed(value, place):
+    """Facts of an element of memory, or of a value that is there or not."""
+    if value.is_zero:
+        return value
+    degree = value.degree if place.degree == 0 else UNKNOWN
+    number = mixed("place", value.number, place.number)
+    return Flow(value.on | place.on, False, value.vanishes, degree, number)
+
+
 class FlowAnalysis:
     """The facts of the values of a function.
 
@@ -130,6 +141,9 @@ class FlowAnalysis:
         }
         self.integers: dict = {}
         self.stored: dict = {}
+        self._loops: dict = {}
+        self._kept: dict = {}
+        self._choices: list = []
         self._block(0)
 
     def _of(self, names) -> list:
@@ -149,6 +163,8 @@ class FlowAnalysis:
                 at = self._region(line, at)
             elif line.startswith("warp.store"):
                 self._store(line)
+            elif line.startswith("warp.scratch_store"):
+                self._keep(*_NAME.findall(line)[:3])
             else:
                 self._operation(line)
         return at, yielded, "}"
@@ -179,12 +195,16 @@ class FlowAnalysis:
         if kind.startswith("memref.") or "alloca" in kind:
             # Values pass through memory of the thread.
             raise NotImplementedError(kind)
+        if kind == "warp.scratch":
+            self.values.setdefault(names[0], ZERO)
+            return
         operands = self._of(_NAME.findall(rest.partition(" : ")[0]))
         made = self._apply(kind, operands, rest)
-        for place, name in enumerate(names):
+        self.values[names[0]] = made
+        if len(names) > 1:
             # The results of one operation differ.
-            number = made.number if len(names) == 1 else mixed(place, made.number)
-            self.values[name] = replace(made, number=number)
+            for place, name in enumerate(names):
+                self.values[name] = replace(made, number=mixed(place, made.number))
 
     @staticmethod
     def _apply(kind, operands, text):
@@ -205,6 +225,8 @@ class FlowAnalysis:
             return operands[0]
         if kind == "math.fma":
             return joined(_product(*operands[:2]), operands[2])
+        if kind == "warp.scratch_load":
+            return _placed(*operands)
         if kind == "arith.select":
             # Derivatives put 0 in place of products of 0 with what is no number.
             if operands[0].is_nan_test and operands[1].is_zero:
@@ -225,14 +247,25 @@ class FlowAnalysis:
         if index is not None:
             self.stored[index] = self._of(_NAME.findall(values[1]))[0]
 
+    def _keep(self, value, memory, index):
+        """Takes a store to memory of the thread, all of whose elements have the same facts."""
+        value, held, index = self._of((value, memory, index))
+        made = _placed(value, index)
+        for choice in self._choices:
+            made = _placed(made, choice)
+        number = mixed("stored", held.number, made.number)
+        self.values[memory] = replace(joined(held, made), number=number)
+
     def _region(self, line, at):
         names, rest = self._results(line)
         if rest.startswith("scf.if"):
             condition = self._of(_NAME.findall(rest.partition(" ->")[0]))[0]
+            self._choices.append(condition)
             at, first, last = self._block(at)
             second = [Flow()] * len(first)
             if "else" in last:
                 at, second, _ = self._block(at)
+            self._choices.pop()
             for name, one, other in zip(names, first, second, strict=False):
                 self.values[name] = _chosen(condition, one, other)
             return at
@@ -240,25 +273,67 @@ class FlowAnalysis:
             return self._loop(names, rest, at)
         raise NotImplementedError(rest.split(" ")[0])
 
+    def _outside(self, rest, at) -> tuple:
+        """Names of all that a loop reads from outside, and of memory that it stores to; regions
+        beside it reuse names of its own."""
+        if at not in self._loops:
+            depth, line, used, own, kept = 1, rest, set(), set(), set()
+            for end in range(at, len(self.lines) + 1):
+                names, operation = self._results(line)
+                head, _, carried = operation.partition("iter_args(")
+                own.update(names)
+                if operation.startswith("scf.for"):
+                    own.update(_NAME.findall(head)[:1])
+                    own.update(pair[0] for pair in _CARRIED.findall(carried))
+                used.update(_NAME.findall(operation))
+                if operation.startswith("warp.scratch_store"):
+                    kept.add(_NAME.findall(operation)[1])
+                depth += line.endswith("{") - line.startswith("}") if end > at else 0
+                if depth == 0 or end == len(self.lines):
+                    break
+                line = self.lines[end]
+            self._loops[at] = sorted(used - own), sorted(kept)
+        return self._loops[at]
+
     def _loop(self, names, rest, at):
+        """The facts of a loop's results; as before if the loop reads the same facts."""
+        used, memory = self._outside(rest, at)
+        key, kept = (*self._of(used), *self._choices), self._kept.get(at)
+        if kept is None or kept[0] != key:
+            end = self._find_loop(names, memory, rest, at)
+            kept = self._kept[at] = key, self._of((*names, *memory)), end
+        self.values.update(zip((*names, *memory), kept[1], strict=True))
+        return kept[2]
+
+    def _find_loop(self, names, memory, rest, at):
         head, _, carried = rest.partition("iter_args(")
         index, *bounds = _NAME.findall(head)
         limits = _opaque(self._of(bounds))
         self.values[index] = Flow(limits.on, False, frozenset(), 0, mixed(index, limits.number))
-        pairs = re.findall(r"(%[\w$.-]+) = (%[\w$.-]+(?:#\d+)?)", carried.partition(") ->")[0])
+        pairs = _CARRIED.findall(carried.partition(") ->")[0])
         state = self._of(initial for _, initial in pairs)
+        state += [self.values.get(name, ZERO) for name in memory]
+        growth, count = [0] * len(state), len(pairs)
+        self._choices.append(limits)
         for _ in range(_MOST_ROUNDS):
-            for (name, _), facts in zip(pairs, state, strict=True):
+            for name, facts in zip((*(name for name, _ in pairs), *memory), state, strict=True):
                 self.values[name] = facts
             end, found, _ = self._block(at)
-            after = [joined(one, other) for one, other in zip(state, found, strict=True)]
+            after = [joined(one, other) for one, other in zip(state, found, strict=False)]
+            after += self._of(memory)
             if [one.kind for one in after] == [one.kind for one in state]:
                 state = after
                 break
+            for place, (one, other) in enumerate(zip(state, after, strict=True)):
+                growth[place] = growth[place] + 1 if other.degree > one.degree else 0
+                if growth[place] == _MOST_GROWTH:
+                    after[place] = replace(other, degree=UNKNOWN)
             state = after
         else:
             state = [replace(one, degree=UNKNOWN) for one in state]
-        for name, facts in zip(names, state, strict=True):
+        self._choices.pop()
+        self.values.update(zip(memory, state[count:], strict=True))
+        for name, facts in zip(names, state[:count], strict=True):
             on = facts.on if facts.is_zero else facts.on | limits.on
             number = 0 if facts.is_zero else mixed("loop", facts.number, limits.number)
             self.values[name] = replace(facts, on=on, number=number)
