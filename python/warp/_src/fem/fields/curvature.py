@@ -54,17 +54,50 @@ def _stencil(degree: int):
 
 
 def _bend_function(domain, half: int) -> wp.Function:
-    """A function of (elements, sample): derivatives of J by reference coordinates, a row for each
-    element of J.
+    """A function of (elements, sample): the derivatives of J along each reference coordinate."""
+    geometry, at = domain.geometry, locations(domain, half)
+    cell_arg, cell, coords = at.cell_arg, at.cell, at.coords
+    if geometry.kind == "mesh":
+        cell_bend = geometry.functions.cell_bend
+
+        @wp.func
+        def bend(geo: Any, s: Any):
+            return cell_bend(cell_arg(geo), make_free_sample(cell(geo, s), coords(geo, s)))
+
+        return bend
+
+    d, k, real = geometry.dimension, DIMENSIONS[geometry.cell], geometry.scalar
+    rows_of = _rows_function(geometry, d, k)
+    Rows, Columns = wp.types.matrix((d * k, k), real), wp.types.matrix((d, k), real)
+
+    @wp.func
+    def column(rows: Rows, i: int):
+        out = Columns()
+        for row in range(d * k):
+            out[row // k, row % k] = rows[row, i]
+        return out
+
+    @wp.func
+    def bend(geo: Any, s: Any):
+        rows = rows_of(cell_arg(geo), cell(geo, s), coords(geo, s))
+        if wp.static(k == 2):
+            return column(rows, 0), column(rows, 1)
+        else:
+            return column(rows, 0), column(rows, 1), column(rows, 2)
+
+    return bend
+
+
+def _rows_function(geometry, d: int, k: int) -> wp.Function:
+    """A function of (cells, cell, coordinates): derivatives of J by reference coordinates, a row
+    for each element of J.
 
     Derivatives of polynomials are differences, which are exact but for rounding and have
     derivatives themselves; automatic differentiation gives others.
     """
-    geometry, at = domain.geometry, locations(domain, half)
-    d, k, real = geometry.dimension, DIMENSIONS[geometry.cell], geometry.scalar
+    real = geometry.scalar
     Coords, Rows = coords_type(real), wp.types.matrix((d * k, k), real)
     gradient, CellArg = geometry.functions.cell_deformation_gradient, geometry.functions.CellArg
-    cell_arg, cell, coords = at.cell_arg, at.cell, at.coords
     gradient_by, is_barycentric = extend.gradient_by, geometry.cell == "triangle"
     first, degree = int(is_barycentric), _map_degree(geometry)
     if degree is not None:
@@ -72,9 +105,8 @@ def _bend_function(domain, half: int) -> wp.Function:
         pairs = (degree + 1) // 2
 
         @wp.func
-        def bend(geo: Any, s: Any):
+        def rows_of(arg: CellArg, index: int, place: Coords):
             out = Rows()
-            arg, index, place = cell_arg(geo), cell(geo, s), coords(geo, s)
             for i in range(k):
                 axis = Coords()
                 axis[i + first] = real(1.0)
@@ -88,7 +120,7 @@ def _bend_function(domain, half: int) -> wp.Function:
                         out[row, i] += weights[j] * slope[row // k, row % k]
             return out
 
-        return bend
+        return rows_of
 
     @wp.func
     def element(c: Coords, row: int, arg: CellArg, index: int):
@@ -96,36 +128,61 @@ def _bend_function(domain, half: int) -> wp.Function:
         return F[row // k, row % k]
 
     @wp.func
-    def bend(geo: Any, s: Any):
+    def rows_of(arg: CellArg, index: int, place: Coords):
         out = Rows()
         for row in range(d * k):
-            found = gradient_by(element, 1)(coords(geo, s), row, cell_arg(geo), cell(geo, s))[0]
+            found = gradient_by(element, 1)(place, row, arg, index)[0]
             for i in range(k):
                 out[row, i] = found[i + first]
                 if wp.static(is_barycentric):
                     out[row, i] -= found[0]
         return out
 
-    return bend
+    return rows_of
+
+
+def _sums_functions(k: int) -> tuple:
+    """Functions of the derivatives of J, without loops, so that their copies are found to be equal:
+    by (derivatives, w) those of J w, by (derivatives, v) those of v J, and by (derivatives, G) the
+    traces of G with each of them."""
+    if k == 2:
+
+        @wp.func
+        def along(bend: Any, w: Any):
+            return wp.matrix_from_cols(bend[0] * w, bend[1] * w)
+
+        @wp.func
+        def across(bend: Any, v: Any):
+            return wp.matrix_from_cols(v * bend[0], v * bend[1])
+
+        @wp.func
+        def traces(bend: Any, G: Any):
+            return wp.vector(wp.trace(G * bend[0]), wp.trace(G * bend[1]))
+
+    else:
+
+        @wp.func
+        def along(bend: Any, w: Any):
+            return wp.matrix_from_cols(bend[0] * w, bend[1] * w, bend[2] * w)
+
+        @wp.func
+        def across(bend: Any, v: Any):
+            return wp.matrix_from_cols(v * bend[0], v * bend[1], v * bend[2])
+
+        @wp.func
+        def traces(bend: Any, G: Any):
+            return wp.vector(wp.trace(G * bend[0]), wp.trace(G * bend[1]), wp.trace(G * bend[2]))
+
+    return along, across, traces
 
 
 def curved_gradient(description, reference, half: int, forward, inverse, stretch) -> wp.Function:
     """The function of a field's gradient in space, for cells that are not affine."""
     domain, geometry = description.domain, description.domain.geometry
-    d, k, real = geometry.dimension, DIMENSIONS[geometry.cell], geometry.scalar
+    k, one = DIMENSIONS[geometry.cell], geometry.scalar(1.0)
     value, gradient = reference[half].value, reference[half].gradient
-    Columns, Square = wp.types.matrix((d, k), real), wp.types.matrix((k, k), real)
-    Slope = wp.types.vector(k, real)
-    bend_of, is_surface, one = _bend_function(domain, half), k < d, real(1.0)
-
-    @wp.func
-    def along(bend: Any, w: Any):
-        """Derivatives of J w by reference coordinates, for a constant w."""
-        out = Columns()
-        for m in range(d):
-            for j in range(k):
-                out[m] += w[j] * bend[m * k + j]
-        return out
+    bend_of, is_surface = _bend_function(domain, half), k < geometry.dimension
+    along, across, traces = _sums_functions(k)
 
     if description.values.map == "covariant":
 
@@ -133,11 +190,7 @@ def curved_gradient(description, reference, half: int, forward, inverse, stretch
         def field_gradient(part: Any, arg: Any, geo: Any, s: Any):
             G, bend = inverse(geo, s), bend_of(geo, s)
             v = wp.transpose(G) * value(part, arg, geo, s)
-            turn = Square()
-            for m in range(d):
-                for j in range(k):
-                    turn[j] += v[m] * bend[m * k + j]
-            found = wp.transpose(G) * (gradient(part, arg, geo, s) - turn)
+            found = wp.transpose(G) * (gradient(part, arg, geo, s) - across(bend, v))
             if wp.static(is_surface):
                 aside = along(bend, G * v)
                 found += aside - forward(geo, s) * (G * aside)
@@ -150,11 +203,7 @@ def curved_gradient(description, reference, half: int, forward, inverse, stretch
             F, G, bend = forward(geo, s), inverse(geo, s), bend_of(geo, s)
             scale = one / stretch(F)
             w = value(part, arg, geo, s) * scale
-            growth = Slope()
-            for m in range(d):
-                for j in range(k):
-                    growth += G[j, m] * bend[m * k + j]
             found = F * (gradient(part, arg, geo, s) * scale) + along(bend, w)
-            return (found - wp.outer(F * w, growth)) * G
+            return (found - wp.outer(F * w, traces(bend, G))) * G
 
     return field_gradient

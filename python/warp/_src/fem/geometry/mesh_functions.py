@@ -11,6 +11,7 @@ from warp._src.fem.geometry.derived import (
 )
 from warp._src.fem.geometry.mesh_lookup import add_lookup
 from warp._src.fem.geometry.shape_functions import (
+    bend_function,
     shape_functions,
     side_coords_function,
     vertex_coords_function,
@@ -69,6 +70,13 @@ def mesh_functions(record) -> SimpleNamespace:
     @f.add
     def side_deformation_gradient(arg: SideArg, s: Sample):
         return side_gradient(side_corners(arg, s.element_index), s.element_coords)
+
+    if not record.affine:
+        bend = bend_function(record.cell, record.dimension, real)
+
+        @f.add
+        def cell_bend(arg: CellArg, s: Sample):
+            return bend(cell_corners(arg, s.element_index), s.element_coords)
 
     f.vector = vector
     f.side_position = side_position_at

@@ -95,6 +95,36 @@ def _cube(Corners, Coords, real, vector):
     return position, gradient
 
 
+def bend_function(cell: str, d: int, real):
+    """Function of (corners, coordinates): derivatives of the gradient along each coordinate, of
+    squares and cubes. They have no loops, so that copies of the function are found to be equal."""
+    vector, Coords = wp.types.vector(d, real), coords_type(real)
+    Corners = wp.types.matrix((VERTICES[cell], d), real)
+    if cell == "square":
+
+        @wp.func
+        def bend(p: Corners, c: Coords):
+            xy, zero = p[2] - p[1] - p[3], vector()
+            return wp.matrix_from_cols(zero, xy), wp.matrix_from_cols(xy, zero)
+
+    else:
+
+        @wp.func
+        def bend(p: Corners, c: Coords):
+            x, y, z = c[0], c[1], c[2]
+            one, zero = real(1.0), vector()
+            xy = (one - z) * (p[2] - p[3] - p[1]) + z * (p[6] - p[7] - (p[5] - p[4]))
+            xz = (one - y) * (p[5] - p[4] - p[1]) + y * (p[6] - p[7] - (p[2] - p[3]))
+            yz = (one - x) * (p[7] - p[4] - p[3]) + x * (p[6] - p[5] - (p[2] - p[1]))
+            return (
+                wp.matrix_from_cols(zero, xy, xz),
+                wp.matrix_from_cols(xy, zero, yz),
+                wp.matrix_from_cols(xz, yz, zero),
+            )
+
+    return bend
+
+
 def vertex_coords_function(cell: str, real) -> wp.Function:
     """Function of kernels: coordinates of a vertex by its column in a mesh's table."""
     Coords, is_triangle, is_tet = coords_type(real), cell == "triangle", cell == "tet"
