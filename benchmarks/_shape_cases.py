@@ -54,10 +54,10 @@ except ImportError:
     wait_for_background = None  # NVIDIA Warp
 
 # Seconds and launches before code that is compiled in the background is waited for: tier-1 code and
-# that of the first check, the launches of the check, those before the second, and its launches.
+# that of the first check, the launches of the check, and the same for two more checks.
 SETTLING = ((0.03, 3), (0.0, 32))
 if wait_for_background and "BENCH_LANES" not in os.environ and wp.config.check_lanes:
-    SETTLING += ((0.12, 3), (0.0, 32))
+    SETTLING += ((0.12, 3), (0.0, 32), (0.35, 3), (0.0, 32))
 
 # Steps of central differences.
 STEPS = {np.dtype(np.float16): 3e-2, np.dtype(np.float32): 1e-3, np.dtype(np.float64): 1e-6}

@@ -13,12 +13,14 @@
 #include "LaunchQueue.h"
 #include "LaunchTrial.h"
 #include "WidthPolicy.h"
+#include "WidthSearch.h"
 #include "warp/FirstCode.h"
 #include "warp/Forks.h"
 #include "warp/Kernel.h"
 #include "warp/Regions.h"
 #include "warp/Translation.h"
 
+#include <array>
 #include <atomic>
 #include <climits>
 #include <deque>
@@ -92,14 +94,11 @@ struct Kernel::Variant {
   std::atomic<bool> isQuick{false};
   /// Stays when tier-1 code has come: some may still run it.
   std::unique_ptr<QuickCode> quick;
-  /// The check of the lanes, if there is one, and the code that they are
-  /// checked against: without lanes, or with some where it has none, and with
-  /// half or twice as many.
+  /// The check of the lanes, if there is one, and the code of its rounds.
   std::unique_ptr<LaneTrial> trial;
-  std::unique_ptr<DeviceCode> opposite, resized;
-  /// The lanes that the cost model chose, and those of `resized`; 0 while they
-  /// are not known.
-  int bestLanes = 0, otherLanes = 0;
+  std::array<std::unique_ptr<DeviceCode>, WidthSearch::most> others;
+  /// The lanes that the cost model chose; 0 while they are not known.
+  int chosenLanes = 0;
   /// The check of a GPU's schedule, if there is one, the code with the plain
   /// mapping, and the same once launches run that.
   std::unique_ptr<LaunchTrial> launchTrial;
@@ -330,6 +329,13 @@ struct Kernel::Impl : std::enable_shared_from_this<Kernel::Impl> {
   /// True if the lanes of a variant, or its scalar code, are checked.
   bool mayTry(const CompileOptions &wanted, const Variant &variant) const;
   void startTrial(const CompileOptions &wanted, Variant &variant);
+  void resumeTrial(const CompileOptions &wanted, Variant &variant);
+  void prepareRound(const CompileOptions &wanted, Variant &variant);
+  bool finishRound(const CompileOptions &wanted, Variant &variant,
+                   const TrialTimes &times);
+  std::vector<TrialTimes> readRounds(const CompileOptions &wanted, int chosen);
+  /// The file of a round with so many lanes.
+  std::string trialFile(const CompileOptions &wanted, int round, int lanes);
   /// Loads code with so many lanes that launches can run in the same way; null
   /// if there is none.
   std::unique_ptr<DeviceCode> loadLanes(const CompileOptions &wanted,

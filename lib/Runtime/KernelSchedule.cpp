@@ -31,31 +31,26 @@ static std::string describeKind(const VariantKey &key, int arch) {
 }
 
 /// The times of one round, and what came of it.
-static Choice describeRound(const TrialTimes &times, const std::string &chosen,
-                            const std::string &other) {
-  auto subject = [](const std::string &code) {
-    return code == "scalar" ? "scalar code" : code;
+static Choice describeRound(const TrialTimes &times, WidthSearch::Pair pair) {
+  auto subject = [](int lanes) {
+    return lanes == 1 ? "scalar code" : std::to_string(lanes) + " lanes";
   };
   char text[120];
   std::snprintf(text, sizeof(text),
                 "%s took %.3g ns an index in a launch, %s %.3g",
-                subject(chosen).c_str(), times.chosen, subject(other).c_str(),
-                times.plain);
-  return {"measured", times.prefersPlain() ? other : chosen, text};
+                subject(pair.best).c_str(), times.chosen,
+                subject(pair.other).c_str(), times.plain);
+  int lanes = times.prefersPlain() ? pair.other : pair.best;
+  return {"measured", lanes == 1 ? "scalar" : subject(lanes), text};
 }
 
 /// The times that lanes, or scalar code, were checked by.
 static void describeTrial(const Kernel::Variant &variant,
                           std::vector<Choice> &choices) {
   std::vector<TrialTimes> rounds = variant.trial->results();
-  if (rounds.empty())
-    return;
-  std::string chosen = variant.bestLanes == 1 ? "scalar" : "lanes";
-  std::string other = variant.bestLanes == 1 ? "lanes" : "scalar";
-  choices.push_back(describeRound(rounds[0], chosen, other));
-  if (rounds.size() > 1)
-    choices.push_back(describeRound(
-        rounds[1], "lanes", std::to_string(variant.otherLanes) + " lanes"));
+  WidthSearch search(variant.chosenLanes, variant.key.innerExtent, rounds);
+  for (size_t i = 0; i < search.getPairs().size(); ++i)
+    choices.push_back(describeRound(rounds[i], search.getPairs()[i]));
 }
 
 /// The same for a GPU's schedule.

@@ -3,10 +3,11 @@
 // Part of Warp on MLIR, under the Apache License v2.0.
 //
 // A variant whose lanes, or scalar code, the cost model chose has a trial
-// (LaneTrial.h). Its times are kept in the cache under the name of that code,
-// those of a round against another width under the name of the other, so
-// another process begins with the quicker code. A variant for a GPU has one of
-// its schedule (LaunchTrial.h), whose times are of the card, too.
+// (LaneTrial.h, WidthSearch.h). The times of the first round are kept in the
+// cache under the name of that code, those of another under the name of the
+// width that was compared, so another process begins with the quickest code. A
+// variant for a GPU has one of its schedule (LaunchTrial.h), whose times are of
+// the card, too.
 //
 //===----------------------------------------------------------------------===//
 
@@ -44,11 +45,12 @@ static CompileOptions withLanes(CompileOptions options, int lanes) {
   return options;
 }
 
-/// Lanes that scalar code is compared with: the model says that they lose, and
-/// counts of operations do not know which branches a processor predicts and
-/// which loads it has in flight. Along the last of several dimensions they would
-/// gain or lose by its extent, which scalar code is not compiled for.
-static constexpr int lanesForScalar = 16;
+/// True if scalar code of a variant is compared with lanes: launches over rows
+/// have code for the lengths of these.
+static bool isForLanes(const Kernel::Variant &variant) {
+  return variant.key.rank == 1 ||
+         (variant.code.schedule.sizeFacts & innerExtentFact);
+}
 
 /// Deterministic code would add floats in another order from the launch on that
 /// it is exchanged at; all else has the same bits.
@@ -56,7 +58,7 @@ bool Kernel::Impl::mayTry(const CompileOptions &wanted,
                           const Variant &variant) const {
   return hasLaneTrials() && isHost(variant.key.device) && saved.empty() &&
          wanted.lanes == 0 && !wanted.debug && !wanted.deterministic &&
-         (variant.code.schedule.lanes > 1 || variant.key.rank == 1) &&
+         (variant.code.schedule.lanes > 1 || isForLanes(variant)) &&
          variant.code.sites.empty();
 }
 
@@ -72,115 +74,117 @@ static std::function<void()> inBackground(std::weak_ptr<Impl> self,
   };
 }
 
-/// The width that so many lanes are compared with: what two vectors in turn
-/// gain by latency, and lose by registers, is guessed by the model. 0 for lanes
-/// that are as many as a row has elements, or a run.
-static int otherWidth(const CompileOptions &wanted, int64_t lanes) {
-  constexpr int64_t mostInVector = 16;
-  if (wanted.innerExtent != 0 || lanes < 2 || (lanes & (lanes - 1)) != 0)
-    return 0;
-  return int(lanes > mostInVector ? lanes / 2 : 2 * lanes);
+std::string Kernel::Impl::trialFile(const CompileOptions &wanted, int round,
+                                    int lanes) {
+  // The first is named by the code of the variant.
+  return fileOf(
+      fingerprint(hashes(), withLanes(wanted, round == 0 ? 0 : lanes)));
 }
 
-static std::optional<TrialTimes> readTimes(const std::string &key) {
-  std::optional<std::string> text = KernelCache::get().read(fileOf(key));
-  return text ? TrialTimes::fromText(*text) : std::nullopt;
+/// The times of rounds that the cache has, for lanes that the model chose.
+std::vector<TrialTimes> Kernel::Impl::readRounds(const CompileOptions &wanted,
+                                                 int chosen) {
+  std::vector<TrialTimes> rounds;
+  for (WidthSearch search(chosen, wanted.innerExtent); search.getNext() != 0;) {
+    std::optional<std::string> text = KernelCache::get().read(
+        trialFile(wanted, rounds.size(), search.getNext()));
+    std::optional<TrialTimes> times =
+        text ? TrialTimes::fromText(*text) : std::nullopt;
+    if (!times)
+      break;
+    search.add(*times);
+    rounds.push_back(*times);
+  }
+  return rounds;
 }
 
-/// The lanes that the first round compares with.
-static int oppositeOf(int lanes) { return lanes == 1 ? lanesForScalar : 1; }
-
-/// True if lanes stay, or come, after a first round.
-static bool hasLanesAfter(int lanes, const TrialTimes &times) {
-  return (lanes == 1) == times.prefersPlain();
-}
-
-/// The lanes that a second round compares with.
-static int secondWidth(const CompileOptions &wanted, int lanes) {
-  return otherWidth(wanted, lanes == 1 ? lanesForScalar : lanes);
-}
-
-/// The quickest lanes by the times of rounds.
-static int settledLanes(const CompileOptions &wanted, int lanes,
-                        const std::vector<TrialTimes> &rounds) {
-  if (rounds.size() > 1 && rounds[1].prefersPlain())
-    return secondWidth(wanted, lanes);
-  return rounds[0].prefersPlain() ? oppositeOf(lanes) : lanes;
+static WidthSearch searchOf(const CompileOptions &wanted,
+                            const Kernel::Variant &variant,
+                            const std::vector<TrialTimes> &rounds) {
+  return WidthSearch(variant.chosenLanes, wanted.innerExtent, rounds);
 }
 
 void Kernel::Impl::startTrial(const CompileOptions &wanted, Variant &variant) {
-  auto keyOf = [this, wanted](int lanes) {
-    return fingerprint(hashes(), withLanes(wanted, lanes));
+  auto compile = inBackground(weak_from_this(), variant,
+                              [wanted](Impl &impl, Variant &variant) {
+                                impl.prepareRound(wanted, variant);
+                              });
+  auto finish = [this, wanted, &variant](const TrialTimes &times) {
+    return finishRound(wanted, variant, times);
   };
+  bool isKnown = KernelCache::get().read(trialFile(wanted, 0, 0)).has_value();
   // The lanes of tier-0 code are not those of the best.
-  if (!variant.isQuick) {
-    variant.bestLanes = variant.code.schedule.lanes;
-    variant.otherLanes = secondWidth(wanted, variant.bestLanes);
-  }
-  std::vector<TrialTimes> known;
-  if (std::optional<TrialTimes> times = readTimes(keyOf(0)))
-    known.push_back(*times);
-  if (!known.empty() && variant.otherLanes != 0 &&
-      hasLanesAfter(variant.bestLanes, known[0]))
-    if (std::optional<TrialTimes> times = readTimes(keyOf(variant.otherLanes)))
-      known.push_back(*times);
-  if (!known.empty() &&
-      (known[0].prefersPlain() || known.back().prefersPlain())) {
-    // The quicker code takes over as soon as it is loaded.
-    variant.trial = std::make_unique<LaneTrial>(known);
-    inBackground(weak_from_this(), variant,
-                 [wanted, known](Impl &impl, Variant &variant) {
-                   if (!impl.findLanes(wanted, variant))
-                     return;
-                   auto code = impl.loadLanes(
-                       wanted, variant,
-                       settledLanes(wanted, variant.bestLanes, known));
-                   impl.finishTrial(variant, code);
-                 })();
+  if (!variant.isQuick)
+    variant.chosenLanes = variant.code.schedule.lanes;
+  if (!isKnown) {
+    variant.trial = std::make_unique<LaneTrial>(compile, finish);
     return;
   }
-  bool isOver =
-      !variant.isQuick &&
-      (variant.otherLanes == 0 ||
-       (!known.empty() && !hasLanesAfter(variant.bestLanes, known[0])));
-  if (known.size() == (isOver ? 1 : 2)) {
-    variant.trial = std::make_unique<LaneTrial>(std::move(known));
-    return;
-  }
-  auto compile = inBackground(
-      weak_from_this(), variant, [wanted](Impl &impl, Variant &variant) {
-        std::vector<TrialTimes> rounds = variant.trial->results();
-        bool isFirst = rounds.empty();
-        std::unique_ptr<DeviceCode> &code =
-            isFirst ? variant.opposite : variant.resized;
-        if (impl.findLanes(wanted, variant) &&
-            (isFirst || hasLanesAfter(variant.bestLanes, rounds[0])))
-          code = impl.loadLanes(wanted, variant,
-                                isFirst ? oppositeOf(variant.bestLanes)
-                                        : variant.otherLanes);
-        variant.trial->begin(code.get());
-      });
-  auto finish = [this, keyOf, &variant](const TrialTimes &times) {
-    bool isFirst = variant.trial->results().size() == 1;
-    KernelCache::get().write(fileOf(keyOf(isFirst ? 0 : variant.otherLanes)),
-                             times.toText());
-    if (times.prefersPlain())
-      finishTrial(variant, isFirst ? variant.opposite : variant.resized);
-    return isFirst && hasLanesAfter(variant.bestLanes, times);
-  };
   variant.trial =
-      std::make_unique<LaneTrial>(compile, finish, std::move(known));
+      std::make_unique<LaneTrial>(compile, finish, /*isOpen=*/false);
+  if (!variant.isQuick) {
+    std::vector<TrialTimes> rounds = readRounds(wanted, variant.chosenLanes);
+    WidthSearch search = searchOf(wanted, variant, rounds);
+    if (search.getBest() == variant.chosenLanes) {
+      variant.trial->resume(rounds, search.getNext() != 0);
+      return;
+    }
+  }
+  // The quicker code takes over as soon as it is loaded.
+  inBackground(weak_from_this(), variant,
+               [wanted](Impl &impl, Variant &variant) {
+                 impl.resumeTrial(wanted, variant);
+               })();
+}
+
+/// Goes on from what the cache has.
+void Kernel::Impl::resumeTrial(const CompileOptions &wanted, Variant &variant) {
+  if (!findLanes(wanted, variant))
+    return;
+  std::vector<TrialTimes> rounds = readRounds(wanted, variant.chosenLanes);
+  WidthSearch search = searchOf(wanted, variant, rounds);
+  bool isLoaded = true;
+  if (search.getBest() != variant.chosenLanes) {
+    std::unique_ptr<DeviceCode> code =
+        loadLanes(wanted, variant, search.getBest());
+    isLoaded = code != nullptr;
+    finishTrial(variant, code);
+  }
+  variant.trial->resume(rounds, isLoaded && search.getNext() != 0);
+}
+
+/// Makes the code of the next round.
+void Kernel::Impl::prepareRound(const CompileOptions &wanted,
+                                Variant &variant) {
+  std::vector<TrialTimes> rounds = variant.trial->results();
+  std::unique_ptr<DeviceCode> &code = variant.others[rounds.size()];
+  if (findLanes(wanted, variant))
+    if (int lanes = searchOf(wanted, variant, rounds).getNext())
+      code = loadLanes(wanted, variant, lanes);
+  variant.trial->begin(code.get());
+}
+
+/// Keeps the times of a round, and the quicker code; true if there is another.
+bool Kernel::Impl::finishRound(const CompileOptions &wanted, Variant &variant,
+                               const TrialTimes &times) {
+  std::vector<TrialTimes> rounds = variant.trial->results();
+  WidthSearch search = searchOf(wanted, variant, rounds);
+  size_t round = rounds.size() - 1;
+  KernelCache::get().write(
+      trialFile(wanted, round, search.getPairs()[round].other), times.toText());
+  if (times.prefersPlain())
+    finishTrial(variant, variant.others[round]);
+  return search.getNext() != 0;
 }
 
 bool Kernel::Impl::findLanes(const CompileOptions &wanted, Variant &variant) {
   std::map<std::string, double> spent;
   try {
-    variant.bestLanes = obtain(wanted, spent).schedule.lanes;
+    variant.chosenLanes = obtain(wanted, spent).schedule.lanes;
   } catch (...) {
     return false;
   }
-  variant.otherLanes = secondWidth(wanted, variant.bestLanes);
-  return variant.bestLanes > 1 || variant.key.rank == 1;
+  return variant.chosenLanes > 1 || isForLanes(variant);
 }
 
 std::unique_ptr<DeviceCode>

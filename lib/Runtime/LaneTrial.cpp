@@ -93,6 +93,13 @@ void LaneTrial::begin(const DeviceCode *code) {
   other.store(code, std::memory_order_release);
 }
 
+void LaneTrial::resume(std::vector<TrialTimes> known, bool isOpen) {
+  std::lock_guard lock(mutex);
+  rounds = std::move(known);
+  patience = patienceOf(rounds.size());
+  open = isOpen;
+}
+
 void LaneTrial::spend(int64_t nanoseconds) {
   int64_t left = patience.fetch_sub(nanoseconds, std::memory_order_relaxed);
   if (left > 0 && left <= nanoseconds)
@@ -138,6 +145,7 @@ LaneTrial::measure(const DeviceCode *code, int64_t items,
     part.end += piece;
   }
   std::optional<TrialTimes> found;
+  size_t round = 0;
   {
     std::lock_guard lock(mutex);
     // The round may be over.
@@ -147,12 +155,13 @@ LaneTrial::measure(const DeviceCode *code, int64_t items,
     found = ratios.result();
     if (found) {
       rounds.push_back(*found);
+      round = rounds.size();
       other.store(nullptr, std::memory_order_release);
     }
   }
   if (found) {
     if (finish(*found))
-      patience = untilSecond;
+      patience = patienceOf(round);
     else
       open = false;
   }

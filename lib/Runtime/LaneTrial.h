@@ -12,9 +12,8 @@
 // come in between, so the ratio of a launch counts once, and their median
 // decides; the first two launches, whose code is cold, do not count. The time
 // of a piece is the thread's own where another process had the processor. The
-// quicker code stays, and the cache remembers the times beside the code. A
-// second round compares lanes that stay with half or twice as many in the same
-// way, if launches go on.
+// quicker code stays, and the cache remembers the times beside the code. More
+// rounds compare it with other widths in the same way, if launches go on.
 //
 // `TrialRatios` are the rules, without a clock and without threads.
 //
@@ -26,9 +25,11 @@
 #include "warp/Forks.h"
 #include "warp/LaneTrials.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <string>
@@ -75,19 +76,11 @@ class LaneTrial {
 public:
   /// `compile` is called once a round, when launches have run for a while; it
   /// has `begin` called on another thread. `finish` is called with the times of
-  /// each round, and returns true if there is another. `rounds`: times of the
-  /// cache.
+  /// each round, and returns true if there is another. Without `isOpen` nothing
+  /// is timed before `resume`.
   LaneTrial(std::function<void()> compile,
-            std::function<bool(const TrialTimes &)> finish,
-            std::vector<TrialTimes> rounds = {})
-      : compile(std::move(compile)), finish(std::move(finish)),
-        rounds(std::move(rounds)) {
-    if (!this->rounds.empty())
-      patience = untilSecond;
-  }
-  /// A trial that has been made, with times of the cache.
-  explicit LaneTrial(std::vector<TrialTimes> rounds)
-      : rounds(std::move(rounds)), open(false) {}
+            std::function<bool(const TrialTimes &)> finish, bool isOpen = true)
+      : compile(std::move(compile)), finish(std::move(finish)), open(isOpen) {}
 
   /// False once it is over: launches need not ask again.
   bool isOpen() const { return open.load(std::memory_order_relaxed); }
@@ -101,6 +94,9 @@ public:
   const DeviceCode *otherCode() const {
     return other.load(std::memory_order_acquire);
   }
+  /// Goes on after rounds of which the cache has the times; `isOpen`: there is
+  /// another one.
+  void resume(std::vector<TrialTimes> known, bool isOpen);
   /// Adds the time of a launch before `begin`.
   void spend(int64_t nanoseconds);
 
@@ -119,9 +115,13 @@ public:
 private:
   std::function<void()> compile;
   std::function<bool(const TrialTimes &)> finish;
-  /// Nanoseconds that launches run for before anything is compiled.
-  static constexpr int64_t untilFirst = 20'000'000, untilSecond = 100'000'000;
-  std::atomic<int64_t> patience{untilFirst};
+  /// Nanoseconds that launches run for before anything is compiled, by round.
+  static constexpr int64_t until[] = {20'000'000, 100'000'000, 300'000'000,
+                                      1'000'000'000};
+  int64_t patienceOf(size_t round) const {
+    return until[std::min(round, std::size(until) - 1)];
+  }
+  std::atomic<int64_t> patience{until[0]};
   std::atomic<const DeviceCode *> other{nullptr};
   mutable ForkMutex mutex;
   /// Caches and branch predictors do not know the code in the first launches.

@@ -173,6 +173,10 @@ static void alignLanes(LanePlan &plan, FunctionOpInterface kernel,
   plan.reason = "worth it, in groups that share a quotient of the index";
 }
 
+/// Cost of a thread over that of a lane from which scalar code is compared with
+/// lanes on live launches, along rows that code is compiled for.
+static constexpr double leastOfTrials = 0.4;
+
 LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
                          const ThreadVariance &variance,
                          const LaneCalls *calls) {
@@ -189,7 +193,10 @@ LanePlan warp::planLanes(FunctionOpInterface kernel, ThreadsOp threads,
     return plan;
   }
   int64_t all = cost.chooseLanes(variant.getTarget().getBits()), lanes = all;
-  plan.dependsOnRows = variant.getRank() > 1 && cost.isWorthIt(all, all);
+  // A live launch may find that lanes gain where the model says little.
+  plan.dependsOnRows =
+      variant.getRank() > 1 &&
+      (cost.isWorthIt(all, all) || cost.scalar >= leastOfTrials * cost.vector);
   if (variant.getInnerExtent() != 0)
     lanes = std::min(all, variant.getInnerExtent());
   // A set of a first-level cache has 8 lines or 12.
