@@ -37,10 +37,9 @@ struct FusedNodes {
 };
 
 /// Fuses launches of nodes that were recorded in a chain. Says in `records` of
-/// each launch why it is not fused with another one. With `joinsFills`, fills
-/// become one node where that delays nothing.
+/// each launch why it is not fused with another one.
 FusedNodes fuseLaunches(std::vector<NodeRecord> &records,
-                        const GraphSchedule &schedule, bool joinsFills = false);
+                        const GraphSchedule &schedule);
 
 /// Edges from each node to the next.
 std::vector<std::vector<int>> chainOf(size_t count);

@@ -138,8 +138,7 @@ std::shared_ptr<Graph> CudaCapture::end() {
   } else if (order != NodeOrder::Recorded) {
     if (isVerified)
       recorded = instantiate(graph, schedule);
-    schedule =
-        rewriter.rewrite(graph, *trace(), trace()->steps.front(), *stream);
+    schedule = rewriter.rewrite(graph, *trace(), *stream);
   }
   cuda::GraphExec exec = instantiate(graph, schedule);
   // Fused launches have been noted like those that were recorded.
