@@ -197,7 +197,7 @@ class PicQuadrature(Quadrature):
         size = cells.shape[0]
         with extend.unrecorded():
             # Particles outside, whose numbers are no cells, come last.
-            order = find_incidence(cells.reshape((size, 1)), count)
+            order = find_incidence(cells.reshape((size, 1)), count, is_repeated=True)
         self._cell_particle_offsets, items = order.begins, order.positions
         fraction = self.particle_fraction
         grad = self._requires_grad or any(

@@ -66,7 +66,9 @@ def sorted_runs(keys, key_count: int, device) -> tuple:
     return tuple(wp.array(one, dtype=wp.int32, device=device) for one in (begins, places))
 
 
-def find_incidence(table, node_count: int, first: int = 0, count: int | None = None) -> Incidence:
+def find_incidence(
+    table, node_count: int, first: int = 0, count: int | None = None, is_repeated: bool = False
+) -> Incidence:
     """Sorts the positions of a range of elements by node.
 
     Args:
@@ -74,6 +76,7 @@ def find_incidence(table, node_count: int, first: int = 0, count: int | None = N
             `node_count` on.
         node_count: number of nodes.
         first, count: the elements; positions count from the first one.
+        is_repeated: small tables are sorted by kernels, too, as those of moving particles.
     """
     device, width = table.device, table.shape[1]
     count = table.shape[0] - first if count is None else count
@@ -83,7 +86,7 @@ def find_incidence(table, node_count: int, first: int = 0, count: int | None = N
             f"expects fewer than 2^31 nodes of elements, but got {count} x {width}; "
             "integrate over subdomains"
         )
-    if is_small(size, device):
+    if is_small(size, device) and not is_repeated:
         keys = table.numpy()[first : first + count].ravel()
         return Incidence(*sorted_runs(np.where(keys < 0, node_count, keys), node_count, device))
     keys = wp.empty(2 * size, dtype=int, device=device)

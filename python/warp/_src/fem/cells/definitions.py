@@ -59,16 +59,17 @@ def make_layout(element, entities, edge_turns=None, face_turns=None, side_signs=
     edges, faces = counts[1], counts[2]
     if edge_turns is None and edges:
         along = tuple(range(edges))
-        edge_turns = _unsigned((along, along[::-1]))
+        edge_turns = unsigned((along, along[::-1]))
     if face_turns is None and faces:
         is_simplex = element.cell == TET
         face_turns = simplices.face_turns(element.degree) if is_simplex else square_turns(faces)
-        face_turns = _unsigned(face_turns)
+        face_turns = unsigned(face_turns)
     turns = (edge_turns or (), face_turns or ())
     return Layout(tuple(counts), tuple(entities), *turns, tuple(side_signs or ()))
 
 
-def _unsigned(turns):
+def unsigned(turns) -> tuple:
+    """Turns of nodes that keep their sign, by their numbers."""
     return tuple((numbers, (1,) * len(numbers)) for numbers in turns)
 
 

@@ -23,6 +23,7 @@ from warp._src.fem.cells.definitions import (
     lagrange_1d,
     make_layout,
     square_turns,
+    unsigned,
 )
 from warp._src.fem.cells.polynomial import Polynomial, quadrature_1d
 from warp._src.fem.cells.vector_simplices import edge_turns, equal_weights, side_signs, simplex
@@ -121,8 +122,7 @@ def _box_turns(cell, degree, is_curl):
     if cell == SQUARE:
         return {"edge_turns": edges}
     if not is_curl:
-        turns = square_turns(degree**2)
-        return {"face_turns": tuple((numbers, (1,) * len(numbers)) for numbers in turns)}
+        return {"face_turns": unsigned(square_turns(degree**2))}
     faces = tuple(_tangential_turn(degree, order) for order in range(8))
     return {"edge_turns": edges, "face_turns": faces if degree > 1 else None}
 

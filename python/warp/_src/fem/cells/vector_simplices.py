@@ -9,7 +9,7 @@ import numpy as np
 
 from warp._src.fem.cells import simplices
 from warp._src.fem.cells.cell import TRIANGLE
-from warp._src.fem.cells.definitions import Definition, make_layout
+from warp._src.fem.cells.definitions import Definition, make_layout, unsigned
 from warp._src.fem.cells.families import monomials, total_degree
 from warp._src.fem.cells.polynomial import Polynomial, quadrature_1d
 
@@ -145,10 +145,8 @@ def _simplex_turns(cell, degree, is_curl):
             return {"edge_turns": edges}
         turns = simplices.face_turns(degree + 1)
         both = [[2 * number + c for number in numbers for c in (0, 1)] for numbers in turns]
-        faces = tuple((tuple(numbers), (1,) * len(numbers)) for numbers in both)
-        return {"edge_turns": edges, "face_turns": faces}
-    turns = simplices.face_turns(degree + 2)
-    return {"face_turns": tuple((numbers, (1,) * len(numbers)) for numbers in turns)}
+        return {"edge_turns": edges, "face_turns": unsigned(map(tuple, both))}
+    return {"face_turns": unsigned(simplices.face_turns(degree + 2))}
 
 
 def equal_weights(element, entities):

@@ -51,6 +51,7 @@ def scaled(basis: Any, dof: Any):
     return basis * dof
 
 
+@functools.cache
 def gradient_product_function(values):
     """A function of (gradient of a basis function, degree of freedom): their product."""
     if values.map == "identity" and extend.type_is_matrix(values.dof):

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from warp import extend
-from warp._src.fem.forms.terms import MOST_LOCAL, components, dof_count, fits_thread
+from warp._src.fem.forms.terms import (
+    MOST_LOCAL,
+    components,
+    dof_count,
+    fits_thread,
+    term_functions,
+)
 
 # Numbers of a thread for coefficients at all points.
 MOST_KEPT = 4096
@@ -70,7 +76,7 @@ def stored_vector_text(plan) -> str | None:
 def linear_text(plan) -> str:
     """Text of the kernel of element vectors."""
     test = plan.test
-    terms = plan.terms(test)
+    terms = term_functions(test.nodes.values)
     plan.names |= {"test_value": terms.value, "test_gradient": terms.gradient}
     stored = stored_vector_text(plan)
     if stored is not None:

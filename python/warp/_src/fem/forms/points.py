@@ -15,6 +15,12 @@ import warp as wp
 from warp import extend
 from warp._src.fem.assembly.gather import with_scalar
 from warp._src.fem.fields.base import MARK
+from warp._src.fem.fields.nodes import (
+    dof_function,
+    gradient_product_function,
+    locations,
+    scaled,
+)
 from warp._src.fem.forms import facts
 from warp._src.fem.forms.basis import table_type, table_value
 from warp._src.fem.forms.descriptions import DomainDescription
@@ -24,8 +30,6 @@ from warp._src.fem.forms.terms import (
     components,
     dof_count,
     fits_thread,
-    point_functions,
-    term_functions,
 )
 from warp._src.fem.kept import function_of_text
 from warp._src.fem.types import sample_type
@@ -300,8 +304,6 @@ class PointsPlan:
 
     def _gather(self, lines):
         """Reads degrees of freedom of discrete fields into memory of the thread."""
-        from warp._src.fem.fields.nodes import dof_function, locations
-
         for name, role in self.discrete.items():
             if not role.used:
                 continue
@@ -338,9 +340,8 @@ class PointsPlan:
         """Sums the slots of discrete fields at the point."""
         tuples = []
         for name, role in self.discrete.items():
-            functions = point_functions(role.nodes.values)
-            self.names[f"of_value_{name}"] = functions.value
-            self.names[f"of_gradient_{name}"] = functions.gradient
+            self.names[f"of_value_{name}"] = scaled
+            self.names[f"of_gradient_{name}"] = gradient_product_function(role.nodes.values)
             self._slots(role)
             used = dict(role.used_slots)
             if used and self.lines_of(role.role) is not None:
@@ -572,10 +573,6 @@ class PointsPlan:
                 self.tensors, dtype=self.record.scalar, device=device
             )
         return [self._on_device[device]]
-
-    def terms(self, role):
-        """Functions of products of the role's basis functions with coefficients."""
-        return term_functions(role.nodes.values)
 
 
 def encoded_type(dtype) -> tuple | None:

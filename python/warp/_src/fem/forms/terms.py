@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 from warp import extend
-from warp._src.fem.fields.nodes import gradient_product_function, scaled
+from warp._src.fem.fields.nodes import scaled
 
 # Most numbers of an array in the memory of a thread.
 MOST_LOCAL = 1024
@@ -70,9 +70,3 @@ def term_functions(values) -> SimpleNamespace:
         return SimpleNamespace(value=scaled, gradient=of_matrix)
     gradient = _times if extend.type_is_vector(values.dof) else _dot
     return SimpleNamespace(value=scaled, gradient=gradient)
-
-
-@functools.cache
-def point_functions(values) -> SimpleNamespace:
-    """Functions of (basis function, degree of freedom): their product, of value and gradient."""
-    return SimpleNamespace(value=scaled, gradient=gradient_product_function(values))

@@ -27,7 +27,7 @@ def per_device(method):
     @functools.wraps(method)
     def kept(self, device=None):
         device = wp.get_device(device)
-        if not getattr(self, "_keeps_arguments", True):
+        if not self._keeps_arguments:
             return method(self, device)
         values = self.__dict__.setdefault("_per_device", PerDevice())
         key = (method.__name__, device.alias)
@@ -87,6 +87,8 @@ class RecordFunctions:
     """Base of objects whose functions of kernels are attributes: those of their `record`."""
 
     record: typing.Any
+    # Arguments of kernels are kept per device until they are forgotten.
+    _keeps_arguments = True
 
     def __str__(self) -> str:
         return self.name

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from warp import extend
 from warp._src.fem.geometry.derived import of_gradient
-from warp._src.fem.geometry.shapes import DIMENSIONS
+from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of
 from warp._src.fem.types import coords_type, make_free_sample
 
 _WORDS = {
@@ -78,9 +78,7 @@ def _sample_points(cell: str) -> np.ndarray:
         points = np.vstack((corners, pairs, [corners.mean(axis=0)]))
     else:
         points = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=k)))
-    if cell == "triangle":
-        return np.column_stack((1.0 - points.sum(axis=1), points))
-    return np.pad(points, ((0, 0), (0, 3 - k)))
+    return cell_of(cell).coords(points)
 
 
 # Products of differences are exact to a few units in the last place.

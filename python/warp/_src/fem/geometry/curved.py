@@ -3,18 +3,11 @@
 from types import SimpleNamespace
 
 import warp as wp
-from warp._src.fem.geometry.shapes import DIMENSIONS
+from warp._src.fem.geometry.shapes import DIMENSIONS, cell_of
 from warp._src.fem.types import coords_type, make_free_sample
 
 _STEPS, _PROJECTED_STEPS = 32, 64
 _EPSILON = {wp.float32: 2.0**-23, wp.float64: 2.0**-52}
-_CENTERS = {
-    "line": (0.5, 0.0, 0.0),
-    "triangle": (1 / 3, 1 / 3, 1 / 3),
-    "square": (0.5, 0.5, 0.0),
-    "tet": (0.25, 0.25, 0.25),
-    "cube": (0.5, 0.5, 0.5),
-}
 
 
 def parameter_functions(cell: str, real) -> SimpleNamespace:
@@ -82,7 +75,7 @@ def curved_functions(Arg, position, gradient, inverse, cell: str, d: int, real):
     vector, Coords = wp.types.vector(d, real), coords_type(real)
     of = parameter_functions(cell, real)
     to_params, to_coords, slack, project = of.to_params, of.to_coords, of.slack, of.project
-    center = Coords(*_CENTERS[cell])
+    center = Coords(*cell_of(cell).center)
     tolerance = real(4.0 * _EPSILON[real])
     is_curve = DIMENSIONS[cell] == 1
     one, half = real(1.0), real(0.5)

@@ -15,13 +15,6 @@ from warp._src.fem.geometry.shapes import DIMENSIONS, SIDES, cell_of
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import Vectors, coords_type, make_free_sample, sample_type
 
-# Corners of sides: their differences are the axes of parameters.
-_CORNERS = {
-    "line": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
-    "triangle": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
-    "square": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-}
-
 
 def deformed_functions(record) -> SimpleNamespace:
     """The functions of kernels of a deformed geometry."""
@@ -123,7 +116,10 @@ def _add_sides(f, record) -> None:
     """Adds positions of sides by those of the inner cell."""
     real, cell = record.scalar, record.cell
     SideArg, Sample, Coords = f.SideArg, sample_type(real), coords_type(real)
-    corners = [Coords(*corner) for corner in _CORNERS[SIDES[cell]]]
+    side = cell_of(SIDES[cell])
+    # Points of a side whose differences are the axes of parameters.
+    ends = np.vstack((np.zeros(side.dimension), np.eye(side.dimension)))
+    corners = [Coords(*corner) for corner in side.coords(ends)]
     a, b, c = corners[0], corners[1], corners[-1]
     is_curve, shift = len(corners) == 2, 1 if cell == "triangle" else 0
     k = DIMENSIONS[cell]

@@ -3,7 +3,7 @@
 from typing import Any
 
 import warp as wp
-from warp._src.fem.geometry.shapes import DIMENSIONS, MEASURES, SIDES
+from warp._src.fem.geometry.shapes import DIMENSIONS, SIDES, cell_of
 from warp._src.fem.kept import Functions
 from warp._src.fem.types import make_free_sample, sample_type
 
@@ -107,7 +107,7 @@ def _add_of_element(f: Functions, kind, Arg, Sample, cell: str, dimension: int, 
     """Adds measure, normal and inverse gradient of cells or of sides."""
     gradient = getattr(f, f"{kind}_deformation_gradient")
     stretch_of, normal_of, inverse_of = of_gradient(DIMENSIONS[cell], dimension)
-    reference_measure = real(MEASURES[cell])
+    reference_measure = real(cell_of(cell).measure)
 
     @wp.func
     def measure(arg: Arg, s: Sample):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 SIDES = {"line": "point", "triangle": "line", "square": "line", "tet": "triangle", "cube": "square"}
-MEASURES = {"point": 1.0, "line": 1.0, "triangle": 0.5, "square": 1.0, "tet": 1 / 6, "cube": 1.0}
 DIMENSIONS = {"point": 0, "line": 1, "triangle": 2, "square": 2, "tet": 3, "cube": 3}
 VERTICES = {"point": 1, "line": 2, "triangle": 3, "square": 4, "tet": 4, "cube": 8}
 

@@ -46,6 +46,8 @@ class SpacePartitionRecord(Record):
 class SpacePartition:
     """Some nodes of a space, with numbers of their own."""
 
+    _keeps_arguments = True
+
     def __init__(self, space_topology, geo_partition, is_whole=False):
         self.space_topology, self.geo_partition = space_topology, geo_partition
         self.record = SpacePartitionRecord(is_whole)
