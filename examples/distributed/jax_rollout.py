@@ -47,7 +47,11 @@ def main():
         (total,) = roll_out(x, v, shared[:, 0], shared[:, 1])
         return jax.lax.pmean(jnp.mean(total), "worlds")
 
-    split = jax.shard_map(cost, mesh=mesh, in_specs=(P(), P("worlds"), P("worlds")), out_specs=P())
+    shard_map = getattr(jax, "shard_map", None)
+    if shard_map is None:
+        # JAX 0.6.0, the oldest that is supported.
+        from jax.experimental.shard_map import shard_map
+    split = shard_map(cost, mesh=mesh, in_specs=(P(), P("worlds"), P("worlds")), out_specs=P())
     step = jax.jit(jax.value_and_grad(split))
     rng = np.random.default_rng(0)
     x, v = (jnp.asarray(rng.standard_normal(options.worlds), jnp.float32) for _ in range(2))

@@ -13,7 +13,7 @@ PASSING = (
     *("linear_operations", "extrema_and_products", "derivatives_along_directions"),
     *("second_derivatives", "tangents_on_tapes", "points_in_forward_mode"),
     *("products_in_forward_mode", "disagreement_in_forward_mode", "many_fields_on_a_tape"),
-    *("graph_operations", "bad_graphs"),
+    *("graph_operations", "bad_graphs", "block_systems"),
     *("checkpoints", "shared_memory", "warm_and_progress"),
     *("migration_adjoint", "bad_particles", "fixed_adjoints", "bad_fixed_particles"),
 )

@@ -15,8 +15,7 @@ grad beside integers|kernel, P()|callable, P()|grad, P()""".replace("\n", "|").s
 
 @pytest.fixture(scope="module")
 def outcomes():
-    if not hasattr(pytest.importorskip("jax"), "shard_map"):
-        pytest.skip("JAX without jax.shard_map")
+    pytest.importorskip("jax")
     program = Path(__file__).with_name("jax_shard_cases.py")
     done = subprocess.run(
         [sys.executable, program], capture_output=True, text=True, check=False, timeout=300
@@ -28,6 +27,8 @@ def outcomes():
 @pytest.mark.parametrize("name", NAMES)
 def test_case(outcomes, name):
     """Results vary over the axes of the mesh that the inputs vary over, and JAX knows it."""
+    if outcomes[name] == "plain JAX fails":
+        pytest.skip("this JAX has no derivatives of sums inside of shard_map")
     assert outcomes[name] == "right"
 
 

@@ -15,6 +15,7 @@ from warp._src.distributed.plans import run_or_record
 from warp._src.distributed.reductions import is_exact
 from warp._src.optim.linear import operators
 from warp._src.optim.linear.dots import Dots
+from warp._src.types import dtypes
 from warp.sparse import bsr_from_triplets
 from warp.sparse import bsr_mv as multiply
 
@@ -223,7 +224,9 @@ def _as(vector, kind):
     """A packed vector as one of another element type of the same numbers."""
     if vector.dtype is kind:
         return vector
-    return operators.numbers(vector).view(kind).flatten()
+    packed = operators.numbers(vector)
+    size = dtypes.type_size_in_bytes(kind)
+    return packed._view(0, (packed.size * packed.item_size // size,), (size,), kind)
 
 
 def bsr_mv(A, x, y=None, alpha=1.0, beta=0.0):

@@ -7,6 +7,9 @@ into calls of native functions. A result varies over each axis that any input va
 
 from __future__ import annotations
 
+import functools
+import inspect
+
 
 def varying(jax, buffers) -> frozenset:
     """The axes of meshes that any of the arrays varies over."""
@@ -41,6 +44,13 @@ def _vary(jax, value, axes):
     return jax.lax.pvary(value, names)
 
 
+@functools.cache
+def _describes_axes(jax) -> bool:
+    """True if the type of a result can say over which axes it varies; in JAX 0.6.0 it cannot."""
+    known = inspect.signature(jax.ShapeDtypeStruct).parameters
+    return "vma" in known or "manual_axis_type" in known
+
+
 def describe(jax, shape, dtype, like):
     """The shape and type of a call's result for JAX.
 
@@ -48,7 +58,7 @@ def describe(jax, shape, dtype, like):
         like: the inputs of the call.
     """
     axes = varying(jax, like)
-    if not axes:
+    if not axes or not _describes_axes(jax):
         return jax.ShapeDtypeStruct(shape, dtype)
     manual = getattr(_type_of(jax, like[0]), "manual_axis_type", None)
     options = {"vma": axes} if manual is None else {"manual_axis_type": type(manual)(varying=axes)}

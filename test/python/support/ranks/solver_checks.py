@@ -118,6 +118,41 @@ def polynomials(comm):
         wp.config.deterministic = before
 
 
+def block_systems(comm):
+    """Matrices of blocks, some of them in pieces: diagonal, rows and solutions against NumPy."""
+    n, rng = 4 * comm.size + 1, np.random.default_rng(5)
+    every = np.arange(n)
+    rows = np.r_[every, every[:-1], every[1:], 0, 0]
+    columns = np.r_[every, every[1:], every[:-1], 0, 0]
+    beside = 0.2 * rng.random((n - 1, 3, 3))
+    own = np.repeat((3 * np.eye(3) + 0.1)[None], n, 0)
+    blocks = np.concatenate(
+        [own, -beside, -beside.transpose(0, 2, 1), np.repeat(np.eye(3)[None], 2, 0)]
+    )
+    whole = np.zeros((n, 3, n, 3))
+    for i, j, block in zip(rows, columns, blocks, strict=True):
+        whole[i, :, j, :] += block
+    dense = whole.reshape(3 * n, 3 * n)
+    right = rng.random((n, 3))
+    solution = np.linalg.solve(dense, right.reshape(-1)).reshape(n, 3)
+    for by in ("rows", "metis"):
+        graph = wd.Graph(rows, columns, by=by, comm=comm)
+        A = wd.Matrix(graph, rows, columns, blocks, dtype=wp.mat33d)
+        mine = graph.numbers[graph.first :][: graph.owned]
+        assert np.allclose(A.diagonal().numpy(), np.diag(dense).reshape(n, 3)[mine].reshape(-1))
+        offsets, places, values = A.csr()
+        found = np.zeros((graph.owned, 3, n, 3))
+        for row in range(graph.owned):
+            part = slice(offsets[row], offsets[row + 1])
+            found[row][:, graph.numbers[places[part]]] += values[part].transpose(1, 0, 2)
+        assert np.allclose(found, whole[mine])
+        b, operator = wp.array(right[mine], dtype=wp.vec3d), wd.LinearOperator(A)
+        for kind in ("diag", "chebyshev"):
+            x = wp.zeros_like(b)
+            cg(operator, b, x, M=preconditioner(operator, kind), tol=1e-11)
+            assert np.abs(x.numpy() - solution[mine]).max() < 1e-8, (by, kind)
+
+
 def stiff_system():
     """A Laplacian whose coefficients lie between 1e-4 and 1e4, of condition 1e8 and more."""
     rows, columns, _, right = poisson((8, 6))
@@ -265,6 +300,7 @@ CHECKS = [
     products_and_solvers,
     fused_solver,
     polynomials,
+    block_systems,
     matrix_free,
     bad_graphs,
 ]
