@@ -3,8 +3,8 @@
 It is for code of warps, which no machine without a GPU runs; block_emulator.py runs the IR of tiles
 in any order of threads. Warps run in lockstep: of the threads that have not ended or come to a
 barrier, those at the least instruction go on together, so branches meet again where they end. An
-instruction or an operand that is not known is an error, and so is a shuffle or a vote of a warp that
-is not together.
+instruction or an operand that is not known is an error, and so is a shuffle or a vote of a warp
+that is not together.
 """
 
 import re
