@@ -21,9 +21,6 @@ namespace warp {
 class GraphFuser {
 public:
   GraphFuser(std::vector<NodeRecord> &records, const GraphSchedule &schedule);
-  /// Finds the groups, whose code `prepareCode` may make ahead of `run`, that
-  /// of several graphs at a time.
-  std::vector<FusionPlan> findGroups();
   FusedNodes run(bool joinsFills);
 
 private:

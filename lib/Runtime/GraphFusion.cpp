@@ -227,7 +227,7 @@ std::vector<int> GraphFuser::orderOfGroups() const {
   return order;
 }
 
-std::vector<FusionPlan> GraphFuser::findGroups() {
+FusedNodes GraphFuser::run(bool joinsFills) {
   for (size_t i = 0; i < records.size() && fusesLaunches(); ++i)
     if (records[i].launch)
       join(int(i));
@@ -235,10 +235,7 @@ std::vector<FusionPlan> GraphFuser::findGroups() {
   for (size_t group = 0; group < groups.size(); ++group)
     if (groups[group].nodes.size() > 1)
       plans.push_back(planOf(int(group)));
-  return plans;
-}
-
-FusedNodes GraphFuser::run(bool joinsFills) {
+  prepareCode(plans);
   std::map<int, FusedLaunch> made;
   for (size_t group = 0; group < groups.size(); ++group)
     if (FusedLaunch fused = fuseGroup(int(group)); fused.kernel)
@@ -266,10 +263,8 @@ FusedNodes GraphFuser::run(bool joinsFills) {
 }
 
 FusedNodes warp::fuseLaunches(std::vector<NodeRecord> &records,
-                              const GraphSchedule &schedule) {
-  GraphFuser fuser(records, schedule);
-  prepareCode(fuser.findGroups());
-  return fuser.run(/*joinsFills=*/false);
+                              const GraphSchedule &schedule, bool joinsFills) {
+  return GraphFuser(records, schedule).run(joinsFills);
 }
 
 std::vector<std::vector<int>> warp::chainOf(size_t count) {

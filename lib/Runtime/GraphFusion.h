@@ -37,9 +37,10 @@ struct FusedNodes {
 };
 
 /// Fuses launches of nodes that were recorded in a chain. Says in `records` of
-/// each launch why it is not fused with another one.
+/// each launch why it is not fused with another one. With `joinsFills`, fills
+/// become one node where that delays nothing.
 FusedNodes fuseLaunches(std::vector<NodeRecord> &records,
-                        const GraphSchedule &schedule);
+                        const GraphSchedule &schedule, bool joinsFills = false);
 
 /// Edges from each node to the next.
 std::vector<std::vector<int>> chainOf(size_t count);

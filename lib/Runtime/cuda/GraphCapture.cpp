@@ -138,7 +138,8 @@ std::shared_ptr<Graph> CudaCapture::end() {
   } else if (order != NodeOrder::Recorded) {
     if (isVerified)
       recorded = instantiate(graph, schedule);
-    schedule = rewriter.rewrite(graph, *trace(), *stream);
+    schedule =
+        rewriter.rewrite(graph, *trace(), trace()->steps.front(), *stream);
   }
   cuda::GraphExec exec = instantiate(graph, schedule);
   // Fused launches have been noted like those that were recorded.

@@ -196,7 +196,10 @@ void CudaCapture::endBody() {
   cuda::ContextScope scope(device());
   if (order == NodeOrder::Dependencies && fusesLaunches())
     peelTurn(outer);
-  rewriter.addBody(outer.node, outer.body, outer.step.first);
+  if (order != NodeOrder::Recorded)
+    rewriter.addBody(
+        outer.node,
+        rewriter.rewrite(outer.body, *trace(), trace()->steps.back(), *stream));
   WARP_CUDA_GRAPH(beginCaptureTo, raw(), outer.graph, &outer.node, nullptr, 1,
                   mode);
   paused.pop_back();

@@ -103,86 +103,47 @@ std::shared_ptr<const GraphSchedule> cuda::keptSchedule(std::string why) {
   return schedule;
 }
 
-GraphRewriter::Part GraphRewriter::prepare(GraphNode node, GraphHandle graph,
-                                           const GraphTrace &trace,
-                                           const std::vector<GraphStep> &steps,
-                                           std::vector<FusionPlan> &plans) {
-  Part part;
-  part.node = node;
-  part.graph = graph;
+std::shared_ptr<const GraphSchedule>
+GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
+                       const std::vector<GraphStep> &steps, Stream &stream) {
   const GraphDriver &driver = graphDriver();
   if (!driver.allEdges || !driver.addEdges || !driver.removeEdges ||
       !driver.nodeType || !driver.captureInfo)
-    part.kept = "the CUDA driver is older than 12.3";
-  else if (nodesOf(graph).size() > mostNodes)
-    part.kept = "it has more than " + std::to_string(mostNodes) + " nodes";
-  if (!part.kept.empty())
-    return part;
-  part.groups = std::make_unique<NodeGroups>(graph, trace, steps);
-  NodeGroups &groups = *part.groups;
-  if (!groups.areOrdered()) {
-    part.kept = "calls of several threads are mixed in it";
-    return part;
-  }
+    return keptSchedule("the CUDA driver is older than 12.3");
+  if (nodesOf(graph).size() > mostNodes)
+    return keptSchedule("it has more than " + std::to_string(mostNodes) +
+                        " nodes");
+  NodeGroups groups(graph, trace, steps);
+  if (!groups.areOrdered())
+    return keptSchedule("calls of several threads are mixed in it");
+  std::shared_ptr<GraphSchedule> schedule;
+  size_t recordedEdges = 0;
   for (const std::vector<int> &list : groups.before)
-    part.recordedEdges += list.size();
-  if (!driver.destroyNode || !driver.beginCaptureTo || !groups.isChain())
-    return part;
-  groups.keepApart();
-  part.fuser = std::make_unique<GraphFuser>(
-      groups.records, *makeSchedule(groups.records, groups.before, {}));
-  for (FusionPlan &plan : part.fuser->findGroups())
-    plans.push_back(std::move(plan));
-  return part;
-}
-
-std::shared_ptr<const GraphSchedule> GraphRewriter::finish(Part &part,
-                                                           Stream &stream) {
-  if (!part.kept.empty())
-    return keptSchedule(part.kept);
-  NodeGroups &groups = *part.groups;
-  if (part.fuser) {
-    FusedNodes fused = part.fuser->run(/*joinsFills=*/true);
+    recordedEdges += list.size();
+  if (driver.destroyNode && driver.beginCaptureTo && groups.isChain()) {
+    groups.keepApart();
+    FusedNodes fused = fuseLaunches(
+        groups.records, *makeSchedule(groups.records, groups.before, {}),
+        /*joinsFills=*/true);
     std::vector<std::shared_ptr<Kernel>> made;
     for (const auto &[number, launch] : fused.launches)
       made.push_back(launch.kernel);
     bool changes = !made.empty() || !fused.fills.empty();
-    if (changes && groups.fuse(part.graph, std::move(fused), device, stream)) {
+    if (changes && groups.fuse(graph, std::move(fused), device, stream)) {
       kernels.insert(kernels.end(), made.begin(), made.end());
       hasFused = true;
     }
   }
-  std::shared_ptr<GraphSchedule> schedule =
-      makeSchedule(groups.records, groups.before, capacityOf(device));
-  schedule->recordedEdges = part.recordedEdges;
+  schedule = makeSchedule(groups.records, groups.before, capacityOf(device));
+  schedule->recordedEdges = recordedEdges;
   for (size_t i = 0; i < schedule->nodes.size(); ++i)
     if (auto body = bodies.find(groups.only(i)); body != bodies.end())
       schedule->nodes[i].body = body->second;
-  Change change{part.graph, {}, {}};
+  Change change{graph, {}, {}};
   groups.exchange(*schedule, change.removed, change.added);
   if (change.removed.empty() && change.added.empty())
     return schedule;
   apply(change);
   changes.push_back(std::move(change));
-  return schedule;
-}
-
-std::shared_ptr<const GraphSchedule>
-GraphRewriter::rewrite(GraphHandle graph, const GraphTrace &trace,
-                       Stream &stream) {
-  std::vector<Part> parts;
-  std::vector<FusionPlan> plans;
-  for (const Body &body : captured)
-    parts.push_back(prepare(body.node, body.graph, trace,
-                            trace.bodies.at(body.begin), plans));
-  parts.push_back(prepare(nullptr, graph, trace, trace.steps.front(), plans));
-  // The code of all of them at a time.
-  prepareCode(plans);
-  std::shared_ptr<const GraphSchedule> schedule;
-  for (Part &part : parts) {
-    schedule = finish(part, stream);
-    if (part.node)
-      bodies[part.node] = schedule;
-  }
   return schedule;
 }
