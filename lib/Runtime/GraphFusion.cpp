@@ -112,7 +112,6 @@ void GraphFuser::merge(const std::vector<int> &nodes,
                            part.accesses.end());
     record.threads = std::max(record.threads, part.threads);
     record.bytes += part.bytes;
-    record.cost += part.cost;
   }
 }
 

@@ -84,8 +84,6 @@ void Recorder::addGradient(const Access &access, const ArrayDescriptor &array,
 void Recorder::addLaunch(const GraphOperation &operation) {
   Kernel &kernel = *operation.kernel;
   record.threads += operation.plan.items;
-  if (operation.plan.variant)
-    record.cost += operation.plan.variant->code.schedule.cost;
   if (Kernel::reports(operation.plan))
     return close("it reports failed checks");
   const RegionFormula &formula = kernel.regionFormula();

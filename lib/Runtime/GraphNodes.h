@@ -42,8 +42,6 @@ struct NodeRecord {
   bool isOwn = true;
   /// Threads of all launches; bytes of all regions.
   int64_t threads = 0, bytes = 0;
-  /// Operations of a thread, in all launches.
-  double cost = 0;
   /// The only operation, if that is a launch.
   const GraphOperation *launch = nullptr;
   /// The same of a fill of memory without gaps.

@@ -231,7 +231,6 @@ warp::makeSchedule(const std::vector<NodeRecord> &records,
   auto schedule = std::make_shared<GraphSchedule>();
   std::vector<std::vector<Edge>> edges =
       orderNodes(records, recorded, capacity);
-  limitForks(records, capacity, edges);
   std::vector<bool> continued(records.size());
   for (size_t i = 0; i < records.size(); ++i) {
     GraphSchedule::Node &node = schedule->nodes.emplace_back();

@@ -20,8 +20,8 @@ struct GraphCapacity {
   /// A launch of so many threads, or a copy or fill of so many bytes, leaves no
   /// room for another one of the kind.
   int64_t threads = INT64_MAX, bytes = INT64_MAX;
-  /// Branches that run at a time, and those that begin behind one node.
-  size_t branches = SIZE_MAX, forks = SIZE_MAX;
+  /// Branches that run at a time.
+  size_t branches = SIZE_MAX;
 };
 
 /// The nodes that each comes behind, the last ones first: those with whose
@@ -32,13 +32,6 @@ std::vector<std::vector<GraphSchedule::Edge>>
 orderNodes(const std::vector<NodeRecord> &records,
            const std::vector<std::vector<int>> &recorded,
            const GraphCapacity &capacity);
-
-/// Puts nodes behind each other that come behind one other node alone, where
-/// more branches than the device begins at a time would begin there: short ones
-/// that are not on the longest path, nor will be.
-void limitForks(const std::vector<NodeRecord> &records,
-                const GraphCapacity &capacity,
-                std::vector<std::vector<GraphSchedule::Edge>> &edges);
 
 /// The schedule of such nodes, with branches.
 std::shared_ptr<GraphSchedule>

@@ -190,66 +190,6 @@ TEST(GraphOrder, LimitsBranches) {
   }
 }
 
-// Short nodes behind one other come one behind another where more branches than
-// the device begins at a time would begin there, unless the longest path would
-// become longer; no order is lost, and no cycle comes about.
-TEST(GraphOrder, LimitsForks) {
-  GraphCapacity capacity;
-  capacity.threads = 1000;
-  capacity.forks = 2;
-  // 0 -> 1 -> 5 -> 6 -> 7 is the longest path; 2, 3 and 4 lead to 7.
-  auto make = [] {
-    std::vector<std::vector<GraphSchedule::Edge>> edges(8);
-    for (int node : {1, 2, 3, 4})
-      edges[node] = {{0, ""}};
-    edges[5] = {{1, ""}};
-    edges[6] = {{5, ""}};
-    edges[7] = {{6, ""}, {4, ""}, {3, ""}, {2, ""}};
-    return edges;
-  };
-  std::vector<NodeRecord> records(8);
-  auto edges = make();
-  limitForks(records, {}, edges);
-  EXPECT_EQ(listsOf(edges), listsOf(make()));
-  limitForks(records, capacity, edges);
-  EXPECT_EQ(listsOf(edges)[1], std::vector<int>{0});
-  EXPECT_EQ(listsOf(edges)[2], std::vector<int>{0});
-  EXPECT_EQ(listsOf(edges)[3], std::vector<int>{2});
-  // It has slack for one node in front of it.
-  EXPECT_EQ(listsOf(edges)[4], std::vector<int>{0});
-  // Nothing waits for long nodes, nor those of others for anything.
-  for (auto change : {+[](NodeRecord &record) { record.threads = 1000; },
-                      +[](NodeRecord &record) { record.cost = 1e6; },
-                      +[](NodeRecord &record) { record.bytes = 1 << 30; },
-                      +[](NodeRecord &record) { record.isOwn = false; }}) {
-    records = std::vector<NodeRecord>(8);
-    change(records[2]);
-    edges = make();
-    limitForks(records, capacity, edges);
-    EXPECT_EQ(listsOf(edges)[2], std::vector<int>{0});
-    EXPECT_EQ(listsOf(edges)[3], std::vector<int>{0});
-    EXPECT_EQ(listsOf(edges)[4], std::vector<int>{3});
-  }
-  for (int round = 0; round < 300; ++round) {
-    Random random(round + 1);
-    int count = 4 + below(random, 30);
-    records.clear();
-    for (int i = 0; i < count; ++i)
-      records.push_back(makeRecord(random));
-    edges = orderNodes(records, makeStreams(random, count), {});
-    Closure before = closureOf(listsOf(edges));
-    limitForks(records, capacity, edges);
-    Lists lists = listsOf(edges);
-    Closure after = closureOf(lists);
-    for (int node = 0; node < count; ++node) {
-      for (int from : before[node])
-        ASSERT_TRUE(after[node].count(from)) << from << " -> " << node;
-      for (int from : lists[node])
-        ASSERT_LT(from, node);
-    }
-  }
-}
-
 // The faster way is chosen by pairs of times, and again when others come or go;
 // a few disturbed times, or a gain that is noise, choose nothing.
 TEST(BranchTrial, ChoosesTheFasterWay) {

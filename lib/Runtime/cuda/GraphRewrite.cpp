@@ -21,9 +21,6 @@ using namespace warp::cuda;
 static constexpr int64_t manyBytes = int64_t(4) << 20;
 /// More branches cost more to start than they save.
 static constexpr size_t mostBranches = 16;
-/// A node starts its followers on other branches one by one before it goes on
-/// with its own: some microsecond each.
-static constexpr size_t mostForks = 3;
 /// Larger graphs keep the order of their recording: sets of nodes would take
 /// too much memory.
 static constexpr size_t mostNodes = 8000;
@@ -93,7 +90,6 @@ static GraphCapacity capacityOf(int device) {
     capacity.threads = int64_t(threads) * deviceInfo(device).smCount;
   capacity.bytes = manyBytes;
   capacity.branches = mostBranches;
-  capacity.forks = mostForks;
   return capacity;
 }
 
