@@ -43,8 +43,6 @@ struct GraphStep {
   size_t first = 0, last = 0;
   /// The nodes that its stream came behind before the call, and after it.
   std::vector<NodeId> before, after;
-  /// A loop whose first turn is in front of it.
-  bool isPeeled = false;
 };
 
 struct GraphOperation {

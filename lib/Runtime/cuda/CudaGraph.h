@@ -98,7 +98,6 @@ private:
   cuda::GraphExec instantiate(GraphHandle graph,
                               std::shared_ptr<const GraphSchedule> &schedule);
   void setCondition(Condition condition, const int32_t *value, bool negated);
-  void peelTurn(Paused &outer);
 
   std::shared_ptr<Stream> stream;
   int mode;

@@ -64,7 +64,7 @@ GraphNode cuda::addConditional(int device, GraphHandle graph,
   return node;
 }
 
-Conditional cuda::conditionalOf(GraphNode node) {
+static Conditional conditionalOf(GraphNode node) {
   std::lock_guard lock(conditionals().mutex);
   auto entry = conditionals().known.find(node);
   if (entry == conditionals().known.end())
@@ -73,6 +73,8 @@ Conditional cuda::conditionalOf(GraphNode node) {
                 "a graph");
   return entry->second;
 }
+
+GraphHandle cuda::bodyOf(GraphNode node) { return conditionalOf(node).body; }
 
 /// All nodes that a function of the driver gives, which says first how many.
 template <typename Query> static std::vector<GraphNode> allNodes(Query query) {
@@ -146,11 +148,6 @@ public:
 
   std::vector<GraphNode> clone(GraphHandle source, GraphHandle target,
                                const std::vector<GraphNode> &after);
-  /// Copies set a handle of the target.
-  void keep(ConditionHandle handle) { handles[handle] = handle; }
-
-  /// The copy of each node.
-  std::map<GraphNode, GraphNode> copies;
 
 private:
   GraphNode copy(GraphNode node, GraphHandle target,
@@ -268,6 +265,7 @@ GraphNode Cloner::copy(GraphNode node, GraphHandle target,
 std::vector<GraphNode> Cloner::clone(GraphHandle source, GraphHandle target,
                                      const std::vector<GraphNode> &after) {
   std::vector<GraphNode> left = nodesOf(source), leaves;
+  std::map<GraphNode, GraphNode> copies;
   // Nodes come in no particular order; each round adds those whose
   // predecessors are there.
   while (!left.empty()) {
@@ -292,29 +290,16 @@ std::vector<GraphNode> Cloner::clone(GraphHandle source, GraphHandle target,
   return leaves.empty() ? after : leaves;
 }
 
-bool cuda::canCopyNodes() {
-  const GraphDriver &driver = graphDriver();
-  return driver.nodeType && driver.nodeDependencies && driver.kernelParams &&
-         driver.addKernel && driver.copyAttributes && driver.copyParams &&
-         driver.addCopy && driver.fillParams && driver.addFill &&
-         driver.childGraph && driver.addEmpty;
-}
-
 std::vector<GraphNode> cuda::cloneNodes(int device, GraphHandle source,
                                         GraphHandle target,
                                         const std::vector<GraphNode> &after,
                                         Function setter) {
-  if (!canCopyNodes())
+  const GraphDriver &driver = graphDriver();
+  if (!driver.nodeType || !driver.nodeDependencies || !driver.kernelParams ||
+      !driver.addKernel || !driver.copyAttributes || !driver.copyParams ||
+      !driver.addCopy || !driver.fillParams || !driver.addFill ||
+      !driver.childGraph || !driver.addEmpty)
     throw Error(Error::Kind::Runtime,
                 "the CUDA driver cannot copy graphs with branches");
   return Cloner(device, setter).clone(source, target, after);
-}
-
-std::map<GraphNode, GraphNode>
-cuda::copyBody(int device, const Conditional &conditional, GraphHandle target,
-               const std::vector<GraphNode> &after, Function setter) {
-  Cloner cloner(device, setter);
-  cloner.keep(conditional.handle);
-  cloner.clone(conditional.body, target, after);
-  return std::move(cloner.copies);
 }

@@ -12,7 +12,6 @@
 
 #include "GraphDriver.h"
 
-#include <map>
 #include <vector>
 
 namespace warp::cuda {
@@ -28,6 +27,9 @@ struct Conditional {
 /// remembers what it is as long as a graph has it.
 GraphNode addConditional(int device, GraphHandle graph, const GraphNode *after,
                          size_t count, Conditional &conditional);
+
+/// The body of a conditional node.
+GraphHandle bodyOf(GraphNode node);
 
 /// True if a graph has branches or loops.
 bool hasConditionals(GraphHandle graph);
@@ -48,18 +50,6 @@ std::vector<GraphNode> cloneNodes(int device, GraphHandle source,
                                   GraphHandle target,
                                   const std::vector<GraphNode> &after,
                                   Function setter);
-
-/// Adds copies of the nodes of a body in front of its conditional node, behind
-/// given nodes. They set the handle of that. The copy of each node.
-std::map<GraphNode, GraphNode>
-copyBody(int device, const Conditional &conditional, GraphHandle target,
-         const std::vector<GraphNode> &after, Function setter);
-
-/// The handle and the body of a conditional node.
-Conditional conditionalOf(GraphNode node);
-
-/// True if the driver copies nodes.
-bool canCopyNodes();
 
 } // namespace warp::cuda
 

@@ -9,26 +9,15 @@
 // capture is resumed behind the new node: launches in the body need not know
 // where they go.
 //
-// The first turn of a loop that runs at least once (GraphPeel.cpp) is copied in
-// front of the loop. Its last kernel sets the handle, so that the one which
-// sets it first goes away.
-//
 //===----------------------------------------------------------------------===//
 
 #include "CudaGraph.h"
 #include "Device.h"
-#include "Runtime/GraphPeel.h"
 #include "Runtime/LaunchQueue.h"
-#include "warp/Fusion.h"
 
-#include <algorithm>
 #include <map>
 
 using namespace warp;
-
-/// Nodes of a body that is copied, at most: the start of a longer one takes
-/// little of its time.
-static constexpr size_t mostTurnNodes = 256;
 
 /// Sets a handle to whether an int32 is not zero, or is zero.
 static const char *const conditionCode = R"(
@@ -131,62 +120,6 @@ void CudaCapture::beginBody(Condition condition, bool loop) {
     trace()->beginBody(condition, loop);
 }
 
-/// True if all nodes of a body have copies; branches in it would double with
-/// each body around them.
-static bool mayCopy(GraphHandle body) {
-  if (!cuda::canCopyNodes() || !cuda::graphDriver().addEdges ||
-      !cuda::graphDriver().destroyNode)
-    return false;
-  std::vector<GraphNode> nodes = cuda::nodesOf(body);
-  return nodes.size() <= mostTurnNodes &&
-         std::all_of(nodes.begin(), nodes.end(), [](GraphNode node) {
-           int type = cuda::typeOf(node);
-           return type == cuda::nodeKernel || type == cuda::nodeCopy ||
-                  type == cuda::nodeFill;
-         });
-}
-
-/// Copies the first turn of a loop in front of it, if there surely is one.
-void CudaCapture::peelTurn(Paused &outer) {
-  std::vector<GraphStep> &calls = *(trace()->steps.end() - 2);
-  const std::vector<GraphStep> &turn = trace()->steps.back();
-  cuda::Conditional loop = cuda::conditionalOf(outer.node);
-  if (!loop.loop || calls.empty() || calls.back().after != outer.step.before ||
-      !isTurn(*trace(), turn, calls.back()) || !runsOnce(*trace(), calls) ||
-      !mayCopy(loop.body))
-    return;
-  GraphStep setter = std::move(calls.back());
-  calls.pop_back();
-  auto handles = [](const std::vector<NodeId> &nodes) {
-    std::vector<GraphNode> list;
-    for (NodeId node : nodes)
-      list.push_back(static_cast<GraphNode>(const_cast<void *>(node)));
-    return list;
-  };
-  std::map<GraphNode, GraphNode> copies =
-      cuda::copyBody(device(), loop, outer.graph, handles(setter.before),
-                     cuda::conditionKernel(device()));
-  auto copiesOf = [&](const std::vector<NodeId> &nodes) {
-    std::vector<NodeId> list;
-    for (GraphNode node : handles(nodes))
-      list.push_back(copies.at(node));
-    return list;
-  };
-  for (const GraphStep &call : turn)
-    calls.push_back(
-        {call.first, call.last,
-         call.before.empty() ? setter.before : copiesOf(call.before),
-         copiesOf(call.after)});
-  for (GraphNode node : handles(setter.after))
-    WARP_CUDA_GRAPH(destroyNode, node);
-  outer.step.before = calls.back().after;
-  outer.step.isPeeled = true;
-  for (GraphNode last : handles(outer.step.before)) {
-    cuda::EdgeData data;
-    WARP_CUDA_GRAPH(addEdges, outer.graph, &last, &outer.node, &data, 1);
-  }
-}
-
 void CudaCapture::endBody() {
   if (paused.empty())
     throw captureError(device(), "no body of a graph is open");
@@ -194,8 +127,6 @@ void CudaCapture::endBody() {
   stop();
   Paused outer = std::move(paused.back());
   cuda::ContextScope scope(device());
-  if (order == NodeOrder::Dependencies && fusesLaunches())
-    peelTurn(outer);
   if (order != NodeOrder::Recorded)
     rewriter.addBody(
         outer.node,

@@ -90,8 +90,6 @@ NodeGroups::NodeGroups(GraphHandle graph, const GraphTrace &trace,
       continue;
     }
     records.push_back(recordOf(trace, step.first, step.last));
-    if (step.isPeeled)
-      records.back().name += " (from the second turn)";
     if (!isAlone) {
       records.back().barrier = "it works on several streams";
       records.back().isOwn = false;

@@ -56,7 +56,7 @@ void ProvisionalNodes::exchange(GraphHandle graph, const Functions &functions) {
       break;
     }
     case nodeConditional:
-      exchange(conditionalOf(node).body, functions);
+      exchange(bodyOf(node), functions);
       break;
     case nodeGraph: {
       GraphHandle child = nullptr;
