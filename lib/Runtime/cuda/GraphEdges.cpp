@@ -5,14 +5,14 @@
 // Edges within a group stay; those between groups are replaced by edges of the
 // dependency DAG (GraphOrder.cpp).
 //
-// A kernel that may start while those before it end, and waits for all of them
-// in its first instruction (PTX ISA, griddepcontrol.wait), has such edges from
-// other kernels: these have waited likewise, so all that comes before has
-// ended. That holds for the runtime's own kernels alone. A kernel of another
-// library may end without a wait, and then what comes behind it would not come
-// behind its predecessors; it may also let others start before it has written.
-// Edges from and to such kernels wait for the end, as do those of kernels that
-// stand for fills.
+// A kernel that may start while the one before it ends, and waits for it in its
+// first instruction, keeps such an edge if it is the only one that leads to it:
+// its predecessor has waited likewise, so all that comes before has ended.
+// That holds for the runtime's own kernels alone. A kernel of another library
+// may end without a wait, and then what comes behind it would not come behind
+// its predecessors; it may also let others start before it has written. Edges
+// from and to such kernels wait for the end, as do those of kernels that stand
+// for fills.
 //
 //===----------------------------------------------------------------------===//
 
@@ -76,7 +76,8 @@ void NodeGroups::exchange(const GraphSchedule &schedule,
     std::vector<GraphNode> first = firstOf(group);
     for (const GraphSchedule::Edge &edge : list)
       for (GraphNode to : first) {
-        EdgeData data = dataOf(to, edge.from, group);
+        EdgeData data =
+            list.size() == 1 ? dataOf(to, edge.from, group) : EdgeData();
         for (GraphNode from : lastOf(edge.from))
           wanted.push_back({from, to, data});
       }
