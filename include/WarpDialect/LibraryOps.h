@@ -51,6 +51,9 @@ inline constexpr llvm::StringLiteral threadMemory = "warp_thread_memory";
 /// what a kernel computes must not depend on it.
 inline constexpr llvm::StringLiteral isDifferentiated =
     "warp_is_differentiated";
+/// Nor is this: 1 in code for CPUs, 0 elsewhere. For what is quicker in kernels
+/// there, and in the library on GPUs.
+inline constexpr llvm::StringLiteral isCpu = "warp_is_cpu";
 
 /// Returns null if the library has no function of either form.
 const LibraryFunction *findLibraryFunction(llvm::StringRef symbol);

@@ -17,6 +17,7 @@ using namespace mlir;
 
 static constexpr warp::LibraryFunction functions[] = {
 #include "WarpDialect/LibraryFunctions.inc"
+    {warp::isCpu, "", "i"},
 };
 
 const warp::LibraryFunction *warp::findLibraryFunction(StringRef symbol) {

@@ -236,12 +236,12 @@ template <class Put>
 void findCell(const VolumeSlot &volume, u32 type, Voxel v, Put &&put) {
   u32 shift = numberShift(type), leaves[8];
 #ifndef WARP_GPU
-  // Two of three cells are in one leaf. Threads of a GPU would wait for the
-  // others.
-  const u8 *leaf = crossedBy(v) == 0 ? findLeaf(volume, v) : nullptr;
-  if (leaf) {
-    u64 first = numberAt(volume, {leaf, true}, v);
-    u32 step = volume.valueSize >> shift;
+  // Two of three cells are in one leaf, or in one value of many voxels. Threads
+  // of a GPU would wait for the others.
+  if (crossedBy(v) == 0) {
+    VoxelPlace place = findVoxel(volume, v);
+    u64 first = numberAt(volume, place, v);
+    u32 step = place.isLeaf ? volume.valueSize >> shift : 0;
     for (u32 corner = 0; corner < 8; ++corner)
       put(corner, first + step * ((corner >> 2) * 64 + (corner >> 1 & 1) * 8 +
                                   (corner & 1)));

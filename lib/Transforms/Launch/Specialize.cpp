@@ -14,6 +14,7 @@
 #include "KernelFunction.h"
 #include "Variant.h"
 
+#include "WarpDialect/LibraryOps.h"
 #include "WarpDialect/Registry.h"
 #include "WarpDialect/WarpOps.h"
 
@@ -57,12 +58,26 @@ struct Specialize : warp::impl::SpecializeBase<Specialize> {
         dropDimensions(tid);
       else if (auto update = dyn_cast<warp::AccumulateOp>(op))
         expand(update);
+      else if (auto call = dyn_cast<warp::LibraryCallOp>(op))
+        answer(call, kernel);
       else if (auto assertion = dyn_cast<warp::AssertOp>(op))
         dropUnlessChecked(assertion, variant);
       else if (isa<warp::QuatRotateOp, warp::QuatRotateInvOp>(op) &&
                variant.getDebug() && !kernel->hasAttr(warp::attr::primal))
         expectUnit(op);
     });
+  }
+
+  /// Says for which kind of target the code is, to what asks.
+  static void answer(warp::LibraryCallOp call, Operation *kernel) {
+    if (call.getCallee() != warp::isCpu)
+      return;
+    OpBuilder b(call);
+    Value result = call.getResult(0);
+    bool isCpu = !warp::getTarget(kernel).isSimt();
+    result.replaceAllUsesWith(warp::ConstantOp::create(
+        b, call.getLoc(), b.getIntegerAttr(result.getType(), isCpu)));
+    call->erase();
   }
 
   static void dropUnlessChecked(warp::AssertOp op, warp::VariantAttr variant) {

@@ -12,13 +12,48 @@ from warp._src.kernels.function import Function
 from warp._src.language import namespace as wp
 from warp._src.types.dtypes import type_size, type_size_in_bytes
 from warp._src.types.native import ArrayType
-from warp._src.types.scalars import uint64
+from warp._src.types.scalars import int32, uint32, uint64
 
 _SLOT = WORDS["Volume"]
 _GRID, _TYPE, GRADIENTS = _SLOT["grid"], _SLOT["type"], _SLOT["gradient"]
 _LEAVES, _LEAVES_END = _SLOT["leaves"], _SLOT["leaves_end"]
+# Words of two numbers each: sizes and offsets, then the box of leaves.
+_NUMBERS, _BOX, _OFFSETS = _SLOT["numbers"], _SLOT["box"], _SLOT["offsets"]
 # Memory without an end is rows of this many bytes.
 _ROW, _MOST = 64, 2**31 - 1
+
+
+def _low(word: uint64):
+    return uint32(word)
+
+
+def _high(word: uint64):
+    return uint32(word >> uint64(32))
+
+
+low, high = Function(_low, "low"), Function(_high, "high")
+
+
+def _leaf_of(id: uint64, i: int32, j: int32, k: int32):
+    """The number of a voxel's leaf by the table of leaves, -1 if that does not have it.
+
+    Lookups of neighbours share its parts, and lanes make vectors of it. On GPUs the library has it.
+    """
+    slot = words(id, VOLUME)
+    leaf = int32(-1)
+    if wp._library_call("warp_is_cpu") != 0 and slot[_NUMBERS] != uint64(0):
+        x = uint32(i >> 3) - low(slot[_BOX])
+        y = uint32(j >> 3) - high(slot[_BOX])
+        z = uint32(k >> 3) - low(slot[_BOX + 1])
+        wide, deep = low(slot[_BOX + 2]), high(slot[_BOX + 2])
+        is_within = x < high(slot[_BOX + 1]) and y < wide and z < deep
+        numbers = wp.array(ptr=slot[_NUMBERS], shape=_MOST, dtype=int32)
+        leaf = numbers[wp.where(is_within, (x * wide + y) * deep + z, uint32(0))]
+        leaf = wp.where(is_within, leaf, int32(-1))
+    return leaf
+
+
+leaf_of = Function(_leaf_of, "leaf_of")
 
 
 def access(value, scalar, number):
@@ -78,10 +113,21 @@ def access(value, scalar, number):
             result = take(leaves(id), place)
         return result
 
+    def _voxel(id: uint64, i: int32, j: int32, k: int32):
+        slot = words(id, VOLUME)
+        leaf = leaf_of(id, i, j, k)
+        start = slot[_LEAVES] - slot[_GRID] + uint64(high(slot[_OFFSETS + 3]))
+        stride = uint64(high(slot[_OFFSETS + 4]))
+        in_leaf = ((i & 7) << 6) | ((j & 7) << 3) | (k & 7)
+        place = (start + uint64(leaf) * stride) // uint64(size) + uint64(in_leaf * length)
+        if leaf < 0:
+            place = wp._library_call("warp_volume_voxel", id, i, j, k)
+        return place
+
     twin, number_at = Function(_twin, "twin"), Function(_number, "number_at")
     fits, grid = Function(_fits, "fits"), Function(_grid, "grid")
     leaves, is_in_leaf = Function(_leaves, "leaves"), Function(_is_in_leaf, "is_in_leaf")
     take = number_at if value is scalar else Function(_numbers, "take")
     read = _at_place_or_leaf if has_gradient(value) else _at_place
     put = Function(_put if value is scalar else _put_numbers, "put")
-    return fits, grid, Function(read, "at_place"), put
+    return fits, grid, Function(read, "at_place"), put, Function(_voxel, "voxel")

@@ -30,8 +30,7 @@ def lookups(value, scalar, number):
     def _lookup(id: uint64, i: int32, j: int32, k: int32):
         result = value()
         if fits(id):
-            place = wp._library_call("warp_volume_voxel", id, i, j, k)
-            result = at_place(grid(id), id, place)
+            result = at_place(grid(id), id, voxel(id, i, j, k))
         return result
 
     def _lookup_typed(id: uint64, i: int32, j: int32, k: int32, dtype: type[value]):
@@ -39,7 +38,7 @@ def lookups(value, scalar, number):
 
     def _store(id: uint64, i: int32, j: int32, k: int32, given: value):
         if fits(id):
-            put(id, wp._library_call("warp_volume_voxel", id, i, j, k), given)
+            put(id, voxel(id, i, j, k), given)
 
     def _corners(id: uint64, at: vec3f):
         places = wp._library_call(
@@ -47,7 +46,7 @@ def lookups(value, scalar, number):
         )
         return at_corners(grid(id), id, places)
 
-    fits, grid, at_place, put = access(value, scalar, number)
+    fits, grid, at_place, put, voxel = access(value, scalar, number)
     at_corners = of_corners(at_place)
     lookup = Function(_lookup, "volume_lookup")
     return lookup, _lookup_typed, _store, Function(_corners, "corners"), fits
