@@ -141,6 +141,38 @@ func.func @smallest(%x: !warp.array<1 x f32>, %y: !warp.array<1 x f32>)
 
 // -----
 
+// Threads of a CPU whose number a minimum of shared elements does not leave have
+// nothing to reverse, not even the loop before it.
+// CHECK-LABEL: func.func @least_row_adjoint
+// CHECK: scf.for
+// CHECK: warp.library_call "warp_is_cpu"
+// CHECK: %[[ENTERS:.*]] = arith.ori
+// CHECK: scf.if %[[ENTERS]]
+// CHECK: warp.atomic exch
+// CHECK: scf.for
+// CHECK: warp.accumulate
+// CHECK-NOT: warp.accumulate
+func.func @least_row(%x: !warp.array<2 x f32>, %y: !warp.array<1 x f32>,
+                     %t: !warp.array<1 x si32>, %n: i32)
+    attributes {warp.kernel} {
+  %c0 = arith.constant 0 : i32
+  %c1 = arith.constant 1 : i32
+  %none = warp.constant 0.0 : f32
+  %i = warp.tid : si32
+  %s = scf.for %c = %c0 to %n step %c1 iter_args(%sum = %none) -> (f32) : i32 {
+    %k = warp.cast %c : i32 to si32
+    %v = warp.load %x[%i, %k] : !warp.array<2 x f32>, si32, si32 -> f32
+    %q = warp.mul(%v, %v) : (f32, f32) -> f32
+    %r = warp.add(%sum, %q) : (f32, f32) -> f32
+    scf.yield %r : f32
+  }
+  %at = warp.load %t[%i] : !warp.array<1 x si32>, si32 -> si32
+  %old = warp.atomic min %s, %y[%at] : f32, !warp.array<1 x f32>, si32 -> f32
+  return
+}
+
+// -----
+
 // One thread: a chain through memory reads what is there still.
 // CHECK-LABEL: func.func @chain_adjoint
 // CHECK-NOT: warp.hidden

@@ -216,9 +216,16 @@ ReverseBuilder::inScope(function_ref<LogicalResult()> body) {
 //===----------------------------------------------------------------------===//
 
 LogicalResult ReverseBuilder::reverse(Block &block) {
-  for (Operation &op : llvm::reverse(block.without_terminator()))
+  return reverseUpTo(block, block.back().getIterator());
+}
+
+LogicalResult ReverseBuilder::reverseUpTo(Block &block, Block::iterator end) {
+  for (Operation &op : llvm::reverse(llvm::make_range(block.begin(), end))) {
+    if (isOnlySource(&op))
+      return reverseAsWinner(cast<AccessOp>(op));
     if (failed(reverse(&op)))
       return failure();
+  }
   return success();
 }
 

@@ -186,6 +186,10 @@ private:
   mlir::LogicalResult reverseRead(AccessOp op);
   mlir::LogicalResult reverseWrite(AccessOp op);
   mlir::LogicalResult reverseUpdate(AccessOp op);
+  mlir::LogicalResult reverseUpTo(mlir::Block &block,
+                                  mlir::Block::iterator end);
+  bool isOnlySource(mlir::Operation *op) const;
+  mlir::LogicalResult reverseAsWinner(AccessOp op);
   mlir::LogicalResult reverseExtremum(AccessOp op, mlir::Value gradient,
                                       mlir::ValueRange indices);
   mlir::LogicalResult reverseCall(mlir::func::CallOp op);
