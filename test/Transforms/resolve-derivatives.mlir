@@ -138,11 +138,35 @@ func.func @linear(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
   %one = warp.constant 1.0 : f32
   %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
   %g:2 = warp.vjp @sum(%v, %one) of (%one) : (f32, f32), (f32) -> (f32, f32)
-  warp.store %g#0, %x[%i] : f32, !warp.array<1 x f32>, si32
+  %h = warp.add(%g#0, %g#1) : (f32, f32) -> f32
+  warp.store %h, %x[%i] : f32, !warp.array<1 x f32>, si32
   return
 }
 func.func private @sum(%a: f32, %b: f32) -> f32 {
   %r = warp.add(%a, %b) : (f32, f32) -> f32
+  return %r : f32
+}
+
+// -----
+
+// Arguments after the last one whose cotangent is used are constants: the
+// derivative of the square root, which nobody asks for, is not computed.
+// CHECK-LABEL: @unused(
+// CHECK-LABEL: func.func private @scaled_vjp(
+// CHECK-SAME: %{{.*}}: f32, %{{.*}}: f32, %{{.*}}: f32) -> (f32, f32)
+// CHECK-NOT: warp.div
+// CHECK: return
+func.func @unused(%x: !warp.array<1 x f32>) attributes {warp.kernel} {
+  %i = warp.tid : si32
+  %one = warp.constant 1.0 : f32
+  %v = warp.load %x[%i] : !warp.array<1 x f32>, si32 -> f32
+  %g:2 = warp.vjp @scaled(%v, %v) of (%one) : (f32, f32), (f32) -> (f32, f32)
+  warp.store %g#0, %x[%i] : f32, !warp.array<1 x f32>, si32
+  return
+}
+func.func private @scaled(%a: f32, %b: f32) -> f32 {
+  %s = warp.sqrt(%b) : (f32) -> f32
+  %r = warp.mul(%a, %s) : (f32, f32) -> f32
   return %r : f32
 }
 

@@ -122,8 +122,9 @@ struct Request {
   bool forward = false;
   /// Reverse mode: gradients of arrays are added to.
   bool arrays = false;
-  /// Forward mode: how many arguments have tangents.
-  unsigned tangents = 0;
+  /// How many differentiable arguments have tangents, or gradients that are
+  /// used; the others are constants.
+  unsigned boxes = ~0u;
   /// A derivative with notices is refused: calls have nobody to give them to.
   bool silent = false;
 };
@@ -232,6 +233,10 @@ LogicalResult ResolveDerivatives::resolveVjp(warp::VjpOp op) {
     return resolveCustom(op, callee);
   Request request;
   request.arrays = op.getArrays();
+  request.boxes = 1;
+  for (OpResult gradient : op->getResults())
+    if (!gradient.use_empty())
+      request.boxes = gradient.getResultNumber() + 1;
   FailureOr<func::FuncOp> derivative = derive(callee, request);
   if (succeeded(derivative))
     replaceByCall(op, *derivative, op.getOperands());
@@ -241,7 +246,7 @@ LogicalResult ResolveDerivatives::resolveVjp(warp::VjpOp op) {
 LogicalResult ResolveDerivatives::resolveJvp(warp::JvpOp op) {
   Request request;
   request.forward = true;
-  request.tangents = op.getTangents().size();
+  request.boxes = op.getTangents().size();
   FailureOr<func::FuncOp> derivative =
       derive(lookup(getOperation(), op.getCalleeAttr()), request);
   if (failed(derivative))
@@ -312,8 +317,6 @@ void ResolveDerivatives::keepDerivative(func::FuncOp function) {
   Request request;
   request.forward = forward;
   request.silent = true;
-  request.tangents =
-      llvm::count_if(function.getArgumentTypes(), warp::hasDifferential);
   ScopedDiagnosticHandler quiet(&getContext(),
                                 [](Diagnostic &) { return success(); });
   FailureOr<func::FuncOp> derivative = derive(function, request);
@@ -429,9 +432,13 @@ OwningOpRef<ModuleOp> ResolveDerivatives::copyFunctions() {
 
 FailureOr<func::FuncOp> ResolveDerivatives::derive(func::FuncOp function,
                                                    Request request) {
-  std::string what = request.forward  ? std::to_string(request.tangents)
+  unsigned boxes =
+      llvm::count_if(function.getArgumentTypes(), warp::hasDifferential);
+  request.boxes = std::min(request.boxes, boxes);
+  std::string what = request.forward  ? "tangents"
                      : request.arrays ? "arrays"
                                       : "values";
+  what += std::to_string(request.boxes);
   func::FuncOp &found = made[keyOf(function, what)];
   if (found)
     return found;
@@ -464,7 +471,7 @@ LogicalResult ResolveDerivatives::differentiate(ModuleOp module,
   unsigned boxes = 0;
   for (Type type : function.getArgumentTypes()) {
     if (warp::hasDifferential(type))
-      options.active.push_back(!request.forward || boxes++ < request.tangents);
+      options.active.push_back(boxes++ < request.boxes);
     else if (isa<warp::ArrayType>(type))
       options.active.push_back(request.arrays);
   }

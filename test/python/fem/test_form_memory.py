@@ -1,15 +1,18 @@
 """Forms whose values pass through arrays of the thread that are too long for registers: their
 coefficients, and what is linear, are found through the memory."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import fem_programs as programs
 import warp as wp
-from warp import fem
+from warp import extend, fem
 
 REAL = wp.float64
-COUNT = 200
+COUNT, CELLS = 200, 3
+gradient_by = extend.gradient_by
 
 
 @fem.integrand
@@ -97,3 +100,37 @@ def test_forms_that_are_not_linear_in_memory(form, reason):
     space = fem.make_polynomial_space(programs.geometry("tri", 2), degree=1, dtype=REAL)
     with pytest.raises(Exception, match=reason):
         fem.integrate(form, fields=programs.fields_of(space))
+
+
+# Derivatives within a form keep what loops over nodes compute in memory.
+
+
+@wp.func
+def value_at(c: wp.vec3d, u: fem.Field, s: Any):
+    return u(fem.make_free_sample(s.element_index, c))
+
+
+@fem.integrand
+def by_derivative(s: fem.Sample, u: fem.Field, v: fem.Field):
+    slope = gradient_by(value_at, 1)(s.element_coords, u, s)[0]
+    return wp.cos(REAL(CELLS) * slope[0]) * v(s)
+
+
+@fem.integrand
+def by_gradient(s: fem.Sample, u: fem.Field, v: fem.Field):
+    return wp.cos(fem.grad(u, s)[0]) * v(s)
+
+
+@pytest.mark.parametrize("assembly", [None, "generic"])
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_gradients_of_fields_by_coordinates(degree, assembly):
+    grid = fem.Grid2D(wp.vec2i(CELLS, 2), scalar_type=REAL)
+    space = fem.make_polynomial_space(grid, degree=degree, dtype=REAL)
+    u = programs.field_of(space, np.random.default_rng(0).random(space.node_count()))
+    rule = fem.RegularQuadrature(fem.Cells(grid), 4)
+    fields = {"u": u, "v": fem.make_test(space)}
+    found, expected = (
+        fem.integrate(form, quadrature=rule, fields=fields, assembly=assembly).numpy()
+        for form in (by_derivative, by_gradient)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-14)
