@@ -1,4 +1,4 @@
-"""What `wp.config.verbose` says of a first launch on a GPU, against a clock around it."""
+"""Verbose output of a first launch on a GPU: its times against a clock around the launch."""
 
 import pytest
 
