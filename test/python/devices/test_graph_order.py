@@ -216,7 +216,8 @@ def test_aliases_and_columns(device):
     assert [sorted(node.before) for node in schedule.nodes] == [[], [], [0], [1, 2], [1, 2]]
 
 
-def test_bodies_change_what_follows(device):
+def test_bodies_change_what_follows(device, monkeypatch):
+    monkeypatch.setattr(wp.config, "fuse_graphs", False)
     if wp.get_device(device).is_cuda and not wp.is_conditional_graph_supported():
         pytest.skip("the driver has no conditional nodes")
     n, x, y = (
