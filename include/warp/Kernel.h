@@ -139,7 +139,8 @@ public:
     int device = cpuDevice;
     /// CUDA: nobody asked for a block of a certain size.
     bool openBlock = false;
-    /// CPU: the variant is for what memory holds now, so for one launch.
+    /// CPU: the variant is for what memory holds now, so for one launch, or
+    /// others while `isCurrent`.
     bool readsMemory = false;
     int64_t items = 0;
     /// Bytes of the arrays and their gradients, if the schedule may reverse the
@@ -157,6 +158,9 @@ public:
   /// read from disk (`items` is then above 0).
   Plan tryPrepare(int device, const LaunchDim &dim, void *params,
                   int blockDim = 0);
+  /// True if `tryPrepare` would give a plan with a variant that reads memory
+  /// again for a launch of the same arguments.
+  bool isCurrent(const Plan &plan, const void *params) const;
   /// Runs a plan. CUDA: queued on `stream`, or on the device's current one.
   /// Debug variants get their error record written into the block.
   void run(const Plan &plan, void *params, const Stream *stream = nullptr);

@@ -300,6 +300,21 @@ void Kernel::Impl::setZeros(VariantKey &key, uint64_t among, const void *params,
     key.zeros = version;
 }
 
+/// Launches are planned anew while those with zeros are counted.
+bool Kernel::isCurrent(const Plan &plan, const void *params) const {
+  if (!plan.variant || !isHost(plan.device) || hostRecorder())
+    return false;
+  const VariantKey &key = plan.variant->key;
+  const LaunchNeeds *needs = impl->needs.load(std::memory_order_acquire);
+  uint64_t version = impl->versionZeros.load(std::memory_order_relaxed);
+  uint64_t among = version ? version : needs ? needs->switches : 0;
+  bool reads = false;
+  uint64_t zeros = impl->findZeros(among, key, params, reads);
+  if (!version)
+    return zeros == 0 && key.zeros == 0;
+  return key.zeros == (zeros == version ? version : 0);
+}
+
 void Kernel::Impl::applyNeeds(const LaunchNeeds &needs, Plan &plan,
                               const void *params, VariantKey &key) const {
   Device &device = deviceAt(plan.device);

@@ -175,13 +175,14 @@ void PackedLaunch::makePlan() {
       plan = native().tryPrepare(device, dim, bytes(), blockDim);
   }
   reports = Kernel::reports(plan);
-  planned = !plan.readsMemory;
+  planned = true;
 }
 
 void PackedLaunch::launch(PyObject *other) {
   if (hasStructs)
     readStructs();
-  if (!planned && isHost(device))
+  if (isHost(device) &&
+      (!planned || (plan.readsMemory && !native().isCurrent(plan, bytes()))))
     makePlan();
   if (planned && plan.items == 0)
     return;

@@ -98,11 +98,30 @@ def test_second_launch_with_zeros_has_a_version():
 def test_recorded_launches_read_counts_anew():
     kernel, x, y, m, p = make("cpu")
     command = wp.launch(kernel, COUNT, [x, y, 0, False, m, p, 0.25], device="cpu", record_cmd=True)
-    for count in (0, 0, 0, 2, 0, 3):
-        m.fill_(count)
-        command.launch()
-        wanted = expected(x.numpy(), 0, False, count, p.numpy(), 0.25)
-        np.testing.assert_allclose(y.numpy(), wanted, rtol=1e-5, atol=1e-5)
+
+    def check(counts):
+        for count in counts:
+            m.fill_(count)
+            y.zero_()
+            command.launch()
+            wanted = expected(x.numpy(), 0, False, count, p.numpy(), 0.25)
+            np.testing.assert_allclose(y.numpy(), wanted, rtol=1e-5, atol=1e-5)
+
+    # Launches with the same zeros as the one before keep its plan.
+    check((2, 2, 0, 0, 0, 0, 2, 0, 0, 3, 3, 0, 3))
+    m = wp.zeros_like(m)
+    command.set_param_at_index(4, m)
+    check((0, 0, 3))
+    # Other launches have the version made.
+    kernel, x, y, m, p = make("cpu")
+    values = [x, y, 0, False, m, p, 0.25]
+    command = wp.launch(kernel, COUNT, values, device="cpu", record_cmd=True)
+    check((2, 2))
+    m.zero_()
+    for _ in range(2):
+        wp.launch(kernel, COUNT, values, device="cpu")
+    assert len(left_out(kernel, "cpu")) == 2
+    check((0, 0, 3, 3))
     command.set_param_at_index(2, 3)
     command.launch()
     wanted = expected(x.numpy(), 3, False, 3, p.numpy(), 0.25)
