@@ -183,6 +183,10 @@ def test_a_handle_opens_the_array_itself_where_it_was_made(device):
     # As it is for memory of a GPU.
     kept = wd.Shared("", float, (3,), b"handle", str(device), made)
     assert kept.open().ptr == made.ptr
+    copy = pickle.loads(pickle.dumps(kept))
+    assert copy.open().ptr == made.ptr
     kept.close()
+    with pytest.raises(RuntimeError):
+        copy.open()
     with pytest.raises(RuntimeError):
         kept.open()

@@ -166,6 +166,9 @@ def test_matrices_that_are_refused(device):
     ):
         with pytest.raises(ValueError, match=text):
             Chebyshev(A, **options)
+    for bounds in ((), (1.0,), 2.0, ("a", "b")):
+        with pytest.raises(TypeError, match="'bounds' expects two numbers|bounds.*two numbers"):
+            Chebyshev(A, bounds=bounds)
     with pytest.raises(ValueError, match=r"square matrix, got shape \(30, 2\)"):
         Chebyshev(wp.zeros((30, 2), dtype=wp.float64, device=device))
     halves = wp.array([0, 15, 30], dtype=int, device=device)

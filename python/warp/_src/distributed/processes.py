@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import tempfile
+import weakref
 
 import warp as wp
 from warp._src import errors
@@ -17,6 +18,8 @@ from warp._src.types import dtypes
 
 # Files of shared memory that this process has made, by name.
 _files: dict = {}
+# Arrays on GPUs that this process has shared, by handle.
+_arrays: weakref.WeakValueDictionary = weakref.WeakValueDictionary()
 
 
 def _path(name) -> str:
@@ -44,6 +47,8 @@ class Shared:
         self.handle, self.device = handle, device
         # Memory of a GPU, in the process that made it: CUDA opens no handle there.
         self.array = array
+        if array is not None:
+            _arrays[handle] = array
 
     def __getstate__(self):
         return {**self.__dict__, "array": None}
@@ -54,8 +59,9 @@ class Shared:
         Raises:
             FileNotFoundError: the process that made it has given it back.
         """
-        if self.array is not None:
-            return self.array.view(self.dtype)
+        array = _arrays.get(self.handle)
+        if array is not None:
+            return array.view(self.dtype)
         if self.handle is not None:
             return wp.from_ipc_handle(
                 self.handle, dtype=self.dtype, shape=self.shape, device=self.device
@@ -72,6 +78,7 @@ class Shared:
     def close(self) -> None:
         """Gives the memory back once no process has an array over it; no other can open it."""
         self.array = None
+        _arrays.pop(self.handle, None)
         if _files.get(self.name) == os.getpid():
             del _files[self.name]
             with contextlib.suppress(FileNotFoundError):

@@ -15,7 +15,7 @@ import warp as wp
 from warp._src.optim.linear.dots import Dots
 from warp._src.optim.linear.operators import LinearOperator, aslinearoperator, blocks_of, numbers
 from warp.extend import checked, is_array, unrecorded
-from warp.extend.kinds import ARRAY, INTEGER, NUMBER, OPERATOR
+from warp.extend.kinds import ARRAY, BETAS, INTEGER, NUMBER, OPERATOR
 from warp.sparse import BsrMatrix, bsr_get_diag
 
 # Lanczos finds the largest eigenvalue from below.
@@ -123,7 +123,7 @@ class Chebyshev(LinearOperator):
         True
     """
 
-    @checked(A=OPERATOR, degree=INTEGER, ratio=NUMBER, diagonal=ARRAY, steps=INTEGER)
+    @checked(A=OPERATOR, degree=INTEGER, bounds=BETAS, ratio=NUMBER, diagonal=ARRAY, steps=INTEGER)
     def __init__(
         self,
         A,
