@@ -268,7 +268,7 @@ class Pattern:
     def _sorted(self, test_table, trial_table, first, count) -> Rows:
         """Rows of a range of elements."""
         device, size = self.device, count * self.width
-        if is_small(size, device):
+        if is_small(test_table.shape[0] * self.width, device):
             tables = (table.numpy()[first : first + count] for table in (test_table, trial_table))
             return find_few_runs(*tables, self.row_count, device)
         positions = find_incidence(trial_table, self.column_count, first, count).positions
