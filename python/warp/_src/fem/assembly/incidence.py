@@ -86,7 +86,7 @@ def find_incidence(
             f"expects fewer than 2^31 nodes of elements, but got {count} x {width}; "
             "integrate over subdomains"
         )
-    if is_small(size, device) and not is_repeated:
+    if is_small(table.shape[0] * width, device) and not is_repeated:
         keys = table.numpy()[first : first + count].ravel()
         return Incidence(*sorted_runs(np.where(keys < 0, node_count, keys), node_count, device))
     keys = wp.empty(2 * size, dtype=int, device=device)
