@@ -40,7 +40,6 @@
 
 #include "Emit/ArrayLowering.h"
 #include "Updates/Atomics.h"
-#include "Updates/BlockRows.h"
 
 using namespace mlir;
 using namespace warp;
@@ -199,10 +198,9 @@ void RingReduction::publish(Update &update, Value iteration) {
     indices.push_back(cloneComputation(b, index, *loop, clones));
   for (auto [slot, type] : llvm::zip_equal(update.slots, op.getResultTypes()))
     sums.push_back(load(slot, type));
-  auto sum = AtomicComponentsOp::create(
+  AtomicComponentsOp::create(
       b, op.getLoc(), op.getResultTypes(), combiningKind(op.getKind()), sums,
       cloneComputation(b, op.getArray(), *loop, clones), indices);
-  sum->setAttr(warpSumAttr, b.getUnitAttr());
 }
 
 RingReduction::Values RingReduction::buildTile(Value tile, ValueRange carried) {

@@ -77,21 +77,6 @@ SmallVector<warp::Leaf> warp::leavesOf(AtomicComponentsOp update) {
   return leaves;
 }
 
-Value warp::viewComponent(OpBuilder &b, Location loc, Value array,
-                          Value number) {
-  auto whole = cast<ArrayType>(array.getType());
-  SmallVector<Value> place{number};
-  if (auto matrix = dyn_cast<MatType>(whole.getElementType())) {
-    Value columns = arith::ConstantOp::create(
-        b, loc, b.getI32IntegerAttr(matrix.getCols()));
-    place = {arith::DivUIOp::create(b, loc, number, columns),
-             arith::RemUIOp::create(b, loc, number, columns)};
-  }
-  auto type = ArrayType::get(b.getContext(), whole.getRank(),
-                             getElementScalar(whole.getElementType()));
-  return ComponentViewOp::create(b, loc, type, array, place, StringAttr());
-}
-
 bool warp::canCombine(AtomicComponentsOp update) {
   return commutes(update) &&
          llvm::all_of(update.getResultTypes(), [](Type type) {

@@ -35,10 +35,6 @@ void setUpdate(mlir::Operation *update, UpdateScope scope, int64_t run = 0);
 /// The parts of the element that an update is of.
 llvm::SmallVector<Leaf> leavesOf(AtomicComponentsOp update);
 
-/// The array of component `number` of each element.
-mlir::Value viewComponent(mlir::OpBuilder &b, mlir::Location loc,
-                          mlir::Value array, mlir::Value number);
-
 /// True if an update may be made later, and others of its array before it: its
 /// old value is unused, and nothing in the kernel does anything else to the
 /// array than update it in a way that commutes. Exact sums go their own way.

@@ -31,15 +31,13 @@
 // A loop that reverses one which threads leave apart has them in step
 // (LoopReversal.cpp): here the most trips of a warp are found.
 //
-// warp-plan-updates says which updates these are. Sums of elements that a loop
-// counts go to rows in shared memory first (BlockRows.cpp).
+// warp-plan-updates says which updates these are.
 //
 //===----------------------------------------------------------------------===//
 
 #include "Analysis/CostModel.h"
 #include "Analysis/ThreadVariance.h"
 #include "Atomics.h"
-#include "BlockRows.h"
 #include "CarryOut.h"
 #include "Choices.h"
 #include "KernelFunction.h"
@@ -93,8 +91,6 @@ struct Team {
   ValueRange indices;
   /// True if there is anything to add; null if there always is.
   Value any;
-  /// Gets the updates that are made; null if their elements are not counted.
-  SmallVectorImpl<warp::WarpUpdate> *made = nullptr;
 };
 } // namespace
 
@@ -110,11 +106,6 @@ static Value laneOf(OpBuilder &b, Location loc, const Team &team) {
   Value mask =
       arith::ConstantOp::create(b, loc, b.getI32IntegerAttr(team.size - 1));
   return arith::AndIOp::create(b, loc, lane, mask);
-}
-
-/// True if an update is of numbers of one type.
-static bool isUniform(AtomicComponentsOp op) {
-  return op.getNumResults() == 1 || warp::isComposite(elementOf(op));
 }
 
 /// The first lane updates the element.
@@ -135,11 +126,25 @@ static void updateOnce(OpBuilder &b, AtomicComponentsOp op, const Team &team) {
   auto once = scf::IfOp::create(b, loc, isFirst, /*withElseRegion=*/false);
   OpBuilder::InsertionGuard guard(b);
   b.setInsertionPointToStart(once.thenBlock());
-  auto one =
-      AtomicComponentsOp::create(b, loc, op.getResultTypes(), op.getKind(),
-                                 totals, op.getArray(), team.indices);
-  if (team.made && totals.size() == 1)
-    team.made->push_back({one, op.getArray(), Value()});
+  AtomicComponentsOp::create(b, loc, op.getResultTypes(), op.getKind(), totals,
+                             op.getArray(), team.indices);
+}
+
+/// The array of component `number` of each element.
+static Value viewComponent(OpBuilder &b, AtomicComponentsOp op, Value number) {
+  Location loc = op.getLoc();
+  Type element = elementOf(op);
+  SmallVector<Value> place{number};
+  if (auto matrix = dyn_cast<warp::MatType>(element)) {
+    Value columns = arith::ConstantOp::create(
+        b, loc, b.getI32IntegerAttr(matrix.getCols()));
+    place = {arith::DivUIOp::create(b, loc, number, columns),
+             arith::RemUIOp::create(b, loc, number, columns)};
+  }
+  auto type = warp::ArrayType::get(b.getContext(), op.getIndices().size(),
+                                   warp::getElementScalar(element));
+  return warp::ComponentViewOp::create(b, loc, type, op.getArray(), place,
+                                       StringAttr());
 }
 
 /// Each lane updates a component of the element, as many at a time as there are
@@ -172,16 +177,13 @@ static void updateByLanes(OpBuilder &b, AtomicComponentsOp op,
     OpBuilder::InsertionGuard guard(b);
     b.setInsertionPointToStart(own.thenBlock());
     number = arith::AddIOp::create(b, loc, number, constant(begin));
-    auto one = AtomicComponentsOp::create(
-        b, loc, total.getType(), op.getKind(), total,
-        warp::viewComponent(b, loc, op.getArray(), number), team.indices);
-    if (team.made)
-      team.made->push_back({one, op.getArray(), number, count});
+    AtomicComponentsOp::create(b, loc, total.getType(), op.getKind(), total,
+                               viewComponent(b, op, number), team.indices);
   }
 }
 
 static void update(OpBuilder &b, AtomicComponentsOp op, const Team &team) {
-  if (op.getNumResults() > 1 && isUniform(op))
+  if (op.getNumResults() > 1 && warp::isComposite(elementOf(op)))
     updateByLanes(b, op, team);
   else
     updateOnce(b, op, team);
@@ -204,12 +206,11 @@ static void updateTogether(OpBuilder &b, AtomicComponentsOp op, Value together,
   update(b, op, team);
 }
 
-static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared,
-                            SmallVectorImpl<warp::WarpUpdate> *made) {
+static void combineOverWarp(AtomicComponentsOp op, ArrayRef<Value> compared) {
   OpBuilder b(op);
   Value together = warp::isWarpTogether(b, op.getLoc(), compared);
   updateTogether(b, op, together, Value(),
-                 {warp::subgroupSizeAt(b), op.getIndices(), Value(), made});
+                 {warp::subgroupSizeAt(b), op.getIndices(), Value()});
 }
 
 /// The outermost branch that an iteration of the loop around an update takes on
@@ -257,15 +258,13 @@ static Value moveAfter(scf::IfOp outermost, AtomicComponentsOp op) {
 }
 
 /// Makes an update in groups of so many lanes, of which some may not make it.
-static void combineInTeams(AtomicComponentsOp op, Value isHere, int64_t size,
-                           SmallVectorImpl<warp::WarpUpdate> *made) {
+static void combineInTeams(AtomicComponentsOp op, Value isHere, int64_t size) {
   OpBuilder b(op);
   Location loc = op.getLoc();
   int64_t least = warp::cost::leastCombined * (warp::subgroupSizeAt(b) / size);
   warp::WarpVote vote =
       warp::voteInWarp(b, loc, isHere, op.getIndices(), size, least);
-  updateTogether(b, op, vote.together, isHere,
-                 {size, vote.agreed, vote.any, made});
+  updateTogether(b, op, vote.together, isHere, {size, vote.agreed, vote.any});
 }
 
 namespace {
@@ -283,25 +282,19 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     if (!warp::getTarget(entry).isSimt())
       return;
     SmallVector<AtomicComponentsOp> updates;
-    SmallVector<warp::WarpUpdate> made;
     entry->walk([&](AtomicComponentsOp op) {
-      if (op->removeAttr(warp::warpSumAttr) && warp::isCounted(op) &&
-          isUniform(op))
-        made.push_back({op, op.getArray(), Value(), int64_t(op.getNumResults()),
-                        /*changesLanes=*/true});
       // Iterations that are in no tile of a ring, too.
       warp::UpdateScope scope = warp::getUpdate(op).getScope();
       if (scope == warp::UpdateScope::lanes || scope == warp::UpdateScope::ring)
         updates.push_back(op);
     });
-    if (updates.empty() && made.empty())
+    if (updates.empty())
       return findTrips(entry);
     // New operations leave the values that the analysis knows as they are.
     warp::ThreadVariance variance(entry);
     for (AtomicComponentsOp op : updates)
-      combine(op, variance, made);
+      combine(op, variance);
     findTrips(entry);
-    warp::addInBlockRows(entry, made);
   }
 
   /// Last, as the analysis knows what it finds.
@@ -314,8 +307,7 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
   }
 
   static void combine(AtomicComponentsOp op,
-                      const warp::ThreadVariance &variance,
-                      SmallVectorImpl<warp::WarpUpdate> &made) {
+                      const warp::ThreadVariance &variance) {
     llvm::SetVector<Value> compared;
     if (!variance.isUniformIfEqual(op.getArray(), compared))
       return;
@@ -334,18 +326,16 @@ struct CombineOverWarps : warp::impl::CombineOverWarpsBase<CombineOverWarps> {
     warp::noteChoice(op->getParentOfType<FunctionOpInterface>(), "update",
                      "one for " + threads,
                      "its threads update the same element", op);
-    // Before values move.
-    auto *counted = !hasRuns && warp::isCounted(op) ? &made : nullptr;
     scf::IfOp outermost = outermostBranch(op);
     bool isAfter = outermost && isOneArray &&
                    op.getArray().getParentRegion()->isAncestor(
                        outermost->getParentRegion());
     if (!isAfter && !hasRuns)
-      return combineOverWarp(op, compared.getArrayRef(), counted);
+      return combineOverWarp(op, compared.getArrayRef());
     Value isHere = isAfter ? moveAfter(outermost, op)
                            : arith::ConstantOp::create(b, op.getLoc(),
                                                        b.getBoolAttr(true));
-    combineInTeams(op, isHere, hasRuns ? run : size, counted);
+    combineInTeams(op, isHere, hasRuns ? run : size);
   }
 };
 
