@@ -61,7 +61,9 @@ UpdateMode warp::chooseUpdates(const CopiedArrays &copied, const void *params,
                                int64_t items) {
   double width = ThreadPool::size();
   double alone = copied.plainTime * static_cast<double>(items);
-  double atomic = copied.atomicTime * static_cast<double>(items) / width;
+  // Threads are woken for it as they are for copies.
+  double atomic =
+      copied.atomicTime * static_cast<double>(items) / width + startTime;
   double merging = 0, numbers = 0, bytes = 0;
   bool packed = true;
   for (const CopiedArray &array : copied.list) {
