@@ -160,12 +160,17 @@ def test_matrices_that_are_refused(device):
     A = sparse(dense, device)
     for options, text in (
         ({"degree": 0}, "degree >= 1, got 0"),
+        ({"steps": 0}, "steps >= 1, got 0"),
         ({"ratio": float("nan")}, "ratio >= 1, got nan"),
         ({"bounds": (1.0, 0.5)}, r"0 < a < b, got \(1.0, 0.5\)"),
         ({"diagonal": wp.ones(3, dtype=wp.float64, device=device)}, "30 numbers .* got 3"),
     ):
         with pytest.raises(ValueError, match=text):
             Chebyshev(A, **options)
+    with pytest.raises(TypeError, match="'degree' expects an integer, but got '2.5'"):
+        Chebyshev(A, degree=2.5)
+    with pytest.raises(TypeError, match="matrix of floats, got int32"):
+        Chebyshev(wp.zeros((3, 3), dtype=int, device=device))
     for bounds in ((), (1.0,), 2.0, ("a", "b")):
         with pytest.raises(TypeError, match="'bounds' expects two numbers|bounds.*two numbers"):
             Chebyshev(A, bounds=bounds)
@@ -174,6 +179,25 @@ def test_matrices_that_are_refused(device):
     halves = wp.array([0, 15, 30], dtype=int, device=device)
     with pytest.raises(ValueError, match="one system, got several batches"):
         Chebyshev(linear.aslinearoperator(A, batch_offsets=halves))
+
+
+def test_vectors_that_are_refused(device):
+    """Vectors of another size would be read and written beyond their end."""
+    M = Chebyshev(sparse(laplacian(30), device))
+    good, short, single = (
+        wp.ones(n, dtype=dtype, device=device)
+        for n, dtype in ((30, wp.float64), (29, wp.float64), (30, wp.float32))
+    )
+    for b, x, text in (
+        (short, good, "30 numbers in 'b', but got 29"),
+        (good, short, "30 numbers in 'x', but got 29"),
+        (single, good, "float64, got b of float32 and x of float64"),
+        (good, single, "float64, got b of float64 and x of float32"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            M.smooth(b, x)
+    with pytest.raises(ValueError, match="30 numbers in 'z', but got 29"):
+        M.matvec(good, good, short, 1.0, 0.0)
 
 
 def test_an_empty_and_a_single_row(device):

@@ -1,22 +1,29 @@
 """Chebyshev polynomials of a matrix: preconditioners and smoothers that need no inner products.
 
-With D the diagonal and [a, b] an interval of eigenvalues of D^-1 A, the polynomial of a degree that
-is smallest there, one at zero, reduces the error (Saad: Iterative Methods for Sparse Linear
-Systems, algorithm 12.1). The ends are those of a few steps of the Lanczos process, whose
-tridiagonal matrix is read off conjugate gradients with D as preconditioner.
+With D the diagonal and [a, b] an interval of eigenvalues of D^-1 A, an application multiplies the
+error by the polynomial of D^-1 A that is one at zero and smallest on [a, b] among those of its
+degree (Saad: Iterative Methods for Sparse Linear Systems, algorithm 12.1). The interval comes from
+a few steps of the Lanczos process, whose tridiagonal matrix is read off conjugate gradients with D
+as preconditioner.
 """
 
 import functools
 import math
+import operator
 
 import numpy as np
 
 import warp as wp
 from warp._src.optim.linear.dots import Dots
-from warp._src.optim.linear.operators import LinearOperator, aslinearoperator, blocks_of, numbers
-from warp.extend import checked, is_array, unrecorded
+from warp._src.optim.linear.operators import (
+    LinearOperator,
+    aslinearoperator,
+    diagonal_blocks,
+    numbers,
+    numbers_like,
+)
+from warp.extend import checked, type_repr, unrecorded
 from warp.extend.kinds import ARRAY, BETAS, INTEGER, NUMBER, OPERATOR
-from warp.sparse import BsrMatrix, bsr_get_diag
 
 # Lanczos finds the largest eigenvalue from below.
 _MARGIN = 1.1
@@ -71,20 +78,13 @@ def _kernels(scalar):
     return invert, seed, step, end, scale, combine
 
 
-def diagonal_of(A):
-    """The numbers on the diagonal of an operator's matrix, or None where it is not known."""
-    found = A.diagonal() if hasattr(A, "diagonal") else None
-    matrix = A.matrix
-    if isinstance(matrix, BsrMatrix):
-        blocks = blocks_of(bsr_get_diag(matrix))
-        step = (blocks.strides[0], blocks.strides[1] + blocks.strides[2])
-        found = blocks._view(0, blocks.shape[:2], step).contiguous().flatten()
-    elif is_array(matrix) and matrix.ndim == 2:
-        step = matrix.strides[0] + matrix.strides[1]
-        found = matrix._view(0, (min(matrix.shape),), (step,)).contiguous()
-    elif is_array(matrix):
-        found = numbers(matrix)
-    return found
+def _diagonal(A):
+    """The diagonal of an operator's matrix, one number a row, or None where it is not known."""
+    blocks = diagonal_blocks(A)
+    if blocks is None:
+        return None
+    steps = blocks.strides[0], blocks.strides[1] + blocks.strides[2]
+    return blocks._view(0, blocks.shape[:2], steps).contiguous().flatten()
 
 
 class Chebyshev(LinearOperator):
@@ -94,19 +94,22 @@ class Chebyshev(LinearOperator):
     application is `degree - 1` products and no inner product. `smooth` takes it as a smoother.
 
     Args:
-        A: the matrix, or an operator.
+        A: the matrix, or an operator, square.
         degree: products with the inverse of the diagonal in an application, at least 1.
         bounds: (a, b), an interval of eigenvalues of `D^-1 A`; by default estimated.
         ratio: the estimated interval begins at its end divided by this, or at the smallest
             eigenvalue that was found if that is larger. About 4 to 10 suits a smoother.
-        diagonal: D, an array of positive numbers; by default that of the matrix, and the identity
-            for an operator whose matrix is not known.
-        steps: of the Lanczos process.
+        diagonal: D, an array of positive numbers, one for each row of numbers; by default that of
+            the matrix, and the identity for an operator whose matrix is not known.
+        steps: steps of the Lanczos process, each with a product, at least 1.
 
     Attributes:
-        bounds: the interval.
+        A: the matrix as an operator.
+        degree: as given.
+        bounds: the interval, two floats.
 
     Raises:
+        TypeError: the numbers of the matrix are no floats.
         ValueError: the matrix is not positive definite as far as its diagonal and the vectors of
             the Lanczos process tell, it has several batches, or an argument has no meaning.
 
@@ -139,16 +142,18 @@ class Chebyshev(LinearOperator):
             raise ValueError(f"Chebyshev requires a square matrix, got shape {A.shape}")
         if A.batch_offsets is not None:
             raise ValueError("Chebyshev requires one system, got several batches")
-        for name, value, least in (("degree", degree, 1), ("steps", steps, 1), ("ratio", ratio, 1)):
-            if not value >= least:
-                raise ValueError(f"Chebyshev requires {name} >= {least}, got {value}")
-        self.degree, self.ratio, self.steps = int(degree), float(ratio), int(steps)
+        if A.scalar_type not in (wp.float16, wp.float32, wp.float64):
+            raise TypeError(f"Chebyshev requires a matrix of floats, got {type_repr(A.dtype)}")
+        self.degree, self.steps = operator.index(degree), operator.index(steps)
+        self.ratio = float(ratio)
+        for name in ("degree", "steps", "ratio"):
+            if not getattr(self, name) >= 1:
+                raise ValueError(f"Chebyshev requires {name} >= 1, got {getattr(self, name)}")
         super().__init__(A.shape, A.dtype, A.device, self._apply)
         self._kernels = _kernels(self.scalar_type)
         self._vectors: dict = {}
         self._given, self._diagonal = bounds, diagonal
-        with unrecorded():
-            self.update()
+        self.update()
 
     def __reduce__(self):
         given = self._source, self.degree, self.bounds, self.ratio, self._diagonal, self.steps
@@ -157,15 +162,18 @@ class Chebyshev(LinearOperator):
     def update(self) -> None:
         """Looks at the matrix anew, after its numbers have changed.
 
+        Graphs that were captured before go on with the earlier interval and diagonal.
+
         Raises:
             ValueError: it is not positive definite any more.
         """
-        A = self.A
-        offsets = wp.array([0, A.shape[0]], dtype=int, device=A.device)
-        make = getattr(A, "make_dots", Dots)
-        self._dots = make(offsets, A.shape[0], self.scalar_type, 1, wp.float64)
-        self._inverse = self._inverted(diagonal_of(A) if self._diagonal is None else self._diagonal)
-        self.bounds = self._estimated() if self._given is None else self._checked(self._given)
+        A, diagonal = self.A, self._diagonal
+        with unrecorded():
+            offsets = wp.array([0, A.shape[0]], dtype=int, device=A.device)
+            make = getattr(A, "make_dots", Dots)
+            self._dots = make(offsets, A.shape[0], self.scalar_type, 1, wp.float64)
+            self._inverse = self._inverted(_diagonal(A) if diagonal is None else diagonal)
+            self.bounds = self._estimated() if self._given is None else self._checked(self._given)
 
     def _checked(self, bounds):
         a, b = (float(one) for one in bounds)
@@ -182,10 +190,8 @@ class Chebyshev(LinearOperator):
 
     def _inverted(self, diagonal):
         """The inverse of the diagonal."""
-        invert = self._kernels[0]
-        new = functools.partial(wp.empty, self.shape[0], dtype=self.scalar_type, device=self.device)
+        invert, inverse = self._kernels[0], self._vector()
         if diagonal is None:
-            inverse = new()
             inverse.fill_(1.0)
             return inverse
         diagonal = numbers(diagonal)
@@ -194,7 +200,7 @@ class Chebyshev(LinearOperator):
                 f"Chebyshev requires a diagonal of {self.shape[0]} numbers of type "
                 f"{self.scalar_type.__name__}, got {diagonal.size} of {diagonal.dtype.__name__}"
             )
-        inverse, bad = new(), new()
+        bad = self._vector()
         self._launch(invert, diagonal, inverse, bad)
         count = round(self._dot(bad, bad))
         if count:
@@ -209,9 +215,7 @@ class Chebyshev(LinearOperator):
     def _estimated(self) -> tuple[float, float]:
         """An interval of eigenvalues by the Lanczos process."""
         _, seed, _, _, scale, combine = self._kernels
-        like = self._like()
-        rest, image, direction, scaled = (wp.zeros_like(like) for _ in range(4))
-        r, q, p, z = (numbers(one) for one in (rest, image, direction, scaled))
+        r, q, p, z = (self._vector() for _ in range(4))
         self._launch(seed, int(getattr(self.A, "first", 0)), r)
         self._launch(scale, self._inverse, r, z)
         wp.copy(p, z)
@@ -219,7 +223,7 @@ class Chebyshev(LinearOperator):
         betas: list[float] = []
         begin = energy = self._dot(r, z)
         for _ in range(min(self.steps, max(getattr(self.A, "rows", self.shape[0]), 1))):
-            self.A.matvec(direction, image, image, 1.0, 0.0)
+            self.A.matvec(p, q, q, 1.0, 0.0)
             curvature = self._dot(p, q)
             if not 0.0 < curvature < math.inf:
                 if energy == 0.0:
@@ -248,9 +252,9 @@ class Chebyshev(LinearOperator):
         end = _MARGIN * float(found[-1])
         return max(end / self.ratio, min(float(found[0]) / _MARGIN, 0.9 * end)), end
 
-    def _like(self):
-        """A vector of the type that the matrix multiplies."""
-        return wp.empty(self.shape[0], dtype=self.scalar_type, device=self.device)
+    def _vector(self):
+        """A new vector, one number a row."""
+        return wp.zeros(self.shape[0], dtype=self.scalar_type, device=self.device)
 
     def _room(self, like):
         """Vectors of the type of another one: the residual, the direction and the sum."""
@@ -261,7 +265,7 @@ class Chebyshev(LinearOperator):
         return self._vectors[key]
 
     def _improve(self, like) -> None:
-        """Adds the polynomial of the residual to the sum."""
+        """Adds the polynomial of the residual to the sum, both in `_room`."""
         (rest, direction, _), (r, d, total) = self._room(like)
         step = self._kernels[2]
         a, b = self.bounds
@@ -275,23 +279,35 @@ class Chebyshev(LinearOperator):
             ratio = after
 
     def _apply(self, x, y, z, alpha, beta) -> None:
-        (_, _, _), (r, _, total) = self._room(x)
-        wp.copy(r, numbers(x))
+        given, y, z = numbers_like(self.shape[0], x=x, y=y, z=z)
+        self._wait_for_other_streams()
+        _, (r, _, total) = self._room(x)
+        wp.copy(r, given)
         total.zero_()
         self._improve(x)
-        self._launch(self._kernels[3], total, numbers(y), numbers(z), alpha, beta)
+        self._launch(self._kernels[3], total, y, z, alpha, beta)
 
     @checked(b=ARRAY, x=ARRAY)
     def smooth(self, b, x) -> None:
-        """Improves `x` for the right-hand side `b`, in place: errors of the interval become small.
+        """Reduces the error of `x`, in place, in its parts along eigenvectors of the interval.
 
         Args:
             b: the right-hand side.
-            x: an approximate solution.
+            x: an approximate solution, of the size and type of `b`.
+
+        Raises:
+            ValueError: a vector has another size or type than the matrix, or is not packed.
         """
+        _, given = numbers_like(self.shape[0], b=b, x=x)
+        if b.dtype is not x.dtype or given.dtype is not self.scalar_type:
+            raise ValueError(
+                f"Chebyshev.smooth() requires vectors of the matrix's {self.scalar_type.__name__}, "
+                f"got b of {type_repr(b.dtype)} and x of {type_repr(x.dtype)}"
+            )
         with unrecorded():
+            self._wait_for_other_streams()
             (rest, _, _), (_, _, total) = self._room(b)
             self.A.matvec(x, b, rest, -1.0, 1.0)
             total.zero_()
             self._improve(b)
-            self._launch(self._kernels[3], total, numbers(x), numbers(x), 1.0, 1.0)
+            self._launch(self._kernels[3], total, given, given, 1.0, 1.0)

@@ -130,7 +130,7 @@ class FSAI(LinearOperator):
         self._regularize, self._validate = bool(regularize_refit), bool(validate_topology)
         self.source, self.truncated_rows = A, None
         self.update_status = self.pattern_ready = self.pattern_status = None
-        self._stream, self._found = None, not defer_pattern
+        self._found = not defer_pattern
         with unrecorded():
             # The factor times a vector, between the two products of an application.
             self._held = wp.empty(A.shape[0], dtype=self._wide, device=A.device)
@@ -257,14 +257,3 @@ class FSAI(LinearOperator):
             ):
                 matrix = [factor.offsets, factor._counts(), factor.columns, factor.values]
                 wp.launch(kernel, self.shape[0], [*matrix, *inputs], device=self.device)
-
-    def _wait_for_other_streams(self) -> None:
-        """Applications share memory: one on another stream waits for the last one."""
-        if self.device.is_cpu:
-            return
-        stream = wp.get_stream(self.device)
-        last, self._stream = self._stream, stream
-        if last is None or last._handle == stream._handle:
-            return
-        if not stream.is_capturing and not last.is_capturing:
-            stream.wait_stream(last)

@@ -6,7 +6,7 @@ import functools
 import warp as wp
 from warp.extend import checked, is_array, shown, type_scalar_type, type_size
 from warp.extend.kinds import ARRAY, CALLABLE, COUNT, PAIR, SPARSE
-from warp.sparse import BsrMatrix
+from warp.sparse import BsrMatrix, bsr_get_diag
 
 
 class LinearOperator:
@@ -28,6 +28,8 @@ class LinearOperator:
 
     # False for a symmetric operator with eigenvalues of both signs.
     is_definite = True
+    # The stream of the last application that used memory of the operator.
+    _stream = None
 
     @checked(shape=PAIR, matvec=CALLABLE, batch_offsets=ARRAY, max_batch_length=COUNT)
     def __init__(self, shape, dtype, device, matvec, batch_offsets=None, max_batch_length=None):
@@ -82,6 +84,17 @@ class LinearOperator:
         """Upper bound of the rows of one system, or None."""
         return self._max_batch_length
 
+    def _wait_for_other_streams(self) -> None:
+        """Lets an application that shares memory with the last one wait for its stream."""
+        if self.device.is_cpu:
+            return
+        stream = wp.get_stream(self.device)
+        last, self._stream = self._stream, stream
+        if last is None or last._handle == stream._handle:
+            return
+        if not stream.is_capturing and not last.is_capturing:
+            stream.wait_stream(last)
+
 
 def numbers(array):
     """The numbers of a packed vector, as one dimension.
@@ -100,6 +113,24 @@ def blocks_of(values):
     """An array of numbers or matrices as one of three dimensions: block, row, column."""
     blocks = values.view(type_scalar_type(values.dtype))
     return blocks if type_size(values.dtype) > 1 else blocks.reshape((values.size, 1, 1))
+
+
+def diagonal_blocks(A):
+    """The diagonal of a matrix or an operator, as blocks (count, n, n) of which only the diagonals
+    count; None where it is not known."""
+    if hasattr(A, "diagonal"):
+        # A part of a matrix over several ranks.
+        return blocks_of(A.diagonal())
+    if isinstance(A, LinearOperator):
+        A = A.matrix
+    if isinstance(A, BsrMatrix):
+        return blocks_of(bsr_get_diag(A))
+    if is_array(A) and A.ndim == 2:
+        step = sum(A.strides)
+        return A._view(0, (min(A.shape), 1, 1), (step, step, step))
+    if is_array(A) and A.ndim == 1:
+        return blocks_of(numbers(A))
+    return None
 
 
 def numbers_like(count, **vectors):

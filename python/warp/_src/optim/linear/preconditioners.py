@@ -7,14 +7,14 @@ from warp._src.optim.linear.chebyshev import Chebyshev
 from warp._src.optim.linear.fsai import FSAI
 from warp._src.optim.linear.operators import (
     LinearOperator,
-    blocks_of,
+    diagonal_blocks,
     diagonal_matvec,
     evaluated,
     numbers,
 )
-from warp.extend import checked, is_array, type_repr, unrecorded
+from warp.extend import checked, type_repr, unrecorded
 from warp.extend.kinds import OPERATOR, TEXT
-from warp.sparse import BsrMatrix, bsr_get_diag
+from warp.sparse import BsrMatrix
 
 
 @functools.cache
@@ -155,29 +155,10 @@ def _block_kernel(scalar):
     return multiply
 
 
-def _diagonal(A):
-    """The diagonal of a matrix, as blocks of which only the diagonals count.
-
-    Raises:
-        ValueError: it is no matrix whose diagonal is known.
-    """
-    if hasattr(A, "diagonal"):
-        # A part of a matrix over several ranks.
-        return blocks_of(A.diagonal())
-    if isinstance(A, LinearOperator) and A.matrix is not None:
-        A = A.matrix
-    if isinstance(A, BsrMatrix):
-        return blocks_of(bsr_get_diag(A))
-    if is_array(A) and A.ndim == 2 and A.is_contiguous:
-        step = (A.shape[1] + 1) * A.item_size
-        return A._view(0, (min(A.shape), 1, 1), (step, step, step))
-    if is_array(A) and A.ndim == 1:
-        return blocks_of(numbers(A))
-    raise ValueError("Unsupported source matrix type for building diagonal preconditioner")
-
-
 def _jacobi(A, absolute) -> LinearOperator:
-    blocks = _diagonal(A)
+    blocks = diagonal_blocks(A)
+    if blocks is None:
+        raise ValueError("Unsupported source matrix type for building diagonal preconditioner")
     shape = blocks.shape[:2]
     inverse = wp.empty(shape, dtype=blocks.dtype, device=blocks.device)
     kernel = _inverse_kernel(blocks.dtype)
@@ -213,7 +194,7 @@ def _block_jacobi(A, kind) -> LinearOperator:
     columns = wp.empty(shape[:2], dtype=int, device=device)
     inverse = wp.empty(shape, dtype=scalar, device=device)
     symmetric = kind != "block_jacobi_direct"
-    inputs = [_diagonal(A), symmetric, factor, columns, solution, inverse]
+    inputs = [diagonal_blocks(A), symmetric, factor, columns, solution, inverse]
     wp.launch(_block_inverse_kernel(scalar), A.nrow, inputs, device=device)
     return LinearOperator(A.shape, scalar, device, functools.partial(_blocks, inverse))
 
