@@ -93,7 +93,7 @@ def _label(
     rows: wp.array(dtype=int),
     total: wp.array(dtype=int),
 ):
-    """The number of each row that stays or came; others are last."""
+    """Gives each row that stays or came the number of its point, and others the last one."""
     i = wp.tid()
     own = numbers.shape[0]
     key = _NO_NUMBER
@@ -125,6 +125,7 @@ def _settle(
     live: wp.array(dtype=int),
     wanted: wp.array(dtype=int),
 ):
+    """Keeps the first rows in the order of their numbers, and counts points."""
     i = wp.tid()
     numbers[i] = keys[i]
     index[i] = rows[i]
@@ -142,7 +143,7 @@ def _append(
     reach: wp.array(dtype=int),
     wanted: wp.array(dtype=int),
 ):
-    """Where each row of own points and of ghosts behind them comes from."""
+    """Lists the source of each row: own points, then ghosts by rank."""
     i = wp.tid()
     own = index.shape[0]
     if i < own:
@@ -172,9 +173,11 @@ class FixedParticles:
 
     Attributes:
         capacity: rows of arrays.
-        live: int32 array of one element, own points.
-        reach: int32 array of one element, own points and ghosts of the last `ghosts`.
-        numbers: global numbers of own points, in ascending order.
+        moving: most points that go to another rank in a `migrate`.
+        near: most ghosts of another rank.
+        live: int32 array of one element on the device, the count of own points.
+        reach: int32 array of one element on the device, the count of own points and ghosts.
+        numbers: int32 array of `capacity` rows, global numbers of own points, in ascending order.
     """
 
     def __init__(self, particles, moving, near):
@@ -185,10 +188,12 @@ class FixedParticles:
                 f"{who} expect a capacity: make them by `Particles(..., capacity=n)`"
             )
         self.capacity = capacity = int(particles.capacity)
+        for name, one in (("moving", moving), ("near", near)):
+            if one is not None and not (isinstance(one, (int, np.integer)) and one > 0):
+                raise DistributedValueError(
+                    f"{who} expect a positive integer {name!r}, but got {one!r}"
+                )
         self.moving, self.near = (capacity if one is None else int(one) for one in (moving, near))
-        for name, one in (("moving", self.moving), ("near", self.near)):
-            if one < 1:
-                raise DistributedValueError(f"{who} expect a positive {name!r}, but got {one}")
         if particles.numbers is None:
             raise DistributedError(f"{who}: points have no numbers yet: call `migrate` first")
         particles._check_capacity("fixed", np.array([particles.count]))
@@ -211,7 +216,11 @@ class FixedParticles:
         self._plans: dict = {}
 
     def padded(self, *arrays):
-        """Arrays of own points with padding behind; one array, or a list of several."""
+        """Arrays of own points, `count` rows each, with rows of zeros up to `capacity` behind.
+
+        Returns:
+            One array, or a list of several.
+        """
         comm, count, found = self.comm, self.particles.count, []
         for one in arrays:
             checked(comm, "padded", one)
@@ -227,7 +236,15 @@ class FixedParticles:
         return found[0] if len(found) == 1 else found
 
     def migrate(self, x, *arrays) -> list:
-        """`Particles.migrate` of arrays of `capacity` rows; `live` and `numbers` change."""
+        """Sends own points to the ranks that own their cells; `live` and `numbers` change.
+
+        Args:
+            x: positions, `capacity` rows.
+            arrays: values of the same points, `capacity` rows each.
+
+        Returns:
+            Arrays of `capacity` rows, of own points in the order of their numbers.
+        """
         self._check("migrate", x, *arrays)
         chosen = self._choose("migrate", x, self._owners, _leave, _SENT)
         came = wp.empty((len(self.peers), self.moving), dtype=int, device=self.comm.device)
@@ -246,7 +263,11 @@ class FixedParticles:
         without_tape(lambda: wp.launch(_append, rows, inputs, device=self.comm.device))
 
     def halo(self, *arrays):
-        """Arrays of `capacity` rows, of own points with those of ghosts behind."""
+        """Arrays of `capacity` rows with those of ghosts behind own points, `reach` rows in all.
+
+        Returns:
+            One array, or a list of several.
+        """
         if self._chosen is None:
             raise DistributedError(
                 f"rank {self.comm.rank}: halo of particles without ghosts: call `ghosts` first"
@@ -257,7 +278,10 @@ class FixedParticles:
         return found[0] if len(found) == 1 else found
 
     def check(self) -> int:
-        """Own points after replays; all ranks call this.
+        """Reads the count of own points after replays, which `Particles` get; all ranks call this.
+
+        Returns:
+            The count of own points.
 
         Raises:
             DistributedError: since the last call points did not fit, or one had no position.
@@ -287,8 +311,6 @@ class FixedParticles:
         particles.count = count = int(self.live.numpy()[0])
         particles.numbers, particles.ghosts_of = wp.clone(self.numbers[:count]), None
         return count
-
-    # Steps.
 
     def _check(self, name, *arrays) -> None:
         comm = self.comm

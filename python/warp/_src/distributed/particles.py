@@ -137,11 +137,11 @@ class Particles:
         return self._tables[name]
 
     def device_owners(self):
-        """The owner of each cell, on the device."""
+        """The owner of each cell, an int32 array on the device."""
         return self._table("owners", wp.int32)
 
     def device_around(self):
-        """For each cell the ranks that own cells around, on the device."""
+        """1 for ranks that own cells around a cell: uint8, (cells, ranks), on the device."""
         return self._table("around", wp.uint8)
 
     def fixed(self, moving=None, near=None):
@@ -156,7 +156,9 @@ class Particles:
             `FixedParticles`.
 
         Raises:
-            DistributedValueError: the particles have no capacity.
+            DistributedValueError: the particles have no capacity, or a number is no positive
+                integer.
+            DistributedError: points have no numbers yet, or are more than the capacity.
         """
         from warp._src.distributed.fixed_particles import FixedParticles
 

@@ -181,11 +181,11 @@ class Matrix:
         self.kind = kind
 
     def csr(self):
-        """Own rows as NumPy arrays, to hand them to other libraries.
+        """Own rows as NumPy arrays, for other libraries.
 
         Returns:
-            Offsets of rows, columns by local numbers of the graph, and values; columns of a row
-            rise.
+            Offsets of rows, int32 (owned + 1,); columns by local numbers of the graph, in rising
+            order in each row; and values, numbers or blocks.
         """
         rows, columns, values = [], [], []
         for part in self.parts:
@@ -199,7 +199,7 @@ class Matrix:
         return offsets.astype(np.int32), column[order], value[order]
 
     def diagonal(self):
-        """The numbers on the diagonal of own rows."""
+        """The diagonal of own rows of numbers, one dimension."""
         offsets, columns, values = self.csr()
         row = np.repeat(np.arange(self.graph.owned), np.diff(offsets))
         blocks = np.zeros((self.graph.owned, *self.block), values.dtype)

@@ -187,6 +187,7 @@ def _share_cpus(comm) -> None:
 
 
 def _control_groups() -> str:
+    """The control groups of this process, as the kernel lists them."""
     try:
         with open("/proc/self/cgroup") as file:
             return file.read()

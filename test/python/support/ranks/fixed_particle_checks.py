@@ -147,7 +147,8 @@ def bad_fixed_particles(comm):
     free = wd.Particles(((0, 0), (1, 1)), RADIUS, comm)
     checking.fails(free.fixed, who, "capacity=n")
     particles, x, _ = _start(comm)
-    checking.fails(lambda: particles.fixed(moving=0), who, "'moving'", "0")
+    for wrong in (0, 2.5, "a"):
+        checking.fails(lambda moving=wrong: particles.fixed(moving), who, "'moving'", "integer")
     fixed = particles.fixed(moving=1, near=1)
     checking.fails(lambda: fixed.migrate(x[:1]), who, f"{COUNT} rows", "padded")
     checking.fails(lambda: fixed.padded(wp.zeros(COUNT + 1)), who, f"{particles.count} rows")
