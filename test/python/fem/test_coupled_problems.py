@@ -1,6 +1,5 @@
 """Coupled and nonlinear problems with known solutions: heat and stress, contact, minimal surfaces,
-multipliers on boundaries, curved domains, corners, environments, particles, and derivatives of
-solutions by shapes and loads."""
+multipliers on boundaries, and a disk."""
 
 import math
 
@@ -11,7 +10,6 @@ import fem_programs as programs
 import warp as wp
 from warp import fem
 
-Basis = fem.ElementBasis
 REAL = wp.float64
 PI = wp.constant(math.pi)
 Vec2, Vec3 = wp.vec2d, wp.vec3d

@@ -126,6 +126,7 @@ def test_gradient_of_a_solution_with_fixed_values(name, value):
     start = np.concatenate([start, [[0.3, 0.0]]])
     rigidity, gradient = work(start)
     if value is None:
+        # Torsion constant of a unit square by Saint-Venant's series: 0.1406.
         assert 4.0 * rigidity == pytest.approx(0.1406, rel=0.02)
     direction = np.random.default_rng(0).standard_normal(start.shape)
     found = (gradient * direction).sum()
@@ -287,7 +288,7 @@ def test_transfers_keep_momentum_and_affine_velocities(name):
     made = Transfer(geometry, x, velocity, slope)
     p, m = made.p.numpy(), made.masses
     np.testing.assert_allclose(p.sum(0), (m[:, None] * velocity).sum(0), atol=1e-11)
-    # Angular momentum of an affine velocity: that of the particle, and its skew part over the grid.
+    # Nodes get the values of an affine velocity that all particles share, and give them back.
     matrix, shift = rng.standard_normal((3, 3)), rng.standard_normal(3)
     made = Transfer(geometry, x, x @ matrix.T + shift, np.tile(matrix, (len(x), 1, 1)))
     used = made.m.numpy() > 1e-12
