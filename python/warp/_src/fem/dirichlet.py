@@ -53,6 +53,47 @@ def _normalize_kernel(scalar, size):
     return wp.kernel(normalize, enable_backward=False)
 
 
+@functools.cache
+def _adjoint_kernel(scalar, size):
+    """The adjoint of a normalization. With B the inverse of a block A on its range, P = A B and
+    u = B f: dB = -B dA B + B B dA (1 - P) + (1 - P) dA B B, where the rank does not change."""
+    block = wp.types.matrix(shape=(size, size), dtype=scalar)
+    vector = wp.types.vector(length=size, dtype=scalar)
+
+    def adjoint(
+        offsets: Ints,
+        columns: Ints,
+        counts: Ints,
+        blocks: wp.array(dtype=block),
+        values: wp.array(dtype=vector),
+        block_grads: wp.array(dtype=block),
+        value_grads: wp.array(dtype=vector),
+    ):
+        row = wp.tid()
+        at = bsr_block_index(row, row, offsets, columns, counts)
+        if at >= 0:
+            A = blocks[at]
+            least = wp.trace(A) * scalar(1.0e-6)
+            modes, vectors = symmetric_eigenvalues_qr(A, scalar(0.0))
+            B, Q = block(), wp.identity(n=size, dtype=scalar)
+            for k in range(size):
+                if modes[k] > least:
+                    along = wp.outer(vectors[k], vectors[k])
+                    B += along / modes[k]
+                    Q -= along
+            f, g, G = vector(), vector(), block()
+            if value_grads.shape[0] > 0:
+                f, g = values[row], value_grads[row]
+                value_grads[row] = B * g
+            if block_grads.shape[0] > 0:
+                G = block_grads[at]
+                found = Q * G * B + B * G * Q - wp.outer(B * g, B * f)
+                found += wp.outer(B * (B * g), Q * f) + wp.outer(Q * g, B * (B * f))
+                block_grads[at] = found
+
+    return wp.kernel(adjoint, enable_backward=False)
+
+
 def _check_projector(projector) -> None:
     rows, cols = projector.block_shape
     if projector.nrow != projector.ncol or rows != cols:
@@ -91,9 +132,23 @@ def normalize_dirichlet_projector(projector_matrix, fixed_value=None) -> None:
     blocks = P.scalar_values.view(block).flatten() if size > 1 else _one_by_one(P, block)
     values = wp.empty(0, dtype=wp.types.vector(length=size, dtype=scalar), device=P.device)
     if fixed_value is not None:
+        if extend.is_recording() and P.values.requires_grad:
+            fixed_value.requires_grad = True
         values = _as_vectors(fixed_value, scalar, size, P.nrow)
-    inputs = [P.offsets, P.columns, P._counts(), blocks, values, int(fixed_value is not None)]
-    wp.launch(_normalize_kernel(scalar, size), P.nrow, inputs, device=P.device)
+    rows = [P.offsets, P.columns, P._counts()]
+    records = extend.is_recording() and (blocks.requires_grad or values.requires_grad)
+    with extend.unrecorded():
+        before = [wp.clone(x, requires_grad=False) for x in (blocks, values)] if records else None
+        inputs = [*rows, blocks, values, int(fixed_value is not None)]
+        wp.launch(_normalize_kernel(scalar, size), P.nrow, inputs, device=P.device)
+
+    def backward():
+        grads = [x.grad if x.requires_grad else x[:0] for x in (blocks, values)]
+        inputs = [*rows, *before, *grads]
+        wp.launch(_adjoint_kernel(scalar, size), P.nrow, inputs, device=P.device)
+
+    if records:
+        extend.record_adjoint(backward, [blocks, values])
 
 
 def _one_by_one(matrix, block):
