@@ -174,11 +174,14 @@ class GMRES(LinearSolverState):
     ):
         if restart <= 0:
             raise ValueError(f"restart must be positive, got {restart}")
-        self.cycle_size = max(1, min(int(restart), aslength(b)))
+        self.cycle_size = int(restart)
         self.left = is_left_preconditioner
         super().__init__(A, b, x, tol, atol, maxiter, M, callback, check_every, use_cuda_graph)
 
     def _allocate(self):
+        # All ranks of an operator have cycles of one length, whatever their part.
+        rows = getattr(self.A, "rows", self.A.shape[0])
+        self.cycle_size = max(1, min(self.cycle_size, rows))
         super()._allocate()
         size, device = self.cycle_size, self.device
         length = self.b.size
@@ -253,8 +256,3 @@ class GMRES(LinearSolverState):
         arrays = (self.H, self.norms, self.exhausted)
         self.launch(note_norm, self.batches, self.dots.row(), k, *arrays)
         self.launch(normalize, self.count, w, self.norms, self.batch_of, self.basis[k + 1])
-
-
-def aslength(vector) -> int:
-    """How many numbers a vector has."""
-    return numbers(vector).size
