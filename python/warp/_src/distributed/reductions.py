@@ -10,9 +10,9 @@ from warp._src import errors
 from warp._src.arrays.observers import Observers
 from warp._src.distributed import exact as exact_sums
 from warp._src.distributed import forward
-from warp._src.distributed.communicator import resolve
+from warp._src.distributed.communicator import flat, resolve
 from warp._src.distributed.failures import DistributedValueError
-from warp._src.distributed.operations import _plan, checked
+from warp._src.distributed.operations import _plan, _scalar, checked
 from warp._src.distributed.plans import run_or_record, without_tape
 from warp._src.types import dtypes
 
@@ -57,6 +57,8 @@ def sum(x, exact=None, comm=None):
 def dot(x, y, exact=None, comm=None):
     """The inner product of split arrays, over all ranks, in float64; otherwise as `sum`.
 
+    Vectors, matrices and quaternions count as their numbers.
+
     Raises:
         ValueError: the arrays differ in type or length.
     """
@@ -66,10 +68,10 @@ def dot(x, y, exact=None, comm=None):
 def _checked(comm, name, arrays) -> list:
     for one in arrays:
         checked(comm, name, one)
-        if one.dtype not in exact_sums.FORMATS:
+        if (one.dtype if name == "sum" else _scalar(one.dtype)) not in exact_sums.FORMATS:
             raise errors.WarpTypeError(
                 f"rank {comm.rank}: {name} expects arrays of float32 or float64, but got "
-                f"'{dtypes.type_repr(one.dtype)}': view vectors as scalars"
+                f"'{dtypes.type_repr(one.dtype)}': write such numbers to an array first"
             )
     first, last = arrays[0], arrays[-1]
     if first.dtype is not last.dtype or first.shape != last.shape:
@@ -77,10 +79,7 @@ def _checked(comm, name, arrays) -> list:
             f"rank {comm.rank}: {name} expects arrays of one type and shape, but got {first!r} "
             f"and {last!r}"
         )
-    return [
-        one.contiguous().flatten() if one.ndim > 1 or not one.is_contiguous else one
-        for one in arrays
-    ]
+    return [flat(one if one.is_contiguous else one.contiguous()) for one in arrays]
 
 
 def _reduced(name, arrays, exact, comm):
@@ -132,14 +131,15 @@ def _record(arrays, numbers, out) -> None:
             if not one.requires_grad or not one.size:
                 continue
             grad = one.grad
-            target = grad.flatten() if grad.is_contiguous else grad.contiguous().flatten()
+            packed = grad if grad.is_contiguous else grad.contiguous()
+            target = flat(packed)
             if len(arrays) == 1:
                 wp.launch(_add_one, target.size, [out.grad, target], device=out.device)
             else:
                 other = numbers[1 - k]
                 wp.launch(_add_scaled, target.size, [out.grad, other, target], device=out.device)
-            if not grad.is_contiguous:
-                grad.assign(target.reshape(grad.shape))
+            if packed is not grad:
+                grad.assign(packed)
         out.grad.zero_()
 
     Observers.tape.add_function(backward, [*arrays, out])

@@ -129,6 +129,16 @@ def products(comm):
         z = wd.dot(x, y, exact=True)
     tape.backward(z)
     assert np.allclose(x.grad.numpy(), y.numpy()) and np.allclose(y.grad.numpy(), x.numpy())
+    # Vectors and matrices count as their numbers, with any strides.
+    for kind in (wp.vec3d, wp.mat22):
+        wide = rng.random((6, 3, *kind._shape_))
+        u = wp.array(wide, dtype=kind, requires_grad=True)[::2]
+        with wp.Tape() as tape:
+            z = wd.dot(u, u, exact=True)
+        tape.backward(z)
+        wanted = sum(comm.gather_objects(float((u.numpy().astype(float) ** 2).sum())))
+        assert np.isclose(z.numpy()[0], wanted, rtol=1e-14), kind
+        assert np.allclose(u.grad.numpy(), 2 * u.numpy()), kind
     values = np.array([[1.0, 5.0, 2.0], [3.0, 5.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     x = wp.array(values[comm.rank], dtype=float, requires_grad=True)
     with wp.Tape() as tape:
@@ -239,6 +249,7 @@ def bad_input(comm):
     checking.fails(lambda: wd.broadcast(x, comm.size), who, str(comm.size))
     checking.fails(lambda: wd.all_to_all(x, [1] * comm.size * 9), who, "counts")
     checking.fails(lambda: wd.sum(wp.zeros(2, dtype=int)), who, "int32")
+    checking.fails(lambda: wd.sum(wp.zeros(2, dtype=wp.vec3)), who, "vec3f", "array first")
     checking.fails(lambda: wd.dot(x, wp.zeros(3, dtype=float)), who, "(4,)")
     checking.fails(lambda: wd.init("smoke signals"), "'smoke signals'")
     checking.fails(lambda: wd.init(timeout=-1), "-1")
