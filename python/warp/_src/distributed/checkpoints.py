@@ -29,14 +29,15 @@ def save(folder, comm=None, blocks=None, **state) -> None:
         folder: where to; one that is there is replaced.
         comm: by default that of `wd.init`.
         blocks: `Blocks` whose fields are among the state: these are saved without ghosts.
-        state: arrays by name, split along the first axis; fields of `blocks`; or numbers, strings
-            and lists, which are taken from rank 0.
+        state: arrays by name, split along the first axis; fields of `blocks`; or replicated
+            values, which are taken from rank 0: NumPy arrays, numbers, strings and lists.
 
     Raises:
-        DistributedError: a rank could not write; all ranks raise it.
+        DistributedError: a rank could not write, or has other names; all ranks raise it.
     """
     comm = resolve(comm)
     folder = os.fspath(folder)
+    fields = _fields(comm, folder, state, blocks)
     aside = f"{folder}.writing"
     problem, facts = None, {}
     if comm.rank == 0:
@@ -48,7 +49,7 @@ def save(folder, comm=None, blocks=None, **state) -> None:
     comm.barrier()
     for name, value in state.items():
         try:
-            facts[name] = _write(aside, name, value, comm, blocks)
+            facts[name] = _write(aside, name, value, comm, blocks if name in fields else None)
         except TypeError as error:
             problem = problem or f"{error}: leave it out or pass one of these"
         except OSError as error:
@@ -68,8 +69,37 @@ def save(folder, comm=None, blocks=None, **state) -> None:
             )
 
 
+def _fields(comm, folder, state, blocks) -> set:
+    """Names of arrays that have the shape of a field on all ranks."""
+    found = {name: _is_field(value, blocks) for name, value in state.items()}
+    every = comm.gather_objects(found)
+    for rank, one in enumerate(every):
+        if one.keys() != every[0].keys():
+            raise DistributedError(
+                f"rank {comm.rank}: save to '{folder}': rank {rank} saves {sorted(one)}, but "
+                f"rank 0 {sorted(every[0])}: pass the same names on all ranks"
+            )
+    return {name for name in found if all(one[name] for one in every)}
+
+
+def _is_field(value, blocks) -> bool:
+    if blocks is None or not isinstance(value, wp.array):
+        return False
+    lead = value.ndim - blocks.ndim
+    return lead in (0, 1) and value.shape[lead:] == blocks.local
+
+
 def _write(aside, name, value, comm, blocks):
-    """Writes the rank's part of a value; gives facts about it."""
+    """Writes the rank's part of a value; gives facts about it.
+
+    Args:
+        blocks: those of a field, else None.
+    """
+    path = os.path.join(aside, f"{name}.{comm.rank}.npy")
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
+        if comm.rank == 0:
+            _write_file(path, value)
+        return {"replicated": True}
     if not isinstance(value, wp.array):
         try:
             json.dumps(value)
@@ -78,14 +108,16 @@ def _write(aside, name, value, comm, blocks):
                 f"'{name}' is {type(value).__name__}, not an array, number, text or list"
             ) from None
         return {"value": value}
-    is_field = blocks is not None and value.shape[value.ndim - blocks.ndim :] == blocks.local
-    own = blocks.inner(value) if is_field else value
-    path = os.path.join(aside, f"{name}.{comm.rank}.npy")
+    own = value if blocks is None else blocks.inner(value)
+    _write_file(path, own.numpy())
+    return {"field": blocks is not None, "rows": int(own.shape[0])}
+
+
+def _write_file(path, values) -> None:
     with open(path, "wb") as file:
-        np.save(file, np.ascontiguousarray(own.numpy()))
+        np.save(file, np.ascontiguousarray(values))
         file.flush()
         os.fsync(file.fileno())
-    return {"field": is_field, "rows": int(own.shape[0]) if own.ndim else 1}
 
 
 def _publish(aside, folder, comm, state, facts, blocks) -> None:
@@ -93,7 +125,7 @@ def _publish(aside, folder, comm, state, facts, blocks) -> None:
     names = {}
     for name in state:
         own = [one[name] for one in facts]
-        names[name] = own[0] if "value" in own[0] else {
+        names[name] = own[0] if "field" not in own[0] else {
             "field": own[0]["field"],
             "rows": [one["rows"] for one in own],
         }  # fmt: skip
@@ -114,7 +146,8 @@ def load(folder, comm=None, blocks=None) -> dict:
     """The rank's part of what `save` wrote, on this number of ranks.
 
     Split arrays come as NumPy arrays with the rows `rows_of(n, rank, size)`; fields of blocks as
-    the cells that the rank owns in `blocks`.
+    the cells that the rank owns in `blocks`, for `blocks.inner(field).assign`; replicated values
+    whole.
 
     Raises:
         DistributedError: files are missing, cut off or of another version; all ranks raise it.
@@ -155,6 +188,8 @@ def _read(folder, name, facts, manifest, comm, blocks):
                 f"{os.path.basename(path)} is damaged, {error}: load an older checkpoint"
             ) from None
 
+    if "replicated" in facts:
+        return np.array(part(0))
     if facts["field"]:
         return _read_field(part, manifest, name, blocks)
     from warp._src.distributed.operations import rows_of

@@ -41,17 +41,32 @@ def checkpoints(comm):
     blocks.scatter(data if comm.rank == 0 else None, f)
     blocks.scatter(np.stack([data, 2 * data, 3 * data]) if comm.rank == 0 else None, g)
     rows = wp.array(np.arange(comm.rank + 1.0) + 10 * comm.rank, dtype=float)
+    theta = np.array([(0.5, 3)], [("k", "f4"), ("n", "i4")])
     for step in (1, 2):
-        wd.save(folder, comm, blocks, f=f, g=g, rows=rows, step=step)
+        wd.save(folder, comm, blocks, f=f, g=g, rows=rows, step=step, theta=theta)
     whole = np.concatenate([np.arange(r + 1.0) + 10 * r for r in range(comm.size)])
     alone = wd.Communicator(0, 1)
     for one, grid in ((comm, blocks), (alone, wd.Blocks(shape, comm=alone))):
         state = wd.load(folder, one, grid)
         first, last = wd.rows_of(len(whole), one.rank, one.size)
         assert state["step"] == 2 and np.array_equal(state["rows"], whole[first:last])
+        assert state["theta"].dtype == theta.dtype and state["theta"] == theta
         part = data[tuple(slice(o, o + n) for o, n in zip(grid.offset, grid.owned, strict=True))]
         assert np.array_equal(state["f"], part) and np.array_equal(state["g"][2], 3 * part)
+    # Rows of a split array may be as many as cells of a field on one rank.
+    line = wd.Blocks((3 * comm.size + 1,), comm=comm)
+    many = 3 if comm.rank == 0 and comm.size > 1 else line.local[0]
+    values = np.arange(float(many)) + 100 * comm.rank
+    wd.save(folder + "-line", comm, line, values=wp.array(values, dtype=float))
+    every = np.concatenate(comm.gather_objects(values))
+    if comm.size > 1:
+        first, last = wd.rows_of(len(every), comm.rank, comm.size)
+        assert np.array_equal(wd.load(folder + "-line", comm, line)["values"], every[first:last])
     who = f"rank {comm.rank}"
+    if comm.size > 1:
+        words = who, "rank 1 saves ['rank1']", "rank 0 ['rank0']", "same names"
+        checking.fails(lambda: wd.save(folder, comm, **{f"rank{comm.rank}": 1}), *words)
+    checking.fails(lambda: wd.save(folder, comm, x={1, 2}), who, "'x' is set")
     checking.fails(lambda: wd.load(folder, comm), who, "needs `blocks`")
     other = wd.Blocks((8, 8), comm=comm)
     checking.fails(lambda: wd.load(folder, comm, other), who, "[9, 8]", "[8, 8]")
