@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import operator
 import typing
 
 import numpy as np
@@ -112,6 +113,16 @@ def _factors(size, ndim):
                 yield (first, *others)
 
 
+def _integers(who, name, given) -> tuple:
+    """Integers as they are given, not rounded."""
+    try:
+        return tuple(operator.index(one) for one in given)
+    except TypeError:
+        raise DistributedValueError(
+            f"{who} expects integers as {name}, but got {tuple(given)}"
+        ) from None
+
+
 class Blocks:
     """A grid whose cells are split over ranks.
 
@@ -138,15 +149,17 @@ class Blocks:
 
     def __init__(self, shape, width=1, periodic=False, ranks=None, comm=None, corners=True):
         self.comm = resolve(comm)
-        self.shape = tuple(int(n) for n in (shape if hasattr(shape, "__len__") else (shape,)))
+        who = f"rank {self.comm.rank}: Blocks"
+        self.shape = _integers(who, "shape", shape if hasattr(shape, "__len__") else (shape,))
         ndim = len(self.shape)
         self.ndim = ndim
-        who = f"rank {self.comm.rank}: Blocks"
         if not 1 <= ndim <= 4 or min(self.shape) < 1:
             raise DistributedValueError(
                 f"{who} expects 1 to 4 extents of at least one cell, but got {self.shape}"
             )
-        self.width = tuple(width) if hasattr(width, "__len__") else (int(width),) * ndim
+        self.width = _integers(
+            who, "width", width if hasattr(width, "__len__") else (width,) * ndim
+        )
         self.periodic = tuple(periodic) if hasattr(periodic, "__len__") else (periodic,) * ndim
         if len(self.width) != ndim or len(self.periodic) != ndim or min(self.width) < 0:
             raise DistributedValueError(
@@ -303,6 +316,7 @@ class Blocks:
         self.comm.check_use(name)
         for number, one in enumerate(fields):
             self._check_field(name, number, one)
+            self._check_items(name, number, one, items)
         sides = without_tape(lambda: self._sides(fields, items))
         text = name if len(fields) == 1 else f"{name} of {len(fields)} fields"
         described = tuple(
@@ -337,6 +351,21 @@ class Blocks:
                 f"rank {self.comm.rank}: {who} is read-only, but its ghosts are written: use "
                 "`wp.clone(x)`"
             )
+
+    def _check_items(self, name, number, x, items) -> None:
+        if items is None or x.ndim == self.ndim:
+            return
+        given, count = np.asarray(items), x.shape[0]
+        if given.ndim == 1 and given.size and not 0 <= given.min() <= given.max() < count:
+            problem = f"{given.tolist()}: indices are below {count}"
+        elif given.ndim != 1 and given.shape[1:] != (self.ndim,):
+            problem = f"an array of shape {given.shape}: velocities have {self.ndim} columns"
+        else:
+            return
+        raise DistributedValueError(
+            f"rank {self.comm.rank}: {name}, field {number} has {count} entries in front, but "
+            f"`items` is {problem}"
+        )
 
     def _sides(self, fields, items) -> list:
         sides = []
@@ -400,8 +429,17 @@ class Blocks:
 
     def scatter(self, data, x, root=0) -> None:
         """Copies a NumPy array of all cells on one rank to the owners' cells of a field."""
-        checked(self.comm, "scatter", x)
-        lead = x.ndim - self.ndim
+        self._check_field("scatter", 0, x)
+        lead, problem = x.ndim - self.ndim, None
+        if self.comm.rank == root:
+            data, whole = np.asarray(data), (*x.shape[:lead], *self.shape)
+            if data.shape[: x.ndim] != whole:
+                problem = f"data of shape {data.shape}, but all cells of the field are {whole}"
+        if problem := self.comm.broadcast_object(problem, root):
+            raise DistributedError(
+                f"rank {self.comm.rank}: scatter: rank {root} gives {problem}: pass the values of "
+                "the whole grid there"
+            )
         own = wp.empty((*x.shape[:lead], *self.owned), dtype=x.dtype, device=x.device)
         messages = [Message(root, None, own, 0, 0)]
         if self.comm.rank == root:

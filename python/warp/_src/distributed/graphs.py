@@ -184,6 +184,20 @@ class _Done:
         """Nothing is left to wait for."""
 
 
+def numbers_of(who, given):
+    """Numbers of nodes as integers.
+
+    Raises:
+        DistributedValueError: they are none, and rounding would hide it.
+    """
+    given = np.asarray(given).reshape(-1)
+    if given.size and given.dtype.kind not in "iu":
+        raise DistributedValueError(
+            f"{who} expects integers as numbers of nodes, but got an array of {given.dtype}"
+        )
+    return given.astype(np.int64)
+
+
 class Graph(Neighbours):
     """Nodes that are split over ranks, with the nodes of others that edges lead to.
 
@@ -211,8 +225,8 @@ class Graph(Neighbours):
     def __init__(self, rows, columns, count=None, comm=None, by="metis", positions=None):
         comm = resolve(comm)
         super().__init__(comm)
-        rows, columns = (np.asarray(one, np.int64).reshape(-1) for one in (rows, columns))
         who = f"rank {comm.rank}: Graph"
+        rows, columns = (numbers_of(who, one) for one in (rows, columns))
         if by not in PARTITIONS:
             raise DistributedValueError(f"{who} expects by={PARTITIONS}, but got {by!r}")
         if rows.size != columns.size:

@@ -56,6 +56,11 @@ def _find_cells(
     cells[i] = cell
 
 
+def _are_loads(weights, count) -> bool:
+    weights = np.asarray(weights, float)
+    return weights.shape == (count,) and bool((np.isfinite(weights) & (weights >= 0)).all())
+
+
 class Particles:
     """Points split over ranks by where they are.
 
@@ -82,9 +87,10 @@ class Particles:
         who = f"rank {comm.rank}: Particles"
         low, high = (np.atleast_1d(np.asarray(one, float)) for one in bounds)
         self.ndim = len(low)
-        if low.shape != high.shape or not 1 <= self.ndim <= 3 or not (high > low).all():
+        fits = low.shape == high.shape and 1 <= self.ndim <= 3
+        if not fits or not np.isfinite(high - low).all() or not (high > low).all():
             raise DistributedValueError(
-                f"{who} expects corners of a box in 1 to 3 dimensions, but got {bounds}"
+                f"{who} expects finite corners of a box in 1 to 3 dimensions, but got {bounds}"
             )
         if not radius > 0:
             raise DistributedValueError(f"{who} expects a positive radius, but got {radius}")
@@ -217,12 +223,23 @@ class Particles:
         Args:
             x: positions of own points.
             weights: NumPy array of the load of each, by default 1.
+
+        Raises:
+            DistributedError: on a rank there is not a weight of at least 0 for each point.
         """
         cells = self._cells("balance", x)
-        load = np.bincount(cells, weights, minlength=len(self.owners)).astype(float)
+        bad = weights is not None and not _are_loads(weights, len(cells))
+        load = np.bincount(cells, None if bad else weights, minlength=len(self.owners))
         # Integers add up to the same on any number of ranks.
-        words = np.rint(load * 1024).astype(np.int64)
-        self._deal(self.comm.check_sum(words) / 1024.0)
+        words = np.append(np.rint(load.astype(float) * 1024), bad).astype(np.int64)
+        words = self.comm.check_sum(words)
+        if words[-1]:
+            where = "this rank" if bad else "another rank"
+            raise DistributedError(
+                f"rank {self.comm.rank}: balance expects a finite weight of at least 0 for each "
+                f"point, but {where} passes others: look at `weights`"
+            )
+        self._deal(words[:-1] / 1024.0)
 
     # Movement.
 

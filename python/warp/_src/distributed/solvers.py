@@ -10,7 +10,8 @@ import warp as wp
 from warp._src.distributed import exact as exact_sums
 from warp._src.distributed.communicator import flat, resolve
 from warp._src.distributed.failures import DistributedError, DistributedValueError
-from warp._src.distributed.operations import _plan, _reduce
+from warp._src.distributed.graphs import numbers_of
+from warp._src.distributed.operations import _plan, _reduce, checked
 from warp._src.distributed.plans import run_or_record
 from warp._src.distributed.reductions import is_exact
 from warp._src.optim.linear import operators
@@ -150,8 +151,21 @@ class Matrix:
         self.graph, comm = graph, graph.comm
         self.dtype = dtype
         self.scalar = getattr(dtype, "_wp_scalar_type_", dtype)
-        rows, columns = (np.asarray(one, np.int64).reshape(-1) for one in (rows, columns))
+        who = f"rank {comm.rank}: Matrix"
+        rows, columns = (numbers_of(who, one) for one in (rows, columns))
         values = np.asarray(values)
+        if not rows.size == columns.size == len(values):
+            raise DistributedValueError(
+                f"{who} expects as many rows, columns and values, but got {rows.size}, "
+                f"{columns.size} and {len(values)}"
+            )
+        beyond = (rows < 0) | (rows >= graph.count) | (columns < 0) | (columns >= graph.count)
+        if beyond.any():
+            k = int(beyond.argmax())
+            raise DistributedValueError(
+                f"{who} expects numbers of nodes from 0 to {graph.count - 1}, but its entry {k} is "
+                f"in row {rows[k]} and column {columns[k]}"
+            )
         own = graph.owners[rows] == comm.rank
         rows, columns, values = rows[own], columns[own], values[own]
         at = graph.local_of(columns)
@@ -235,6 +249,14 @@ def bsr_mv(A, x, y=None, alpha=1.0, beta=0.0):
         raise DistributedError(
             f"wd.bsr_mv expects a `wd.Matrix`, but got '{type(A).__name__}': make one of a graph"
         )
+    comm, bytes_ = A.graph.comm, A.shape[0] * dtypes.type_size_in_bytes(A.scalar)
+    for name, one in (("x", x), *((("y", y),) if y is not None else ())):
+        checked(comm, f"bsr_mv, {name}", one)
+        if one.size * one.item_size != bytes_:
+            raise DistributedValueError(
+                f"rank {comm.rank}: bsr_mv, {name} expects {A.shape[0]} numbers of own rows, of "
+                f"type {A.scalar.__name__}, but got {one!r}"
+            )
     if y is None:
         y = wp.zeros(A.graph.owned, dtype=A.kind, device=x.device)
     A.matvec(x, y, y, alpha, beta)

@@ -1,5 +1,6 @@
 """Checks of blocks, halos and their derivatives, on any number of ranks."""
 
+import functools
 import itertools
 import mmap
 import os
@@ -471,7 +472,17 @@ def bad_blocks(comm):
         ranks = (comm.size, 1)
         checking.fails(lambda: wd.Blocks((comm.size, 9), 2, ranks=ranks), who, "axis 0", "1 for")
         checking.fails(lambda: wd.Blocks((9, 9), ranks=(1, 1)), who, "(1, 1)")
+    checking.fails(lambda: wd.Blocks((8.5, 8)), who, "integers as shape", "8.5")
+    checking.fails(lambda: wd.Blocks((8, 8), 1.5), who, "integers as width", "1.5")
     blocks = wd.Blocks((8, 8))
+    # All ranks tell of what one of them gives.
+    for data, words in ((np.zeros((3, 8)), "(3, 8)"), (None, "()")):
+        given = data if comm.rank == 0 else None
+        scatter = functools.partial(blocks.scatter, given, blocks.zeros())
+        checking.fails(scatter, who, "rank 0 gives", words, "(8, 8)")
+    several = blocks.zeros(items=3)
+    checking.fails(lambda: blocks.halo(several, items=[0, 3]), who, "3 entries", "[0, 3]")
+    checking.fails(lambda: blocks.halo(several, items=np.zeros((3, 1))), who, "(3, 1)", "2 columns")
     checking.fails(lambda: blocks.halo(wp.zeros((8, 8))), who, "(8, 8)", "blocks.zeros")
     checking.fails(lambda: blocks.halo([1.0]), who, "list")
     checking.fails(blocks.halo, who)

@@ -122,6 +122,7 @@ def bad_particles(comm):
     """NaN positions, too many points, wrong arrays: each one line, on all ranks."""
     who = f"rank {comm.rank}"
     checking.fails(lambda: wd.Particles(((0, 0), (1, 0)), 0.1), who, "corners")
+    checking.fails(lambda: wd.Particles(((0, 0), (1, np.inf)), 0.1), who, "finite corners")
     checking.fails(lambda: wd.Particles(((0, 0), (1, 1)), -1.0), who, "-1.0")
     checking.fails(lambda: wd.Particles(((0, 0), (1, 1)), 0.1, by="luck"), who, "'luck'")
     if comm.size > 1:
@@ -131,6 +132,9 @@ def bad_particles(comm):
     x = wp.array(data, dtype=wp.vec3)
     checking.fails(lambda: particles.migrate(x), who, f"of at most {4 * comm.size - 1}", "balance")
     checking.fails(lambda: particles.migrate(x, wp.zeros(3)), who, "4 rows")
+    for load in (np.ones(3), np.full(4, np.nan), np.full(4, -1.0)):
+        given = load if comm.rank == comm.size - 1 else None
+        checking.fails(lambda given=given: particles.balance(x, given), who, "weight", "at least 0")
     checking.fails(lambda: particles.halo(x), who, "`ghosts`")
     checking.fails(lambda: particles.migrate(wp.zeros(4)), who, "2 coordinates")
     if comm.rank == comm.size - 1:

@@ -297,6 +297,12 @@ def bad_graphs(comm):
     if graph.local_of([far])[0] < 0:
         checking.fails(lambda: wd.Matrix(graph, [first], [far], [1.0]), who, "no neighbour")
     checking.fails(lambda: wd.bsr_mv(1, wp.zeros(3)), "int")
+    checking.fails(lambda: wd.Graph([0.5], [1.0], 3), who, "integers", "float64")
+    checking.fails(lambda: wd.Matrix(graph, [0, 1], [0], [1.0, 2.0]), who, "2, 1 and 2")
+    checking.fails(lambda: wd.Matrix(graph, [0, 9], [0, 1], [1.0, 2.0]), who, "0 to 8", "row 9")
+    A = wd.Matrix(graph, np.arange(9), np.arange(9), np.ones(9))
+    checking.fails(lambda: wd.bsr_mv(A, wp.zeros(99)), who, f"x expects {graph.owned}", "(99,)")
+    checking.fails(lambda: wd.bsr_mv(A, np.zeros(3)), who, "ndarray")
 
 
 CHECKS = [
