@@ -24,6 +24,7 @@
 #include "BorderSums.h"
 
 #include "Analysis/Effects.h"
+#include "Analysis/ThreadVariance.h"
 #include "GatherGuard.h"
 
 #include "mlir/Dialect/SCF/IR/SCF.h"
@@ -34,8 +35,30 @@ namespace warp::autodiff {
 
 namespace {
 
+/// Uniformity over the threads of a launch. One analysis serves the values of
+/// an adjoint: a split changes none of them.
+class Uniformity {
+public:
+  explicit Uniformity(func::FuncOp adjoint) : adjoint(adjoint) {}
+
+  bool holds(Value value) {
+    if (getConstantInteger(value))
+      return true;
+    if (!variance)
+      variance.emplace(adjoint, /*disjoint=*/true);
+    return variance->isUniform(value, Scope::Launch);
+  }
+  bool isBound(Value value) { return holds(value) && isSpeculatable(value); }
+
+private:
+  func::FuncOp adjoint;
+  std::optional<ThreadVariance> variance;
+};
+
 /// An index between bounds, or the rest of a division by a period.
 struct Clamped {
+  explicit Clamped(Uniformity &uniformity) : uniformity(uniformity) {}
+
   /// A thread index plus a constant, and a period as well if it `isLater`.
   Value inner;
   SmallVector<Value, 2> lows, highs;
@@ -48,15 +71,14 @@ struct Clamped {
   Value isInside(OpBuilder &b, Location loc, Value index) const;
 
 private:
+  bool isBound(Value value) { return uniformity.isBound(value); }
   bool parseBound(Operation *op, SmallVectorImpl<Value> &bounds);
   bool parsePeriod(ModOp op);
+
+  Uniformity &uniformity;
 };
 
 } // namespace
-
-static bool isBound(Value value) {
-  return isUniform(value) && isSpeculatable(value);
-}
 
 /// The larger, or smaller, of an index and a bound.
 bool Clamped::parseBound(Operation *op, SmallVectorImpl<Value> &bounds) {
@@ -135,20 +157,22 @@ Value Clamped::isInside(OpBuilder &b, Location loc, Value index) const {
 }
 
 /// Rests of divisions take lanes more time than they save.
-static bool isNear(Value index) {
-  Clamped clamped;
-  return isUniform(index) || (clamped.parse(index) && !clamped.period);
+static bool isNear(Value index, Uniformity &uniformity) {
+  Clamped clamped(uniformity);
+  return uniformity.holds(index) || (clamped.parse(index) && !clamped.period);
 }
 
 /// True if the value of an addition, the indices and conditions are short
 /// arithmetic of elements near the thread's own.
-static bool isShort(AccumulateOp sum) {
-  auto isCheap = [](Operation *op) {
+static bool isShort(AccumulateOp sum, Uniformity &uniformity) {
+  auto isCheap = [&](Operation *op) {
     if (op->hasTrait<OpTrait::ConstantLike>() ||
         op->hasTrait<OpTrait::IsTerminator>())
       return true;
     if (isPlainRead(op))
-      return llvm::all_of(cast<AccessOp>(op).getIndices(), isNear);
+      return llvm::all_of(cast<AccessOp>(op).getIndices(), [&](Value index) {
+        return isNear(index, uniformity);
+      });
     return isa<TidOp, GradOp, DimOp, AddOp, SubOp, MulOp, NegOp, MinOp, MaxOp,
                ClampOp, ModOp, EqOp, NeOp, LtOp, LeOp, GtOp, GeOp, BitAndOp,
                BitOrOp, UNotOp, CastOp, ExtractOp, ConstructOp, scf::IfOp>(op);
@@ -162,13 +186,13 @@ static bool isShort(AccumulateOp sum) {
 }
 
 /// Splits an addition; the one at the border, or null if it has no bounds.
-static Operation *split(AccumulateOp sum) {
+static Operation *split(AccumulateOp sum, Uniformity &uniformity) {
   OpBuilder b(sum);
   Location loc = sum.getLoc();
   SmallVector<Value> indices(sum.getIndices());
   Value inside;
   for (Value &index : indices) {
-    Clamped clamped;
+    Clamped clamped(uniformity);
     if (!clamped.parse(index) || !clamped.hasBounds())
       continue;
     Value inner = clamped.getInner(b, loc);
@@ -191,14 +215,16 @@ static Operation *split(AccumulateOp sum) {
 }
 
 llvm::DenseSet<Operation *> splitBorders(func::FuncOp adjoint) {
+  Uniformity uniformity(adjoint);
   SmallVector<AccumulateOp> sums;
   adjoint.walk([&](AccumulateOp sum) {
-    if (!sum->getParentOfType<LoopLikeOpInterface>() && isShort(sum))
+    if (!sum->getParentOfType<LoopLikeOpInterface>() &&
+        isShort(sum, uniformity))
       sums.push_back(sum);
   });
   llvm::DenseSet<Operation *> borders;
   for (AccumulateOp sum : sums)
-    if (Operation *border = split(sum))
+    if (Operation *border = split(sum, uniformity))
       borders.insert(border);
   return borders;
 }
