@@ -58,7 +58,8 @@ def interpolate_jacobian(form, place, dest, reduction, bsr_options) -> None:
     if options.prune or not (keeps_room or wants):
         bsr_compress(target, prune_numerical_zeros=True)
     if options.topology == "padded":
-        padded(target, dest, options)
+        # Rows of another restriction need room of their own.
+        padded(target, dest, options, pattern)
     elif target is not dest:
         bsr_assign(dest=dest, src=target, topology=options.topology)
 

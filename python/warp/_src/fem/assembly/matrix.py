@@ -186,15 +186,17 @@ def _is_of_points(field) -> bool:
     return record is not None and record.element is None
 
 
-def padded(source, output, options):
-    """The matrix with room in its rows."""
+def padded(source, output, options, room_of=None):
+    """The matrix with room in its rows: that of `room_of`, a matrix or pattern; by default the room
+    that rows of `output` have, or else that of `source`."""
     if output is None:
         output = bsr_zeros(source.nrow, source.ncol, source.dtype, device=source.device)
         output.values.requires_grad = source.requires_grad
-    if output.row_counts is None:
+    if output.row_counts is None or room_of is not None:
+        of = room_of or source
         counts = wp.empty(source.nrow, dtype=int, device=source.device)
-        wp.launch(_row_sizes, source.nrow, [source.offsets, counts], device=source.device)
-        room = options.rest or {"row_capacity": counts, "nnz_capacity": source.nnz}
+        wp.launch(_row_sizes, source.nrow, [of.offsets, counts], device=source.device)
+        room = options.rest or {"row_capacity": counts, "nnz_capacity": of.nnz}
         bsr_set_zero(output, topology="padded", **room)
     bsr_assign(dest=output, src=source, topology="padded")
     return output
