@@ -12,6 +12,7 @@ import numpy as np
 import warp as wp
 from warp._src.distributed.communicator import resolve
 from warp._src.distributed.failures import DistributedError
+from warp._src.types.numpy_types import numpy_bfloat16
 
 FORMAT = 1
 _MANIFEST = "manifest.json"
@@ -109,8 +110,11 @@ def _write(aside, name, value, comm, blocks):
             ) from None
         return {"value": value}
     own = value if blocks is None else blocks.inner(value)
-    _write_file(path, own.numpy())
-    return {"field": blocks is not None, "rows": int(own.shape[0])}
+    values = own.numpy()
+    _write_file(path, values)
+    # Files of NumPy keep the width of bfloat16 alone.
+    type_ = {"type": "bfloat16"} if values.dtype.name == "bfloat16" else {}
+    return {"field": blocks is not None, "rows": int(own.shape[0]), **type_}
 
 
 def _write_file(path, values) -> None:
@@ -126,7 +130,7 @@ def _publish(aside, folder, comm, state, facts, blocks) -> None:
     for name in state:
         own = [one[name] for one in facts]
         names[name] = own[0] if "field" not in own[0] else {
-            "field": own[0]["field"],
+            **own[0],
             "rows": [one["rows"] for one in own],
         }  # fmt: skip
     manifest = {"format": FORMAT, "ranks": comm.size, "state": names}
@@ -164,7 +168,10 @@ def load(folder, comm=None, blocks=None) -> dict:
                 "the version that wrote it"
             )
         for name, facts in manifest["state"].items():
-            state[name] = _read(folder, name, facts, manifest, comm, blocks)
+            found = _read(folder, name, facts, manifest, comm, blocks)
+            state[name] = (
+                found if "type" not in facts else found.view(numpy_bfloat16() or np.uint16)
+            )
     except (OSError, ValueError, KeyError, EOFError) as error:
         problem = " ".join(str(error).split())
     for rank, text in enumerate(comm.gather_objects(problem)):

@@ -43,13 +43,17 @@ def checkpoints(comm):
     rows = wp.array(np.arange(comm.rank + 1.0) + 10 * comm.rank, dtype=float)
     theta = np.array([(0.5, 3)], [("k", "f4"), ("n", "i4")])
     for step in (1, 2):
-        wd.save(folder, comm, blocks, f=f, g=g, rows=rows, step=step, theta=theta)
+        small = wp.full(2, comm.rank + 0.5, dtype=wp.bfloat16)
+        wd.save(folder, comm, blocks, f=f, g=g, rows=rows, step=step, theta=theta, small=small)
     whole = np.concatenate([np.arange(r + 1.0) + 10 * r for r in range(comm.size)])
     alone = wd.Communicator(0, 1)
     for one, grid in ((comm, blocks), (alone, wd.Blocks(shape, comm=alone))):
         state = wd.load(folder, one, grid)
         first, last = wd.rows_of(len(whole), one.rank, one.size)
         assert state["step"] == 2 and np.array_equal(state["rows"], whole[first:last])
+        part = state["small"][:2] if one.size > 1 else state["small"][2 * comm.rank :][:2]
+        again = wp.array(part, dtype=wp.bfloat16)
+        assert np.array_equal(again.numpy().view(np.uint16), small.numpy().view(np.uint16))
         assert state["theta"].dtype == theta.dtype and state["theta"] == theta
         part = data[tuple(slice(o, o + n) for o, n in zip(grid.offset, grid.owned, strict=True))]
         assert np.array_equal(state["f"], part) and np.array_equal(state["g"][2], 3 * part)
