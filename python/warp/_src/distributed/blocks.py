@@ -340,16 +340,19 @@ class Blocks:
 
     def _check_field(self, name, number, x) -> None:
         who = f"{name}, field {number}"
+        self._check_shape(who, x)
+        if x.read_only:
+            raise DistributedError(
+                f"rank {self.comm.rank}: {who} is read-only, but its ghosts are written: use "
+                "`wp.clone(x)`"
+            )
+
+    def _check_shape(self, who, x) -> None:
         checked(self.comm, who, x)
         if x.ndim not in (self.ndim, self.ndim + 1) or x.shape[x.ndim - self.ndim :] != self.local:
             raise DistributedError(
                 f"rank {self.comm.rank}: {who} has shape {x.shape}, but blocks with ghosts have "
                 f"{self.local}: make it by `blocks.zeros`"
-            )
-        if x.read_only:
-            raise DistributedError(
-                f"rank {self.comm.rank}: {who} is read-only, but its ghosts are written: use "
-                "`wp.clone(x)`"
             )
 
     def _check_items(self, name, number, x, items) -> None:
@@ -404,7 +407,7 @@ class Blocks:
 
     def gather(self, x, root=0) -> typing.Any:
         """The whole field on one rank, as a NumPy array without ghosts; None on the others."""
-        checked(self.comm, "gather", x)
+        self._check_shape("gather", x)
         own = without_tape(lambda: self.inner(x).contiguous())
         messages, parts = [], {}
         if self.comm.rank == root:

@@ -14,6 +14,7 @@ import weakref
 import warp as wp
 from warp._src import errors
 from warp._src.distributed.communicator import resolve
+from warp._src.distributed.failures import DistributedError
 from warp._src.types import dtypes
 
 # Files of shared memory that this process has made, by name.
@@ -145,13 +146,27 @@ def warm(kernels, device=None, comm=None) -> None:
     Args:
         kernels: kernels, or modules of kernels.
         device: by default that of the communicator.
+
+    Raises:
+        DistributedError: another rank cannot compile them; that one raises its own error.
     """
     comm = resolve(comm)
     device = wp.get_device(device or comm.device)
     for turn in (True, False):
+        problem = None
         if (comm.local_rank == 0) == turn:
-            _load(kernels, device)
-        comm.barrier()
+            try:
+                _load(kernels, device)
+            except Exception as error:
+                problem = error
+        texts = comm.gather_objects(None if problem is None else str(problem).partition("\n")[0])
+        if problem is not None:
+            raise problem
+        for rank, text in enumerate(texts):
+            if text is not None:
+                raise DistributedError(
+                    f"rank {comm.rank}: warm: rank {rank} cannot compile the kernels: {text}"
+                )
 
 
 def _load(kernels, device) -> None:

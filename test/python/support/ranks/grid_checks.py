@@ -480,6 +480,9 @@ def bad_blocks(comm):
         given = data if comm.rank == 0 else None
         scatter = functools.partial(blocks.scatter, given, blocks.zeros())
         checking.fails(scatter, who, "rank 0 gives", words, "(8, 8)")
+    # One of the shape of own cells would be cut.
+    own = wp.zeros(blocks.owned)
+    checking.fails(lambda: blocks.gather(own), who, f"gather has shape {own.shape}", "blocks.zeros")
     several = blocks.zeros(items=3)
     checking.fails(lambda: blocks.halo(several, items=[0, 3]), who, "3 entries", "[0, 3]")
     checking.fails(lambda: blocks.halo(several, items=np.zeros((3, 1))), who, "(3, 1)", "2 columns")

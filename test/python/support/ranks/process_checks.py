@@ -148,6 +148,9 @@ def shared_on_gpus(comm):
 def warm_and_progress(comm):
     """All ranks end after the same step when one is interrupted."""
     wd.warm([double], comm=comm)
+    # Who waits for a rank that cannot compile is told of it.
+    wrong = "expects a module" if comm.local_rank == 0 else "rank 0 cannot compile the kernels"
+    checking.fails(lambda: wd.warm([3], comm=comm), wrong)
     with open(os.devnull, "w") as nowhere:
         assert list(wd.progress(range(4), comm, file=nowhere)) == [0, 1, 2, 3]
         seen, saved = [], []
