@@ -223,3 +223,63 @@ def test_two_materials(name):
     fixed = (x < 1e-9) | (x > 1.0 - 1e-9)
     found = programs.solve(a, np.zeros(len(x)), fixed, exact)
     np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
+# Environments over subdomains, and partitions of test and trial functions that differ.
+
+
+@fem.integrand
+def conducted_by_environment(
+    s: fem.Sample, domain: fem.Domain, u: fem.Field, v: fem.Field, k: wp.array(dtype=REAL)
+):
+    return k[fem.environment_index(domain, s)] * wp.dot(fem.grad(u, s), fem.grad(v, s))
+
+
+def test_two_materials_in_each_environment():
+    """The right half has another material in each copy of a grid; copies do not couple."""
+    geometry = fem.Grid2D(wp.vec2i(4, 3), env_count=3, scalar_type=REAL)
+    centers = fem.make_polynomial_space(geometry, degree=0, dtype=REAL).node_positions().numpy()
+    space = fem.make_polynomial_space(geometry, degree=2, dtype=REAL)
+    right, a = np.array([1.0, 4.0, 9.0]), 0.0
+    for k, chosen in ((np.ones(3), centers[:, 0] < 0.5), (right, centers[:, 0] > 0.5)):
+        mask, k = wp.array(chosen.astype(np.int32)), wp.array(k, dtype=REAL)
+        part = fem.Subdomain(fem.Cells(geometry), element_mask=mask)
+        fields = programs.fields_of(space, part)
+        a = a + programs.matrix_of(conducted_by_environment, fields, part, k=k)
+    x = space.node_positions().numpy()[:, 0]
+    environment = np.repeat(np.arange(3), len(x) // 3)
+    assert not a[environment[:, None] != environment].any()
+    k = right[environment]
+    flux = 2.0 / (1.0 + 1.0 / k)
+    exact = np.where(x < 0.5, flux * x, flux * (0.5 + (x - 0.5) / k))
+    fixed = (x < 1e-9) | (x > 1.0 - 1e-9)
+    found = programs.solve(a, np.zeros(len(x)), fixed, exact)
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["tri", "hex"])
+def test_partitions_of_test_and_trial_functions_differ(name):
+    """A matrix over the cells of one part has the entries of all nodes that its two parts name."""
+    geometry = programs.warped_geometry(name, 3)
+    rng, n = np.random.default_rng(0), geometry.cell_count()
+    masks = [wp.array(rng.integers(2, size=n).astype(np.int32)) for _ in range(2)]
+    parts = [fem.ExplicitGeometryPartition(geometry, mask) for mask in masks]
+    cells = fem.Cells(parts[0])
+    spaces = [fem.make_polynomial_space(geometry, degree=k, dtype=REAL) for k in (2, 1)]
+
+    def matrix(*partitions):
+        v = fem.make_test(spaces[0], space_partition=partitions[0], domain=cells)
+        u = fem.make_trial(spaces[1], space_partition=partitions[1], domain=cells)
+        return programs.matrix_of(programs.mass, {"u": u, "v": v})
+
+    some = [
+        fem.make_space_partition(space.topology, part, with_halo=False)
+        for space, part in zip(spaces, parts)
+    ]
+    every = [fem.make_space_partition(space.topology) for space in spaces]
+    rows, columns = (partition.space_node_indices().numpy() for partition in some)
+    expected = matrix(*every)
+    assert len(columns) < expected.shape[1] and len(rows) < expected.shape[0]
+    np.testing.assert_allclose(matrix(*some), expected[np.ix_(rows, columns)], atol=1e-16)
+    measure = float(fem.integrate(one, quadrature=fem.RegularQuadrature(cells, order=6)))
+    assert expected.sum() == pytest.approx(measure, rel=1e-12)
