@@ -61,9 +61,7 @@ UpdateMode warp::chooseUpdates(const CopiedArrays &copied, const void *params,
                                int64_t items) {
   double width = ThreadPool::size();
   double alone = copied.plainTime * static_cast<double>(items);
-  // Threads are woken for it as they are for copies.
-  double atomic =
-      copied.atomicTime * static_cast<double>(items) / width + startTime;
+  double atomic = copied.atomicTime * static_cast<double>(items) / width;
   double merging = 0, numbers = 0, bytes = 0;
   bool packed = true;
   for (const CopiedArray &array : copied.list) {
