@@ -11,6 +11,7 @@ the mesh that an input varies over, so gradients of the shared gains are summed 
 # mypy: disable-error-code="name-defined"
 
 import argparse
+import importlib
 import os
 from pathlib import Path
 
@@ -47,10 +48,10 @@ def main():
         (total,) = roll_out(x, v, shared[:, 0], shared[:, 1])
         return jax.lax.pmean(jnp.mean(total), "worlds")
 
-    shard_map = getattr(jax, "shard_map", None)
-    if shard_map is None:
-        # JAX 0.6.0, the oldest that is supported.
-        from jax.experimental.shard_map import shard_map
+    if hasattr(jax, "shard_map"):
+        shard_map = jax.shard_map
+    else:  # JAX 0.6.0, the oldest that is supported
+        shard_map = importlib.import_module("jax.experimental.shard_map").shard_map
     split = shard_map(cost, mesh=mesh, in_specs=(P(), P("worlds"), P("worlds")), out_specs=P())
     step = jax.jit(jax.value_and_grad(split))
     rng = np.random.default_rng(0)
