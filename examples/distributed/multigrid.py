@@ -122,7 +122,8 @@ def main():
         ways["PyAMG"] = operator(A, by_pyamg(A, comm))
     if comm.rank == 0 and len(ways) == 2:
         print("no multigrid: install pyamg, or petsc4py")
-    histories, lines = {}, []
+    histories: dict[str, list[float]] = {}
+    lines = []
     for name, M in ways.items():
         solution = wp.zeros_like(b)
         history = histories[name] = []
