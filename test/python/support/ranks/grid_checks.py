@@ -3,6 +3,7 @@
 import functools
 import itertools
 import mmap
+import operator
 import os
 import traceback
 import types
@@ -404,19 +405,27 @@ def adjoints_in_shared_memory(comm):
     with pytest.MonkeyPatch.context() as changed:
         changed.setattr(shared_memory, "SMALLEST", 0)
         wanted = gradient(comm)
+        same = close if comm.device.is_cuda else operator.eq
         adjoints_of_halos(comm)
         adjoints_of_some_fields(comm)
         changed.setattr(shared_memory, "memory_of_host", alone)
         changed.setattr(
             comm, "log", types.SimpleNamespace(last=known, begin=log.begin, own=log.own)
         )
-        assert gradient(comm) == wanted
+        assert same(gradient(comm), wanted)
         adjoints_of_some_fields(comm)
         changed.undo()
         changed.setattr(shared_memory, "SMALLEST", 0)
         if comm.rank == 0:
             changed.setattr(os, "posix_fallocate", no_room)
-        assert gradient(comm) == wanted
+        assert same(gradient(comm), wanted)
+
+
+def close(found, wanted):
+    """The gradients of two passes on a GPU, whose threads add to the parameter's in no order."""
+    return wanted is None or all(
+        np.allclose(a, b, rtol=1e-5, atol=1e-6) for a, b in zip(found, wanted, strict=True)
+    )
 
 
 def no_room(*_):
