@@ -16,6 +16,10 @@ from warp._src.fem.operators import normal
 from warp._src.fem.types import Domain, Field, Ints, Sample
 from warp.sparse import bsr_assign, bsr_axpy, bsr_block_index, bsr_copy, bsr_mm, bsr_mv
 
+# Directions that are fixed at all count as fixed: smaller eigenvalues, relative to a block's trace,
+# are rounding.
+_ROUNDING = wp.constant(1.0e-6)
+
 
 @functools.cache
 def _normalize_kernel(scalar, size):
@@ -37,8 +41,7 @@ def _normalize_kernel(scalar, size):
             value = vector()
             if has_values != 0:
                 value = values[row]
-            # Directions that are fixed at all count as fixed; the rest of them is rounding.
-            least = wp.trace(A) * scalar(1.0e-6)
+            least = wp.trace(A) * scalar(_ROUNDING)
             modes, vectors = symmetric_eigenvalues_qr(A, scalar(0.0))
             P, u = block(), vector()
             for k in range(size):
@@ -73,7 +76,7 @@ def _adjoint_kernel(scalar, size):
         at = bsr_block_index(row, row, offsets, columns, counts)
         if at >= 0:
             A = blocks[at]
-            least = wp.trace(A) * scalar(1.0e-6)
+            least = wp.trace(A) * scalar(_ROUNDING)
             modes, vectors = symmetric_eigenvalues_qr(A, scalar(0.0))
             B, Q = block(), wp.identity(n=size, dtype=scalar)
             for k in range(size):
